@@ -1,0 +1,149 @@
+import numpy as np
+import pytest
+
+from tests.urquhart import forests
+from urquhart import SE2, Config, describe
+from urquhart.confidence import climb, distinct, log_poses, same_place, shift_peaks
+from urquhart.pairing import build_grid, nearest, pair_up
+from urquhart.simulation import observe, paper_forest, plantation
+from urquhart.verification import Pattern, best_hypothesis, inside, pattern, verify, weigh_pose
+
+REACH = 0.75
+FOREST = paper_forest(np.random.default_rng(0), side=500.0)
+
+
+def seen(pose: SE2, seed: int, radius: float = 40.0, **noise: float) -> tuple[Pattern, SE2]:
+    """A pattern seen from `pose`, and `map_T_pattern` of its centred frame."""
+    features = describe(observe(FOREST, pose, radius, np.random.default_rng(seed), **noise).xy, Config())
+    return pattern(features, REACH), pose @ SE2.shift(features.origin)
+
+
+def test_the_grid_finds_what_brute_force_finds() -> None:
+    rng = np.random.default_rng(0)
+    for _, points in forests.all_kinds(seed=1, each=8):
+        cells, order, grid = build_grid(points, REACH)
+        for x, y in rng.uniform(points.min() - 3.0, points.max() + 3.0, (60, 2)):
+            distance = np.linalg.norm(points - [x, y], axis=1)
+            k, squared = nearest(points, cells, order, grid, x, y, REACH)
+            if distance.min() <= REACH:
+                assert squared == pytest.approx(distance.min() ** 2)
+                assert distance[k] == pytest.approx(distance.min())
+            else:
+                assert k == -1
+
+
+def test_partners_are_one_to_one_and_mutual() -> None:
+    submap = np.array([[0.0, 0.0], [10.0, 0.0], [0.0, 10.0]])
+    query = np.array([[0.1, 0.0], [0.4, 0.0], [10.0, 0.2], [5.0, 5.0]])
+    cells, order, grid = build_grid(submap, REACH)
+    first, second, squared = pair_up(query, submap, cells, order, grid, 0.0, 0.0, 0.0, REACH)
+    assert first.tolist() == [0, 2]
+    assert second.tolist() == [0, 1]
+    np.testing.assert_allclose(np.sqrt(squared), [0.1, 0.2])
+
+
+def test_inside_a_hull() -> None:
+    hull = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 3.0], [0.0, 3.0]])
+    assert inside(hull, 2.0, 1.0)
+    assert inside(hull, 4.0, 3.0)
+    assert not inside(hull, 4.1, 1.0)
+    assert not inside(hull, -0.1, -0.1)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_rough_start_is_refined_to_the_truth(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    submap, map_T_submap = seen(SE2(250.0, 250.0, 0.0), seed, sigma=0.1, detection=0.9)
+    query, map_T_query = seen(SE2(262.0, 244.0, rng.uniform(-3.0, 3.0)), seed + 100, sigma=0.1, detection=0.9)
+    truth = map_T_submap.inverse() @ map_T_query
+    start = SE2(truth.x + rng.normal(0.0, 0.2), truth.y + rng.normal(0.0, 0.2), truth.yaw + rng.normal(0.0, 0.005))
+    found = verify(query, submap, start, REACH)
+    shift, turn = found.transform.distance(truth)
+    assert shift < 0.15
+    assert turn < 0.005
+    assert found.evidence > 60.0
+    assert len(found.query) > 25
+    assert len(found.query) <= min(found.query_overlap, found.submap_overlap)
+    assert found.residuals.max() <= REACH
+
+
+def test_evidence_separates_the_right_pose_from_the_best_of_many_wrong_ones() -> None:
+    rng = np.random.default_rng(1)
+    submap, map_T_submap = seen(SE2(250.0, 250.0, 0.0), 1, sigma=0.2, detection=0.8)
+    query, map_T_query = seen(SE2(255.0, 255.0, 1.0), 2, sigma=0.2, detection=0.8)
+    right = verify(query, submap, map_T_submap.inverse() @ map_T_query, REACH)
+    wrong = [
+        verify(query, submap, SE2(*rng.uniform(-30.0, 30.0, 2), rng.uniform(-np.pi, np.pi)), REACH).evidence
+        for _ in range(3000)
+    ]
+    assert right.evidence > 40.0 > max(wrong)
+    assert np.median(wrong) < 0.0
+
+
+def test_missing_trees_speak_against() -> None:
+    """The same partners, fewer and fewer of the trees that should be there."""
+    submap, _ = seen(SE2(250.0, 250.0, 0.0), 3)
+    evidence = []
+    for detection in (1.0, 0.8, 0.6, 0.4):
+        query, map_T_query = seen(SE2(250.0, 250.0, 0.0), 4, detection=detection)
+        _, map_T_submap = seen(SE2(250.0, 250.0, 0.0), 3)
+        found = weigh_pose(query, submap, map_T_submap.inverse() @ map_T_query, REACH)
+        evidence.append(found.evidence / len(found.query))
+    assert evidence == sorted(evidence, reverse=True)
+
+
+def test_the_noise_is_found_from_the_residuals() -> None:
+    found = []
+    for sigma in (0.03, 0.15, 0.3):
+        submap, map_T_submap = seen(SE2(250.0, 250.0, 0.0), 5)
+        query, map_T_query = seen(SE2(250.0, 250.0, 0.0), 6, sigma=sigma)
+        found.append(weigh_pose(query, submap, map_T_submap.inverse() @ map_T_query, REACH).noise)
+    assert found == sorted(found)
+    assert found[0] <= 0.1 < found[2]
+
+
+def test_the_best_hypothesis_is_the_one_that_brings_most_together() -> None:
+    submap, map_T_submap = seen(SE2(250.0, 250.0, 0.0), 7)
+    query, map_T_query = seen(SE2(250.0, 250.0, 2.0), 8, sigma=0.1)
+    truth = map_T_submap.inverse() @ map_T_query
+    hypotheses = np.array([[0.0, 0.0, 0.0], [truth.x, truth.y, truth.yaw], [5.0, 5.0, 1.0]])
+    assert best_hypothesis(query, submap, hypotheses, REACH) == truth
+
+
+def test_two_submaps_of_one_place_are_no_rivals() -> None:
+    _, map_T_query = seen(SE2(250.0, 250.0, 0.3), 9, sigma=0.1)
+    one, map_T_one = seen(SE2(240.0, 250.0, 0.0), 10, sigma=0.1)
+    two, map_T_two = seen(SE2(260.0, 255.0, 0.0), 11, sigma=0.1)
+    other, _ = seen(SE2(150.0, 120.0, 0.0), 12, sigma=0.1)
+    first, second = map_T_one.inverse() @ map_T_query, map_T_two.inverse() @ map_T_query
+    assert same_place(one, first, two, second, REACH)
+    assert not same_place(one, first, other, second, REACH)
+
+
+def test_rows_of_trees_have_strong_rivals_and_natural_forests_weak_ones() -> None:
+    rows = plantation(80.0, 80.0, np.random.default_rng(0), jitter=0.15, survival=0.95)
+    planted = pattern(describe(observe(rows, SE2(40.0, 40.0, 0.0), 20.0, np.random.default_rng(1)).xy, Config()), REACH)
+    natural, _ = seen(SE2(250.0, 250.0, 0.0), 13)
+    for stand, strong in ((planted, True), (natural, False)):
+        best, rivals = climb(stand, stand, verify(stand, stand, SE2.identity(), REACH), REACH)
+        strongest = max((rival.evidence for rival in rivals), default=0.0)
+        assert (strongest > 0.2 * best.evidence) == strong
+        assert all(distinct(rival.transform, best.transform, stand, REACH) for rival in rivals)
+
+
+def test_climbing_finds_the_pose_one_planting_distance_away() -> None:
+    rows = plantation(80.0, 80.0, np.random.default_rng(2), jitter=0.25, survival=0.9)
+    stand = pattern(describe(observe(rows, SE2(40.0, 40.0, 0.0), 20.0, np.random.default_rng(3)).xy, Config()), REACH)
+    best, _ = climb(stand, stand, verify(stand, stand, SE2(3.0, 0.0, 0.0), REACH), REACH)
+    assert best.transform.distance(SE2.identity())[0] < 0.1
+
+
+def test_shift_peaks_are_where_most_trees_fall_on_trees() -> None:
+    points = forests.uniform(np.random.default_rng(4)) - 40.0
+    peaks = shift_peaks(SE2(7.0, -4.0, 0.0).inverse().apply(points), points, 0.0, REACH, 3)
+    assert np.abs(peaks[0] - [7.0, -4.0]).max() <= REACH
+
+
+def test_more_submaps_offer_more_poses() -> None:
+    one, _ = seen(SE2(250.0, 250.0, 0.0), 14)
+    assert log_poses(100, one, REACH) == pytest.approx(log_poses(1, one, REACH) + np.log(100.0))

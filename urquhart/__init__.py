@@ -1,0 +1,46 @@
+"""Place recognition in forests from tree positions alone.
+
+The file list is the method; `recognizer` is its one page:
+
+    landmarks, tessellation, descriptor, quads, features     what is known of one submap
+    index, quad_index, collection_index                      what is near in a collection
+    voting, matching, ransac, proposing                      hypotheses
+    pairing, verification                                    all landmarks decide
+    confidence, ranking                                      chance, rivals, verdict
+    config, se2, stages                                      parameters, transforms, costs
+    simulation, drawing                                      forests and pictures
+
+After Nardari et al., "Place Recognition in Forests With Urquhart Tessellations", RA-L 2020.
+"""
+
+from urquhart.config import Config, ConfigError
+from urquhart.drawing import draw_match, draw_tessellation
+from urquhart.features import Features, FeaturesError, describe
+from urquhart.index import IndexDamaged
+from urquhart.landmarks import LandmarkError
+from urquhart.ranking import Candidate, Verdict
+from urquhart.recognizer import Method, Recognition, Recognizer, warm_up
+from urquhart.se2 import SE2
+from urquhart.stages import Stage
+from urquhart.tessellation import Tessellation
+
+__all__ = [
+    "SE2",
+    "Candidate",
+    "Config",
+    "ConfigError",
+    "Features",
+    "FeaturesError",
+    "IndexDamaged",
+    "LandmarkError",
+    "Method",
+    "Recognition",
+    "Recognizer",
+    "Stage",
+    "Tessellation",
+    "Verdict",
+    "describe",
+    "draw_match",
+    "draw_tessellation",
+    "warm_up",
+]

@@ -1,0 +1,121 @@
+"""How sure a verified transform is: against chance, and against every other pose that explains the data about as well.
+
+Chance. Evidence is a log-likelihood ratio for one pose; a collection offers a great many poses, and the best of many
+wrong ones is better than one wrong one. The log-odds are the evidence less the logarithm of how many distinct poses
+there were to choose from.
+
+Rivals. A forest that repeats itself (rows of a plantation) gives wrong poses evidence that no model of independent
+trees foresees. What a wrong pose can reach here is read off the data at hand: the best distinct pose among all
+hypotheses, and the best that shifting the match along the pattern, straight on or turned by quarters, brings up. The
+report is sure only when it leads that rival by a share of its own evidence, because evidence and the rival's evidence
+grow alike with the number of trees.
+"""
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from urquhart._kernel import kernel
+from urquhart.se2 import SE2
+from urquhart.verification import Pattern, Verified, verify, weigh_pose
+
+_QUARTERS: Final = 4
+_PEAKS: Final = 4
+_SAME_TURN: Final = math.radians(6.0)
+
+
+def log_poses(submaps: int, pattern: Pattern, reach: float) -> float:
+    """Logarithm of how many poses, told apart at `reach` metres, `submaps` footprints like `pattern`'s hold."""
+    radius = math.sqrt(pattern.area / math.pi)
+    return (
+        math.log(max(submaps, 1))
+        + math.log(max(pattern.area / reach**2, 1.0))
+        + math.log(2.0 * math.pi * max(radius / reach, 1.0))
+    )
+
+
+def distinct(a: SE2, b: SE2, pattern: Pattern, reach: float) -> bool:
+    """Whether two transforms of the query (centred frames) put it in different places, not the same place twice."""
+    shift, turn = a.distance(b)
+    return shift > min(0.5 * pattern.spacing, 2.0 * reach) or turn > _SAME_TURN
+
+
+def same_place(first: Pattern, first_pose: SE2, second: Pattern, second_pose: SE2, reach: float) -> bool:
+    """Whether two submaps that both match a query are the same patch of forest seen twice.
+
+    `first_pose`, `second_pose`: `submap_T_query`, centred frames. Chained they give the transform between the submaps,
+    which must itself explain their landmarks. Submaps of one region overlap, and both are then right.
+    """
+    return weigh_pose(second, first, first_pose @ second_pose.inverse(), reach).evidence > 0.0
+
+
+def find_rivals(query: Pattern, submap: Pattern, best: SE2, reach: float) -> list[Verified]:
+    """Distinct poses in the same submap that shifting `best` along the pattern brings up, refined and weighed.
+
+    For the match's rotation and its turns by quarters, the displacements between all pairs of landmarks are counted on
+    a grid; its peaks are the shifts that put most trees onto trees. In a natural forest they are chance and weak.
+    """
+    rivals = []
+    for quarter in range(_QUARTERS):
+        yaw = best.yaw + quarter * math.pi / 2.0
+        for x, y in shift_peaks(query.landmarks, submap.landmarks, yaw, reach, _PEAKS + (quarter == 0)):
+            rival = verify(query, submap, SE2(x, y, yaw), reach)
+            if distinct(rival.transform, best, submap, reach):
+                rivals.append(rival)
+    return rivals
+
+
+def climb(query: Pattern, submap: Pattern, best: Verified, reach: float) -> tuple[Verified, list[Verified]]:
+    """Change over to the best rival as long as one explains the data better; the best pose, and its distinct rivals.
+
+    In rows of trees a hypothesis is easily one planting distance off: its rivals include the right pose.
+    """
+    seen: list[Verified] = []
+    while True:
+        rivals = find_rivals(query, submap, best.transform, reach)
+        seen.extend(rivals)
+        ahead = max(rivals, key=lambda rival: rival.evidence, default=best)
+        if ahead.evidence <= best.evidence:
+            return best, [rival for rival in seen if distinct(rival.transform, best.transform, submap, reach)]
+        seen.append(best)
+        best = ahead
+
+
+@kernel
+def shift_peaks(
+    query: NDArray[np.float64], submap: NDArray[np.float64], yaw: float, cell: float, peaks: int
+) -> NDArray[np.float64]:
+    """The `peaks` shifts (peaks, 2), metres, that bring most landmarks of the turned query onto the submap's.
+
+    Shifts are counted in square cells; a peak is the fullest block of two by two, so that no border splits it, and
+    blanks its neighbourhood for the next.
+    """
+    c, s = math.cos(yaw), math.sin(yaw)
+    turned = np.empty_like(query)
+    for i in range(len(query)):
+        turned[i, 0] = c * query[i, 0] - s * query[i, 1]
+        turned[i, 1] = s * query[i, 0] + c * query[i, 1]
+    # Shifts that leave less than about half of either footprint in common say little and are many: keep the middle.
+    extent = min(np.ptp(submap[:, 0]), np.ptp(submap[:, 1])) + min(np.ptp(turned[:, 0]), np.ptp(turned[:, 1]))
+    half = min(max(0.25 * extent, 4.0 * cell), 400.0 * cell)
+    side = int(2.0 * half / cell) + 2
+    counts = np.zeros((side, side), np.int32)
+    for i in range(len(query)):
+        for j in range(len(submap)):
+            a = (submap[j, 0] - turned[i, 0] + half) / cell
+            b = (submap[j, 1] - turned[i, 1] + half) / cell
+            if 0.0 <= a < side and 0.0 <= b < side:
+                counts[int(a), int(b)] += 1
+    blocks = np.zeros((side - 1, side - 1), np.int32)
+    for a in range(side - 1):
+        for b in range(side - 1):
+            blocks[a, b] = counts[a, b] + counts[a + 1, b] + counts[a, b + 1] + counts[a + 1, b + 1]
+    found = np.empty((peaks, 2))
+    for p in range(peaks):
+        at = np.argmax(blocks)
+        a, b = at // (side - 1), at % (side - 1)
+        found[p, 0], found[p, 1] = (a + 1) * cell - half, (b + 1) * cell - half
+        blocks[max(a - 2, 0) : a + 3, max(b - 2, 0) : b + 3] = -1
+    return found

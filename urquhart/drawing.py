@@ -1,0 +1,146 @@
+"""Pictures as SVG: a tessellation, and a match laid over itself. North (y) is up; a scale bar gives the metres."""
+
+import math
+from html import escape
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import ConvexHull
+
+from urquhart.features import Features
+from urquhart.ranking import Candidate
+
+_SIZE: Final = 900.0
+_MARGIN: Final = 40.0
+_HEAD: Final = 64.0
+_STYLE: Final = """
+text{font:14px
+system-ui,sans-serif;fill:#24332b}.head{font-size:18px;font-weight:600}.small{font-size:12px;fill:#5b6b62}
+.triangle{fill:none;stroke:#d5ded8;stroke-width:1}.polygon{stroke:#2f6b4f;stroke-width:1.6;fill-opacity:.55}
+.tree{fill:#1d4a36}.submap{fill:none;stroke:#2f6b4f;stroke-width:1.8}.query{fill:#d9622b}
+.pair{stroke:#24332b;stroke-width:2}.miss{stroke:#b8321f;stroke-width:1.8;fill:none}.outside{opacity:.4}
+.bar{stroke:#24332b;stroke-width:2}
+"""
+
+
+class _Canvas:
+    """Maps metres to pixels, y up, and collects elements."""
+
+    def __init__(self, points: NDArray[np.float64], title: str, subtitle: str) -> None:
+        low, high = points.min(axis=0), points.max(axis=0)
+        extent = max(float((high - low).max()), 1e-9)
+        self._scale = (_SIZE - 2.0 * _MARGIN) / extent
+        self._low, self._high = low, high
+        self.width = float(high[0] - low[0]) * self._scale + 2.0 * _MARGIN
+        self.height = float(high[1] - low[1]) * self._scale + 2.0 * _MARGIN + _HEAD
+        self.width = max(self.width, 560.0)
+        self._parts = [
+            f'<text x="{_MARGIN:g}" y="28" class="head">{escape(title)}</text>',
+            f'<text x="{_MARGIN:g}" y="50" class="small">{escape(subtitle)}</text>',
+        ]
+        self._scale_bar(extent)
+
+    def at(self, point: NDArray[np.float64]) -> tuple[float, float]:
+        x = _MARGIN + (float(point[0]) - float(self._low[0])) * self._scale
+        return x, _HEAD + _MARGIN + (float(self._high[1]) - float(point[1])) * self._scale
+
+    def circle(self, point: NDArray[np.float64], radius: float, style: str, label: str) -> None:
+        x, y = self.at(point)
+        self._parts.append(
+            f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius:g}" class="{style}"><title>{escape(label)}</title></circle>'
+        )
+
+    def cross(self, point: NDArray[np.float64], arm: float, style: str) -> None:
+        x, y = self.at(point)
+        self._parts.append(
+            f'<path d="M{x - arm:.1f} {y - arm:.1f}l{2 * arm:g} {2 * arm:g}m0 {-2 * arm:g}l{-2 * arm:g} {2 * arm:g}" '
+            f'class="{style}"/>'
+        )
+
+    def line(self, a: NDArray[np.float64], b: NDArray[np.float64], style: str) -> None:
+        (x1, y1), (x2, y2) = self.at(a), self.at(b)
+        self._parts.append(f'<line x1="{x1:.1f}" y1="{y1:.1f}" x2="{x2:.1f}" y2="{y2:.1f}" class="{style}"/>')
+
+    def outline(self, points: NDArray[np.float64], style: str, fill: str | None = None) -> None:
+        path = " ".join("{:.1f},{:.1f}".format(*self.at(point)) for point in points)
+        paint = f' fill="{fill}"' if fill else ""
+        self._parts.append(f'<polygon points="{path}" class="{style}"{paint}/>')
+
+    def render(self) -> str:
+        body = "\n".join(self._parts)
+        return (
+            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {self.width:.0f} {self.height:.0f}" '
+            f'width="{self.width:.0f}" height="{self.height:.0f}">\n<style>{_STYLE}</style>\n'
+            f'<rect width="100%" height="100%" fill="#fbfcfa"/>\n{body}\n</svg>\n'
+        )
+
+    def _scale_bar(self, extent: float) -> None:
+        metres = 10.0 ** math.floor(math.log10(extent / 4.0))
+        metres *= next(step for step in (5.0, 2.0, 1.0) if step * metres <= extent / 4.0 or step == 1.0)
+        length, y = metres * self._scale, self.height - 14.0
+        self._parts.append(
+            f'<line x1="{_MARGIN:g}" y1="{y:.1f}" x2="{_MARGIN + length:.1f}" y2="{y:.1f}" class="bar"/>'
+        )
+        self._parts.append(f'<text x="{_MARGIN + length + 8:.1f}" y="{y + 4:.1f}" class="small">{metres:g} m</text>')
+
+
+def draw_tessellation(features: Features, *, title: str = "") -> str:
+    """SVG of one submap: Delaunay triangles, interior Urquhart polygons (coloured by vertex count), landmarks."""
+    counts = features.counts()
+    subtitle = (
+        f"{counts['landmarks']} landmarks, {counts['triangles']} triangles, {counts['polygons']} interior polygons"
+    )
+    canvas = _Canvas(features.landmarks, title or "Tessellation", subtitle)
+    t = features.tessellation
+    for triangle in t.triangles:
+        canvas.outline(features.landmarks[triangle], "triangle")
+    for i in range(len(t)):
+        vertices = t.polygon(i)
+        # The golden angle spreads neighbouring vertex counts over the colour circle.
+        hue = (95.0 + 137.5 * (len(vertices) - 3)) % 360.0
+        canvas.outline(features.landmarks[vertices], "polygon", f"hsl({hue:.0f} 45% 72%)")
+    for i, landmark in enumerate(features.landmarks):
+        canvas.circle(landmark, 3.5, "tree", f"landmark {i}")
+    return canvas.render()
+
+
+def draw_match(query_xy: ArrayLike, submap_xy: ArrayLike, candidate: Candidate, *, title: str = "") -> str:
+    """SVG of a match in the submap frame: both sets of landmarks, inlier pairs joined, misses crossed.
+
+    Args:
+        query_xy, submap_xy: (N, 2), (M, 2), metres, as posted.
+
+    A landmark is a miss where the other footprint covers it; outside of that it is only drawn pale.
+    """
+    submap = np.asarray(submap_xy, dtype=np.float64)
+    query = candidate.transform.apply(np.asarray(query_xy, dtype=np.float64))
+    subtitle = (
+        f"{len(candidate.residuals)} inliers, RMS {candidate.rms:.2f} m, overlap {candidate.overlap:.0%}, "
+        f"confidence {candidate.confidence:.4f}"
+    )
+    canvas = _Canvas(np.concatenate([submap, query]), title or "Match", subtitle)
+    paired_query, paired_submap = set(candidate.query_indices.tolist()), set(candidate.submap_indices.tolist())
+    query_covered, submap_covered = _covered(query, submap), _covered(submap, query)
+    for i, j in zip(candidate.query_indices.tolist(), candidate.submap_indices.tolist(), strict=True):
+        canvas.line(query[i], submap[j], "pair")
+    for j, landmark in enumerate(submap):
+        canvas.circle(
+            landmark, 6.0, "submap" if j in paired_submap or submap_covered[j] else "submap outside", f"submap {j}"
+        )
+        if j not in paired_submap and submap_covered[j]:
+            canvas.cross(landmark, 5.0, "miss")
+    for i, landmark in enumerate(query):
+        canvas.circle(
+            landmark, 3.5, "query" if i in paired_query or query_covered[i] else "query outside", f"query {i}"
+        )
+        if i not in paired_query and query_covered[i]:
+            canvas.cross(landmark, 5.0, "miss")
+    return canvas.render()
+
+
+def _covered(points: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which `points` lie inside the convex hull of `others`."""
+    hull = ConvexHull(others)
+    outside = points @ hull.equations[:, :2].T + hull.equations[:, 2] > 1e-9
+    return np.asarray(~outside.any(axis=1))

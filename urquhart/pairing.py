@@ -1,0 +1,158 @@
+"""Which landmark is which under a transform: one-to-one partners, and the transform that fits them best."""
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from urquhart._kernel import kernel
+from urquhart.se2 import fit
+
+_REFINEMENTS: Final = 4
+
+
+@kernel
+def build_grid(
+    landmarks: NDArray[np.float64], cell: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+    """Sort landmarks (N, 2) into square cells of at least `cell` metres.
+
+    Returns:
+        cells: (C + 1,) int64, where each cell's landmarks begin in `order`.
+        order: (N,) int64, landmark indices by cell.
+        grid: (5,) float64: lowest x, lowest y, cells per metre, columns, rows.
+    """
+    n = len(landmarks)
+    low_x, low_y = landmarks[:, 0].min(), landmarks[:, 1].min()
+    width, height = landmarks[:, 0].max() - low_x, landmarks[:, 1].max() - low_y
+    # About one landmark to a cell is enough: smaller cells only cost memory where a footprint is large and thin.
+    size = max(cell, math.sqrt(width * height / (4.0 * n)), max(width, height) / 1024.0)
+    columns, rows = int(width / size) + 1, int(height / size) + 1
+    place = np.empty(n, np.int64)
+    cells = np.zeros(columns * rows + 1, np.int64)
+    for i in range(n):
+        place[i] = int((landmarks[i, 0] - low_x) / size) * rows + int((landmarks[i, 1] - low_y) / size)
+        cells[place[i] + 1] += 1
+    for c in range(columns * rows):
+        cells[c + 1] += cells[c]
+    order, cursor = np.empty(n, np.int64), cells[:-1].copy()
+    for i in range(n):
+        order[cursor[place[i]]] = i
+        cursor[place[i]] += 1
+    return cells, order, np.array([low_x, low_y, 1.0 / size, float(columns), float(rows)])
+
+
+@kernel
+def nearest(
+    landmarks: NDArray[np.float64],
+    cells: NDArray[np.int64],
+    order: NDArray[np.int64],
+    grid: NDArray[np.float64],
+    x: float,
+    y: float,
+    reach: float,
+) -> tuple[int, float]:
+    """The landmark nearest to (x, y) within `reach` metres (at most one cell) and its squared distance; -1 if none."""
+    columns, rows = int(grid[3]), int(grid[4])
+    best, best_distance = -1, reach * reach
+    fx, fy = (x - grid[0]) * grid[2], (y - grid[1]) * grid[2]
+    if not (-1.0 <= fx <= columns + 1.0 and -1.0 <= fy <= rows + 1.0):
+        return best, best_distance
+    i, j = math.floor(fx), math.floor(fy)
+    for a in range(max(i - 1, 0), min(i + 2, columns)):
+        for b in range(max(j - 1, 0), min(j + 2, rows)):
+            for at in range(cells[a * rows + b], cells[a * rows + b + 1]):
+                k = order[at]
+                dx, dy = landmarks[k, 0] - x, landmarks[k, 1] - y
+                distance = dx * dx + dy * dy
+                if distance <= best_distance:
+                    best, best_distance = k, distance
+    return best, best_distance
+
+
+@kernel
+def count_inliers(
+    query: NDArray[np.float64],
+    submap: NDArray[np.float64],
+    cells: NDArray[np.int64],
+    order: NDArray[np.int64],
+    grid: NDArray[np.float64],
+    transforms: NDArray[np.float64],
+    reach: float,
+) -> NDArray[np.float64]:
+    """A quick score (H,) for many transforms (H, 3): partners within `reach`, each worth 1 down to 0 at `reach`."""
+    scores = np.zeros(len(transforms))
+    for h in range(len(transforms)):
+        c, s = math.cos(transforms[h, 2]), math.sin(transforms[h, 2])
+        for i in range(len(query)):
+            x = c * query[i, 0] - s * query[i, 1] + transforms[h, 0]
+            y = s * query[i, 0] + c * query[i, 1] + transforms[h, 1]
+            k, distance = nearest(submap, cells, order, grid, x, y, reach)
+            if k >= 0:
+                scores[h] += 1.0 - distance / (reach * reach)
+    return scores
+
+
+@kernel
+def pair_up(
+    query: NDArray[np.float64],
+    submap: NDArray[np.float64],
+    cells: NDArray[np.int64],
+    order: NDArray[np.int64],
+    grid: NDArray[np.float64],
+    x: float,
+    y: float,
+    yaw: float,
+    reach: float,
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+    """One-to-one partners under a transform: each query landmark's nearest, kept by the nearest of those that claim it.
+
+    Returns:
+        Query indices (K,), submap indices (K,), squared distances (K,).
+    """
+    n = len(query)
+    c, s = math.cos(yaw), math.sin(yaw)
+    partner, distance = np.full(n, -1, np.int64), np.empty(n)
+    owner = np.full(len(submap), -1, np.int64)
+    for i in range(n):
+        px, py = c * query[i, 0] - s * query[i, 1] + x, s * query[i, 0] + c * query[i, 1] + y
+        k, distance[i] = nearest(submap, cells, order, grid, px, py, reach)
+        if k >= 0:
+            partner[i] = k
+            if owner[k] < 0 or distance[i] < distance[owner[k]]:
+                owner[k] = i
+    kept = 0
+    first, second, squared = np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n)
+    for i in range(n):
+        k = partner[i]
+        if k >= 0 and owner[k] == i:
+            first[kept], second[kept], squared[kept] = i, k, distance[i]
+            kept += 1
+    return first[:kept].copy(), second[:kept].copy(), squared[:kept].copy()
+
+
+@kernel
+def refine(
+    query: NDArray[np.float64],
+    submap: NDArray[np.float64],
+    cells: NDArray[np.int64],
+    order: NDArray[np.int64],
+    grid: NDArray[np.float64],
+    x: float,
+    y: float,
+    yaw: float,
+    reach: float,
+) -> tuple[float, float, float]:
+    """Least squares over the partners, paired anew until they stay the same (`_REFINEMENTS` times at most)."""
+    previous = -1
+    for _ in range(_REFINEMENTS):
+        first, second, _ = pair_up(query, submap, cells, order, grid, x, y, yaw, reach)
+        if len(first) < 3:
+            break
+        x, y, yaw = fit(query, submap, first, second)
+        total = len(first)
+        if total == previous:
+            break
+        previous = total
+    return x, y, yaw

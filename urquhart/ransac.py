@@ -1,0 +1,119 @@
+"""Euclidean transform from correspondences (paper, section IV-D): RANSAC over pairs of them.
+
+The steps: draw two correspondences; solve for the rigid transform; count the correspondences that it brings within
+`distance`; keep the best; stop when a share `ratio` agrees or after `iterations` draws. The best is then fitted to all
+its inliers. Where there are no more pairs than iterations every pair is tried once, in random order: the same search,
+without drawing a pair twice.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from urquhart._kernel import kernel
+from urquhart.se2 import SE2, fit
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Consensus:
+    """What RANSAC found: the transform fitted to the inliers, which those are (K,) bool, and how many it drew."""
+
+    transform: SE2
+    inliers: NDArray[np.bool_]
+    iterations: int
+
+
+def ransac(
+    source: NDArray[np.float64],
+    target: NDArray[np.float64],
+    rng: np.random.Generator,
+    *,
+    distance: float = 0.5,
+    ratio: float = 0.99,
+    iterations: int = 40_000,
+) -> Consensus | None:
+    """`target_T_source` from correspondences, row i of `source` with row i of `target`.
+
+    Args:
+        source, target: (K, 2) float64, metres.
+        rng: all randomness comes from here.
+        distance: metres, d of the paper.
+        ratio: r of the paper, read as inliers among all correspondences.
+        iterations: s of the paper.
+
+    Returns:
+        None for fewer than two correspondences, or when no two of them fix a rotation.
+    """
+    if len(source) < 2:
+        return None
+    x, y, yaw, agreeing, drawn = _search(source, target, rng, distance, ratio, iterations)
+    if agreeing < 2:
+        return None
+    inliers = _inliers(source, target, x, y, yaw, distance)
+    rows = np.flatnonzero(inliers)
+    return Consensus(SE2(*fit(source, target, rows, rows)), inliers, drawn)
+
+
+@kernel
+def _inliers(
+    source: NDArray[np.float64], target: NDArray[np.float64], x: float, y: float, yaw: float, distance: float
+) -> NDArray[np.bool_]:
+    c, s = math.cos(yaw), math.sin(yaw)
+    inliers = np.empty(len(source), np.bool_)
+    for k in range(len(source)):
+        dx = c * source[k, 0] - s * source[k, 1] + x - target[k, 0]
+        dy = s * source[k, 0] + c * source[k, 1] + y - target[k, 1]
+        inliers[k] = dx * dx + dy * dy < distance * distance
+    return inliers
+
+
+@kernel
+def _search(
+    source: NDArray[np.float64],
+    target: NDArray[np.float64],
+    rng: np.random.Generator,
+    distance: float,
+    ratio: float,
+    iterations: int,
+) -> tuple[float, float, float, int, int]:
+    n = len(source)
+    pairs = n * (n - 1) // 2
+    exhaustive = pairs <= iterations
+    order = np.arange(pairs if exhaustive else 0)
+    best_x = best_y = best_yaw = 0.0
+    best = drawn = 0
+    rows = np.empty(2, np.int64)
+    for draw in range(pairs if exhaustive else iterations):
+        drawn += 1
+        if exhaustive:
+            # One step of a Fisher-Yates shuffle: the next pair not yet drawn.
+            swap = draw + int(rng.random() * (pairs - draw))
+            order[draw], order[swap] = order[swap], order[draw]
+            # Pairs are numbered row by row below the diagonal of an n x n table.
+            high = int((1.0 + math.sqrt(1.0 + 8.0 * order[draw])) / 2.0)
+            rows[0], rows[1] = order[draw] - high * (high - 1) // 2, high
+        else:
+            rows[0] = int(rng.random() * n)
+            rows[1] = int(rng.random() * (n - 1))
+            if rows[1] >= rows[0]:
+                rows[1] += 1
+        gap = math.hypot(source[rows[0], 0] - source[rows[1], 0], source[rows[0], 1] - source[rows[1], 1])
+        gap -= math.hypot(target[rows[0], 0] - target[rows[1], 0], target[rows[0], 1] - target[rows[1], 1])
+        # A rigid motion keeps the distance between two points: past 2d one of them cannot be an inlier.
+        if abs(gap) > 2.0 * distance:
+            continue
+        x, y, yaw = fit(source, target, rows, rows)
+        c, s = math.cos(yaw), math.sin(yaw)
+        agreeing = 0
+        for k in range(n):
+            dx = c * source[k, 0] - s * source[k, 1] + x - target[k, 0]
+            dy = s * source[k, 0] + c * source[k, 1] + y - target[k, 1]
+            if dx * dx + dy * dy < distance * distance:
+                agreeing += 1
+        if agreeing > best:
+            best, best_x, best_y, best_yaw = agreeing, x, y, yaw
+            if best >= ratio * n:
+                break
+    return best_x, best_y, best_yaw, best, drawn

@@ -1,0 +1,188 @@
+"""Scoring a transform against every landmark: the only thing that may call a match a match.
+
+Two point patterns laid over each other by a transform are either the same trees seen twice or two unrelated patches of
+forest. Inside the overlap of the two footprints each landmark is evidence: with a partner at a distance that noise
+explains it speaks for the transform, the more so the thinner the forest is there; without one it speaks against. The
+sum of the logarithms is the log-likelihood ratio reported as `evidence`.
+
+With m the chance that a tree of the overlap which one side saw is seen by the other, s the noise of one coordinate of a
+residual and d the density of landmarks about it, a landmark with a partner at distance r contributes
+
+    log( (1 - m) + m exp(-r^2 / 2 s^2) / (2 pi s^2 d) )
+
+and one without contributes log(1 - m). Nobody knows m and s beforehand: the evidence is taken at the best of a few,
+within what sensors do (`NOISE`, `DETECTION`).
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from urquhart._kernel import kernel
+from urquhart.features import Features
+from urquhart.pairing import build_grid, count_inliers, pair_up, refine
+from urquhart.se2 import SE2
+
+NOISE: Final = (0.05, 0.1, 0.2, 0.35, 0.6)
+"""Metres: trial values for the noise of one coordinate of a residual."""
+DETECTION: Final = (0.5, 0.65, 0.8, 0.9)
+"""Trial values for the chance that a tree seen once is seen again. A floor well above zero keeps a few chance partners
+among many landmarks without one from ever adding up."""
+REACH: Final = 3.0
+"""A partner may lie this many standard deviations of the usual noise away (99 % of true ones in the plane)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pattern:
+    """A set of landmarks ready to be laid over another: cell grid, hull and density.
+
+    Attributes:
+        landmarks: (N, 2) float64, metres, centred frame.
+        density: (N,) float64, landmarks per square metre.
+        hull: (H, 2) float64, metres, counter-clockwise: the footprint.
+        cells, order, grid: landmarks sorted into square cells; see `build_grid`.
+        area: square metres inside the hull.
+        spacing: metres, typical distance between neighbours.
+    """
+
+    landmarks: NDArray[np.float64]
+    density: NDArray[np.float64]
+    hull: NDArray[np.float64]
+    cells: NDArray[np.int64]
+    order: NDArray[np.int64]
+    grid: NDArray[np.float64]
+    area: float
+    spacing: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Verified:
+    """A refined transform and what speaks for it.
+
+    Attributes:
+        transform: `submap_T_query` between the *centred* frames.
+        evidence: log-likelihood ratio, natural logarithm, of the same place against chance.
+        query, submap: (K,) int64, the one-to-one inliers.
+        residuals: (K,) float64, metres.
+        query_overlap, submap_overlap: landmarks of each side inside the overlap of the footprints.
+        noise: metres, the noise of one coordinate that explains the residuals best.
+    """
+
+    transform: SE2
+    evidence: float
+    query: NDArray[np.int64]
+    submap: NDArray[np.int64]
+    residuals: NDArray[np.float64]
+    query_overlap: int
+    submap_overlap: int
+    noise: float
+
+
+def pattern(features: Features, reach: float) -> Pattern:
+    """Make `features` ready for verification with partners up to `reach` metres away."""
+    landmarks = np.ascontiguousarray(features.landmarks)
+    cells, order, grid = build_grid(landmarks, reach)
+    hull = landmarks[features.tessellation.hull]
+    x, y = hull[:, 0], hull[:, 1]
+    area = 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
+    density = features.density.astype(np.float64)
+    return Pattern(landmarks, density, hull, cells, order, grid, area, 1.0 / math.sqrt(float(np.median(density))))
+
+
+def verify(query: Pattern, submap: Pattern, start: SE2, reach: float) -> Verified:
+    """Refine `start` (`submap_T_query`, centred frames) on its own inliers and weigh it against all landmarks."""
+    x, y, yaw = refine(
+        query.landmarks, submap.landmarks, submap.cells, submap.order, submap.grid, start.x, start.y, start.yaw, reach
+    )
+    return weigh_pose(query, submap, SE2(x, y, yaw), reach)
+
+
+def best_hypothesis(query: Pattern, submap: Pattern, hypotheses: NDArray[np.float64], reach: float) -> SE2:
+    """The one of `hypotheses` (H, 3) that brings most landmarks together: x, y, yaw of `submap_T_query`, centred."""
+    scores = count_inliers(
+        query.landmarks, submap.landmarks, submap.cells, submap.order, submap.grid, hypotheses, reach
+    )
+    return SE2(*hypotheses[int(np.argmax(scores))].tolist())
+
+
+def weigh_pose(query: Pattern, submap: Pattern, pose: SE2, reach: float) -> Verified:
+    """The evidence for `pose` (`submap_T_query`, centred frames) as it is."""
+    evidence, first, second, residuals, query_overlap, submap_overlap, noise = weigh(
+        query.landmarks,
+        query.density,
+        query.hull,
+        submap.landmarks,
+        submap.density,
+        submap.hull,
+        submap.cells,
+        submap.order,
+        submap.grid,
+        pose.x,
+        pose.y,
+        pose.yaw,
+        reach,
+    )
+    return Verified(pose, evidence, first, second, residuals, query_overlap, submap_overlap, noise)
+
+
+@kernel
+def inside(hull: NDArray[np.float64], x: float, y: float) -> bool:
+    """Whether (x, y) lies in the convex counter-clockwise `hull` (H, 2), its edge included."""
+    n = len(hull)
+    for i in range(n):
+        j = i + 1 if i + 1 < n else 0
+        if (hull[j, 0] - hull[i, 0]) * (y - hull[i, 1]) - (hull[j, 1] - hull[i, 1]) * (x - hull[i, 0]) < 0.0:
+            return False
+    return True
+
+
+@kernel
+def weigh(
+    query: NDArray[np.float64],
+    query_density: NDArray[np.float64],
+    query_hull: NDArray[np.float64],
+    submap: NDArray[np.float64],
+    submap_density: NDArray[np.float64],
+    submap_hull: NDArray[np.float64],
+    cells: NDArray[np.int64],
+    order: NDArray[np.int64],
+    grid: NDArray[np.float64],
+    x: float,
+    y: float,
+    yaw: float,
+    reach: float,
+) -> tuple[float, NDArray[np.int64], NDArray[np.int64], NDArray[np.float64], int, int, float]:
+    """Evidence for a transform from every landmark of the overlap; see the head of this file and `Verified`."""
+    c, s = math.cos(yaw), math.sin(yaw)
+    first, second, squared = pair_up(query, submap, cells, order, grid, x, y, yaw, reach)
+    paired_query, paired_submap = np.zeros(len(query), np.bool_), np.zeros(len(submap), np.bool_)
+    for k in range(len(first)):
+        paired_query[first[k]] = True
+        paired_submap[second[k]] = True
+    query_overlap = submap_overlap = len(first)
+    for i in range(len(query)):
+        if not paired_query[i] and inside(
+            submap_hull, c * query[i, 0] - s * query[i, 1] + x, s * query[i, 0] + c * query[i, 1] + y
+        ):
+            query_overlap += 1
+    for j in range(len(submap)):
+        dx, dy = submap[j, 0] - x, submap[j, 1] - y
+        if not paired_submap[j] and inside(query_hull, c * dx + s * dy, -s * dx + c * dy):
+            submap_overlap += 1
+    alone = query_overlap + submap_overlap - 2 * len(first)
+
+    best, best_noise = -np.inf, 0.0
+    for noise in NOISE:
+        for detection in DETECTION:
+            total = alone * math.log(1.0 - detection)
+            for k in range(len(first)):
+                # The denser side decides: chance finds partners where either side is crowded.
+                density = max(query_density[first[k]], submap_density[second[k]])
+                peak = math.exp(-squared[k] / (2.0 * noise * noise)) / (2.0 * math.pi * noise * noise * density)
+                total += math.log(1.0 - detection + detection * peak)
+            if total > best:
+                best, best_noise = total, noise
+    return best, first, second, np.sqrt(squared), query_overlap, submap_overlap, best_noise
