@@ -5,6 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from urquhart import SE2
+
 Points = NDArray[np.float64]
 
 
@@ -45,6 +47,12 @@ def ring(rng: np.random.Generator) -> Points:
     """Trees on one circle, some inside."""
     angle = np.linspace(0.0, 2.0 * np.pi, int(rng.integers(6, 20)), endpoint=False)
     return np.concatenate([20.0 * np.column_stack([np.cos(angle), np.sin(angle)]), rng.uniform(-8.0, 8.0, (6, 2))])
+
+
+def pose(rng: np.random.Generator, low: float, high: float) -> SE2:
+    """A pose uniform in a square, turned anywhere."""
+    x, y = rng.uniform(low, high, 2).tolist()
+    return SE2(x, y, float(rng.uniform(-np.pi, np.pi)))
 
 
 def spread(points: Points) -> bool:

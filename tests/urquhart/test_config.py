@@ -31,14 +31,14 @@ def test_bad_values_are_refused_with_what_is_allowed(values: dict[str, object], 
         Config.from_dict(values)
 
 
+_SHAPING: dict[str, object] = {"samples": 32, "squared": True, "keep_hull": True}
+
+
 def test_only_what_shapes_features_is_in_the_fingerprint() -> None:
     default = Config().fingerprint()
     assert len(default) == 16
     assert Config(sigma=0.1, gamma=5, candidates=3).fingerprint() == default
-    changed = {
-        Config(**{name: value}).fingerprint()
-        for name, value in (("samples", 32), ("squared", True), ("keep_hull", True))
-    }
+    changed = {Config.from_dict({name: value}).fingerprint() for name, value in _SHAPING.items()}
     assert len(changed | {default}) == 4
 
 

@@ -3,7 +3,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.urquhart import forests
-from urquhart import SE2, Config, Features, describe
+from urquhart import Config, Features, describe
 from urquhart.quad_index import STEP, QuadHits, QuadIndex
 from urquhart.quads import align_quads, measure
 
@@ -85,7 +85,7 @@ def test_a_hit_is_a_full_transform(seed: int) -> None:
     """Every quad of a moved copy finds itself, with the rotation and the alignment of the motion."""
     rng = np.random.default_rng(seed)
     original = described(seed)
-    motion = SE2(*rng.uniform(-30.0, 30.0, 2), rng.uniform(-np.pi, np.pi))
+    motion = forests.pose(rng, -30.0, 30.0)
     moved = describe(motion.apply(original.landmarks), Config())
     index = QuadIndex()
     index.add([(1, *measured(moved))])

@@ -27,7 +27,7 @@ RECOGNIZER = build()
 
 def look(seed: int, sigma: float = 0.1, detection: float = 0.9) -> Observation:
     rng = np.random.default_rng(1000 + seed)
-    pose = SE2(*rng.uniform(80.0, 320.0, 2), rng.uniform(-np.pi, np.pi))
+    pose = forests.pose(rng, 80.0, 320.0)
     return observe(FOREST, pose, 40.0, rng, sigma=sigma, detection=detection)
 
 
@@ -107,7 +107,7 @@ def test_another_plantation_of_the_same_pattern_is_not_matched(
     )
     verdicts = []
     for _ in range(15):
-        pose = SE2(*rng.uniform(25.0, 75.0, 2), rng.uniform(-3.0, 3.0))
+        pose = forests.pose(rng, 25.0, 75.0)
         verdicts.append(recognizer.recognize(observe(foreign, pose, 20.0, rng, sigma=0.1, detection=0.9).xy).verdict)
     assert "matched" not in verdicts
     inside = observe(mapped, SE2(50.0, 50.0, 2.0), 20.0, rng, sigma=0.02)
@@ -120,7 +120,7 @@ def test_moving_or_reordering_the_observation_moves_the_answer_with_it(seed: int
     observation = look(seed)
     plain = RECOGNIZER.recognize(observation.xy).candidates[0]
 
-    motion = SE2(*rng.uniform(-500.0, 500.0, 2), rng.uniform(-np.pi, np.pi))
+    motion = forests.pose(rng, -500.0, 500.0)
     moved = RECOGNIZER.recognize(motion.apply(observation.xy)).candidates[0]
     assert moved.key == plain.key
     shift, turn = (moved.transform @ motion).distance(plain.transform)
@@ -243,8 +243,9 @@ def test_limit_and_stages() -> None:
 @pytest.mark.parametrize("config", [Config(squared=True), Config(samples=32), Config(keep_hull=True), Config(gamma=8)])
 def test_other_configurations_find_it_too(config: Config) -> None:
     recognizer, observation = build(config), look(11)
-    for method in ("robust", "paper"):
-        found = recognizer.recognize(observation.xy, method=method)  # type: ignore[arg-type]
+    methods: tuple[Method, ...] = ("robust", "paper")
+    for method in methods:
+        found = recognizer.recognize(observation.xy, method=method)
         if method == "robust":
             assert found.verdict == "matched"
         if found.verdict == "matched":
@@ -261,4 +262,4 @@ def test_landmarks_in_map_coordinates_change_nothing() -> None:
     )
     np.testing.assert_array_equal(plain.query_indices, far.query_indices)
     np.testing.assert_allclose(plain.residuals, far.residuals, atol=1e-6)
-    assert (far.transform @ SE2(*offset, 0.0)).distance(plain.transform)[0] < 1e-6
+    assert (far.transform @ SE2.shift(offset)).distance(plain.transform)[0] < 1e-6

@@ -8,7 +8,6 @@ from tests.urquhart import forests
 from tests.urquhart.oracle import urquhart_polygons
 from urquhart.config import Config
 from urquhart.features import describe
-from urquhart.se2 import SE2
 from urquhart.tessellation import Tessellation, tessellate
 
 
@@ -78,7 +77,7 @@ def test_polygons_move_with_the_landmarks_and_keep_their_names(seed: int) -> Non
     rng = np.random.default_rng(seed)
     landmarks = forests.uniform(rng) - 40.0
     before = polygons(tessellate(landmarks))
-    pose = SE2(*rng.uniform(-50.0, 50.0, 2), rng.uniform(-np.pi, np.pi))
+    pose = forests.pose(rng, -50.0, 50.0)
     assert polygons(tessellate(pose.apply(landmarks))) == before
 
     order = rng.permutation(len(landmarks))

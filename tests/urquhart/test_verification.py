@@ -72,10 +72,7 @@ def test_evidence_separates_the_right_pose_from_the_best_of_many_wrong_ones() ->
     submap, map_T_submap = seen(SE2(250.0, 250.0, 0.0), 1, sigma=0.2, detection=0.8)
     query, map_T_query = seen(SE2(255.0, 255.0, 1.0), 2, sigma=0.2, detection=0.8)
     right = verify(query, submap, map_T_submap.inverse() @ map_T_query, REACH)
-    wrong = [
-        verify(query, submap, SE2(*rng.uniform(-30.0, 30.0, 2), rng.uniform(-np.pi, np.pi)), REACH).evidence
-        for _ in range(3000)
-    ]
+    wrong = [verify(query, submap, forests.pose(rng, -30.0, 30.0), REACH).evidence for _ in range(3000)]
     assert right.evidence > 40.0 > max(wrong)
     assert np.median(wrong) < 0.0
 
