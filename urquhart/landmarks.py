@@ -4,11 +4,14 @@ Everything behind this module may rely on: at least three landmarks, all finite,
 one line, coordinates that float64 resolves to well under a millimetre.
 """
 
+import math
 from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
+
+from urquhart._kernel import kernel
 
 MINIMUM: Final = 3
 MAXIMUM: Final = 20_000
@@ -38,6 +41,15 @@ def check_landmarks(xy: ArrayLike) -> NDArray[np.float64]:
         LandmarkError: see its codes.
     """
     landmarks = _as_points(xy)
+    bad, far = first_unusable(landmarks)
+    if bad >= 0:
+        raise LandmarkError(
+            "not_finite", f"landmark {bad} has a coordinate that is not a finite number: drop it", (bad,)
+        )
+    if far >= 0:
+        raise LandmarkError(
+            "out_of_range", f"landmark {far} is beyond {COORDINATE_LIMIT:.0e} m: coordinates are metres", (far,)
+        )
     if len(landmarks) < MINIMUM:
         raise LandmarkError(
             "too_few", f"{len(landmarks)} landmarks given, at least {MINIMUM} are needed: merge observations first"
@@ -46,19 +58,52 @@ def check_landmarks(xy: ArrayLike) -> NDArray[np.float64]:
         raise LandmarkError(
             "too_many", f"{len(landmarks)} landmarks given, at most {MAXIMUM} are allowed: cut the map into submaps"
         )
-    _refuse_duplicates(landmarks)
+    if smallest_step(landmarks) < RESOLUTION:
+        _refuse_duplicates(landmarks)
     if width(landmarks) < RESOLUTION:
         raise LandmarkError("collinear", "all landmarks lie on one line: a tessellation needs some beside it")
     return landmarks
 
 
+@kernel
+def first_unusable(landmarks: NDArray[np.float64]) -> tuple[int, int]:
+    """The first landmark that is not finite, and the first beyond the coordinate limit; -1 where there is none."""
+    bad = far = -1
+    for i in range(len(landmarks)):
+        x, y = landmarks[i, 0], landmarks[i, 1]
+        if bad < 0 and not (math.isfinite(x) and math.isfinite(y)):
+            bad = i
+        if far < 0 and (abs(x) > COORDINATE_LIMIT or abs(y) > COORDINATE_LIMIT):
+            far = i
+    return bad, far
+
+
+@kernel
+def smallest_step(landmarks: NDArray[np.float64]) -> float:
+    """Smallest gap between consecutive x coordinates, metres: two landmarks cannot be closer than that."""
+    x = np.sort(landmarks[:, 0])
+    step = np.inf
+    for i in range(len(x) - 1):
+        step = min(step, x[i + 1] - x[i])
+    return step
+
+
+@kernel
 def width(landmarks: NDArray[np.float64]) -> float:
     """Extent of `landmarks` (N, 2), metres, across their principal direction."""
-    centred = landmarks - landmarks.mean(axis=0)
-    xx, xy, yy = (centred[:, 0] ** 2).sum(), (centred[:, 0] * centred[:, 1]).sum(), (centred[:, 1] ** 2).sum()
-    angle = 0.5 * np.arctan2(2.0 * xy, xx - yy)
-    across = centred @ np.array([-np.sin(angle), np.cos(angle)])
-    return float(np.ptp(across))
+    n = len(landmarks)
+    cx, cy = landmarks[:, 0].mean(), landmarks[:, 1].mean()
+    xx = xy = yy = 0.0
+    for i in range(n):
+        dx, dy = landmarks[i, 0] - cx, landmarks[i, 1] - cy
+        xx, xy, yy = xx + dx * dx, xy + dx * dy, yy + dy * dy
+    angle = 0.5 * math.atan2(2.0 * xy, xx - yy)
+    s, c = math.sin(angle), math.cos(angle)
+    low, high = np.inf, -np.inf
+    for i in range(n):
+        across = c * (landmarks[i, 1] - cy) - s * (landmarks[i, 0] - cx)
+        low, high = min(low, across), max(high, across)
+    return high - low
 
 
 def _as_points(xy: ArrayLike) -> NDArray[np.float64]:
@@ -70,29 +115,10 @@ def _as_points(xy: ArrayLike) -> NDArray[np.float64]:
         points = points.reshape(0, 2)
     if points.ndim != 2 or points.shape[1] != 2:
         raise LandmarkError("bad_shape", f"landmarks must be pairs [x, y], got an array of shape {points.shape}")
-    bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
-    if len(bad):
-        raise LandmarkError(
-            "not_finite",
-            f"landmark {bad[0]} has a coordinate that is not a finite number: drop it or repair it",
-            _first(bad),
-        )
-    far = np.flatnonzero((np.abs(points) > COORDINATE_LIMIT).any(axis=1))
-    if len(far):
-        raise LandmarkError(
-            "out_of_range",
-            f"landmark {far[0]} lies beyond {COORDINATE_LIMIT:.0e} m: coordinates must be metres",
-            _first(far),
-        )
     return points
 
 
 def _refuse_duplicates(landmarks: NDArray[np.float64]) -> None:
-    # Sorting by x finds every duplicate with numpy alone; the tree is only built for the rare set that has a suspect.
-    order = np.argsort(landmarks[:, 0], kind="stable")
-    gaps = np.diff(landmarks[order], axis=0)
-    if not (gaps[:, 0] < RESOLUTION).any():
-        return
     pairs = cKDTree(landmarks).query_pairs(RESOLUTION, output_type="ndarray")
     if len(pairs):
         first, second = sorted(pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))[0]].tolist())
@@ -102,7 +128,3 @@ def _refuse_duplicates(landmarks: NDArray[np.float64]) -> None:
             f"{first} and {second}: keep one of each",
             (first, second),
         )
-
-
-def _first(indices: NDArray[np.intp]) -> tuple[int, ...]:
-    return tuple(int(i) for i in indices[:10])

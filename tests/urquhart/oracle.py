@@ -19,9 +19,10 @@ def urquhart_polygons(landmarks: NDArray[np.float64], triangles: NDArray[np.int3
         uses.update(edges)
         longest.add(max(edges, key=lambda edge: (_length(landmarks, edge), max(edge), min(edge))))
     hull = {edge for edge, count in uses.items() if count == 1}
-    graph = nx.Graph([tuple(edge) for edge in uses if edge not in longest or edge in hull])
+    graph: nx.Graph[int] = nx.Graph()
+    graph.add_edges_from((min(edge), max(edge)) for edge in uses if edge not in longest or edge in hull)
 
-    embedding = nx.PlanarEmbedding()
+    embedding: nx.PlanarEmbedding[int] = nx.PlanarEmbedding()
     for v in graph:
         around = sorted(
             graph[v], key=lambda w: -math.atan2(landmarks[w, 1] - landmarks[v, 1], landmarks[w, 0] - landmarks[v, 0])
