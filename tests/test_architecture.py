@@ -10,10 +10,11 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("urquhart", "server", "clients/python/urquhart_client", "benchmarks")
 
-METHOD = (
-    "_kernel config stages landmarks se2 quads tessellation descriptor features pairing verification index quad_index "
-    "voting collection_index matching ransac proposing confidence ranking recognizer drawing simulation"
-).split()
+METHOD = [
+    *("_kernel", "config", "stages", "landmarks", "se2", "quads", "tessellation", "descriptor", "features", "pairing"),
+    *("verification", "index", "quad_index", "voting", "collection_index", "matching", "ransac", "proposing"),
+    *("confidence", "ranking", "recognizer", "drawing", "simulation", "evaluation"),
+]
 """Modules of the method from the ground up: each may import only what stands before it."""
 
 FORBIDDEN = {
@@ -56,7 +57,7 @@ def test_no_arrow_goes_back(folder: str) -> None:
     for path in paths:
         for imported in imports(path):
             for name in FORBIDDEN[folder]:
-                assert imported != name and not imported.startswith(name + "."), f"{path.relative_to(ROOT)}: {imported}"
+                assert not f"{imported}.".startswith(f"{name}."), f"{path.relative_to(ROOT)}: {imported}"
 
 
 def test_files_are_short_enough_to_read() -> None:

@@ -14,6 +14,7 @@ from urquhart.ranking import Candidate
 _SIZE: Final = 900.0
 _MARGIN: Final = 40.0
 _HEAD: Final = 64.0
+_LEGEND: Final = "filled: query, ring: submap, cross: seen by one side only, pale: outside the overlap"
 _STYLE: Final = """
 text{font:14px
 system-ui,sans-serif;fill:#24332b}.head{font-size:18px;font-weight:600}.small{font-size:12px;fill:#5b6b62}
@@ -34,7 +35,7 @@ class _Canvas:
         self._low, self._high = low, high
         self.width = float(high[0] - low[0]) * self._scale + 2.0 * _MARGIN
         self.height = float(high[1] - low[1]) * self._scale + 2.0 * _MARGIN + _HEAD
-        self.width = max(self.width, 560.0)
+        self.width = max(self.width, 820.0)
         self._parts = [
             f'<text x="{_MARGIN:g}" y="28" class="head">{escape(title)}</text>',
             f'<text x="{_MARGIN:g}" y="50" class="small">{escape(subtitle)}</text>',
@@ -117,9 +118,9 @@ def draw_match(query_xy: ArrayLike, submap_xy: ArrayLike, candidate: Candidate, 
     query = candidate.transform.apply(np.asarray(query_xy, dtype=np.float64))
     subtitle = (
         f"{len(candidate.residuals)} inliers, RMS {candidate.rms:.2f} m, overlap {candidate.overlap:.0%}, "
-        f"confidence {candidate.confidence:.4f}"
+        f"confidence {_odds(candidate.confidence)}"
     )
-    canvas = _Canvas(np.concatenate([submap, query]), title or "Match", subtitle)
+    canvas = _Canvas(np.concatenate([submap, query]), title or "Match", f"{subtitle} \u00b7 {_LEGEND}")
     paired_query, paired_submap = set(candidate.query_indices.tolist()), set(candidate.submap_indices.tolist())
     query_covered, submap_covered = _covered(query, submap), _covered(submap, query)
     for i, j in zip(candidate.query_indices.tolist(), candidate.submap_indices.tolist(), strict=True):
@@ -137,6 +138,10 @@ def draw_match(query_xy: ArrayLike, submap_xy: ArrayLike, candidate: Candidate, 
         if i not in paired_query and query_covered[i]:
             canvas.cross(landmark, 5.0, "miss")
     return canvas.render()
+
+
+def _odds(confidence: float) -> str:
+    return "over 0.9999" if confidence > 0.9999 else f"{confidence:.4f}"
 
 
 def _covered(points: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -169,7 +169,9 @@ def warm_up(config: Config) -> None:
     rng = np.random.default_rng(0)
     recognizer = Recognizer(config)
     here, elsewhere, unknown = (rng.uniform(-20.0, 20.0, (60, 2)) for _ in range(3))
-    recognizer.add([(0, describe(here, config)), (1, describe(elsewhere, config))])
-    recognizer.recognize(here)
-    recognizer.recognize(unknown)
-    recognizer.recognize(here, method="paper")
+    # Stored features are read-only views of their BLOB, another type to the compiler than fresh arrays.
+    stored = Features.unpack(describe(elsewhere, config).pack())
+    recognizer.add([(0, describe(here, config)), (1, stored)])
+    for xy in (here, elsewhere, unknown):
+        recognizer.recognize(xy)
+        recognizer.recognize(xy, method="paper")

@@ -1,0 +1,32 @@
+# Two stages: the first has the build backend and makes the environment, the second has only what runs.
+
+FROM python:3.11-slim AS build
+WORKDIR /src
+COPY requirements.lock requirements-build.lock ./
+RUN python -m venv /opt/urquhart \
+    && /opt/urquhart/bin/pip install --no-cache-dir --require-hashes -r requirements.lock
+RUN python -m venv /opt/build \
+    && /opt/build/bin/pip install --no-cache-dir --require-hashes -r requirements-build.lock
+COPY . .
+RUN /opt/build/bin/pip wheel --no-build-isolation --no-deps --wheel-dir /wheels . clients/python \
+    && /opt/urquhart/bin/pip install --no-cache-dir --no-deps /wheels/*.whl
+
+FROM python:3.11-slim
+RUN useradd --system --uid 10001 --user-group --home-dir /var/lib/urquhart --create-home urquhart
+COPY --from=build /opt/urquhart /opt/urquhart
+# The compiled kernels are cached for the processor they run on, so the cache must be writable when the image runs.
+ENV PATH=/opt/urquhart/bin:$PATH \
+    PYTHONUNBUFFERED=1 \
+    PYTHONDONTWRITEBYTECODE=1 \
+    NUMBA_CACHE_DIR=/var/lib/urquhart/kernels \
+    URQUHART_DATABASE=/var/lib/urquhart/urquhart.db
+USER urquhart
+WORKDIR /var/lib/urquhart
+VOLUME /var/lib/urquhart
+EXPOSE 8420
+STOPSIGNAL SIGTERM
+HEALTHCHECK --interval=10s --timeout=5s --start-period=120s --retries=3 \
+    CMD ["python", "-c", "import sys, urllib.request as r; sys.exit(r.urlopen('http://127.0.0.1:8420/readyz', timeout=4).status != 200)"]
+# Inside a container the service must listen on every address; who may reach it is decided where the port is published
+# (docker-compose.yml: on the host's loopback only).
+CMD ["urquhart", "serve", "--host", "0.0.0.0", "--port", "8420", "--insecure"]

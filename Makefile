@@ -1,0 +1,65 @@
+# Every verb of the project. `make demo` and `make test` need nothing but Python >= 3.11 and make.
+
+VENV := .venv
+BIN := $(VENV)/bin
+UV ?= uv
+# Extra arguments for the verb's program, e.g. make demo ARGS="--keep"
+ARGS ?=
+PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3.14 python3 python; do \
+	if "$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1; then echo "$$p"; break; fi; done)
+
+PIP_INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check
+EDITABLE = $(PIP_INSTALL) --no-build-isolation --no-deps --editable . --editable clients/python
+UV_COMPILE = $(UV) pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate \
+	--no-emit-index-url --no-emit-find-links --custom-compile-command "make lock"
+
+.DEFAULT_GOAL := help
+.PHONY: help demo serve test lint bench lock clean
+.DELETE_ON_ERROR:
+
+help: ## print every verb
+	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{ printf "  make %-8s %s\n", $$1, $$2 }'
+
+demo: $(VENV)/runtime.stamp ## recognise places in two real forests over HTTP and print how well it went
+	@$(BIN)/urquhart demo $(ARGS)
+
+serve: $(VENV)/runtime.stamp ## start the service on 127.0.0.1:8420
+	@$(BIN)/urquhart serve $(ARGS)
+
+test: $(VENV)/dev.stamp ## run every test, with coverage
+	@$(BIN)/python -m pytest --cov --cov-report=term $(ARGS)
+
+lint: $(VENV)/dev.stamp ## check format, style and types
+	@$(BIN)/ruff format --check .
+	@$(BIN)/ruff check .
+	@$(BIN)/mypy
+
+bench: $(VENV)/dev.stamp ## measure describe, query and ingest on this machine
+	@$(BIN)/python -m benchmarks $(ARGS)
+
+lock: ## resolve the lock files anew (needs uv)
+	@$(UV_COMPILE) pyproject.toml --output-file requirements.lock
+	@$(UV_COMPILE) --group build --constraint requirements.lock --output-file requirements-build.lock
+	@$(UV_COMPILE) pyproject.toml --extra dev --group build --constraint requirements.lock --output-file requirements-dev.lock
+
+clean: ## remove what the other verbs made
+	@rm -rf $(VENV) build dist demo-output benchmark-output .coverage htmlcov .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	@find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# The environment: made once, filled from the lock files with hashes checked, and again only when they change.
+$(BIN)/pip:
+	@test -n "$(PYTHON)" || { echo "make: Python 3.11 or newer is needed and was not found: install it, or name it with make PYTHON=/path/to/python" >&2; exit 1; }
+	@echo "making $(VENV) with $(PYTHON)"
+	@$(PYTHON) -m venv --clear $(VENV)
+
+$(VENV)/runtime.stamp: requirements.lock requirements-build.lock pyproject.toml clients/python/pyproject.toml | $(BIN)/pip
+	@echo "installing what the service needs (once)"
+	@$(PIP_INSTALL) --require-hashes --requirement requirements.lock --requirement requirements-build.lock
+	@$(EDITABLE)
+	@touch $@
+
+$(VENV)/dev.stamp: requirements-dev.lock pyproject.toml clients/python/pyproject.toml | $(BIN)/pip
+	@echo "installing what the tests need (once)"
+	@$(PIP_INSTALL) --require-hashes --requirement requirements-dev.lock
+	@$(EDITABLE)
+	@touch $@

@@ -1,0 +1,51 @@
+"""Typed client of Urquhart, the place-recognition database for forests.
+
+with Client("http://127.0.0.1:8420") as client:
+    result = client.query("plots", xy=seen)
+    if result.verdict == "matched": ...
+"""
+
+from urquhart_client._bodies import UNSET
+from urquhart_client.client import Client
+from urquhart_client.errors import ConnectionFailed, ProblemError, UnexpectedAnswer, UrquhartError
+from urquhart_client.models import (
+    Candidate,
+    Collection,
+    Extent,
+    Inlier,
+    Landmark,
+    Limits,
+    MapPose,
+    Page,
+    Polygon,
+    QueryResult,
+    Stage,
+    Submap,
+    SubmapReceipt,
+    Tessellation,
+    Transform,
+)
+
+__all__ = [
+    "UNSET",
+    "Candidate",
+    "Client",
+    "Collection",
+    "ConnectionFailed",
+    "Extent",
+    "Inlier",
+    "Landmark",
+    "Limits",
+    "MapPose",
+    "Page",
+    "Polygon",
+    "ProblemError",
+    "QueryResult",
+    "Stage",
+    "Submap",
+    "SubmapReceipt",
+    "Tessellation",
+    "Transform",
+    "UnexpectedAnswer",
+    "UrquhartError",
+]

@@ -1,0 +1,227 @@
+"""The documents of the API, as typed values.
+
+Fields that a newer service adds are passed over, so that an older client keeps working. Units and frames: metres and
+radians, counter-clockwise; a transform is `submap_T_query`, p_submap = R(yaw) p_query + t.
+"""
+
+from collections.abc import Iterable
+from datetime import datetime
+from math import cos, sin
+from typing import Any, Generic, Literal, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field
+
+Verdict = Literal["matched", "ambiguous", "no_match"]
+Method = Literal["robust", "paper"]
+Covariance = tuple[float, float, float, float, float, float, float, float, float]
+
+Item = TypeVar("Item", bound=BaseModel)
+
+
+class Model(BaseModel):
+    """Base of all documents: immutable, and blind to fields it does not know."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore")
+
+
+class Landmark(BaseModel):
+    """A tree: `x` and `y` in metres, in the frame of its document; `dbh` (breast height) and `height` in metres.
+
+    Further members are kept.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="allow")
+
+    id: str
+    x: float
+    y: float
+    dbh: float | None = None
+    height: float | None = None
+    species: str | None = None
+
+
+class Transform(Model):
+    """`submap_T_query`; `covariance` is 3 x 3, row by row, over (x, y, yaw)."""
+
+    x: float
+    y: float
+    yaw: float
+    covariance: Covariance | None = None
+
+    def apply(self, xy: Iterable[tuple[float, float]]) -> list[tuple[float, float]]:
+        """Points of the query's frame, in the submap's frame; metres."""
+        c, s = cos(self.yaw), sin(self.yaw)
+        return [(c * x - s * y + self.x, s * x + c * y + self.y) for x, y in xy]
+
+
+class MapPose(Model):
+    """Where a frame lies in the map `frame_id`: p_map = R(yaw) p + (x, y)."""
+
+    frame_id: str = "map"
+    x: float
+    y: float
+    yaw: float
+    covariance: Covariance | None = None
+
+
+class Inlier(Model):
+    """A landmark of the query and one of the submap that are the same tree; `residual` in metres."""
+
+    query: str
+    submap: str
+    residual: float
+
+
+class Candidate(Model):
+    """A submap that may be the query's place, and the evidence for and against it.
+
+    `map_pose` is the pose of the *query's* frame in the map, when the submap has a pose there. `confidence` is 0 to 1,
+    `log_odds` the natural logarithm of right against wrong, `rms` in metres; `refused` says why this candidate alone is
+    not accepted.
+    """
+
+    rank: int
+    submap_id: str
+    frame_id: str | None = None
+    session: str | None = None
+    stamp: datetime | None = None
+    transform: Transform
+    map_pose: MapPose | None = None
+    inliers: tuple[Inlier, ...] = ()
+    inlier_count: int
+    inlier_ratio: float
+    rms: float
+    overlap: float
+    votes: int
+    log_odds: float
+    confidence: float
+    refused: str | None = None
+    links: dict[str, Any] = Field(default_factory=dict)
+
+
+class Stage(Model):
+    """What one stage of the method did and how long it took."""
+
+    name: str
+    milliseconds: float
+    counts: dict[str, int] = Field(default_factory=dict)
+
+
+class QueryResult(Model):
+    """The answer to *where is this?*. Look at `verdict` before any pose."""
+
+    id: str | None = None
+    collection: str
+    verdict: Verdict
+    reason: str
+    frame_id: str | None = None
+    stamp: datetime | None = None
+    method: str
+    revision: int
+    landmarks: int | None = None
+    margin: float | None = None
+    candidates: tuple[Candidate, ...] = ()
+    stages: tuple[Stage, ...] = ()
+    links: dict[str, Any] = Field(default_factory=dict)
+
+    @property
+    def best(self) -> Candidate | None:
+        """The place, when the verdict is `matched`; None otherwise, however good the first candidate looks."""
+        return self.candidates[0] if self.verdict == "matched" and self.candidates else None
+
+
+class SpatialExtent(Model):
+    """Bounding box (x minimum, y minimum, x maximum, y maximum), metres, of what a collection covers in one map."""
+
+    frame_id: str
+    bbox: tuple[float, float, float, float]
+
+
+class Extent(Model):
+    """What a collection covers: by map, and from the first stamp to the last."""
+
+    spatial: tuple[SpatialExtent, ...] = ()
+    temporal: tuple[datetime, datetime] | None = None
+
+
+class Collection(Model):
+    """Submaps that share a configuration. A listing leaves `config` and `extent` out (None)."""
+
+    id: str
+    title: str | None = None
+    crs: str | None = None
+    origin: tuple[float, float] | None = None
+    fingerprint: str
+    revision: int
+    counts: dict[str, int] = Field(default_factory=dict)
+    created: datetime | None = None
+    updated: datetime | None = None
+    config: dict[str, Any] | None = None
+    extent: Extent | None = None
+    links: dict[str, Any] = Field(default_factory=dict)
+
+
+class SubmapReceipt(Model):
+    """What became of a PUT. `etag` names the content that is stored now."""
+
+    id: str
+    collection: str
+    outcome: Literal["created", "replaced", "unchanged"]
+    counts: dict[str, int] = Field(default_factory=dict)
+    etag: str
+    revision: int
+    links: dict[str, Any] = Field(default_factory=dict)
+
+
+class Submap(Model):
+    """A stored submap. A listing leaves `landmarks` out (None)."""
+
+    id: str
+    collection: str
+    frame_id: str | None = None
+    stamp: datetime | None = None
+    session: str | None = None
+    map_pose: MapPose | None = None
+    properties: dict[str, Any] | None = None
+    counts: dict[str, int] = Field(default_factory=dict)
+    etag: str
+    revision: int
+    created: datetime | None = None
+    updated: datetime | None = None
+    landmarks: tuple[Landmark, ...] | None = None
+    links: dict[str, Any] = Field(default_factory=dict)
+
+
+class Polygon(Model):
+    """An interior Urquhart polygon: landmark positions counter-clockwise, triangle positions, descriptor."""
+
+    vertices: tuple[int, ...]
+    triangles: tuple[int, ...]
+    descriptor: tuple[float, ...]
+
+
+class Tessellation(Model):
+    """What the method sees in a submap; triangles are positions in `landmarks`, counter-clockwise."""
+
+    submap: str
+    fingerprint: str
+    counts: dict[str, int] = Field(default_factory=dict)
+    landmarks: tuple[Landmark, ...] = ()
+    triangles: tuple[tuple[int, int, int], ...] = ()
+    polygons: tuple[Polygon, ...] = ()
+
+
+class Limits(Model):
+    """What requests are held to, by the name that a refusal gives."""
+
+    limits: dict[str, int]
+    rates: dict[str, int] = Field(default_factory=dict)
+    retention: dict[str, int] = Field(default_factory=dict)
+    versions: dict[str, str] = Field(default_factory=dict)
+
+
+class Page(Model, Generic[Item]):
+    """One page of a listing; `next` is the cursor of the page after it, None on the last."""
+
+    items: tuple[Item, ...]
+    next: str | None = None

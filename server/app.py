@@ -1,0 +1,139 @@
+"""The app: `create_app(settings)` puts the parts together. Nothing is built at import."""
+
+import logging
+import threading
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from typing import Any
+
+import anyio.to_thread
+from fastapi import FastAPI
+from fastapi.openapi.utils import get_openapi
+
+import urquhart
+from server import problems
+from server.catalog import Catalog
+from server.dependencies import Service
+from server.errors import DomainError
+from server.metrics import Metrics
+from server.middleware import BodyLimit, RequestContext
+from server.readiness import Readiness
+from server.routes import collections, pages, queries, submaps, system
+from server.schemas.common import Problem
+from server.settings import Settings
+from server.store import schema
+from server.store.database import Database
+from server.threads import pin_threads
+from server.version import service_version
+
+_log = logging.getLogger(__name__)
+_ROUTERS = (pages.router, system.router, collections.router, submaps.router, queries.router)
+_TAGS = [
+    {"name": "collections", "description": "Submaps that share a configuration."},
+    {"name": "submaps", "description": "Tree positions in one rigid frame, the unit that is stored and found."},
+    {"name": "queries", "description": "Where is this? A verdict, candidates, and the evidence for each."},
+    {"name": "system", "description": "Probes, metrics, limits."},
+    {"name": "pages", "description": "For people, and as JSON."},
+]
+_DESCRIPTION = """\
+Place recognition for forests: tree positions in, a verified pose out.
+
+Transforms are `submap_T_query`: p_submap = R(yaw) p_query + t, in metres and radians, counter-clockwise.
+Errors are `application/problem+json` (RFC 9457), and their `type` leads to an explanation."""
+
+
+def create_app(settings: Settings) -> FastAPI:
+    """The service over the database that the settings name; the database is opened when the app starts."""
+    database = Database(
+        settings.database_path, busy_timeout=settings.busy_timeout, read_only=settings.database_read_only
+    )
+    metrics = Metrics()
+    service = Service(settings, database, Catalog(database, metrics), metrics, Readiness())
+    app = FastAPI(
+        title="Urquhart",
+        version=service_version(),
+        description=_DESCRIPTION,
+        openapi_tags=_TAGS,
+        lifespan=_lifespan,
+        redirect_slashes=False,
+    )
+    app.state.service = service
+    app.state.routers = _ROUTERS
+    for router in _ROUTERS:
+        app.include_router(router)
+    problems.install(app)
+    # The one added last is the outermost.
+    app.add_middleware(BodyLimit, limit=settings.limits.body_bytes)
+    app.add_middleware(RequestContext, metrics=metrics)
+    app.openapi = lambda: _openapi(app)  # type: ignore[method-assign]
+    return app
+
+
+def create_app_from_env() -> FastAPI:
+    """The app with settings from the environment: `uvicorn --factory server.app:create_app_from_env`."""
+    return create_app(Settings())
+
+
+@asynccontextmanager
+async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
+    service: Service = app.state.service
+    await anyio.to_thread.run_sync(schema.upgrade, service.database)
+    service.readiness.passed("migrations")
+    stop = threading.Event()
+    warm_up = threading.Thread(target=_warm_up, args=(service, stop), name="warm-up", daemon=True)
+    warm_up.start()
+    try:
+        yield
+    finally:
+        service.readiness.report("shutdown", "the service is stopping")
+        stop.set()
+        await anyio.to_thread.run_sync(warm_up.join)
+        await anyio.to_thread.run_sync(service.database.dispose)
+
+
+def _warm_up(service: Service, stop: threading.Event) -> None:
+    """Compile the kernels and build the indexes while requests are answered already, if slowly."""
+    try:
+        pin_threads()
+        service.readiness.report("kernels", "loading")
+        urquhart.warm_up(urquhart.Config())
+        service.readiness.passed("kernels")
+        service.readiness.report("index", "catching up")
+        for collection_id, done, total in service.catalog.warm_up():
+            service.readiness.report("index", f"caught up {done} of {total} collections, last {collection_id}")
+            if stop.is_set():
+                return
+        service.readiness.passed("index")
+    except DomainError as error:
+        # Stays not ready, and says why; a query tries again by itself.
+        _log.exception("the warm-up failed")
+        service.readiness.report("index", str(error))
+
+
+def _openapi(app: FastAPI) -> dict[str, Any]:
+    if app.openapi_schema is None:
+        document = get_openapi(
+            title=app.title, version=app.version, description=app.description, routes=app.routes, tags=app.openapi_tags
+        )
+        schemas = document["components"]["schemas"]
+        problem = Problem.model_json_schema(ref_template="#/components/schemas/{model}")
+        schemas.update(problem.pop("$defs", {}))
+        schemas["Problem"] = problem
+        for path in document["paths"].values():
+            for operation in path.values():
+                _only_problems(operation)
+        for unused in ("HTTPValidationError", "ValidationError"):
+            schemas.pop(unused, None)
+        app.openapi_schema = document
+    return app.openapi_schema
+
+
+def _only_problems(operation: dict[str, Any]) -> None:
+    """Leave out the framework's own description of a validation error: it is never sent."""
+    for status, response in list(operation["responses"].items()):
+        content = response.get("content", {})
+        reference = content.get("application/json", {}).get("schema", {}).get("$ref", "")
+        if reference.endswith("/HTTPValidationError"):
+            del content["application/json"]
+            if not content:
+                del operation["responses"][status]

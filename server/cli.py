@@ -1,0 +1,96 @@
+"""The command `urquhart`.
+
+Whatever is wrong with what the caller gave, from a missing file to a database of a newer version, ends as one line on
+standard error and exit code 2; a defect of ours ends as a traceback, so that it can be reported.
+"""
+
+import sys
+from collections.abc import Sequence
+from typing import Annotated, Final
+
+import typer
+from pydantic import ValidationError
+from typer.exceptions import TyperException
+
+from server.commands import db, demo, index, locate, serve
+from server.commands.failure import Failure
+from server.errors import DomainError
+from server.stem_maps import StemMapError
+from server.version import service_version
+from urquhart import ConfigError, LandmarkError
+
+EXIT_BAD_INPUT: Final = 2
+EXIT_INTERRUPTED: Final = 130
+
+app = typer.Typer(
+    name="urquhart",
+    help="A place-recognition database for forests: tree positions in, a verified pose out.",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="markdown",
+)
+app.command()(serve.serve)
+app.command()(index.index)
+app.command()(locate.locate)
+app.command()(demo.demo)
+app.add_typer(db.app, name="db")
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"urquhart {service_version()}")
+        raise typer.Exit
+
+
+@app.callback(invoke_without_command=True)
+def root(
+    context: typer.Context,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    """A place-recognition database for forests: tree positions in, a verified pose out."""
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+
+
+def run(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; its exit code. `arguments` are without the program's name, default those of the process."""
+    try:
+        code = app(args=arguments, prog_name="urquhart", standalone_mode=False)
+    except TyperException as error:
+        return _refuse(f"{error.format_message()} (see urquhart --help)")
+    except ValidationError as error:
+        return _refuse(_settings_sentence(error))
+    except (Failure, DomainError, StemMapError, ConfigError, LandmarkError) as error:
+        return _refuse(str(error))
+    except OSError as error:
+        if error.filename is None:
+            raise
+        return _refuse(f"{error.filename}: {error.strerror}")
+    except (typer.Abort, KeyboardInterrupt):
+        return EXIT_INTERRUPTED
+    return code if isinstance(code, int) else 0
+
+
+def main() -> None:
+    """Entry point of the console script."""
+    sys.exit(run())
+
+
+def _refuse(message: str) -> int:
+    line = " ".join(message.split())
+    typer.echo(f"urquhart: {line}", err=True)
+    return EXIT_BAD_INPUT
+
+
+def _settings_sentence(error: ValidationError) -> str:
+    first = error.errors()[0]
+    name = "URQUHART_" + "__".join(str(part).upper() for part in first["loc"]) if first["loc"] else ""
+    message = first["msg"].removeprefix("Value error, ")
+    message = message.replace("set URQUHART_INSECURE=true", "give --insecure (or set URQUHART_INSECURE=true)")
+    return f"setting {name}: {message}" if name else message
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,51 @@
+"""`urquhart demo`: real forests, recognised over HTTP."""
+
+from pathlib import Path
+from typing import Annotated, Final
+
+import typer
+
+from server.commands.failure import Failure
+
+STEM_MAPS: Final = Path(__file__).resolve().parents[2] / "data" / "stem_maps"
+
+
+def demo(
+    keep: Annotated[
+        bool, typer.Option("--keep", help="Leave the service running, and say how to reach and stop it.")
+    ] = False,
+    seed: Annotated[int, typer.Option(min=0, help="Of places and noise: the same seed asks the same questions.")] = 1,
+    observations: Annotated[
+        int, typer.Option(min=2, max=10_000, help="Observations of the two forests in the database, half of each.")
+    ] = 40,
+    out: Annotated[Path, typer.Option(help="Directory for the database, the drawings and the log.")] = Path(
+        "demo-output"
+    ),
+    data: Annotated[
+        Path,
+        typer.Option(
+            help="Directory with lansing.csv, bei.csv and longleaf.csv. (default: data/stem_maps of the repository)",
+            show_default=False,
+        ),
+    ] = STEM_MAPS,
+) -> None:
+    """Recognise places in real forests, over HTTP.
+
+    Stores two stem maps as overlapping submaps, starts the service, asks it about observations from unknown places in
+    them, and about 10 from a third forest that it does not know, and prints every verdict with its error. The exit code
+    is 0 when at least 95 % of the answers are right and none is wrong.
+    """
+    try:
+        # Only here: the client is a distribution of its own, and the other verbs do without it.
+        from server.demo.journey import run
+        from urquhart_client import UrquhartError
+    except ModuleNotFoundError as error:
+        if error.name != "urquhart_client":
+            raise
+        raise Failure("the demo asks through the Python client: install clients/python (urquhart-client)") from error
+    try:
+        passed = run(out, data, seed=seed, observations=observations, keep=keep)
+    except UrquhartError as error:
+        raise Failure(f"the service did not answer as it should: {error} (its log is {out / 'server.log'})") from error
+    if not passed:
+        raise typer.Exit(1)

@@ -1,0 +1,141 @@
+"""`urquhart index`: stem maps cut into overlapping submaps, straight into the database."""
+
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    Task,
+    TextColumn,
+    TimeRemainingColumn,
+)
+from rich.text import Text
+
+import urquhart
+from server.commands.failure import Failure
+from server.commands.serve import open_database, settings_with
+from server.discs import MINIMUM_TREES, CuttingError
+from server.registry import ensure
+from server.schemas.collections import CollectionPut
+from server.schemas.common import check_id
+from server.stands import StandError, StandReport, cut_stand, store_stand
+from server.stem_maps import read_stem_map
+from server.store.database import Database
+
+
+def index(
+    files: Annotated[
+        list[Path], typer.Argument(metavar="FILE...", help="Stem maps: CSV with the columns x_m and y_m.")
+    ],
+    collection: Annotated[str, typer.Option(help="Collection to store in; made when it is not there.")],
+    radius: Annotated[float, typer.Option(help="Radius of a submap, metres.")],
+    spacing: Annotated[float, typer.Option(help="Distance between the centres of neighbouring submaps, metres.")],
+    database: Annotated[
+        Path | None,
+        typer.Option(help="The SQLite file. (default: URQUHART_DATABASE or urquhart.db)", show_default=False),
+    ] = None,
+) -> None:
+    """Cut stem maps into overlapping submaps and store them.
+
+    A stem map is a CSV file of trees: x_m and y_m in metres, and optionally tree_id, dbh_cm, height_m and species. Each
+    submap holds the trees within the radius of a point of a square grid, in a frame of its own, and its pose in the
+    map, whose name is that of the file. Done again, the same files change nothing.
+    """
+    settings = settings_with(database=database)
+    stem_maps = [read_stem_map(path) for path in files]
+    names = [stem_map.name for stem_map in stem_maps]
+    for name in names:
+        if names.count(name) > 1:
+            raise Failure(f"two files are called {name!r}, and their submaps would have the same ids: rename one")
+    stands = []
+    for path, stem_map in zip(files, stem_maps, strict=True):
+        try:
+            stands.append(cut_stand(stem_map, radius, spacing, settings.limits))
+        except (CuttingError, StandError) as error:
+            raise Failure(f"{path}: {error}") from error
+
+    store = open_database(settings)
+    console = Console(stderr=True)
+    reports = []
+    try:
+        ensure_collection(store, collection)
+        with console.status("loading the kernels"):  # compiled at the first use, which is no part of the rate
+            urquhart.describe(np.random.default_rng(0).uniform(0.0, 50.0, (30, 2)), urquhart.Config())
+        with progress_bar(console) as progress:
+            for path, stem_map, stand in zip(files, stem_maps, stands, strict=True):
+                task = progress.add_task(path.name, total=len(stand.discs))
+                try:
+                    reports.append(
+                        store_stand(
+                            store,
+                            collection,
+                            stem_map,
+                            stand,
+                            limits=settings.limits,
+                            advance=partial(progress.advance, task),
+                        )
+                    )
+                except StandError as error:
+                    raise Failure(f"{path}: {error}") from error
+    finally:
+        store.dispose()
+    for report in reports:
+        typer.echo(sentence(report))
+
+
+def ensure_collection(database: Database, collection: str) -> None:
+    """Make the collection when it is not there.
+
+    Raises:
+        Failure: the name is not one that a collection can have.
+    """
+    try:
+        check_id(collection)
+    except ValueError as error:
+        raise Failure(f"collection {collection!r}: {error}") from error
+    ensure(database, collection, CollectionPut())
+
+
+def sentence(report: StandReport) -> str:
+    """What became of one stem map, in a line."""
+    stand = report.cut
+    rate = f"{report.submaps / report.seconds:.0f} submaps/s" if report.seconds > 0 else ""
+    parts = [
+        f"{report.name}: {stand.trees} trees -> {report.submaps} submaps "
+        f"({report.created} new, {report.replaced} replaced, {report.unchanged} unchanged) "
+        f"in {report.seconds:.1f} s, {rate}",
+        f"{stand.skipped} grid points skipped (fewer than {MINIMUM_TREES} trees)",
+        f"{stand.merged} trees merged with a neighbour closer than 1 cm",
+    ]
+    if stand.uncovered:
+        parts.append(f"{stand.uncovered} trees in no submap")
+    if report.refused:
+        parts.append(f"{len(report.refused)} submaps refused, the first: {report.refused[0].error}")
+    return "; ".join(parts)
+
+
+class _Rate(ProgressColumn):
+    def render(self, task: Task) -> Text:
+        speed = task.finished_speed or task.speed
+        return Text("" if speed is None else f"{speed:.0f} submaps/s")
+
+
+def progress_bar(console: Console) -> Progress:
+    """A bar that counts submaps and tells the rate and the time left; it is gone when it is done."""
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        _Rate(),
+        TimeRemainingColumn(),
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,  # else it leaves an empty line in every log
+    )

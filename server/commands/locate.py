@@ -1,0 +1,158 @@
+"""`urquhart locate`: one observation, looked up in the database without a service."""
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from pydantic import ValidationError
+from rich.console import Console
+from rich.table import Table
+
+from server.catalog import Catalog
+from server.commands.db import existing_database
+from server.commands.failure import Failure
+from server.commands.serve import settings_with
+from server.lookup import answer_query
+from server.metrics import Metrics
+from server.schemas.queries import CandidateAnswer, QueryAnswer, QueryInput
+from server.stem_maps import StemMap, read_stem_map
+from server.store.codec import unpack_ids, unpack_positions
+from server.store.schema import upgrade
+from server.store.submaps import Submaps
+from urquhart import SE2, Candidate, draw_match
+
+
+def locate(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="The observation: CSV with the columns x_m and y_m.")],
+    collection: Annotated[str, typer.Option(help="Collection to look in.")],
+    svg: Annotated[
+        Path | None, typer.Option(metavar="OUT", help="Write a drawing of the best candidate's match to this file.")
+    ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the whole answer as JSON, as the service gives it.")
+    ] = False,
+    limit: Annotated[int, typer.Option(min=1, help="Most candidates to tell.")] = 5,
+    seed: Annotated[int | None, typer.Option(min=0, help="Of the random choices, for the same answer again.")] = None,
+    database: Annotated[
+        Path | None,
+        typer.Option(help="The SQLite file. (default: URQUHART_DATABASE or urquhart.db)", show_default=False),
+    ] = None,
+) -> None:
+    """Say where an observation was made.
+
+    The observation is a CSV file of trees, x_m and y_m in metres in any frame of the observer's, and optionally a
+    tree_id. The exit code is 0 for every verdict: matched, ambiguous and no_match.
+    """
+    observation = read_stem_map(file, allow_empty=True)
+    settings = settings_with(database=database)
+    store = existing_database(settings)
+    try:
+        upgrade(store)
+        catalog = Catalog(store, Metrics())
+        query = _query(observation, limit, seed, file)
+        answer = answer_query(store, catalog, Metrics(), settings.limits, collection, query)
+        if svg is not None and answer.candidates:
+            svg.write_text(_drawing(catalog, observation, answer), encoding="utf-8")
+    finally:
+        store.dispose()
+    if as_json:
+        typer.echo(answer.model_dump_json(indent=2))
+    else:
+        _print(answer)
+    if svg is not None:
+        drawn = f"drawn: {svg}" if answer.candidates else "nothing to draw: there is no candidate"
+        typer.echo(drawn, err=as_json)
+
+
+def _query(observation: StemMap, limit: int, seed: int | None, file: Path) -> QueryInput:
+    try:
+        return QueryInput(
+            xy=[(x, y) for x, y in observation.xy.tolist()], ids=list(observation.ids), limit=limit, seed=seed
+        )
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise Failure(f"{file}: tree id {first['input']!r}: {first['msg'].removeprefix('Value error, ')}") from error
+
+
+def _drawing(catalog: Catalog, observation: StemMap, answer: QueryAnswer) -> str:
+    best = answer.candidates[0]
+    with catalog.view(answer.collection) as view:
+        row = Submaps(view.session, view.collection.key).get_whole(best.submap_id)
+        if row is None:
+            raise Failure(f"submap {best.submap_id!r} was deleted meanwhile: ask again")
+        xy = unpack_positions(row.landmarks)
+        names = unpack_ids(row.landmark_ids, len(xy))
+    candidate = _candidate(best, row.key, observation.ids, names)
+    title = f"{observation.name} on {best.submap_id}: {best.inlier_count} inliers"
+    return draw_match(observation.xy, xy, candidate, title=title)
+
+
+def _candidate(shown: CandidateAnswer, key: int, query_ids: tuple[str, ...], submap_ids: list[str]) -> Candidate:
+    """The method's candidate again, from the answer's: ids become positions."""
+    query_positions = {name: position for position, name in enumerate(query_ids)}
+    submap_positions = {name: position for position, name in enumerate(submap_ids)}
+    return Candidate(
+        key=key,
+        level="quads",  # neither this, nor evidence and lead, are in the answer or in a drawing
+        evidence=shown.log_odds,
+        lead=None,
+        transform=SE2(shown.transform.x, shown.transform.y, shown.transform.yaw),
+        covariance=np.array(shown.transform.covariance, dtype=np.float64).reshape(3, 3),
+        query_indices=np.array([query_positions[pair.query] for pair in shown.inliers], dtype=np.int64),
+        submap_indices=np.array([submap_positions[pair.submap] for pair in shown.inliers], dtype=np.int64),
+        residuals=np.array([pair.residual for pair in shown.inliers], dtype=np.float64),
+        votes=shown.votes,
+        inlier_ratio=shown.inlier_ratio,
+        rms=shown.rms,
+        overlap=shown.overlap,
+        log_odds=shown.log_odds,
+        confidence=shown.confidence,
+        refused=shown.refused,
+    )
+
+
+def _print(answer: QueryAnswer) -> None:
+    console = Console()
+    console.print(f"[bold]{answer.verdict}[/bold] ({answer.reason}), {answer.landmarks} trees", highlight=False)
+    if answer.verdict == "matched":
+        best = answer.candidates[0]
+        pose, frame = (best.map_pose, best.map_pose.frame_id) if best.map_pose else (best.transform, best.submap_id)
+        console.print(
+            f"pose in {frame}: x {pose.x:.3f} m, y {pose.y:.3f} m, yaw {math.degrees(pose.yaw):.2f} deg"
+            f"{_spread(pose.covariance)}",
+            highlight=False,
+        )
+        console.print(
+            f"inliers: {best.inlier_count} of {answer.landmarks} trees, rms {best.rms:.3f} m", highlight=False
+        )
+    if not answer.candidates:
+        return
+    table = Table()
+    table.add_column("rank", justify="right")
+    table.add_column("submap")
+    for name in ("inliers", "ratio", "rms m", "overlap", "votes", "log odds", "confidence"):
+        table.add_column(name, justify="right")
+    table.add_column("refused")
+    for one in answer.candidates:
+        table.add_row(
+            str(one.rank),
+            one.submap_id,
+            str(one.inlier_count),
+            f"{one.inlier_ratio:.2f}",
+            f"{one.rms:.3f}",
+            f"{one.overlap:.2f}",
+            str(one.votes),
+            f"{one.log_odds:.1f}",
+            f"{one.confidence:.3f}",
+            one.refused or "",
+        )
+    console.print(table)
+
+
+def _spread(covariance: list[float] | None) -> str:
+    if covariance is None:
+        return ""
+    x, y, yaw = (math.sqrt(max(covariance[4 * i], 0.0)) for i in range(3))
+    return f" (one sigma {x:.3f} m, {y:.3f} m, {math.degrees(yaw):.2f} deg)"

@@ -1,0 +1,117 @@
+"""`urquhart serve`: the service on one address, in one process or several."""
+
+import errno
+import os
+import socket
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+import uvicorn
+from uvicorn.supervisors import Multiprocess
+
+from server.app import create_app
+from server.commands.failure import Failure
+from server.settings import Settings
+from server.store.database import Database
+from server.store.schema import upgrade
+
+
+def serve(
+    host: Annotated[
+        str | None, typer.Option(help="Address to listen on. (default: URQUHART_HOST or 127.0.0.1)", show_default=False)
+    ] = None,
+    port: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            max=65535,
+            help="Port to listen on, 0 for a free one. (default: URQUHART_PORT or 8420)",
+            show_default=False,
+        ),
+    ] = None,
+    database: Annotated[
+        Path | None,
+        typer.Option(
+            help="The SQLite file; made when it is not there. (default: URQUHART_DATABASE or urquhart.db)",
+            show_default=False,
+        ),
+    ] = None,
+    workers: Annotated[int, typer.Option(min=1, max=64, help="Processes that answer requests.")] = 1,
+    insecure: Annotated[
+        bool,
+        typer.Option(
+            "--insecure",
+            help="Listen on an address that other machines can reach, although the service asks for no key.",
+        ),
+    ] = False,
+) -> None:
+    """Serve the REST API.
+
+    Settings come from the environment (URQUHART_...); an option given here goes before them. The documentation of the
+    API is served at /docs.
+    """
+    settings = settings_with(host=host, port=port, database=database, insecure=insecure or None)
+    open_database(settings).dispose()  # refuses here, in one line, what would otherwise stop every worker
+    listener = bind(settings.host, settings.port)
+    address = f"[{settings.host}]" if ":" in settings.host else settings.host
+    typer.echo(f"urquhart: serving on http://{address}:{listener.getsockname()[1]} ; API at /docs, stop with Ctrl-C")
+    with listener:
+        if workers == 1:
+            uvicorn.Server(uvicorn.Config(create_app(settings), log_level="warning")).run(sockets=[listener])
+        else:
+            _serve_with(workers, settings, listener)
+
+
+def settings_with(**given: Any) -> Settings:
+    """The settings of the environment, with those that are `given` (not None) in their place."""
+    values: dict[str, Any] = {
+        name: str(value) if isinstance(value, Path) else value for name, value in given.items() if value is not None
+    }
+    return Settings(**values)
+
+
+def open_database(settings: Settings) -> Database:
+    """The database of `settings`, brought to this version's schema.
+
+    Raises:
+        DomainError: it is not a database of this service, of a newer version, cannot be read or written ...
+    """
+    database = Database(
+        settings.database_path, busy_timeout=settings.busy_timeout, read_only=settings.database_read_only
+    )
+    upgrade(database)
+    return database
+
+
+def bind(host: str, port: int) -> socket.socket:
+    """A socket bound to the address, before anything is started, so that a port in use is one line.
+
+    Raises:
+        Failure: the address cannot be bound.
+    """
+    try:
+        family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+    except socket.gaierror as error:
+        raise Failure(f"address {host!r} is not known on this machine: {error.strerror}") from error
+    listener = socket.socket(family, kind, protocol)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind(address)
+        listener.listen(2048)
+    except OSError as error:
+        listener.close()
+        if error.errno == errno.EADDRINUSE:
+            raise Failure(
+                f"port {port} of {host} is in use: stop what listens there, or choose another --port"
+            ) from error
+        raise Failure(f"cannot listen on {host}, port {port}: {error.strerror}") from error
+    return listener
+
+
+def _serve_with(workers: int, settings: Settings, listener: socket.socket) -> None:
+    # Worker processes read the settings from their environment: what was given as an option must be there.
+    for name in ("host", "port", "database", "insecure"):
+        os.environ[f"URQUHART_{name.upper()}"] = str(getattr(settings, name))
+    config = uvicorn.Config("server.app:create_app_from_env", factory=True, workers=workers, log_level="warning")
+    Multiprocess(config, [listener]).run()

@@ -1,0 +1,1 @@
+"""The demo: real forests recognised over HTTP, from an empty directory to a table of how well it went."""

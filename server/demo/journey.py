@@ -1,0 +1,187 @@
+"""The demo from end to end."""
+
+import statistics
+import time
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+import urquhart
+from server.commands.failure import Failure
+from server.commands.index import ensure_collection, progress_bar, sentence
+from server.demo.observations import RIGHT_DEGREES, RIGHT_METRES, Answer, Question, Stand, ask, judge
+from server.demo.service import running_service
+from server.settings import Limits
+from server.stands import cut_stand, store_stand
+from server.stem_maps import StemMap, read_stem_map
+from server.store.database import Database
+from server.store.schema import upgrade
+from urquhart_client import Client
+
+COLLECTION: Final = "forests"
+STANDS: Final = (
+    Stand("lansing", sensor_range=30.0, radius=30.0, spacing=20.0),
+    Stand("bei", sensor_range=50.0, radius=50.0, spacing=30.0),
+)
+FOREIGN: Final = Stand("longleaf", sensor_range=40.0)
+FOREIGN_OBSERVATIONS: Final = 10
+SHARE_RIGHT: Final = 0.95
+OUTPUT: Final = ("urquhart.db", "urquhart.db-wal", "urquhart.db-shm", "server.log", "match.svg", "tessellation.svg")
+
+
+def run(out: Path, data: Path, *, seed: int, observations: int, keep: bool) -> bool:
+    """Run the demo; True when at least 95 % of the answers are right and none is wrong.
+
+    Args:
+        out: directory for the database, the drawings and the log; made when it is not there.
+        data: directory with the stem maps.
+        observations: how many places in the database to ask about.
+        keep: leave the service running.
+
+    Raises:
+        Failure, StemMapError, DomainError: with a line that says what to do.
+    """
+    console = Console()
+    stem_maps = _read(data)
+    _clear(out)
+    rng = np.random.default_rng(seed)
+    asked = [STANDS[i % 2] for i in range(observations)] + [FOREIGN] * FOREIGN_OBSERVATIONS
+    questions = [ask(stand, stem_maps[stand.name], rng) for stand in asked]
+
+    with console.status("compiling the kernels (the first time only)"):
+        urquhart.warm_up(urquhart.Config())
+    _store(out / OUTPUT[0], stem_maps, console)
+    with running_service(out / OUTPUT[0], out / "server.log", keep=keep) as (url, pid):
+        console.print(f"service ready on {url}", highlight=False)
+        with Client(url) as client:
+            answers = _ask_all(client, questions, seed, console)
+            console.print(_table(answers))
+            passed = _summary(answers, console)
+            drawings = _draw(client, answers, out)
+    for path in drawings:
+        console.print(f"drawn: {path}", highlight=False, soft_wrap=True)
+    if keep:
+        console.print(f"still serving on {url} ; stop it with: kill {pid}", highlight=False)
+    return passed
+
+
+def _read(data: Path) -> dict[str, StemMap]:
+    names = [stand.name for stand in (*STANDS, FOREIGN)]
+    if not data.is_dir():
+        raise Failure(
+            f"{data}: no such directory; the stem maps are in the source repository (data/stem_maps), not in the "
+            "installed package: name their directory with --data"
+        )
+    return {name: read_stem_map(data / f"{name}.csv") for name in names}
+
+
+def _clear(out: Path) -> None:
+    # Only what the demo itself wrote: the directory may be one that the caller uses for other things too.
+    out.mkdir(parents=True, exist_ok=True)
+    for name in OUTPUT:
+        (out / name).unlink(missing_ok=True)
+
+
+def _store(path: Path, stem_maps: dict[str, StemMap], console: Console) -> None:
+    limits = Limits()  # the defaults: no setting of the caller's environment may change what the demo shows
+    database = Database(path)
+    try:
+        upgrade(database)
+        ensure_collection(database, COLLECTION)
+        with progress_bar(console) as progress:
+            for stand in STANDS:
+                if stand.radius is None or stand.spacing is None:
+                    continue
+                stem_map = stem_maps[stand.name]
+                cut = cut_stand(stem_map, stand.radius, stand.spacing, limits)
+                task = progress.add_task(stand.name, total=len(cut.discs))
+                report = store_stand(
+                    database,
+                    COLLECTION,
+                    stem_map,
+                    cut,
+                    limits=limits,
+                    advance=partial(progress.advance, task),
+                )
+                console.print(sentence(report), highlight=False, soft_wrap=True)
+    finally:
+        database.dispose()
+
+
+def _ask_all(client: Client, questions: Sequence[Question], seed: int, console: Console) -> list[Answer]:
+    answers = []
+    with progress_bar(console) as progress:
+        task = progress.add_task("asking", total=len(questions))
+        for question in questions:
+            began = time.perf_counter()
+            result = client.query(COLLECTION, question.xy, seed=seed)
+            answers.append(judge(question, result, 1000.0 * (time.perf_counter() - began)))
+            progress.advance(task)
+    return answers
+
+
+def _draw(client: Client, answers: Sequence[Answer], out: Path) -> list[Path]:
+    """The first right match of the first stand as the service draws it, and the submap it was found in."""
+    for answer in answers:
+        best = answer.result.best
+        if answer.right and best is not None:
+            stored = client.query(COLLECTION, answer.question.xy, store=True)
+            if stored.id is None or stored.best is None:
+                raise Failure("the service did not keep a query that it was asked to keep")
+            match, tessellation = out / "match.svg", out / "tessellation.svg"
+            match.write_text(client.match_svg(COLLECTION, stored.id, stored.best.rank), encoding="utf-8")
+            tessellation.write_text(client.tessellation_svg(COLLECTION, stored.best.submap_id), encoding="utf-8")
+            return [match, tessellation]
+    return []
+
+
+def _table(answers: Sequence[Answer]) -> Table:
+    table = Table(title="What the service says about each observation")
+    for name in ("forest", "trees", "verdict", "error m", "error °", "inliers", "ms"):
+        table.add_column(name, justify="left" if name in ("forest", "verdict") else "right", no_wrap=True)
+    for answer in answers:
+        candidates = answer.result.candidates
+        best = candidates[0] if candidates else None
+        known = answer.question.stand.radius is not None
+        table.add_row(
+            answer.question.stand.name + ("" if known else " (unknown)"),
+            str(len(answer.question.xy)),
+            answer.result.verdict,
+            "" if answer.metres is None else f"{answer.metres:.3f}",
+            "" if answer.degrees is None else f"{answer.degrees:.3f}",
+            "" if best is None else str(best.inlier_count),
+            f"{answer.milliseconds:.1f}",
+            style="bold red" if answer.wrong else "" if answer.right else "yellow",
+        )
+    return table
+
+
+def _summary(answers: Sequence[Answer], console: Console) -> bool:
+    known = [answer for answer in answers if answer.question.stand.radius is not None]
+    foreign = [answer for answer in answers if answer.question.stand.radius is None]
+    right = sum(answer.right for answer in known)
+    wrong = sum(answer.wrong for answer in known)
+    false = sum(answer.wrong for answer in foreign)
+    metres = [answer.metres for answer in known if answer.right and answer.metres is not None]
+    console.print(
+        f"in the database: {right} of {len(known)} matched and right (within {RIGHT_METRES:g} m and {RIGHT_DEGREES:g} "
+        f"degrees), {wrong} matched wrongly, {len(known) - right - wrong} undecided"
+        + (f"; median error {statistics.median(metres):.3f} m" if metres else ""),
+        highlight=False,
+        soft_wrap=True,
+    )
+    console.print(
+        f"unknown forest: {len(foreign) - false} of {len(foreign)} not matched, {false} false", highlight=False
+    )
+    times = sorted(answer.milliseconds for answer in answers)
+    console.print(
+        f"time of a query over HTTP: median {statistics.median(times):.1f} ms, longest {times[-1]:.1f} ms",
+        highlight=False,
+        soft_wrap=True,
+    )
+    return wrong == 0 and false == 0 and right >= SHARE_RIGHT * len(known)

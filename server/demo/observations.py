@@ -1,0 +1,103 @@
+"""What the demo asks: observations of mapped stands from fresh poses, and how right the answers are."""
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from server.stem_maps import StemMap
+from urquhart import SE2
+from urquhart.simulation import observe
+from urquhart_client import QueryResult
+
+RIGHT_METRES: Final = 1.0
+RIGHT_DEGREES: Final = 3.0
+ATTEMPTS: Final = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class Stand:
+    """One forest of the demo, metres.
+
+    `radius` and `spacing` cut it into submaps, None when it is not in the database; `sensor_range` is how far an
+    observer sees, and `minimum_trees` how many trees there must be in that range for a place to be asked about.
+    """
+
+    name: str
+    sensor_range: float
+    minimum_trees: int = 25
+    radius: float | None = None
+    spacing: float | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Question:
+    """An observation and the truth: `xy` (N, 2) float64, metres, observer's frame; `pose` is `map_T_observer`."""
+
+    stand: Stand
+    xy: NDArray[np.float64]
+    pose: SE2
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What came back: errors in metres and degrees where there is a pose to compare, `right` when the answer is.
+
+    For a stand in the database, right is `matched` within 1 m and 3 degrees; for another, anything but `matched`.
+    """
+
+    question: Question
+    result: QueryResult
+    milliseconds: float
+    metres: float | None
+    degrees: float | None
+    right: bool
+    wrong: bool
+
+
+def ask(stand: Stand, stem_map: StemMap, rng: np.random.Generator) -> Question:
+    """An observation from a place in the stand that has trees around it: uniform position and heading.
+
+    Each tree in range is seen with 90 to 95 % probability, and each coordinate is off by a Gaussian of 0.1 to 0.2 m.
+    """
+    low, high = stem_map.xy.min(axis=0), stem_map.xy.max(axis=0)
+    for _ in range(ATTEMPTS):
+        x, y = rng.uniform(low, high)
+        in_range = ((stem_map.xy - (x, y)) ** 2).sum(axis=1) <= stand.sensor_range**2
+        if in_range.sum() >= stand.minimum_trees:
+            pose = SE2(float(x), float(y), float(rng.uniform(0.0, 2.0 * math.pi)))
+            seen = observe(
+                stem_map.xy,
+                pose,
+                stand.sensor_range,
+                rng,
+                sigma=float(rng.uniform(0.1, 0.2)),
+                detection=float(rng.uniform(0.90, 0.95)),
+            )
+            return Question(stand, seen.xy, pose)
+    raise RuntimeError(f"{stand.name} has no place with {stand.minimum_trees} trees within {stand.sensor_range:g} m")
+
+
+def judge(question: Question, result: QueryResult, milliseconds: float) -> Answer:
+    """Compare an answer with the truth."""
+    known = question.stand.radius is not None
+    matched = result.verdict == "matched"
+    metres = degrees = None
+    best = result.best
+    if matched and known and best is not None and best.map_pose is not None:
+        pose = best.map_pose
+        if pose.frame_id == question.stand.name:
+            metres, radians = SE2(pose.x, pose.y, pose.yaw).distance(question.pose)
+            degrees = math.degrees(radians)
+    close = metres is not None and degrees is not None and metres <= RIGHT_METRES and degrees <= RIGHT_DEGREES
+    return Answer(
+        question=question,
+        result=result,
+        milliseconds=milliseconds,
+        metres=metres,
+        degrees=degrees,
+        right=close if known else not matched,
+        wrong=matched and not close,
+    )

@@ -1,0 +1,197 @@
+"""What routes ask for: the service's parts, preconditions, JSON bodies; and how they answer."""
+
+import re
+from collections.abc import Callable, Coroutine
+from dataclasses import dataclass
+from typing import Annotated, Any
+from urllib.parse import urlencode
+
+import orjson
+from fastapi import Depends, Header, Path, Request, Response
+from fastapi.routing import APIRoute
+from pydantic import BaseModel
+
+from server.catalog import Catalog
+from server.errors import MalformedBody, UnsupportedMediaType
+from server.metrics import Metrics
+from server.preconditions import Preconditions
+from server.problems import MEDIA_TYPE
+from server.readiness import Readiness
+from server.schemas.common import PROBLEM_EXAMPLE, Problem, ResourceId
+from server.settings import Settings
+from server.store.database import Database
+
+_ETAG = re.compile(r'\s*(?:W/)?"([^"]*)"\s*')
+
+
+@dataclass(frozen=True, slots=True)
+class Service:
+    """The parts of a running service."""
+
+    settings: Settings
+    database: Database
+    catalog: Catalog
+    metrics: Metrics
+    readiness: Readiness
+
+
+def get_service(request: Request) -> Service:
+    """The service that the app was built with."""
+    service: Service = request.app.state.service
+    return service
+
+
+def get_preconditions(
+    if_match: Annotated[str | None, Header(description="Only if the entity tag is this one; * for any.")] = None,
+    if_none_match: Annotated[str | None, Header(description="Only if it is not this one; * for nothing there.")] = None,
+) -> Preconditions:
+    """If-Match and If-None-Match."""
+    return Preconditions(_tags(if_match), _tags(if_none_match))
+
+
+ServiceDep = Annotated[Service, Depends(get_service)]
+PreconditionsDep = Annotated[Preconditions, Depends(get_preconditions)]
+Accept = Annotated[str | None, Header(description="Media types that the answer may have.")]
+IfNoneMatch = Annotated[str | None, Header(description="Entity tag of what the caller has; 304 when it is current.")]
+CollectionId = Annotated[
+    ResourceId,
+    Path(description="1 to 128 letters, digits, '.', '_', '~', '-'.", examples=["plots"], alias="collection"),
+]
+SubmapId = Annotated[
+    ResourceId, Path(description="1 to 128 letters, digits, '.', '_', '~', '-'.", examples=["p7"], alias="submap")
+]
+
+
+class _JsonRequest(Request):
+    async def json(self) -> Any:
+        body = await self.body()
+        try:
+            return orjson.loads(body)
+        except orjson.JSONDecodeError as error:
+            raise _Malformed(_malformed_detail(error, body)) from error
+
+
+class _Malformed(Exception):
+    """Carries the sentence past the framework, which turns other errors of the body into its own."""
+
+
+class JsonRoute(APIRoute):
+    """A route whose body is strict JSON: another content type is 415, what is not JSON 400."""
+
+    def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
+        """Wrap the framework's handler."""
+        handle = super().get_route_handler()
+        takes_body = self.body_field is not None
+
+        async def handle_json(request: Request) -> Response:
+            if not takes_body:
+                return await handle(request)
+            request = _JsonRequest(request.scope, request.receive)
+            body = await request.body()  # here, not in the framework, which would hide the body limit's error
+            if body:
+                _check_content_type(request.headers.get("content-type"))
+            try:
+                return await handle(request)
+            except Exception as error:
+                if isinstance(error.__cause__, _Malformed):
+                    raise MalformedBody(str(error.__cause__)) from error.__cause__
+                raise
+
+        return handle_json
+
+
+def json_response(
+    content: BaseModel | dict[str, Any] | bytes,
+    status: int = 200,
+    *,
+    media_type: str = "application/json",
+    headers: dict[str, str] | None = None,
+) -> Response:
+    """An answer as JSON, in which NaN and Infinity cannot occur; `next` is left out when there is none."""
+    match content:
+        case BaseModel():
+            body = content.model_dump_json(exclude=_empty_next(content)).encode()
+        case dict():
+            body = orjson.dumps(content)
+        case _:
+            body = content
+    return Response(body, status, headers=headers, media_type=media_type)
+
+
+def etag_header(etag: str) -> dict[str, str]:
+    """The header that carries an entity tag."""
+    return {"ETag": f'"{etag}"'}
+
+
+def next_link(path: str, request: Request, cursor: str) -> str:
+    """Value of the header Link for the next page of a listing."""
+    return f'<{path}?{urlencode({**request.query_params, "cursor": cursor})}>; rel="next"'
+
+
+def not_modified(if_none_match: str | None, etag: str) -> Response | None:
+    """304 when the caller has what is current, else None."""
+    tags = _tags(if_none_match)
+    if tags is not None and (etag in tags or "*" in tags):
+        return Response(status_code=304, headers=etag_header(etag))
+    return None
+
+
+def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    """Documentation of a route's error responses."""
+    described = {
+        400: "The body is not JSON.",
+        404: "Not found.",
+        405: "Method not allowed.",
+        406: "Not acceptable.",
+        409: "Conflict with what is stored.",
+        410: "No longer kept.",
+        412: "A precondition does not hold.",
+        413: "A limit is exceeded.",
+        415: "The body is not sent as JSON.",
+        422: "The request is not valid.",
+        500: "Internal error.",
+        503: "Not ready, or the database is busy or cannot be written.",
+        507: "The disk is full.",
+    }
+    return {
+        status: {
+            "description": described[status],
+            "content": {
+                MEDIA_TYPE: {
+                    "schema": {"$ref": f"#/components/schemas/{Problem.__name__}"},
+                    "example": PROBLEM_EXAMPLE | {"status": status},
+                }
+            },
+        }
+        for status in (*statuses, 500)
+    }
+
+
+def _empty_next(content: BaseModel) -> set[str] | None:
+    return {"next"} if getattr(content, "next", "") is None else None
+
+
+def _tags(header: str | None) -> tuple[str, ...] | None:
+    if header is None:
+        return None
+    if header.strip() == "*":
+        return ("*",)
+    return tuple(match.group(1) if (match := _ETAG.fullmatch(part)) else part.strip() for part in header.split(","))
+
+
+def _check_content_type(content_type: str | None) -> None:
+    name, *parameters = (part.strip().lower() for part in (content_type or "").split(";"))
+    if name != "application/json":
+        shown = "nothing" if not name else name[:100]
+        raise UnsupportedMediaType(f"Content-Type says {shown}; send JSON with Content-Type: application/json.")
+    for parameter in parameters:
+        if parameter.startswith("charset=") and parameter[8:].strip('"') not in {"utf-8", "utf8"}:
+            raise UnsupportedMediaType("JSON is sent in UTF-8; leave the charset out.")
+
+
+def _malformed_detail(error: orjson.JSONDecodeError, body: bytes) -> str:
+    where = f"line {error.lineno}, column {error.colno}"
+    around = body[max(error.pos - 1, 0) : error.pos + 9].lstrip(b"-").lower()
+    if around.startswith((b"nan", b"inf")) or b"nan" in around or b"infinity" in around:
+        return f"JSON has no NaN or Infinity ({where}); leave such landmarks out."
+    return f"The body is not JSON: {error.msg.split(': line')[0]} ({where})."

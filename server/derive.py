@@ -1,0 +1,39 @@
+"""What is read from the store for the method: configurations, and features, made again where they cannot be used."""
+
+import logging
+
+import numpy as np
+
+import urquhart
+from server.errors import StorageUnavailable
+from server.store.codec import unpack_positions
+from server.store.tables import CollectionRow
+from urquhart import Config, ConfigError, Features, FeaturesError
+
+_log = logging.getLogger(__name__)
+
+
+def config_of(collection: CollectionRow) -> Config:
+    """The configuration of a stored collection. Raises StorageUnavailable for one that this version cannot use."""
+    try:
+        return Config.from_dict(collection.config)
+    except ConfigError as error:
+        raise StorageUnavailable(
+            f"The configuration of the collection {collection.id!r} is of another version of the service: {error}"
+        ) from error
+
+
+def features_of(blob: bytes, landmarks: bytes, config: Config) -> Features:
+    """Features of a stored submap: unpacked, or described again when they are damaged or of another version.
+
+    The second case is logged; `urquhart db check` finds the rows.
+    """
+    try:
+        features = Features.unpack(blob)
+        if features.fingerprint == config.fingerprint():
+            return features
+        reason = f"they were made with {features.fingerprint}"
+    except FeaturesError as error:
+        reason = str(error)
+    _log.warning("stored features cannot be used (%s); describing the landmarks again", reason)
+    return urquhart.describe(np.array(unpack_positions(landmarks)), config)

@@ -1,0 +1,149 @@
+"""A stem map cut into overlapping discs: the submaps of a mapped stand."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from server.stem_maps import StemMap
+
+MERGE_DISTANCE: Final = 0.01
+"""Metres. Trees closer than this are one tree recorded twice, or two that no sensor tells apart."""
+MINIMUM_TREES: Final = 10
+"""A disc with fewer trees has nothing to be recognised by."""
+MAXIMUM_DISCS: Final = 1_000_000
+
+
+class CuttingError(ValueError):
+    """A radius and a spacing that do not fit the stem map. The message is one line that says what to change."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Disc:
+    """The trees of a stem map within a radius of `centre`, in the disc's own frame: origin at `centre`, the map's axes.
+
+    Attributes:
+        submap_id: `<map>-<column>-<row>`, numbers padded with zeros.
+        centre: metres, map frame; with yaw 0 the pose of the disc in the map.
+        tree_indices: (N,) int64, positions in the stem map.
+        xy: (N, 2) float64, metres, disc frame.
+    """
+
+    submap_id: str
+    centre: tuple[float, float]
+    tree_indices: NDArray[np.int64]
+    xy: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Cut:
+    """How a stem map is cut, and what is not in any disc.
+
+    Attributes:
+        trees: trees in the file.
+        merged: trees left out because another is within `MERGE_DISTANCE`; the first in the file stays.
+        uncovered: trees, of those that stay, that are in no disc.
+        columns, rows: size of the grid of centres.
+        skipped: grid points without a disc, because fewer than the minimum of trees are there.
+        discs: the discs, by column, then by row.
+    """
+
+    trees: int
+    merged: int
+    uncovered: int
+    columns: int
+    rows: int
+    skipped: int
+    discs: tuple[Disc, ...]
+
+
+def cut(
+    stem_map: StemMap, radius: float, spacing: float, *, minimum_trees: int = MINIMUM_TREES, maximum_trees: int = 20_000
+) -> Cut:
+    """Cut `stem_map` into discs of `radius` metres, centred on a square grid `spacing` metres apart.
+
+    The grid is centred on the map's extent and no centre lies outside it. With `radius >= spacing / sqrt(2)` every tree
+    is within reach of at least one grid point.
+
+    Raises:
+        CuttingError: radius or spacing is not a positive number, the grid has more than `MAXIMUM_DISCS` points, a disc
+            holds more than `maximum_trees`, or none holds `minimum_trees`.
+    """
+    for name, value in (("radius", radius), ("spacing", spacing)):
+        if not (np.isfinite(value) and value > 0):
+            raise CuttingError(f"the {name} must be a positive number of metres, not {value:g}")
+    kept = merge(stem_map.xy)
+    xy = stem_map.xy[kept]
+    xs, ys = (_centres(xy[:, axis], spacing) for axis in (0, 1))
+    if len(xs) * len(ys) > MAXIMUM_DISCS:
+        width, height = np.ptp(xy, axis=0)
+        raise CuttingError(
+            f"a spacing of {spacing:g} m over {width:.0f} x {height:.0f} m makes {len(xs) * len(ys)} discs, more than "
+            f"{MAXIMUM_DISCS}: make the spacing larger, or look for a tree far outside the stand"
+        )
+    discs: list[Disc] = []
+    covered = np.zeros(len(xy), dtype=bool)
+    for column, row, centre, members in _members(xy, xs, ys, radius):
+        if len(members) < minimum_trees:
+            continue
+        if len(members) > maximum_trees:
+            raise CuttingError(
+                f"{len(members)} trees within {radius:g} m, more than {maximum_trees}: make the radius smaller"
+            )
+        covered[members] = True
+        digits = [len(str(count - 1)) for count in (len(xs), len(ys))]
+        discs.append(
+            Disc(
+                submap_id=f"{stem_map.name}-{column:0{digits[0]}d}-{row:0{digits[1]}d}",
+                centre=(float(centre[0]), float(centre[1])),
+                tree_indices=kept[members],
+                xy=xy[members] - centre,
+            )
+        )
+    if not discs:
+        raise CuttingError(f"no disc of {radius:g} m holds {minimum_trees} trees: make the radius larger")
+    return Cut(
+        trees=len(stem_map),
+        merged=len(stem_map) - len(kept),
+        uncovered=int((~covered).sum()),
+        columns=len(xs),
+        rows=len(ys),
+        skipped=len(xs) * len(ys) - len(discs),
+        discs=tuple(discs),
+    )
+
+
+def merge(xy: NDArray[np.float64], distance: float = MERGE_DISTANCE) -> NDArray[np.int64]:
+    """Thin `xy` (N, 2), metres: each tree gives way to an earlier one within `distance` metres.
+
+    Returns the positions of those that stay, (K,) int64, ascending.
+    """
+    keep = np.ones(len(xy), dtype=bool)
+    pairs = cKDTree(xy).query_pairs(distance, output_type="ndarray")
+    # By the later tree: when its turn comes, it is known which of the earlier ones stay.
+    for earlier, later in pairs[np.lexsort((pairs[:, 0], pairs[:, 1]))]:
+        if keep[earlier]:
+            keep[later] = False
+    return np.flatnonzero(keep).astype(np.int64)
+
+
+def _centres(coordinates: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
+    low, extent = coordinates.min(), np.ptp(coordinates)
+    count = int(extent // spacing) + 1
+    if count > MAXIMUM_DISCS:  # not even the numbers: they may not fit in memory
+        return np.broadcast_to(np.float64(low), (count,))
+    margin = (extent - (count - 1) * spacing) / 2
+    return np.asarray(low + margin + spacing * np.arange(count), dtype=np.float64)
+
+
+def _members(
+    xy: NDArray[np.float64], xs: NDArray[np.float64], ys: NDArray[np.float64], radius: float
+) -> Iterator[tuple[int, int, NDArray[np.float64], NDArray[np.int64]]]:
+    tree = cKDTree(xy)
+    for column, x in enumerate(xs):
+        centres = np.column_stack([np.full(len(ys), x), ys])
+        for row, members in enumerate(tree.query_ball_point(centres, radius, return_sorted=True)):
+            yield column, row, centres[row], np.asarray(members, dtype=np.int64)

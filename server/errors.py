@@ -1,0 +1,123 @@
+"""What can go wrong, in the words of the domain; `problems.py` alone knows which HTTP status each becomes."""
+
+from collections.abc import Sequence
+
+
+class DomainError(Exception):
+    """Base of all errors that are meant for the caller; `str(error)` is a sentence that says what to do."""
+
+
+class NotFound(DomainError):
+    """There is no such collection, submap or query."""
+
+    def __init__(self, kind: str, name: str) -> None:
+        super().__init__(f"There is no {kind} {name!r} here.")
+        self.kind = kind
+        self.name = name
+
+
+class Gone(DomainError):
+    """It existed, and is no longer kept."""
+
+
+class Conflict(DomainError):
+    """The request contradicts what is stored."""
+
+
+class PreconditionFailed(DomainError):
+    """If-Match or If-None-Match does not hold; `etag` is the current one, None when there is nothing."""
+
+    def __init__(self, message: str, etag: str | None) -> None:
+        super().__init__(message)
+        self.etag = etag
+
+
+class TooLarge(DomainError):
+    """A limit was exceeded. `limit` is its name in `GET /v1/limits`."""
+
+    def __init__(self, limit: str, allowed: int, got: int | None, advice: str) -> None:
+        size = "more than that was sent" if got is None else f"{got} were sent"
+        super().__init__(f"The limit {limit} is {allowed}, and {size}. {advice}")
+        self.limit = limit
+        self.allowed = allowed
+        self.got = got
+
+
+class NotAcceptable(DomainError):
+    """None of the media types in Accept can be produced."""
+
+    def __init__(self, message: str, offered: Sequence[str]) -> None:
+        super().__init__(message)
+        self.offered = tuple(offered)
+
+
+class UnsupportedMediaType(DomainError):
+    """The body is of a media type that this route does not read."""
+
+
+class MalformedBody(DomainError):
+    """The body is not JSON."""
+
+
+class InvalidField(DomainError):
+    """One field's value cannot be used. `pointer` is a JSON pointer into the body, or `parameter` names a parameter."""
+
+    def __init__(self, message: str, *, code: str, pointer: str | None = None, parameter: str | None = None) -> None:
+        super().__init__(message)
+        self.code = code
+        self.pointer = pointer
+        self.parameter = parameter
+
+
+class InvalidLandmarks(DomainError):
+    """The landmarks cannot be used. `indices` are the offending positions, when known."""
+
+    def __init__(self, pointer: str, code: str, message: str, indices: Sequence[int]) -> None:
+        super().__init__(message)
+        self.pointer = pointer
+        self.code = code
+        self.indices = tuple(indices)
+
+
+class NotReady(DomainError):
+    """The service is starting; `check` names what is still open."""
+
+    def __init__(self, check: str, detail: str) -> None:
+        super().__init__(f"The check {check} is not passed yet: {detail}.")
+        self.check = check
+
+
+class StorageError(DomainError):
+    """The database cannot do what was asked; nothing of the request was kept."""
+
+
+class StorageFull(StorageError):
+    """The disk is full."""
+
+
+class StorageReadOnly(StorageError):
+    """The database file or its disk cannot be written."""
+
+
+class StorageBusy(StorageError):
+    """Another writer held the database for longer than the busy timeout."""
+
+
+class StorageDamaged(StorageError):
+    """SQLite finds the file malformed."""
+
+
+class StorageUnavailable(StorageError):
+    """The file cannot be opened or read."""
+
+
+class NotADatabase(StorageError):
+    """The file is something else than a database of this service."""
+
+
+class DatabaseTooNew(StorageError):
+    """The file was written by a newer version of the service."""
+
+
+class DatabaseNotUpgraded(StorageError):
+    """The file is of an older version and cannot be upgraded here, or was not."""

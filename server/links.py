@@ -1,0 +1,35 @@
+"""Paths of the resources, for links in answers."""
+
+from urllib.parse import quote
+
+ROOT = "/v1"
+
+
+def collection(collection_id: str) -> str:
+    """Path of a collection."""
+    return f"{ROOT}/collections/{quote(collection_id, safe='')}"
+
+
+def submaps(collection_id: str) -> str:
+    """Path of a collection's submaps."""
+    return f"{collection(collection_id)}/submaps"
+
+
+def submap(collection_id: str, submap_id: str) -> str:
+    """Path of a submap."""
+    return f"{submaps(collection_id)}/{quote(submap_id, safe='')}"
+
+
+def queries(collection_id: str) -> str:
+    """Path of a collection's queries."""
+    return f"{collection(collection_id)}/queries"
+
+
+def query(collection_id: str, number: int) -> str:
+    """Path of a stored query."""
+    return f"{queries(collection_id)}/{number}"
+
+
+def match(collection_id: str, number: int, rank: int) -> str:
+    """Path of the drawing of a stored query's candidate."""
+    return f"{query(collection_id, number)}/candidates/{rank}/match"

@@ -1,0 +1,130 @@
+"""What happens to every request before it is routed: an id, a limit on its body, a count and a time."""
+
+import logging
+import re
+import secrets
+import time
+from collections.abc import Mapping
+
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.requests import ClientDisconnect
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from server.errors import TooLarge
+from server.metrics import Metrics
+from server.problems import domain_problem, internal_problem
+
+_log = logging.getLogger("server")
+_GIVEN_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
+# An answer that is sent while the caller still sends may be lost to a reset, so a body that is over the limit is read
+# on for a while.
+_PATIENCE = 4
+
+
+class RequestContext:
+    """Gives each request an id (the caller's X-Request-Id, if it is a plain one), counts it, and answers HEAD as GET.
+
+    An exception that nothing handled is logged here with the id and answered as a problem.
+    """
+
+    def __init__(self, app: ASGIApp, metrics: Metrics) -> None:
+        self._app = app
+        self._metrics = metrics
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """ASGI."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        given = Headers(scope=scope).get("x-request-id", "")
+        request_id = given if _GIVEN_ID.fullmatch(given) else secrets.token_hex(8)
+        method = scope["method"]
+        # A copy of the state: that of the lifespan is shared by all requests.
+        scope = {**scope, "state": {**scope.get("state", {}), "request_id": request_id}}
+        if method == "HEAD":
+            scope["method"] = "GET"
+        status = 500
+        started = time.perf_counter()
+
+        async def send_with_id(message: Message) -> None:
+            nonlocal status
+            if message["type"] == "http.response.start":
+                status = message["status"]
+                MutableHeaders(scope=message)["X-Request-Id"] = request_id
+            elif message["type"] == "http.response.body" and method == "HEAD":
+                message = {**message, "body": b""}
+            await send(message)
+
+        begun = False
+
+        async def send_noting(message: Message) -> None:
+            nonlocal begun
+            begun = begun or message["type"] == "http.response.start"
+            await send_with_id(message)
+
+        try:
+            await self._app(scope, receive, send_noting)
+        except ClientDisconnect:
+            status = 499  # as others log a caller that went away; nobody is left to be answered
+        except Exception:
+            _log.exception("request %s: %s %s failed", request_id, method, scope["path"])
+            if begun:
+                raise
+            await internal_problem(scope)(scope, receive, send_with_id)
+        finally:
+            route = getattr(scope.get("route"), "path", "unmatched")
+            labelled = method if method in _METHODS else "other"
+            self._metrics.requests.labels(route, labelled, str(status)).inc()
+            self._metrics.request_seconds.labels(route, labelled).observe(time.perf_counter() - started)
+
+
+class BodyLimit:
+    """Refuses bodies over the limit, by Content-Length before a byte is read, and by count while they stream in."""
+
+    def __init__(self, app: ASGIApp, limit: int) -> None:
+        self._app = app
+        self._limit = limit
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """ASGI."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        headers = Headers(scope=scope)
+        declared = _declared_length(headers)
+        if declared is not None and declared > self._limit:
+            if headers.get("expect", "").lower() != "100-continue":
+                await self._drain(receive, 0)
+            await domain_problem(self._too_large(declared), scope)(scope, receive, send)
+            return
+        received = 0
+
+        async def counted() -> Message:
+            nonlocal received
+            message = await receive()
+            received += len(message.get("body", b""))
+            if received > self._limit:
+                if message.get("more_body", False):
+                    await self._drain(receive, received)
+                raise self._too_large(None)
+            return message
+
+        await self._app(scope, counted, send)
+
+    async def _drain(self, receive: Receive, received: int) -> None:
+        while received <= _PATIENCE * self._limit:
+            message = await receive()
+            received += len(message.get("body", b""))
+            if message["type"] != "http.request" or not message.get("more_body", False):
+                return
+
+    def _too_large(self, got: int | None) -> TooLarge:
+        return TooLarge("body_bytes", self._limit, got, "Send fewer landmarks at a time.")
+
+
+_METHODS = frozenset({"GET", "HEAD", "PUT", "POST", "PATCH", "DELETE", "OPTIONS"})
+
+
+def _declared_length(headers: Mapping[str, str]) -> int | None:
+    length = headers.get("content-length", "")
+    return int(length) if length.isascii() and length.isdigit() else None

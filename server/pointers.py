@@ -1,0 +1,61 @@
+"""Validation errors as JSON pointers (RFC 6901) with sentences that say what to do."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+_MOST = 20
+_SENTENCES: Mapping[str, str] = {
+    "missing": "is required",
+    "extra_forbidden": "is not a field of this request; check its spelling or leave it out",
+    "float_type": "must be a JSON number, not a string, boolean or null",
+    "int_type": "must be a JSON integer",
+    "bool_type": "must be true or false",
+    "string_type": "must be a string",
+    "list_type": "must be an array",
+    "tuple_type": "must be an array",
+    "dict_type": "must be an object",
+    "model_type": "must be an object",
+    "model_attributes_type": "must be an object",
+    "finite_number": "must be a finite number",
+    "int_from_float": "must be a whole number",
+}
+
+
+def pointer(parts: Sequence[str | int]) -> str:
+    """JSON pointer of a path into a document."""
+    return "".join(f"/{_escape(str(part))}" for part in parts)
+
+
+def field_problems(found: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Entries for `errors`, the first of them when there are very many; the caller's values are not echoed."""
+    entries = []
+    for one in found[:_MOST]:
+        source, *parts = one["loc"]
+        entry: dict[str, Any] = {"code": one["type"], "detail": _sentence(one)}
+        if source == "body":
+            entry = {"pointer": pointer(parts)} | entry
+        else:
+            entry = {"parameter": str(parts[0]) if parts else str(source)} | entry
+        entries.append(entry)
+    return entries
+
+
+def _sentence(error: Mapping[str, Any]) -> str:
+    kind, context = error["type"], error.get("ctx") or {}
+    if kind == "missing" and tuple(error["loc"]) == ("body",):
+        return "a body is required: send a JSON object"
+    if kind in _SENTENCES:
+        return _SENTENCES[kind]
+    if (kind == "too_long" and context.get("field_type") == "Tuple") or kind == "too_short":
+        return (
+            f"must have {context.get('max_length', context.get('min_length'))} entries, not {context['actual_length']}"
+        )
+    if kind == "value_error" and "error" in context:
+        return str(context["error"])
+    message: str = error["msg"]
+    return message[:1].lower() + message[1:]
+
+
+def _escape(part: str) -> str:
+    short = part if len(part) <= 100 else f"{part[:100]}..."
+    return short.replace("~", "~0").replace("/", "~1")

@@ -1,0 +1,18 @@
+"""What the service says of itself: limits, retention, versions."""
+
+from server.schemas.system import LimitsAnswer, Retention, Versions
+from server.settings import Settings
+from server.store.schema import expected_revision
+from server.version import service_version
+
+
+def limits(settings: Settings) -> LimitsAnswer:
+    """Sizes that requests are held to, under the names that a refusal gives."""
+    sizes = settings.limits.model_dump()
+    kept = sizes.pop("stored_queries")
+    return LimitsAnswer(
+        limits=sizes,
+        rates={},
+        retention=Retention(stored_queries=kept),
+        versions=Versions(service=service_version(), api="v1", schema=expected_revision()),
+    )

@@ -1,0 +1,38 @@
+"""What has to be done before the service is ready, and how far it is."""
+
+import threading
+from collections.abc import Mapping
+
+from server.errors import NotReady
+
+CHECKS = ("migrations", "kernels", "index")
+
+
+class Readiness:
+    """Named checks, each open with a sentence or passed. Thread-safe."""
+
+    def __init__(self) -> None:
+        self._open = dict.fromkeys(CHECKS, "waiting")
+        self._guard = threading.Lock()
+
+    def report(self, check: str, state: str) -> None:
+        """Say how far an open check is."""
+        with self._guard:
+            self._open[check] = state
+
+    def passed(self, check: str) -> None:
+        """The check is passed."""
+        with self._guard:
+            self._open.pop(check, None)
+
+    def states(self) -> Mapping[str, str]:
+        """All checks with "ok" or what is open, in the order in which they are passed; "shutdown" first if any."""
+        with self._guard:
+            extra = {name: state for name, state in self._open.items() if name not in CHECKS}
+            return extra | {name: self._open.get(name, "ok") for name in CHECKS}
+
+    def require(self) -> None:
+        """Raise NotReady, naming the first open check."""
+        for name, state in self.states().items():
+            if state != "ok":
+                raise NotReady(name, state)

@@ -1,0 +1,193 @@
+"""Collections: made, read, changed, dropped."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from sqlalchemy.orm import Session
+
+from server import links
+from server.derive import config_of
+from server.errors import Conflict, InvalidField, NotFound
+from server.geo import check_crs
+from server.paging import page_size, read_cursor, write_cursor
+from server.preconditions import ANYTHING, Preconditions
+from server.schemas.collections import (
+    Collection,
+    CollectionLinks,
+    CollectionPage,
+    CollectionPatch,
+    CollectionPut,
+    CollectionSummary,
+    Extent,
+    SpatialExtent,
+)
+from server.schemas.common import Counts
+from server.settings import Limits
+from server.store.collections import Collections
+from server.store.database import Database
+from server.store.tables import CollectionRow
+from urquhart import Config, ConfigError
+
+
+@dataclass(frozen=True, slots=True)
+class Ensured:
+    """A collection that is there now."""
+
+    collection: Collection
+    etag: str
+    created: bool
+
+
+def ensure(database: Database, collection_id: str, body: CollectionPut) -> Ensured:
+    """Make a collection, or find it there with what the body says.
+
+    Fields that the body leaves out have no opinion. Raises Conflict when the collection differs in one that is given,
+    and InvalidField for a configuration or CRS that cannot be used.
+    """
+    config = read_config(body.config)
+    if body.crs is not None:
+        check_crs(body.crs)
+    with database.read() as session:
+        row = Collections(session).get(collection_id)
+        if row is not None:
+            _must_agree(row, body, config)
+            return Ensured(_full(session, row), etag_of(row), created=False)
+    with database.write() as session:
+        collections = Collections(session)
+        row = collections.get(collection_id)
+        created = row is None
+        if row is None:
+            row = collections.create(
+                collection_id,
+                title=body.title,
+                config=config.to_dict(),
+                fingerprint=config.fingerprint(),
+                crs=body.crs,
+                origin=body.origin,
+            )
+        else:
+            _must_agree(row, body, config)
+        return Ensured(_full(session, row), etag_of(row), created)
+
+
+def read(database: Database, collection_id: str) -> tuple[Collection, str]:
+    """A collection and its entity tag. Raises NotFound."""
+    with database.read() as session:
+        row = get_collection(session, collection_id)
+        return _full(session, row), etag_of(row)
+
+
+def page(database: Database, limits: Limits, limit: int | None, cursor: str | None) -> CollectionPage:
+    """A page of collections, oldest first. Raises InvalidField."""
+    size = page_size(limit, limits)
+    with database.read() as session:
+        rows = Collections(session).page(after_key=read_cursor("collections", cursor), limit=size + 1)
+    more = len(rows) > size
+    return CollectionPage(
+        collections=[CollectionSummary(**_summary(row)) for row in rows[:size]],
+        next=write_cursor("collections", rows[size - 1].key) if more else None,
+    )
+
+
+def patch(
+    database: Database, collection_id: str, body: CollectionPatch, preconditions: Preconditions = ANYTHING
+) -> tuple[Collection, str]:
+    """Change title, crs or origin. Raises NotFound, Conflict (the configuration stays), InvalidField."""
+    given = body.model_fields_set
+    if "crs" in given and body.crs is not None:
+        check_crs(body.crs)
+    config = read_config(body.config)
+    with database.write() as session:
+        row = get_collection(session, collection_id)
+        preconditions.check(etag_of(row))
+        if "config" in given and config != config_of(row):
+            raise _other_config(row.id)
+        before = (row.title, row.crs, row.origin_x, row.origin_y)
+        if "title" in given:
+            row.title = body.title
+        if "crs" in given:
+            row.crs = body.crs
+        if "origin" in given:
+            row.origin_x, row.origin_y = body.origin or (None, None)
+        if (row.title, row.crs, row.origin_x, row.origin_y) != before:
+            session.flush()
+            Collections(session).advance(row.key)
+            session.refresh(row)
+        return _full(session, row), etag_of(row)
+
+
+def delete(database: Database, collection_id: str, preconditions: Preconditions = ANYTHING) -> None:
+    """Drop a collection with everything in it. Raises NotFound and PreconditionFailed."""
+    with database.write() as session:
+        row = get_collection(session, collection_id)
+        preconditions.check(etag_of(row))
+        Collections(session).delete(row.key)
+
+
+def get_collection(session: Session, collection_id: str) -> CollectionRow:
+    """The collection, or NotFound."""
+    row = Collections(session).get(collection_id)
+    if row is None:
+        raise NotFound("collection", collection_id)
+    return row
+
+
+def etag_of(row: CollectionRow) -> str:
+    """Entity tag of a collection: every write moves its revision, and no key comes twice."""
+    return f"{row.key}-{row.revision}"
+
+
+def read_config(values: dict[str, Any] | None) -> Config:
+    """The method's configuration. Raises InvalidField."""
+    try:
+        return Config.from_dict(values or {})
+    except ConfigError as error:
+        raise InvalidField(str(error)[:500], code="config", pointer="/config") from error
+
+
+def _must_agree(row: CollectionRow, body: CollectionPut, config: Config) -> None:
+    if body.config is not None and config != config_of(row):
+        raise _other_config(row.id)
+    origin = None if row.origin_x is None else (row.origin_x, row.origin_y)
+    for name, wanted, stored in (
+        ("title", body.title, row.title),
+        ("crs", body.crs, row.crs),
+        ("origin", body.origin, origin),
+    ):
+        if wanted is not None and wanted != stored:
+            raise Conflict(f"The collection {row.id!r} exists with another {name}; change it by PATCH.")
+
+
+def _other_config(collection_id: str) -> Conflict:
+    return Conflict(
+        f"The collection {collection_id!r} exists with another configuration, which its features are made with. "
+        "Take another id for this one, or delete the collection first."
+    )
+
+
+def _summary(row: CollectionRow) -> dict[str, Any]:
+    return {
+        "id": row.id,
+        "title": row.title,
+        "crs": row.crs,
+        "origin": None if row.origin_x is None or row.origin_y is None else (row.origin_x, row.origin_y),
+        "fingerprint": row.fingerprint,
+        "revision": row.revision,
+        "counts": Counts(submaps=row.submap_count, landmarks=row.landmark_count, polygons=row.polygon_count),
+        "created": row.created,
+        "updated": row.updated,
+        "links": CollectionLinks(
+            self=links.collection(row.id), submaps=links.submaps(row.id), queries=links.queries(row.id)
+        ),
+    }
+
+
+def _full(session: Session, row: CollectionRow) -> Collection:
+    collections = Collections(session)
+    spatial = [
+        SpatialExtent(frame_id=extent.frame_id, bbox=(extent.min_x, extent.min_y, extent.max_x, extent.max_y))
+        for extent in collections.extents(row.key)
+    ]
+    return Collection(
+        **_summary(row), config=row.config, extent=Extent(spatial=spatial, temporal=collections.interval(row.key))
+    )

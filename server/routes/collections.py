@@ -1,0 +1,121 @@
+"""Collections."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Request, Response
+
+from server import links, registry
+from server.dependencies import (
+    CollectionId,
+    IfNoneMatch,
+    JsonRoute,
+    PreconditionsDep,
+    ServiceDep,
+    etag_header,
+    json_response,
+    next_link,
+    not_modified,
+    problems,
+)
+from server.schemas.collections import (
+    COLLECTION_EXAMPLE,
+    Collection,
+    CollectionPage,
+    CollectionPatch,
+    CollectionPut,
+)
+
+router = APIRouter(route_class=JsonRoute, tags=["collections"])
+_PATH = "/v1/collections/{collection}"
+_EXAMPLE = {"content": {"application/json": {"example": COLLECTION_EXAMPLE}}}
+_SUMMARY = {name: value for name, value in COLLECTION_EXAMPLE.items() if name not in {"config", "extent"}}
+
+
+@router.get(
+    "/v1/collections",
+    operation_id="listCollections",
+    summary="List the collections",
+    response_model=CollectionPage,
+    responses={
+        200: {
+            "content": {"application/json": {"example": {"collections": [_SUMMARY], "next": "WyJjb2xsZWN0aW9ucyIsMV0"}}}
+        },
+        **problems(422, 503),
+    },
+)
+def list_collections(
+    request: Request,
+    service: ServiceDep,
+    limit: Annotated[int | None, Query(description="Rows of the page, at most 1000.", examples=[100])] = None,
+    cursor: Annotated[str | None, Query(description="`next` of the page before.")] = None,
+) -> Response:
+    """In the order in which they were made; `next` is not there on the last page."""
+    page = registry.page(service.database, service.settings.limits, limit, cursor)
+    headers = {} if page.next is None else {"Link": next_link("/v1/collections", request, page.next)}
+    return json_response(page, headers=headers)
+
+
+@router.put(
+    _PATH,
+    operation_id="putCollection",
+    summary="Make a collection",
+    response_model=Collection,
+    responses={
+        200: {"description": "It was there already, and agrees.", **_EXAMPLE},
+        201: {"description": "It was made.", "model": Collection, **_EXAMPLE},
+        **problems(400, 409, 413, 415, 422, 503, 507),
+    },
+)
+def put_collection(collection: CollectionId, body: CollectionPut, service: ServiceDep) -> Response:
+    """Make it, or find it there. What the body leaves out has no opinion, so `{}` only asks that it exists.
+
+    409 when it exists and differs in something that is given.
+    """
+    ensured = registry.ensure(service.database, collection, body)
+    headers = etag_header(ensured.etag)
+    if ensured.created:
+        headers["Location"] = links.collection(collection)
+    return json_response(ensured.collection, 201 if ensured.created else 200, headers=headers)
+
+
+@router.get(
+    _PATH,
+    operation_id="getCollection",
+    summary="Read a collection",
+    response_model=Collection,
+    responses={200: _EXAMPLE, 304: {"description": "Not modified."}, **problems(404, 422, 503)},
+)
+def get_collection(collection: CollectionId, service: ServiceDep, if_none_match: IfNoneMatch = None) -> Response:
+    """Configuration, fingerprint, counts, extent and revision."""
+    found, etag = registry.read(service.database, collection)
+    return not_modified(if_none_match, etag) or json_response(found, headers=etag_header(etag))
+
+
+@router.patch(
+    _PATH,
+    operation_id="patchCollection",
+    summary="Change a collection",
+    response_model=Collection,
+    responses={200: _EXAMPLE, **problems(400, 404, 409, 412, 413, 415, 422, 503, 507)},
+)
+def patch_collection(
+    collection: CollectionId, body: CollectionPatch, service: ServiceDep, preconditions: PreconditionsDep
+) -> Response:
+    """Title, crs and origin; null clears, what is left out stays. The configuration cannot be changed (409)."""
+    changed, etag = registry.patch(service.database, collection, body, preconditions)
+    return json_response(changed, headers=etag_header(etag))
+
+
+@router.delete(
+    _PATH,
+    operation_id="deleteCollection",
+    summary="Delete a collection",
+    status_code=204,
+    response_class=Response,
+    responses=problems(404, 412, 422, 503, 507),
+)
+def delete_collection(collection: CollectionId, service: ServiceDep, preconditions: PreconditionsDep) -> Response:
+    """With everything in it."""
+    registry.delete(service.database, collection, preconditions)
+    service.catalog.forget(collection)
+    return Response(status_code=204)

@@ -1,0 +1,74 @@
+"""Pages for people, each also JSON: the landing page and the explanations of problems."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Path, Request, Response
+
+from server import pages, registry
+from server.dependencies import Accept, ServiceDep, json_response, problems
+from server.errors import NotFound
+from server.negotiation import HTML, JSON, choose
+from server.problems import KINDS
+
+router = APIRouter(tags=["pages"])
+
+
+@router.get(
+    "/",
+    operation_id="getLandingPage",
+    summary="Landing page",
+    responses={
+        200: {
+            "content": {
+                JSON: {"schema": {"type": "object"}, "example": {"title": "Urquhart", "collections": []}},
+                HTML: {"schema": {"type": "string"}, "example": "<!doctype html>"},
+            }
+        },
+        **problems(406, 503),
+    },
+    response_class=Response,
+)
+def landing_page(request: Request, service: ServiceDep, accept: Accept = None) -> Response:
+    """What is here, and the first calls to make; HTML or JSON by Accept."""
+    media_type = choose(accept, [JSON, HTML])
+    page = registry.page(service.database, service.settings.limits, None, None)
+    docs = service.settings.docs_url or "/docs"
+    headers = {"Vary": "Accept"}
+    if media_type == HTML:
+        return Response(
+            pages.landing_html(page, docs, str(request.base_url).rstrip("/")), media_type=HTML, headers=headers
+        )
+    return json_response(pages.landing_json(page, docs), headers=headers)
+
+
+@router.get(
+    "/problems/{slug}",
+    operation_id="getProblem",
+    summary="What a problem type means",
+    responses={
+        200: {
+            "content": {
+                JSON: {
+                    "schema": {"type": "object"},
+                    "example": {"type": "/problems/gone", "title": "Gone", "status": 410, "about": "No longer kept."},
+                },
+                HTML: {"schema": {"type": "string"}, "example": "<!doctype html>"},
+            }
+        },
+        **problems(404, 406),
+    },
+    response_class=Response,
+)
+def problem_page(
+    slug: Annotated[str, Path(description="Last part of the problem's type.", examples=["gone"])], accept: Accept = None
+) -> Response:
+    """The `type` of every problem leads here."""
+    kind = KINDS.get(slug)
+    if kind is None:
+        raise NotFound("kind of problem", slug[:100])
+    media_type = choose(accept, [JSON, HTML])
+    if media_type == HTML:
+        return Response(pages.problem_html(kind.title, kind.status, kind.about), media_type=HTML)
+    return json_response(
+        {"type": f"/problems/{kind.slug}", "title": kind.title, "status": kind.status, "about": kind.about}
+    )

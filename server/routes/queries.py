@@ -1,0 +1,88 @@
+"""Queries: where is this?"""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Path, Response
+
+from server import lookup, stored_queries
+from server.dependencies import Accept, CollectionId, JsonRoute, ServiceDep, json_response, problems
+from server.negotiation import JSON, SVG, choose
+from server.schemas import examples
+from server.schemas.queries import MatchAnswer, QueryAnswer, QueryInput
+
+router = APIRouter(route_class=JsonRoute, tags=["queries"])
+_ALL = "/v1/collections/{collection}/queries"
+_PATH = f"{_ALL}/{{query}}"
+_EXAMPLE = {"content": {JSON: {"example": examples.QUERY_ANSWER}}}
+_MATCH = {
+    "query": "17",
+    "candidate": examples.QUERY_ANSWER["candidates"][0],
+    "query_landmarks": [[0.4, 2.9], [5.1, -1.7]],
+    "submap_landmarks": [[1.2, 3.4], [4.9, -2.2]],
+}
+
+QueryId = Annotated[str, Path(description="`id` of the answer.", examples=["17"], alias="query", max_length=128)]
+
+
+@router.post(
+    _ALL,
+    operation_id="query",
+    summary="Ask where an observation was made",
+    response_model=QueryAnswer,
+    responses={200: _EXAMPLE, **problems(400, 404, 413, 415, 422, 503, 507)},
+)
+def query(collection: CollectionId, body: QueryInput, service: ServiceDep) -> Response:
+    """Act on `verdict`: `matched`, `ambiguous` or `no_match`, with a `reason`. Too few trees in view is an answer, too.
+
+    Every submap that was acknowledged before the question is searched.
+    """
+    answer = lookup.answer_query(
+        service.database, service.catalog, service.metrics, service.settings.limits, collection, body
+    )
+    headers = {"Location": answer.links.self} if answer.links.self else None
+    return json_response(answer, headers=headers)
+
+
+@router.get(
+    _PATH,
+    operation_id="getQuery",
+    summary="Read a stored answer",
+    response_model=QueryAnswer,
+    responses={200: _EXAMPLE, **problems(404, 410, 422, 503)},
+)
+def get_query(collection: CollectionId, query: QueryId, service: ServiceDep) -> Response:
+    """Of a query that was asked with `store`. 410 when it is no longer kept."""
+    return json_response(stored_queries.stored_answer(service.database, collection, query))
+
+
+@router.get(
+    f"{_PATH}/candidates/{{rank}}/match",
+    operation_id="getMatch",
+    summary="See a match",
+    response_model=MatchAnswer,
+    responses={
+        200: {
+            "content": {
+                JSON: {"example": _MATCH},
+                SVG: {"schema": {"type": "string"}, "example": "<svg xmlns='http://www.w3.org/2000/svg'></svg>"},
+            }
+        },
+        **problems(404, 406, 410, 422, 503),
+    },
+)
+def get_match(
+    collection: CollectionId,
+    query: QueryId,
+    rank: Annotated[int, Path(description="`rank` of the candidate.", examples=[1], ge=1)],
+    service: ServiceDep,
+    accept: Accept = None,
+) -> Response:
+    """A candidate of a stored query drawn as SVG: both forests overlaid, inlier pairs joined; or the same as JSON.
+
+    410 when the submap's landmarks are no longer those that were matched.
+    """
+    media_type = choose(accept, [SVG, JSON])
+    match = stored_queries.stored_match(service.database, collection, query, rank)
+    if media_type == SVG:
+        return Response(match.to_svg(), media_type=SVG, headers={"Vary": "Accept"})
+    return json_response(match.to_answer(), headers={"Vary": "Accept"})

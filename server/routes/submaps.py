@@ -1,0 +1,209 @@
+"""Submaps of a collection."""
+
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query, Request, Response
+
+from server import ingest, links, reading
+from server.dependencies import (
+    Accept,
+    CollectionId,
+    IfNoneMatch,
+    JsonRoute,
+    PreconditionsDep,
+    ServiceDep,
+    SubmapId,
+    etag_header,
+    json_response,
+    next_link,
+    not_modified,
+    problems,
+)
+from server.negotiation import GEOJSON, JSON, SVG, choose
+from server.schemas import examples
+from server.schemas.submaps import (
+    Submap,
+    SubmapInput,
+    SubmapPage,
+    SubmapPatch,
+    SubmapReceipt,
+    TessellationAnswer,
+)
+
+router = APIRouter(route_class=JsonRoute, tags=["submaps"])
+_ALL = "/v1/collections/{collection}/submaps"
+_PATH = f"{_ALL}/{{submap}}"
+_RECEIPT: dict[str, Any] = {"content": {JSON: {"example": examples.RECEIPT}}}
+_SUBMAP: dict[str, Any] = {"content": {JSON: {"example": examples.SUBMAP}}}
+_GEOJSON = {"schema": {"type": "object"}, "example": {"type": "FeatureCollection", "features": []}}
+_SVG = {"schema": {"type": "string"}, "example": "<svg xmlns='http://www.w3.org/2000/svg'></svg>"}
+
+
+@router.put(
+    _PATH,
+    operation_id="putSubmap",
+    summary="Store a submap",
+    response_model=SubmapReceipt,
+    responses={
+        200: {"description": "It was there: unchanged, or replaced.", **_RECEIPT},
+        201: {"description": "It is new.", "model": SubmapReceipt, **_RECEIPT},
+        **problems(400, 404, 409, 412, 413, 415, 422, 503, 507),
+    },
+)
+def put_submap(
+    collection: CollectionId, submap: SubmapId, body: SubmapInput, service: ServiceDep, preconditions: PreconditionsDep
+) -> Response:
+    """The next query finds it. The same content again changes nothing, so a PUT can be repeated safely."""
+    receipt = ingest.put(service.database, collection, submap, body, service.settings.limits, preconditions)
+    service.metrics.submaps_written.labels(receipt.outcome).inc()
+    headers = etag_header(receipt.etag)
+    if receipt.outcome == "created":
+        headers["Location"] = links.submap(collection, submap)
+    answer = SubmapReceipt(
+        id=submap,
+        collection=collection,
+        outcome=receipt.outcome,
+        counts=receipt.counts,
+        etag=receipt.etag,
+        revision=receipt.revision,
+        links=reading.submap_links(collection, submap),
+    )
+    return json_response(answer, 201 if receipt.outcome == "created" else 200, headers=headers)
+
+
+@router.get(
+    _ALL,
+    operation_id="listSubmaps",
+    summary="List the submaps",
+    response_model=SubmapPage,
+    responses={
+        200: {
+            "content": {
+                JSON: {"example": {"submaps": [examples.SUBMAP_SUMMARY], "next": "WyJzdWJtYXBzIiwxXQ"}},
+                GEOJSON: _GEOJSON,
+            }
+        },
+        **problems(404, 406, 422, 503),
+    },
+)
+def list_submaps(
+    request: Request,
+    collection: CollectionId,
+    service: ServiceDep,
+    bbox: Annotated[
+        str | None,
+        Query(
+            description="min x,min y,max x,max y in metres of the map frame; footprints that reach into it.",
+            examples=["0,0,100,100"],
+        ),
+    ] = None,
+    frame_id: Annotated[str | None, Query(description="Map frame that map_pose is in.", examples=["map"])] = None,
+    datetime: Annotated[
+        str | None,
+        Query(
+            description="An instant or an interval start/end of the stamp, '..' for an open end.",
+            examples=["2026-05-01T00:00:00Z/.."],
+        ),
+    ] = None,
+    session: Annotated[str | None, Query(description="The session.", examples=["2026-05-04-robot-2"])] = None,
+    limit: Annotated[int | None, Query(description="Rows of the page, at most 1000.", examples=[100])] = None,
+    cursor: Annotated[str | None, Query(description="`next` of the page before.")] = None,
+    accept: Accept = None,
+) -> Response:
+    """In the order in which they came, without landmarks; `next` is not there on the last page.
+
+    As GeoJSON (Accept: application/geo+json) with footprints in longitude and latitude, when the collection has a crs.
+    """
+    media_type = choose(accept, [JSON, GEOJSON])
+    chosen = reading.submap_filter(session=session, bbox=bbox, frame_id=frame_id, datetime_range=datetime)
+    arguments = (service.database, service.settings.limits, collection, chosen, limit, cursor)
+    content: Any
+    if media_type == GEOJSON:
+        content, following = reading.geojson_page(*arguments)
+    else:
+        content = reading.page(*arguments)
+        following = content.next
+    headers = {"Vary": "Accept"}
+    if following is not None:
+        headers["Link"] = next_link(links.submaps(collection), request, following)
+    return json_response(content, media_type=media_type, headers=headers)
+
+
+@router.get(
+    _PATH,
+    operation_id="getSubmap",
+    summary="Read a submap",
+    response_model=Submap,
+    responses={200: _SUBMAP, 304: {"description": "Not modified."}, **problems(404, 422, 503)},
+)
+def get_submap(
+    collection: CollectionId, submap: SubmapId, service: ServiceDep, if_none_match: IfNoneMatch = None
+) -> Response:
+    """With its landmarks."""
+    found = reading.read(service.database, collection, submap)
+    return not_modified(if_none_match, found.etag) or json_response(found, headers=etag_header(found.etag))
+
+
+@router.patch(
+    _PATH,
+    operation_id="patchSubmap",
+    summary="Move a submap in the map, or change its properties",
+    response_model=Submap,
+    responses={200: _SUBMAP, **problems(400, 404, 412, 413, 415, 422, 503, 507)},
+)
+def patch_submap(
+    collection: CollectionId, submap: SubmapId, body: SubmapPatch, service: ServiceDep, preconditions: PreconditionsDep
+) -> Response:
+    """map_pose and properties: what is given replaces what was there, null clears it. Nothing is indexed again."""
+    ingest.patch(service.database, collection, submap, body, service.settings.limits, preconditions)
+    found = reading.read(service.database, collection, submap)
+    return json_response(found, headers=etag_header(found.etag))
+
+
+@router.delete(
+    _PATH,
+    operation_id="deleteSubmap",
+    summary="Delete a submap",
+    status_code=204,
+    response_class=Response,
+    responses=problems(404, 412, 422, 503, 507),
+)
+def delete_submap(
+    collection: CollectionId, submap: SubmapId, service: ServiceDep, preconditions: PreconditionsDep
+) -> Response:
+    """The next query does not find it."""
+    ingest.delete(service.database, collection, submap, preconditions)
+    return Response(status_code=204)
+
+
+@router.get(
+    f"{_PATH}/tessellation",
+    operation_id="getTessellation",
+    summary="See a submap as the method does",
+    response_model=TessellationAnswer,
+    responses={
+        200: {"content": {JSON: {"example": examples.TESSELLATION}, GEOJSON: _GEOJSON, SVG: _SVG}},
+        304: {"description": "Not modified."},
+        **problems(404, 406, 422, 503),
+    },
+)
+def get_tessellation(
+    collection: CollectionId,
+    submap: SubmapId,
+    service: ServiceDep,
+    accept: Accept = None,
+    if_none_match: IfNoneMatch = None,
+) -> Response:
+    """Triangles, Urquhart polygons and their descriptors; as JSON, as GeoJSON, or drawn as SVG."""
+    media_type = choose(accept, [JSON, GEOJSON, SVG])
+    seen = reading.Tessellated(service.database, collection, submap)
+    etag = f"{seen.etag}-{media_type.split('/')[1].split('+')[0]}"
+    unmodified = not_modified(if_none_match, etag)
+    if unmodified is not None:
+        return unmodified
+    headers = etag_header(etag) | {"Vary": "Accept"}
+    if media_type == SVG:
+        return Response(seen.to_svg(), media_type=SVG, headers=headers)
+    if media_type == GEOJSON:
+        return json_response(seen.to_geojson(), media_type=GEOJSON, headers=headers)
+    return json_response(seen.to_answer(), headers=headers)

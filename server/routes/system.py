@@ -1,0 +1,81 @@
+"""Probes, metrics and limits."""
+
+from fastapi import APIRouter, Response
+
+from server import published
+from server.dependencies import ServiceDep, json_response, problems
+from server.metrics import Metrics
+from server.schemas.system import LIMITS_EXAMPLE, LimitsAnswer, Liveness, Readiness
+
+router = APIRouter(tags=["system"])
+# The probes run on the event loop: they never block, and must answer when all threads are busy with queries.
+
+
+@router.get(
+    "/livez",
+    operation_id="getLiveness",
+    summary="Is the process alive?",
+    response_model=Liveness,
+    responses={200: {"content": {"application/json": {"example": {"status": "ok"}}}}, **problems()},
+)
+async def livez() -> Response:
+    """Answers as long as the process can."""
+    return json_response(Liveness(status="ok"))
+
+
+@router.get(
+    "/readyz",
+    operation_id="getReadiness",
+    summary="Is the service ready?",
+    response_model=Readiness,
+    responses={
+        200: {
+            "content": {
+                "application/json": {
+                    "example": {"status": "ok", "checks": {"migrations": "ok", "kernels": "ok", "index": "ok"}}
+                }
+            }
+        },
+        **problems(503),
+    },
+)
+async def readyz(service: ServiceDep) -> Response:
+    """503 while migrations, kernels or the index are open, naming which; requests are answered all the same."""
+    service.readiness.require()
+    return json_response(Readiness(status="ok", checks=dict(service.readiness.states())))
+
+
+@router.get(
+    "/metrics",
+    operation_id="getMetrics",
+    summary="Metrics for Prometheus",
+    response_class=Response,
+    responses={
+        200: {
+            "description": "Prometheus text format.",
+            "content": {
+                "text/plain": {
+                    "schema": {"type": "string"},
+                    "example": 'urquhart_query_verdicts_total{verdict="matched"} 12.0',
+                }
+            },
+        },
+        **problems(),
+    },
+)
+def metrics(service: ServiceDep) -> Response:
+    """Of this process."""
+    return Response(service.metrics.exposition(), headers={"Content-Type": Metrics.content_type})
+
+
+@router.get(
+    "/v1/limits",
+    operation_id="getLimits",
+    summary="What requests are held to",
+    response_model=LimitsAnswer,
+    responses={200: {"content": {"application/json": {"example": LIMITS_EXAMPLE}}}, **problems()},
+)
+def limits(service: ServiceDep) -> Response:
+    """Sizes, retention and versions; a 413 names the limit as it is named here."""
+    answer = published.limits(service.settings)
+    return Response(answer.model_dump_json(by_alias=True), media_type="application/json")

@@ -1,0 +1,168 @@
+"""Types that several resources share."""
+
+import math
+import re
+import unicodedata
+from datetime import UTC, datetime
+from typing import Annotated, Any
+
+from pydantic import (
+    AfterValidator,
+    AwareDatetime,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PlainSerializer,
+)
+
+_RFC3339 = re.compile(r"\d{4}-\d{2}-\d{2}[Tt ]\d{2}:\d{2}:\d{2}(\.\d+)?([Zz]|[+-]\d{2}:\d{2})")
+_DEPTH = 32
+_ID_MARKS = frozenset("._~-")
+_ID_RULE = "1 to 128 letters, digits, '.', '_', '~' or '-'; not '.' or '..'"
+
+
+def check_id(value: str) -> str:
+    """Refuse what cannot be the id of a collection or submap."""
+    if not 1 <= len(value) <= 128:
+        raise ValueError(f"an id has {_ID_RULE}; this one has {len(value)} characters")
+    if value in {".", ".."}:
+        raise ValueError(f"an id has {_ID_RULE}")
+    for character in value:
+        if character not in _ID_MARKS and unicodedata.category(character)[0] not in "LMN":
+            raise ValueError(f"an id has {_ID_RULE}; {character!a} is not among them")
+    if not unicodedata.is_normalized("NFC", value):
+        raise ValueError("an id must be in Unicode's composed form (NFC), so that equal ids are equal bytes")
+    return value
+
+
+def _check_text(value: str) -> str:
+    if any(unicodedata.category(character) in {"Cc", "Cs"} for character in value):
+        raise ValueError("must not hold control characters")
+    return value
+
+
+def _check_depth(value: dict[str, Any]) -> dict[str, Any]:
+    level: list[Any] = [value]
+    for _ in range(_DEPTH):
+        level = [
+            inner
+            for outer in level
+            for inner in (outer.values() if isinstance(outer, dict) else outer)
+            if isinstance(inner, dict | list)
+        ]
+        if not level:
+            return value
+    raise ValueError(f"must not be nested more than {_DEPTH} deep")
+
+
+def _check_stamp(value: object) -> object:
+    if isinstance(value, datetime):
+        return value
+    if not isinstance(value, str) or _RFC3339.fullmatch(value) is None:
+        raise ValueError("must be a string in RFC 3339 form with an offset, such as '2026-05-04T09:30:00Z'")
+    return value
+
+
+def write_stamp(value: datetime) -> str:
+    """RFC 3339 in UTC, microseconds only where there are any."""
+    return value.astimezone(UTC).isoformat().replace("+00:00", "Z")
+
+
+ResourceId = Annotated[str, AfterValidator(check_id)]
+Label = Annotated[str, Field(min_length=1, max_length=128), AfterValidator(_check_text)]
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+# Beyond any place on Earth in any projection, and far from where sums and squares overflow.
+Metres = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-1e8, le=1e8)]
+Stamp = Annotated[
+    AwareDatetime, BeforeValidator(_check_stamp), PlainSerializer(write_stamp, return_type=str, when_used="json")
+]
+Point = tuple[Number, Number]
+Points = Annotated[list[Point], Field(fail_fast=True)]
+Covariance = Annotated[list[Metres], Field(min_length=9, max_length=9)]
+Free = Annotated[dict[str, Any], AfterValidator(_check_depth)]
+
+
+class Body(BaseModel):
+    """Base of request bodies: unknown fields are refused."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+
+class Answer(BaseModel):
+    """Base of answers."""
+
+    model_config = ConfigDict(extra="forbid", ser_json_inf_nan="null")
+
+
+def check_covariance(values: list[float]) -> list[float]:
+    """Refuse what cannot be a covariance over (x, y, yaw): it is symmetric with variances of 0 or more."""
+    scale = max(abs(value) for value in values)
+    for row in range(3):
+        if values[4 * row] < 0:
+            raise ValueError(f"is a 3x3 row-major covariance: the variance at position {4 * row} must not be negative")
+        for column in range(row):
+            if not math.isclose(values[3 * row + column], values[3 * column + row], rel_tol=1e-6, abs_tol=1e-9 * scale):
+                raise ValueError("is a 3x3 row-major covariance over (x, y, yaw) and must be symmetric")
+    return values
+
+
+class MapPose(Body):
+    """Pose of a submap's frame in a map: p_map = R(yaw) p_submap + (x, y)."""
+
+    frame_id: Label = Field("map", description="The map's frame.")
+    x: Metres = Field(description="Metres, east where geographic; relative to the collection's origin.")
+    y: Metres = Field(description="Metres, north where geographic; relative to the collection's origin.")
+    yaw: Number = Field(description="Radians, counter-clockwise.")
+    covariance: Annotated[Covariance, AfterValidator(check_covariance)] | None = Field(
+        None, description="3x3 row-major over (x, y, yaw)."
+    )
+
+
+class PoseWithCovariance(Answer):
+    """A rigid transform or pose: metres, radians, counter-clockwise."""
+
+    x: float
+    y: float
+    yaw: float
+    covariance: list[float] | None = Field(description="3x3 row-major over (x, y, yaw); null where it is not known.")
+
+
+class Counts(Answer):
+    """What a collection holds."""
+
+    submaps: int
+    landmarks: int
+    polygons: int
+
+
+class FieldProblem(Answer):
+    """One thing that is wrong with the request."""
+
+    pointer: str | None = Field(None, description="JSON pointer (RFC 6901) into the body.")
+    parameter: str | None = Field(None, description="Name of the path, query or header parameter.")
+    code: str = Field(description="Stable word for the kind of fault.")
+    detail: str = Field(description="What is wrong and what to do.")
+    indices: list[int] | None = Field(None, description="Positions of the landmarks concerned.")
+
+
+class Problem(Answer):
+    """An error, as RFC 9457 has it (application/problem+json)."""
+
+    model_config = ConfigDict(extra="allow")
+
+    type: str = Field(description="URI reference of an explanation.")
+    title: str
+    status: int
+    detail: str = Field(description="What happened to this request and what to do.")
+    request_id: str | None = Field(None, description="Also in the header X-Request-Id and in the log.")
+    errors: list[FieldProblem] | None = Field(None, description="What is wrong, field by field.")
+
+
+PROBLEM_EXAMPLE: dict[str, Any] = {
+    "type": "/problems/not-found",
+    "title": "Not found",
+    "status": 404,
+    "detail": "There is no collection 'plots' here.",
+    "request_id": "0c5f4d1e7a334a6b",
+}

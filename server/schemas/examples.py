@@ -1,0 +1,103 @@
+"""Examples of answers for the OpenAPI document."""
+
+from typing import Any
+
+_LINKS = {
+    "self": "/v1/collections/plots/submaps/p7",
+    "collection": "/v1/collections/plots",
+    "tessellation": "/v1/collections/plots/submaps/p7/tessellation",
+}
+_COUNTS = {
+    "landmarks": 92,
+    "triangles": 168,
+    "polygons": 24,
+    "hull_polygons": 17,
+    "non_simple_faces": 0,
+    "dangling_edges": 3,
+}
+
+RECEIPT: dict[str, Any] = {
+    "id": "p7",
+    "collection": "plots",
+    "outcome": "created",
+    "counts": _COUNTS,
+    "etag": "4be1c0ffee5d5a77",
+    "revision": 12,
+    "links": _LINKS,
+}
+
+SUBMAP_SUMMARY: dict[str, Any] = {
+    "id": "p7",
+    "collection": "plots",
+    "frame_id": "plot_7",
+    "stamp": "2026-05-04T09:30:00Z",
+    "session": "2026-05-04-robot-2",
+    "map_pose": {"frame_id": "map", "x": 120.5, "y": 88.25, "yaw": 0.31, "covariance": None},
+    "properties": {"observer": "robot-2"},
+    "counts": _COUNTS,
+    "etag": "4be1c0ffee5d5a77",
+    "revision": 12,
+    "created": "2026-05-04T09:31:00Z",
+    "updated": "2026-05-04T09:31:00Z",
+    "links": _LINKS,
+}
+
+SUBMAP: dict[str, Any] = SUBMAP_SUMMARY | {
+    "landmarks": [{"id": "t1", "x": 1.2, "y": 3.4, "dbh": 0.31}, {"id": "t2", "x": 4.9, "y": -2.2}]
+}
+
+TESSELLATION: dict[str, Any] = {
+    "submap": "p7",
+    "fingerprint": "5e2f0c9a41d7",
+    "counts": _COUNTS,
+    "landmarks": [{"id": "0", "x": 0.0, "y": 0.0}, {"id": "1", "x": 2.0, "y": 0.1}, {"id": "2", "x": 1.1, "y": 1.9}],
+    "triangles": [[0, 1, 2]],
+    "polygons": [{"vertices": [0, 1, 2], "triangles": [0], "descriptor": [1.2, 0.3]}],
+}
+
+QUERY_ANSWER: dict[str, Any] = {
+    "id": "17",
+    "collection": "plots",
+    "verdict": "matched",
+    "reason": "verified",
+    "frame_id": "base_link",
+    "stamp": "2026-05-05T07:12:03Z",
+    "method": "robust",
+    "revision": 12,
+    "landmarks": 88,
+    "margin": 61.2,
+    "candidates": [
+        {
+            "rank": 1,
+            "submap_id": "p7",
+            "session": "2026-05-04-robot-2",
+            "stamp": "2026-05-04T09:30:00Z",
+            "frame_id": "plot_7",
+            "transform": {
+                "x": 4.21,
+                "y": -1.73,
+                "yaw": 1.94,
+                "covariance": [0.0004, 0.0, 0.0, 0.0, 0.0004, 0.0, 0.0, 0.0, 0.000001],
+            },
+            "map_pose": {"frame_id": "map", "x": 125.05, "y": 87.89, "yaw": 2.25, "covariance": None},
+            "inliers": [
+                {"query": "0", "submap": "t17", "residual": 0.11},
+                {"query": "1", "submap": "t3", "residual": 0.07},
+            ],
+            "inlier_count": 71,
+            "inlier_ratio": 0.89,
+            "rms": 0.14,
+            "overlap": 0.93,
+            "votes": 212,
+            "log_odds": 74.8,
+            "confidence": 1.0,
+            "refused": None,
+            "links": {
+                "submap": "/v1/collections/plots/submaps/p7",
+                "match": "/v1/collections/plots/queries/17/candidates/1/match",
+            },
+        }
+    ],
+    "stages": [{"name": "features", "milliseconds": 0.8, "counts": {"triangles": 168, "polygons": 24}}],
+    "links": {"self": "/v1/collections/plots/queries/17", "collection": "/v1/collections/plots"},
+}

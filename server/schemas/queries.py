@@ -1,0 +1,145 @@
+"""Bodies of the query routes."""
+
+from datetime import datetime
+from typing import Annotated, Any, Literal
+
+from pydantic import ConfigDict, Field, PlainSerializer, model_validator
+from pydantic_core import PydanticCustomError
+
+from server.schemas.common import Answer, Body, Label, Point, PoseWithCovariance, ResourceId, Stamp, write_stamp
+from server.schemas.submaps import LandmarkBody
+
+_Written = Annotated[datetime, PlainSerializer(write_stamp, return_type=str, when_used="json")]
+_XY: Any = [[0.4, 2.9], [5.1, -1.7], [-2.6, 1.3], [1.8, -6.0], [-6.2, -3.8], [7.0, 5.9]]
+
+
+class Exclude(Body):
+    """What must not be found."""
+
+    submap_ids: Annotated[list[ResourceId], Field(fail_fast=True)] = Field(
+        default_factory=list, description="Submaps to leave out; ids that are not there are passed over."
+    )
+
+
+class QueryInput(LandmarkBody):
+    """An observation to place, or a stored submap to find again elsewhere."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {"xy": _XY, "limit": 5},
+                {"submap_id": "p7", "exclude": {"submap_ids": ["p6", "p8"]}, "store": True, "seed": 1},
+            ]
+        }
+    )
+
+    submap_id: ResourceId | None = Field(
+        None, description="Ask with a stored submap's landmarks; it is left out of the search."
+    )
+    limit: Annotated[int, Field(ge=1, strict=True)] = Field(5, description="Most candidates to return.")
+    method: Literal["robust", "paper"] = Field("robust", description="`paper` keeps to the published method.")
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1, strict=True)] | None = Field(
+        None, description="Same seed, revision and body: same answer."
+    )
+    store: Annotated[bool, Field(strict=True)] = Field(
+        False, description="Keep the answer, to be read and drawn later."
+    )
+    frame_id: Label | None = Field(None, description="Name of the frame that the landmarks are in.")
+    stamp: Stamp | None = Field(None, description="When it was observed: RFC 3339 with an offset.")
+    exclude: Exclude = Field(default_factory=Exclude, description="What must not be found.")
+
+    @model_validator(mode="after")
+    def _one_source(self) -> "QueryInput":
+        sources = (self.xy, self.landmarks, self.submap_id)
+        if all(source is None for source in sources):
+            raise PydanticCustomError("no_landmarks", "give the trees as `xy` or `landmarks`, or a `submap_id`")
+        if self.submap_id is not None and (self.xy is not None or self.landmarks is not None):
+            raise PydanticCustomError("two_sources", "give either landmarks or a `submap_id`, not both")
+        return self
+
+
+class Inlier(Answer):
+    """A landmark of the query on one of the submap."""
+
+    query: str = Field(description="Landmark id in the query.")
+    submap: str = Field(description="Landmark id in the submap.")
+    residual: float = Field(description="Metres.")
+
+
+class MapPoseAnswer(PoseWithCovariance):
+    """Pose of the query's frame in the map that the submap is placed in."""
+
+    frame_id: str
+
+
+class CandidateLinks(Answer):
+    """Where to go from a candidate."""
+
+    submap: str
+    match: str | None = Field(description="Drawing of the match; null when the query is not stored.")
+
+
+class CandidateAnswer(Answer):
+    """A submap that the query may be in, with the evidence."""
+
+    rank: int
+    submap_id: str
+    session: str | None
+    stamp: _Written | None
+    frame_id: str | None = Field(description="Of the submap: the frame that `transform` leads to.")
+    transform: PoseWithCovariance = Field(description="submap_T_query: p_submap = R(yaw) p_query + (x, y).")
+    map_pose: MapPoseAnswer | None = Field(description="The query's pose in the map, when the submap has one.")
+    inliers: list[Inlier]
+    inlier_count: int
+    inlier_ratio: float = Field(description="Inliers over the landmarks inside the overlap, of the smaller side.")
+    rms: float = Field(description="Of the inliers' residuals, metres.")
+    overlap: float = Field(description="Share of the query's landmarks inside the overlap.")
+    votes: int
+    log_odds: float = Field(description="Natural log of right against wrong.")
+    confidence: float = Field(ge=0, le=1)
+    refused: str | None = Field(description="Why this candidate alone is not accepted; null when it is.")
+    links: CandidateLinks
+
+
+class StageAnswer(Answer):
+    """A stage of the method."""
+
+    name: str
+    milliseconds: float
+    counts: dict[str, int]
+
+
+class QueryLinks(Answer):
+    """Where to go from an answer."""
+
+    self: str | None
+    collection: str
+
+
+class QueryAnswer(Answer):
+    """Outcome before pose: act on `verdict`, never on a candidate alone."""
+
+    id: str | None = Field(description="Of the stored query; null when it was not stored.")
+    collection: str
+    verdict: Literal["matched", "ambiguous", "no_match"]
+    reason: str = Field(description="Why this verdict, as a stable word.")
+    frame_id: str | None = Field(description="Of the query.")
+    stamp: _Written | None
+    method: Literal["robust", "paper"]
+    revision: int = Field(description="Of the collection that was searched.")
+    landmarks: int = Field(description="How many the query has.")
+    margin: float | None = Field(
+        description="Log-odds between the best and the best distinct pose; null without rival."
+    )
+    candidates: list[CandidateAnswer] = Field(description="Best first.")
+    stages: list[StageAnswer]
+    links: QueryLinks
+
+
+class MatchAnswer(Answer):
+    """A candidate of a stored query with the landmarks of both sides."""
+
+    query: str
+    candidate: CandidateAnswer
+    query_landmarks: list[Point] = Field(description="Metres, query frame.")
+    submap_landmarks: list[Point] = Field(description="Metres, submap frame.")

@@ -1,0 +1,231 @@
+"""Bodies of the submap routes, and the landmarks that queries share with them."""
+
+from datetime import datetime
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import AfterValidator, ConfigDict, Field, PlainSerializer, model_validator
+from pydantic_core import PydanticCustomError
+
+from server.schemas.common import Answer, Body, Free, Label, MapPose, Number, Points, ResourceId, Stamp, write_stamp
+
+_Written = Annotated[datetime, PlainSerializer(write_stamp, return_type=str, when_used="json")]
+_XY: Any = [[1.2, 3.4], [4.9, -2.2], [-3.1, 0.7], [2.2, -6.5], [-5.8, -4.1], [7.4, 5.3]]
+_POSE: Any = {"frame_id": "map", "x": 120.5, "y": 88.25, "yaw": 0.31}
+
+
+class Landmark(Body):
+    """A tree."""
+
+    id: Label | None = Field(None, description="Unique in the submap; its position in the list when left out.")
+    x: Number = Field(description="Metres in the submap's frame.")
+    y: Number = Field(description="Metres in the submap's frame.")
+    dbh: Annotated[Number, Field(gt=0)] | None = Field(None, description="Diameter at breast height, metres.")
+    height: Annotated[Number, Field(gt=0)] | None = Field(None, description="Metres.")
+    species: Label | None = Field(None, description="Any name or code.")
+
+
+def _unique(ids: list[str]) -> list[str]:
+    seen: dict[str, int] = {}
+    for position, name in enumerate(ids):
+        first = seen.setdefault(name, position)
+        if first != position:
+            raise PydanticCustomError(
+                "duplicate_id",
+                "{name} stands at positions {first} and {position}; landmark ids are unique in a submap",
+                {"name": repr(name), "first": first, "position": position},
+            )
+    return ids
+
+
+class LandmarkBody(Body):
+    """Landmarks in one of two forms: `xy` with optional `ids`, or `landmarks`."""
+
+    xy: Points | None = Field(None, description="Tree positions [x, y], metres.")
+    ids: Annotated[list[Label], Field(fail_fast=True), AfterValidator(_unique)] | None = Field(
+        None, description="An id for each point of `xy`; their positions when left out."
+    )
+    landmarks: Annotated[list[Landmark], Field(fail_fast=True)] | None = Field(
+        None, description="Trees with what is known of them."
+    )
+
+    @model_validator(mode="after")
+    def _one_form(self) -> "LandmarkBody":
+        if self.xy is not None and self.landmarks is not None:
+            raise PydanticCustomError("two_forms", "give either `xy` or `landmarks`, not both")
+        if self.ids is not None and self.xy is None:
+            raise PydanticCustomError(
+                "ids_without_xy", "`ids` goes with `xy`; in `landmarks` each carries its own `id`"
+            )
+        if self.ids is not None and self.xy is not None and len(self.ids) != len(self.xy):
+            raise PydanticCustomError(
+                "ids_length",
+                "`ids` has {ids} entries for {xy} points of `xy`; give one each",
+                {"ids": len(self.ids), "xy": len(self.xy)},
+            )
+        if self.landmarks is not None:
+            _unique([str(i) if tree.id is None else tree.id for i, tree in enumerate(self.landmarks)])
+        return self
+
+    @property
+    def landmark_count(self) -> int:
+        """How many landmarks were given."""
+        return len(self.xy if self.xy is not None else self.landmarks or [])
+
+    @property
+    def landmark_pointer(self) -> str:
+        """JSON pointer to the field that holds the landmarks."""
+        return "/landmarks" if self.landmarks is not None else "/xy"
+
+    def positions(self) -> NDArray[np.float64]:
+        """(N, 2) float64, metres, as posted."""
+        points = self.xy if self.xy is not None else [(tree.x, tree.y) for tree in self.landmarks or []]
+        return np.asarray(points, dtype=np.float64).reshape(-1, 2)
+
+    def landmark_ids(self) -> list[str] | None:
+        """Ids by position; None when all are the default, their position."""
+        if self.landmarks is not None:
+            ids = [str(i) if tree.id is None else tree.id for i, tree in enumerate(self.landmarks)]
+        else:
+            ids = self.ids or []
+        return ids if any(name != str(i) for i, name in enumerate(ids)) else None
+
+    def attributes(self) -> dict[str, list[Any]] | None:
+        """What is known of the trees besides id and position, a list by position for each; None when nothing is."""
+        columns = {
+            name: [getattr(tree, name) for tree in self.landmarks or []] for name in ("dbh", "height", "species")
+        }
+        return {name: values for name, values in columns.items() if any(v is not None for v in values)} or None
+
+
+class SubmapInput(LandmarkBody):
+    """A submap to store."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {"xy": _XY},
+                {
+                    "frame_id": "plot_7",
+                    "stamp": "2026-05-04T09:30:00Z",
+                    "session": "2026-05-04-robot-2",
+                    "landmarks": [
+                        {"id": "t1", "x": 1.2, "y": 3.4, "dbh": 0.31, "height": 18.5, "species": "Picea abies"},
+                        {"id": "t2", "x": 4.9, "y": -2.2, "dbh": 0.22},
+                        {"id": "t3", "x": -3.1, "y": 0.7},
+                    ],
+                    "map_pose": _POSE,
+                    "properties": {"observer": "robot-2"},
+                },
+            ]
+        }
+    )
+
+    frame_id: Label | None = Field(None, description="Name of the frame that the landmarks are in.")
+    stamp: Stamp | None = Field(None, description="When it was observed: RFC 3339 with an offset.")
+    session: Label | None = Field(None, description="The drive, flight or season that it belongs to.")
+    map_pose: MapPose | None = Field(None, description="Where the submap's frame is in a map.")
+    properties: Free | None = Field(None, description="Anything else worth keeping.")
+
+    @model_validator(mode="after")
+    def _has_landmarks(self) -> "SubmapInput":
+        if self.xy is None and self.landmarks is None:
+            raise PydanticCustomError("no_landmarks", "give the trees as `xy` or as `landmarks`")
+        return self
+
+
+class NamedSubmap(SubmapInput):
+    """A submap with its id, as in bulk ingest."""
+
+    id: ResourceId
+
+
+class SubmapPatch(Body):
+    """Fields to change; each replaces what was there, null clears it, one left out stays."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [{"map_pose": _POSE}]})
+
+    map_pose: MapPose | None = Field(None, description="Where the submap's frame is in a map.")
+    properties: Free | None = Field(None, description="Anything else worth keeping.")
+
+
+class SubmapLinks(Answer):
+    """Where to go from a submap."""
+
+    self: str
+    collection: str
+    tessellation: str
+
+
+class SubmapReceipt(Answer):
+    """What became of a PUT."""
+
+    id: str
+    collection: str
+    outcome: Literal["created", "replaced", "unchanged"]
+    counts: dict[str, int] = Field(description="Landmarks, triangles, polygons kept and discarded.")
+    etag: str
+    revision: int = Field(description="The collection's, at the submap's last write.")
+    links: SubmapLinks
+
+
+class SubmapSummary(Answer):
+    """A submap, as in a list."""
+
+    id: str
+    collection: str
+    frame_id: str | None
+    stamp: _Written | None
+    session: str | None
+    map_pose: MapPose | None
+    properties: dict[str, Any] | None
+    counts: dict[str, int]
+    etag: str
+    revision: int
+    created: _Written
+    updated: _Written
+    links: SubmapLinks
+
+
+class StoredLandmark(Answer):
+    """A tree as stored."""
+
+    id: str
+    x: float
+    y: float
+    dbh: float | None = None
+    height: float | None = None
+    species: str | None = None
+
+
+class Submap(SubmapSummary):
+    """A submap with its landmarks."""
+
+    landmarks: list[StoredLandmark]
+
+
+class SubmapPage(Answer):
+    """A page of submaps."""
+
+    submaps: list[SubmapSummary]
+    next: str | None = Field(None, description="Cursor of the next page; not there on the last.")
+
+
+class TessellationPolygon(Answer):
+    """An interior Urquhart polygon."""
+
+    vertices: list[int] = Field(description="Landmark positions, counter-clockwise.")
+    triangles: list[int] = Field(description="The triangles that it is joined from.")
+    descriptor: list[float]
+
+
+class TessellationAnswer(Answer):
+    """What the method sees in a submap."""
+
+    submap: str
+    fingerprint: str
+    counts: dict[str, int]
+    landmarks: list[StoredLandmark]
+    triangles: list[tuple[int, int, int]] = Field(description="Landmark positions, counter-clockwise.")
+    polygons: list[TessellationPolygon]

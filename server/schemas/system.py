@@ -1,0 +1,59 @@
+"""Bodies of the system routes."""
+
+from typing import Any
+
+from pydantic import Field
+
+from server.schemas.common import Answer
+
+
+class Liveness(Answer):
+    """The process answers."""
+
+    status: str
+
+
+class Readiness(Answer):
+    """All checks are passed."""
+
+    status: str
+    checks: dict[str, str]
+
+
+class Versions(Answer):
+    """What is running."""
+
+    service: str
+    api: str
+    schema_: str = Field(alias="schema")
+
+
+class Retention(Answer):
+    """How long things are kept."""
+
+    stored_queries: int = Field(description="Kept per collection; the oldest go first.")
+
+
+class LimitsAnswer(Answer):
+    """Sizes that requests are held to; the 413 that enforces one names it as here."""
+
+    limits: dict[str, int]
+    rates: dict[str, int] = Field(description="Requests per second; none are enforced.")
+    retention: Retention
+    versions: Versions
+
+
+LIMITS_EXAMPLE: dict[str, Any] = {
+    "limits": {
+        "body_bytes": 8388608,
+        "landmarks": 20000,
+        "properties_bytes": 16384,
+        "candidates": 100,
+        "excluded_submaps": 10000,
+        "page": 100,
+        "page_max": 1000,
+    },
+    "rates": {},
+    "retention": {"stored_queries": 10000},
+    "versions": {"service": "0.1.0", "api": "v1", "schema": "0001"},
+}

@@ -1,0 +1,97 @@
+"""Everything that can be set, from `URQUHART_*` in the environment; checked together, once, at construction."""
+
+import ipaddress
+from pathlib import Path
+from typing import Self
+from urllib.parse import unquote
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic_settings import BaseSettings, SettingsConfigDict
+
+_SQLITE_URL = "sqlite:///"
+
+
+class Limits(BaseModel):
+    """Sizes that requests are held to; each is published by `GET /v1/limits` under the name it has here."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    body_bytes: int = Field(8 * 1024 * 1024, ge=1024, description="Largest request body, in bytes.")
+    landmarks: int = Field(20_000, ge=3, description="Most landmarks in one submap or query.")
+    properties_bytes: int = Field(
+        16 * 1024, ge=2, description="Largest `properties` object of a submap, as JSON bytes."
+    )
+    candidates: int = Field(100, ge=1, description="Largest `limit` of a query.")
+    excluded_submaps: int = Field(10_000, ge=1, description="Most submap ids in a query's `exclude`.")
+    page: int = Field(100, ge=1, description="Rows of a page when `limit` is not given.")
+    page_max: int = Field(1000, ge=1, description="Largest `limit` of a page.")
+    stored_queries: int = Field(10_000, ge=0, description="Stored queries kept per collection; the oldest go first.")
+
+    @model_validator(mode="after")
+    def _pages_agree(self) -> Self:
+        if self.page > self.page_max:
+            raise ValueError(f"limits.page ({self.page}) must not exceed limits.page_max ({self.page_max})")
+        return self
+
+
+class Settings(BaseSettings):
+    """The service's settings. Nested ones use two underscores: `URQUHART_LIMITS__BODY_BYTES=1048576`."""
+
+    model_config = SettingsConfigDict(
+        env_prefix="URQUHART_", env_nested_delimiter="__", frozen=True, extra="forbid", env_ignore_empty=True
+    )
+
+    database: str = Field(
+        "urquhart.db", description="Path of the SQLite file, or an URL `sqlite:///path[?mode=ro]`.", min_length=1
+    )
+    busy_timeout: float = Field(
+        10.0, gt=0, le=600, description="Seconds that a write waits for another writer before it answers 503."
+    )
+    host: str = Field("127.0.0.1", description="Address to listen on.", min_length=1)
+    port: int = Field(8420, ge=0, le=65535, description="Port to listen on; 0 takes a free one.")
+    insecure: bool = Field(False, description="Serve without API keys on an address that other machines can reach.")
+    docs_url: str = Field(
+        "",
+        description="Where the documentation is served, linked from the landing page; empty: the service's own /docs.",
+    )
+    limits: Limits = Field(default_factory=Limits, description="Sizes that requests are held to.")
+
+    @field_validator("database")
+    @classmethod
+    def _database_is_a_file(cls, value: str) -> str:
+        if "://" in value and not value.startswith(_SQLITE_URL):
+            raise ValueError(f"{value!r} is not a SQLite database; give a file path or sqlite:///path")
+        path = value.removeprefix(_SQLITE_URL).split("?")[0]
+        if path in {"", ":memory:"}:
+            raise ValueError("the database must be a file: several connections and processes share it")
+        return value
+
+    @model_validator(mode="after")
+    def _exposed_only_on_purpose(self) -> Self:
+        if not self.insecure and not _is_loopback(self.host):
+            raise ValueError(
+                f"host {self.host!r} can be reached from other machines and the service asks for no key; "
+                "listen on 127.0.0.1, or set URQUHART_INSECURE=true if the network is trusted"
+            )
+        return self
+
+    @property
+    def database_path(self) -> Path:
+        """The database file."""
+        if self.database.startswith(_SQLITE_URL):
+            return Path(unquote(self.database.removeprefix(_SQLITE_URL).split("?")[0]))
+        return Path(self.database)
+
+    @property
+    def database_read_only(self) -> bool:
+        """True for `sqlite:///path?mode=ro`: the file is opened without write access."""
+        return "mode=ro" in self.database.partition("?")[2].split("&") if "://" in self.database else False
+
+
+def _is_loopback(host: str) -> bool:
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host.strip("[]")).is_loopback
+    except ValueError:
+        return False  # a name may resolve to anything

@@ -1,0 +1,43 @@
+"""How landmarks lie in their columns: positions as float64, ids and attributes as JSON, left out when default."""
+
+import hashlib
+from typing import Any
+
+import numpy as np
+import orjson
+from numpy.typing import NDArray
+
+
+def pack_positions(xy: NDArray[np.float64]) -> bytes:
+    """(N, 2) float64, metres, as little-endian bytes, row by row."""
+    return np.ascontiguousarray(xy, dtype="<f8").tobytes()
+
+
+def unpack_positions(blob: bytes) -> NDArray[np.float64]:
+    """(N, 2) float64, metres; the array cannot be written."""
+    return np.frombuffer(blob, dtype="<f8").reshape(-1, 2)
+
+
+def pack_json(value: object | None) -> bytes | None:
+    """JSON bytes; None stays None."""
+    return None if value is None else orjson.dumps(value)
+
+
+def unpack_ids(blob: bytes | None, count: int) -> list[str]:
+    """Landmark ids by position; without a blob the positions themselves."""
+    if blob is None:
+        return [str(i) for i in range(count)]
+    return [str(name) for name in orjson.loads(blob)]
+
+
+def unpack_attributes(blob: bytes | None) -> dict[str, list[Any]]:
+    """Attribute lists by position, by name."""
+    return {} if blob is None else dict(orjson.loads(blob))
+
+
+def digest(*parts: bytes | None) -> str:
+    """A short hex hash over parts, each with its length, so that no two lists of parts share their bytes."""
+    hasher = hashlib.blake2b(digest_size=12)
+    for part in parts:
+        hasher.update(b"-" if part is None else len(part).to_bytes(8, "little") + part)
+    return hasher.hexdigest()

@@ -1,0 +1,138 @@
+"""Rows of collections. The revision only moves here, in the transaction of the write that moves it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any
+
+from sqlalchemy import delete, func, select, update
+from sqlalchemy.orm import Session
+
+from server.store.tables import CollectionRow, SubmapRow
+
+
+@dataclass(frozen=True, slots=True)
+class Extent:
+    """What a collection covers in one map frame: metres, footprints of the submaps' landmarks."""
+
+    frame_id: str
+    min_x: float
+    min_y: float
+    max_x: float
+    max_y: float
+
+
+class Collections:
+    """Repository of collections; the session is the caller's, and so is the commit."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+
+    def get(self, collection_id: str) -> CollectionRow | None:
+        """The collection of that id, or None."""
+        return self._session.scalar(select(CollectionRow).where(CollectionRow.id == collection_id))
+
+    def page(self, *, after_key: int = 0, limit: int) -> Sequence[CollectionRow]:
+        """Up to `limit` collections in the order they were made, beginning after a key."""
+        query = select(CollectionRow).where(CollectionRow.key > after_key).order_by(CollectionRow.key).limit(limit)
+        return self._session.scalars(query).all()
+
+    def ids(self) -> list[str]:
+        """Ids of all collections."""
+        return list(self._session.scalars(select(CollectionRow.id).order_by(CollectionRow.key)))
+
+    def create(
+        self,
+        collection_id: str,
+        *,
+        title: str | None,
+        config: dict[str, Any],
+        fingerprint: str,
+        crs: str | None,
+        origin: tuple[float, float] | None,
+    ) -> CollectionRow:
+        """Add an empty collection at revision 0."""
+        now = datetime.now(UTC)
+        row = CollectionRow(
+            id=collection_id,
+            title=title,
+            config=config,
+            fingerprint=fingerprint,
+            crs=crs,
+            origin_x=origin[0] if origin else None,
+            origin_y=origin[1] if origin else None,
+            revision=0,
+            submap_count=0,
+            landmark_count=0,
+            polygon_count=0,
+            query_sequence=0,
+            created=now,
+            updated=now,
+        )
+        self._session.add(row)
+        self._session.flush()
+        return row
+
+    def advance(self, key: int, *, submaps: int = 0, landmarks: int = 0, polygons: int = 0) -> int:
+        """Move the revision on by one and the counts by what is given; the new revision."""
+        statement = (
+            update(CollectionRow)
+            .where(CollectionRow.key == key)
+            .values(
+                revision=CollectionRow.revision + 1,
+                submap_count=CollectionRow.submap_count + submaps,
+                landmark_count=CollectionRow.landmark_count + landmarks,
+                polygon_count=CollectionRow.polygon_count + polygons,
+                updated=datetime.now(UTC),
+            )
+            .returning(CollectionRow.revision)
+            .execution_options(synchronize_session=False)
+        )
+        return self._session.scalars(statement).one()
+
+    def next_query_number(self, key: int) -> int:
+        """Take the next number for a stored query."""
+        statement = (
+            update(CollectionRow)
+            .where(CollectionRow.key == key)
+            .values(query_sequence=CollectionRow.query_sequence + 1)
+            .returning(CollectionRow.query_sequence)
+            .execution_options(synchronize_session=False)
+        )
+        return self._session.scalars(statement).one()
+
+    def delete(self, key: int) -> None:
+        """Remove a collection with everything in it."""
+        self._session.execute(
+            delete(CollectionRow).where(CollectionRow.key == key), execution_options={"synchronize_session": False}
+        )
+
+    def extents(self, key: int) -> list[Extent]:
+        """What the collection's submaps cover, a map frame each, from the footprint index alone."""
+        query = (
+            select(
+                SubmapRow.map_frame_id,
+                func.min(SubmapRow.map_min_x),
+                func.min(SubmapRow.map_min_y),
+                func.max(SubmapRow.map_max_x),
+                func.max(SubmapRow.map_max_y),
+            )
+            .where(SubmapRow.collection_key == key, SubmapRow.map_frame_id.is_not(None))
+            .group_by(SubmapRow.map_frame_id)
+        )
+        return [
+            Extent(frame_id, min_x, min_y, max_x, max_y)
+            for frame_id, min_x, min_y, max_x, max_y in self._session.execute(query)
+            if frame_id is not None
+            and min_x is not None
+            and min_y is not None
+            and max_x is not None
+            and max_y is not None
+        ]
+
+    def interval(self, key: int) -> tuple[datetime, datetime] | None:
+        """The first and the last stamp of the collection's submaps, by two seeks in the stamp index."""
+        stamped = select(SubmapRow.stamp).where(SubmapRow.collection_key == key, SubmapRow.stamp.is_not(None)).limit(1)
+        first = self._session.scalar(stamped.order_by(SubmapRow.stamp))
+        last = self._session.scalar(stamped.order_by(SubmapRow.stamp.desc()))
+        return None if first is None or last is None else (first, last)

@@ -1,0 +1,234 @@
+"""Rows of submaps, all seen through one collection: another collection's submap cannot be reached from here."""
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from typing import Any, TypeVar
+
+from sqlalchemy import Select, delete, insert, select, update
+from sqlalchemy.orm import Session, undefer
+
+from server.store.tables import DeletionRow, SubmapRow
+
+_T = TypeVar("_T")
+_VARIABLES = 500  # ids per statement, well below SQLite's limit on bound values
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A submap's pose in a map and its footprint there, metres and radians."""
+
+    map_frame_id: str
+    map_x: float
+    map_y: float
+    map_yaw: float
+    map_covariance: list[float] | None
+    map_min_x: float
+    map_min_y: float
+    map_max_x: float
+    map_max_y: float
+
+
+def stored_place(row: SubmapRow) -> Place | None:
+    """The place in a row, None when it has none."""
+    values = [getattr(row, name) for name in Place.__slots__]
+    return None if row.map_frame_id is None else Place(*values)
+
+
+_NO_PLACE: dict[str, Any] = dict.fromkeys(Place.__slots__)
+
+
+@dataclass(frozen=True, slots=True)
+class SubmapRecord:
+    """A submap as it is to be stored; the blobs are little-endian float64 (N, 2), JSON, JSON and packed features.
+
+    `features` is None where the landmarks, and with them the features, are those that are stored already.
+    """
+
+    id: str
+    frame_id: str | None
+    session: str | None
+    stamp: datetime | None
+    landmark_count: int
+    polygon_count: int
+    counts: dict[str, int]
+    place: Place | None
+    properties: dict[str, Any] | None
+    landmarks_hash: str
+    etag: str
+    landmarks: bytes
+    landmark_ids: bytes | None
+    attributes: bytes | None
+    features: bytes | None
+
+    def columns(self) -> dict[str, Any]:
+        """Values by column name."""
+        values = {name: getattr(self, name) for name in self.__slots__ if name != "place"}
+        return values | (asdict(self.place) if self.place is not None else _NO_PLACE)
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """What a write has to know about the submap it may replace."""
+
+    key: int
+    etag: str
+    landmarks_hash: str
+    landmark_count: int
+    polygon_count: int
+    revision: int
+    counts: dict[str, int]
+
+
+@dataclass(frozen=True, slots=True)
+class SubmapFilter:
+    """Which submaps of a collection: all that is given must hold."""
+
+    session: str | None = None
+    bbox: tuple[float, float, float, float] | None = None
+    map_frame_id: str | None = None
+    since: datetime | None = None
+    until: datetime | None = None
+
+
+class Submaps:
+    """Repository of one collection's submaps; the session is the caller's, and so is the commit."""
+
+    def __init__(self, session: Session, collection_key: int) -> None:
+        self._session = session
+        self._collection_key = collection_key
+
+    def get_whole(self, submap_id: str, *, features: bool = False) -> SubmapRow | None:
+        """The submap with its landmarks, and with its features if asked; or None."""
+        query = self._all().where(SubmapRow.id == submap_id).options(*_LANDMARKS)
+        return self._session.scalar(query.options(undefer(SubmapRow.features)) if features else query)
+
+    def identities(self, ids: Collection[str]) -> dict[str, Identity]:
+        """Identities of those of the ids that exist."""
+        columns = (
+            SubmapRow.id,
+            SubmapRow.key,
+            SubmapRow.etag,
+            SubmapRow.landmarks_hash,
+            SubmapRow.landmark_count,
+            SubmapRow.polygon_count,
+            SubmapRow.revision,
+            SubmapRow.counts,
+        )
+        found: dict[str, Identity] = {}
+        for some in _batches(list(ids)):
+            query = select(*columns).where(SubmapRow.collection_key == self._collection_key, SubmapRow.id.in_(some))
+            found.update({row[0]: Identity(*row[1:]) for row in self._session.execute(query)})
+        return found
+
+    def keys(self, ids: Collection[str]) -> dict[str, int]:
+        """Keys of those of the ids that exist."""
+        found: dict[str, int] = {}
+        for some in _batches(list(ids)):
+            query = select(SubmapRow.id, SubmapRow.key).where(
+                SubmapRow.collection_key == self._collection_key, SubmapRow.id.in_(some)
+            )
+            found.update({row.id: row.key for row in self._session.execute(query)})
+        return found
+
+    def by_keys(self, keys: Collection[int], *, landmarks: bool) -> dict[int, SubmapRow]:
+        """Submaps with their landmark ids, and with their landmarks if asked, by key."""
+        loaded = _LANDMARKS if landmarks else (undefer(SubmapRow.landmark_ids),)
+        found: dict[int, SubmapRow] = {}
+        for some in _batches(list(keys)):
+            query = self._all().where(SubmapRow.key.in_(some)).options(*loaded)
+            found.update({row.key: row for row in self._session.scalars(query)})
+        return found
+
+    def insert(self, records: Sequence[SubmapRecord], revision: int) -> None:
+        """Add submaps that are not there yet."""
+        now = datetime.now(UTC)
+        shared = {
+            "collection_key": self._collection_key,
+            "revision": revision,
+            "content_revision": revision,
+            "created": now,
+            "updated": now,
+        }
+        if records:
+            self._session.execute(insert(SubmapRow), [record.columns() | shared for record in records])
+
+    def replace(self, key: int, record: SubmapRecord, revision: int) -> None:
+        """Put other content in the place of a submap's; its key stays."""
+        values = record.columns() | {"revision": revision, "updated": datetime.now(UTC)}
+        if record.features is None:
+            del values["features"]
+        else:
+            values["content_revision"] = revision
+        self._update(key, values)
+
+    def edit(
+        self, key: int, *, place: Place | None, properties: dict[str, Any] | None, etag: str, revision: int
+    ) -> None:
+        """Change what does not concern the index: the pose in the map and the properties."""
+        columns = asdict(place) if place is not None else dict(_NO_PLACE)
+        self._update(
+            key,
+            columns | {"properties": properties, "etag": etag, "revision": revision, "updated": datetime.now(UTC)},
+        )
+
+    def delete(self, key: int, revision: int) -> None:
+        """Remove a submap and note for the live indexes that it is gone."""
+        self._session.add(DeletionRow(submap_key=key, collection_key=self._collection_key, revision=revision))
+        self._session.execute(
+            delete(SubmapRow).where(SubmapRow.collection_key == self._collection_key, SubmapRow.key == key),
+            execution_options={"synchronize_session": False},
+        )
+
+    def page(self, chosen: SubmapFilter, *, after_key: int = 0, limit: int, landmarks: bool) -> Sequence[SubmapRow]:
+        """Up to `limit` submaps in the order they were added, beginning after a key."""
+        query = self._all().where(SubmapRow.key > after_key).order_by(SubmapRow.key).limit(limit)
+        if chosen.session is not None:
+            query = query.where(SubmapRow.session == chosen.session)
+        if chosen.map_frame_id is not None:
+            query = query.where(SubmapRow.map_frame_id == chosen.map_frame_id)
+        if chosen.bbox is not None:
+            min_x, min_y, max_x, max_y = chosen.bbox
+            query = query.where(
+                SubmapRow.map_min_x <= max_x,
+                SubmapRow.map_max_x >= min_x,
+                SubmapRow.map_min_y <= max_y,
+                SubmapRow.map_max_y >= min_y,
+            )
+        if chosen.since is not None:
+            query = query.where(SubmapRow.stamp >= chosen.since)
+        if chosen.until is not None:
+            query = query.where(SubmapRow.stamp <= chosen.until)
+        return self._session.scalars(query.options(*_LANDMARKS) if landmarks else query).all()
+
+    def changed_since(self, revision: int, *, batch: int) -> Iterator[tuple[int, bytes, bytes]]:
+        """Key, features and landmarks of the submaps whose landmarks changed after a revision, streamed."""
+        query = (
+            select(SubmapRow.key, SubmapRow.features, SubmapRow.landmarks)
+            .where(SubmapRow.collection_key == self._collection_key, SubmapRow.content_revision > revision)
+            .execution_options(yield_per=batch)
+        )
+        for row in self._session.execute(query):
+            yield row.key, row.features, row.landmarks
+
+    def deleted_since(self, revision: int) -> list[int]:
+        """Keys of the submaps that were deleted after a revision."""
+        query = select(DeletionRow.submap_key).where(
+            DeletionRow.collection_key == self._collection_key, DeletionRow.revision > revision
+        )
+        return list(self._session.scalars(query))
+
+    def _all(self) -> Select[SubmapRow]:
+        return select(SubmapRow).where(SubmapRow.collection_key == self._collection_key)
+
+    def _update(self, key: int, values: Mapping[str, Any]) -> None:
+        statement = update(SubmapRow).where(SubmapRow.collection_key == self._collection_key, SubmapRow.key == key)
+        self._session.execute(statement.values(**values), execution_options={"synchronize_session": False})
+
+
+_LANDMARKS = (undefer(SubmapRow.landmarks), undefer(SubmapRow.landmark_ids), undefer(SubmapRow.attributes))
+
+
+def _batches(items: list[_T]) -> Iterator[list[_T]]:
+    for start in range(0, len(items), _VARIABLES):
+        yield items[start : start + _VARIABLES]

@@ -1,0 +1,157 @@
+"""The tables. Migrations are written by hand; a test holds them to what stands here."""
+
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+from sqlalchemy import (
+    JSON,
+    BigInteger,
+    Dialect,
+    Float,
+    ForeignKey,
+    Index,
+    Integer,
+    LargeBinary,
+    MetaData,
+    Text,
+    UniqueConstraint,
+    types,
+)
+from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
+
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+class Instant(types.TypeDecorator[datetime]):
+    """A moment as whole microseconds since 1970 UTC: sorts, compares and indexes as an integer."""
+
+    impl = BigInteger
+    cache_ok = True
+
+    def process_bind_param(self, value: datetime | None, dialect: Dialect) -> int | None:
+        return None if value is None else (value - _EPOCH) // timedelta(microseconds=1)
+
+    def process_result_value(self, value: Any, dialect: Dialect) -> datetime | None:
+        return None if value is None else _EPOCH + timedelta(microseconds=value)
+
+
+class Table(DeclarativeBase):
+    """Base of all tables."""
+
+    metadata = MetaData(
+        naming_convention={
+            "ix": "ix_%(table_name)s_%(column_0_N_name)s",
+            "uq": "uq_%(table_name)s_%(column_0_N_name)s",
+            "fk": "fk_%(table_name)s_%(column_0_name)s_%(referred_table_name)s",
+            "pk": "pk_%(table_name)s",
+        }
+    )
+
+
+class CollectionRow(Table):
+    """Submaps that share a configuration. Counts live here so that reading them never scans."""
+
+    __tablename__ = "collections"
+    # AUTOINCREMENT: the key of a dropped collection must not come back, live indexes are known by it.
+    __table_args__ = {"sqlite_autoincrement": True}  # noqa: RUF012
+
+    key: Mapped[int] = mapped_column(Integer, primary_key=True)
+    id: Mapped[str] = mapped_column(Text, unique=True)
+    title: Mapped[str | None] = mapped_column(Text)
+    config: Mapped[dict[str, Any]] = mapped_column(JSON)
+    fingerprint: Mapped[str] = mapped_column(Text)
+    crs: Mapped[str | None] = mapped_column(Text)
+    origin_x: Mapped[float | None] = mapped_column(Float)
+    origin_y: Mapped[float | None] = mapped_column(Float)
+    revision: Mapped[int] = mapped_column(Integer)
+    submap_count: Mapped[int] = mapped_column(Integer)
+    landmark_count: Mapped[int] = mapped_column(Integer)
+    polygon_count: Mapped[int] = mapped_column(Integer)
+    query_sequence: Mapped[int] = mapped_column(Integer)
+    created: Mapped[datetime] = mapped_column(Instant)
+    updated: Mapped[datetime] = mapped_column(Instant)
+
+
+class SubmapRow(Table):
+    """Landmarks in one rigid frame, with the features made of them.
+
+    `revision` is the collection's at the last write of any kind, `content_revision` at the last one that
+    changed landmark positions: only those concern the live index.
+    """
+
+    __tablename__ = "submaps"
+    __table_args__ = (
+        UniqueConstraint("collection_key", "id"),
+        Index(None, "collection_key", "content_revision"),
+        Index(None, "collection_key", "session"),
+        Index(None, "collection_key", "stamp"),
+        # Covers the extent and the bbox filter.
+        Index(
+            "ix_submaps_footprint",
+            "collection_key",
+            "map_frame_id",
+            "map_min_x",
+            "map_min_y",
+            "map_max_x",
+            "map_max_y",
+        ),
+        {"sqlite_autoincrement": True},
+    )
+
+    key: Mapped[int] = mapped_column(Integer, primary_key=True)
+    collection_key: Mapped[int] = mapped_column(ForeignKey("collections.key", ondelete="CASCADE"))
+    id: Mapped[str] = mapped_column(Text)
+    frame_id: Mapped[str | None] = mapped_column(Text)
+    session: Mapped[str | None] = mapped_column(Text)
+    stamp: Mapped[datetime | None] = mapped_column(Instant)
+    landmark_count: Mapped[int] = mapped_column(Integer)
+    polygon_count: Mapped[int] = mapped_column(Integer)
+    counts: Mapped[dict[str, int]] = mapped_column(JSON)
+    map_frame_id: Mapped[str | None] = mapped_column(Text)
+    map_x: Mapped[float | None] = mapped_column(Float)
+    map_y: Mapped[float | None] = mapped_column(Float)
+    map_yaw: Mapped[float | None] = mapped_column(Float)
+    map_covariance: Mapped[list[float] | None] = mapped_column(JSON(none_as_null=True))
+    map_min_x: Mapped[float | None] = mapped_column(Float)
+    map_min_y: Mapped[float | None] = mapped_column(Float)
+    map_max_x: Mapped[float | None] = mapped_column(Float)
+    map_max_y: Mapped[float | None] = mapped_column(Float)
+    properties: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
+    landmarks_hash: Mapped[str] = mapped_column(Text)
+    etag: Mapped[str] = mapped_column(Text)
+    revision: Mapped[int] = mapped_column(Integer)
+    content_revision: Mapped[int] = mapped_column(Integer)
+    created: Mapped[datetime] = mapped_column(Instant)
+    updated: Mapped[datetime] = mapped_column(Instant)
+    # Large columns last: SQLite then reads the small ones without following overflow pages.
+    landmarks: Mapped[bytes] = mapped_column(LargeBinary, deferred=True)
+    landmark_ids: Mapped[bytes | None] = mapped_column(LargeBinary, deferred=True)
+    attributes: Mapped[bytes | None] = mapped_column(LargeBinary, deferred=True)
+    features: Mapped[bytes] = mapped_column(LargeBinary, deferred=True)
+
+
+class DeletionRow(Table):
+    """A submap that is gone, so that the live index of every process can drop it too."""
+
+    __tablename__ = "deletions"
+    __table_args__ = (Index(None, "collection_key", "revision"),)
+
+    submap_key: Mapped[int] = mapped_column(Integer, primary_key=True, autoincrement=False)
+    collection_key: Mapped[int] = mapped_column(ForeignKey("collections.key", ondelete="CASCADE"))
+    revision: Mapped[int] = mapped_column(Integer)
+
+
+class QueryRow(Table):
+    """A stored query. `number` counts up within its collection: one that was given out but has no row is gone."""
+
+    __tablename__ = "queries"
+    __table_args__ = (UniqueConstraint("collection_key", "number"), {"sqlite_autoincrement": True})
+
+    key: Mapped[int] = mapped_column(Integer, primary_key=True)
+    collection_key: Mapped[int] = mapped_column(ForeignKey("collections.key", ondelete="CASCADE"))
+    number: Mapped[int] = mapped_column(Integer)
+    created: Mapped[datetime] = mapped_column(Instant)
+    candidates: Mapped[list[dict[str, Any]]] = mapped_column(JSON)
+    landmarks: Mapped[bytes] = mapped_column(LargeBinary, deferred=True)
+    landmark_ids: Mapped[bytes | None] = mapped_column(LargeBinary, deferred=True)
+    answer: Mapped[bytes] = mapped_column(LargeBinary, deferred=True)

@@ -1,0 +1,146 @@
+"""Answers that were asked to be kept: written, read, and drawn."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+import orjson
+from numpy.typing import NDArray
+
+import urquhart
+from server import links
+from server.errors import Gone, NotFound
+from server.registry import get_collection
+from server.schemas.queries import CandidateAnswer, CandidateLinks, MatchAnswer, QueryAnswer, QueryLinks
+from server.settings import Limits
+from server.store.codec import pack_json, pack_positions, unpack_positions
+from server.store.collections import Collections
+from server.store.database import Database
+from server.store.queries import Queries
+from server.store.submaps import Submaps
+from server.store.tables import CollectionRow, QueryRow
+from urquhart import SE2, Candidate
+
+
+def keep(
+    database: Database,
+    limits: Limits,
+    collection: CollectionRow,
+    xy: NDArray[np.float64],
+    ids: list[str] | None,
+    found: Sequence[Candidate],
+    answer: QueryAnswer,
+) -> QueryAnswer:
+    """Store an answer; the answer with its id and links. The oldest beyond the limit go. Raises NotFound."""
+    with database.write() as session:
+        if get_collection(session, collection.id).key != collection.key:
+            raise NotFound("collection", collection.id)
+        number = Collections(session).next_query_number(collection.key)
+        candidates = [
+            shown.model_copy(
+                update={
+                    "links": CandidateLinks(
+                        submap=shown.links.submap, match=links.match(collection.id, number, shown.rank)
+                    )
+                }
+            )
+            for shown in answer.candidates
+        ]
+        own = QueryLinks(self=links.query(collection.id, number), collection=answer.links.collection)
+        answer = answer.model_copy(update={"id": str(number), "candidates": candidates, "links": own})
+        queries = Queries(session, collection.key)
+        queries.add(
+            number,
+            landmarks=pack_positions(xy),
+            landmark_ids=pack_json(ids),
+            answer=answer.model_dump_json().encode(),
+            candidates=[_pack(candidate) for candidate in found],
+        )
+        queries.drop_through(number - limits.stored_queries)
+    return answer
+
+
+def stored_answer(database: Database, collection_id: str, query_id: str) -> bytes:
+    """A stored answer as JSON. Raises NotFound, and Gone for one that is no longer kept."""
+    with database.read() as session:
+        collection = get_collection(session, collection_id)
+        return _stored(Queries(session, collection.key), collection.query_sequence, query_id).answer
+
+
+@dataclass(frozen=True, slots=True)
+class Match:
+    """A stored query's candidate with the landmarks of both sides, each (N, 2) float64, metres, in its own frame."""
+
+    query_id: str
+    answer: CandidateAnswer
+    query_xy: NDArray[np.float64]
+    submap_xy: NDArray[np.float64]
+    candidate: Candidate
+
+    def to_answer(self) -> MatchAnswer:
+        """The match as data."""
+        return MatchAnswer(
+            query=self.query_id,
+            candidate=self.answer,
+            query_landmarks=[(float(x), float(y)) for x, y in self.query_xy],
+            submap_landmarks=[(float(x), float(y)) for x, y in self.submap_xy],
+        )
+
+    def to_svg(self) -> str:
+        """The match as a drawing."""
+        title = f"query {self.query_id} on {self.answer.submap_id}: {self.answer.inlier_count} inliers"
+        return urquhart.draw_match(self.query_xy, self.submap_xy, self.candidate, title=title)
+
+
+def stored_match(database: Database, collection_id: str, query_id: str, rank: int) -> Match:
+    """A candidate of a stored query, to be read or drawn.
+
+    Raises NotFound, and Gone when the query is no longer kept or the submap's landmarks are not those it matched.
+    """
+    with database.read() as session:
+        collection = get_collection(session, collection_id)
+        stored = _stored(Queries(session, collection.key), collection.query_sequence, query_id)
+        answer = QueryAnswer.model_validate(orjson.loads(stored.answer))
+        if not 1 <= rank <= len(answer.candidates):
+            raise NotFound(f"candidate of query {query_id!r} with rank", str(rank))
+        candidate = _unpack(stored.candidates[rank - 1])
+        row = Submaps(session, collection.key).by_keys([candidate.key], landmarks=True).get(candidate.key)
+        if row is None or row.content_revision > answer.revision:
+            what = "deleted" if row is None else "given other landmarks"
+            raise Gone(
+                f"The submap of candidate {rank} was {what} after the query; ask again to match what is there now."
+            )
+        shown = answer.candidates[rank - 1]
+        query_xy, submap_xy = unpack_positions(stored.landmarks), unpack_positions(row.landmarks)
+        return Match(query_id, shown, query_xy, submap_xy, candidate)
+
+
+def _stored(queries: Queries, sequence: int, query_id: str) -> QueryRow:
+    number = int(query_id) if query_id.isascii() and query_id.isdigit() and len(query_id) <= 18 else 0
+    row = queries.get(number)
+    if row is not None:
+        return row
+    if 1 <= number <= sequence:
+        raise Gone(f"Query {query_id} was answered and stored, and is no longer kept; only the newest ones are.")
+    raise NotFound("stored query", query_id)
+
+
+def _pack(candidate: Candidate) -> dict[str, Any]:
+    packed: dict[str, Any] = {}
+    for field in fields(Candidate):
+        value = getattr(candidate, field.name)
+        if isinstance(value, np.ndarray):
+            value = value.tolist()
+        elif isinstance(value, SE2):
+            value = [value.x, value.y, value.yaw]
+        packed[field.name] = value
+    return packed
+
+
+def _unpack(packed: dict[str, Any]) -> Candidate:
+    if packed.keys() != {field.name for field in fields(Candidate)}:
+        raise Gone("The match was stored by another version of the service; ask again to see it.")
+    arrays = {name: np.array(packed[name], dtype=np.float64) for name in ("covariance", "residuals")}
+    indices = {name: np.array(packed[name], dtype=np.int64) for name in ("query_indices", "submap_indices")}
+    return Candidate(**packed | arrays | indices | {"transform": SE2(*packed["transform"])})

@@ -1,0 +1,11 @@
+"""The version of the installed service, for `/v1/limits`, the OpenAPI document and the landing page."""
+
+from importlib import metadata
+
+
+def service_version() -> str:
+    """Version of the installed distribution; `0+source` when run from a tree that is not installed."""
+    try:
+        return metadata.version("urquhart")
+    except metadata.PackageNotFoundError:
+        return "0+source"

@@ -1,0 +1,188 @@
+"""What the client sends and how it reads answers, with a transport in place of a service."""
+
+from datetime import UTC, datetime, timedelta, timezone
+
+import httpx
+import numpy as np
+import pytest
+
+from tests.client.fake import CANDIDATE, COLLECTION, RECEIPT, RESULT, SUBMAP, Service, client, sent, service
+from urquhart_client import UNSET, Landmark, MapPose, QueryResult, Transform
+
+
+def test_query_sends_the_landmarks_and_reads_the_result() -> None:
+    fake = service(RESULT)
+    result = client(fake).query("plots", np.array([[1.0, 2.0], [3.0, 4.5]]), ids=["a", "b"], limit=3, seed=7)
+    assert sent(fake) == ("POST", "/v1/collections/plots/queries")
+    assert fake.body == {"xy": [[1.0, 2.0], [3.0, 4.5]], "ids": ["a", "b"], "limit": 3, "seed": 7}
+    assert fake.last.headers["content-type"] == "application/json"
+    assert result.verdict == "matched"
+    assert result.best is not None
+    assert result.best.submap_id == "p7"
+    assert result.best.inliers[0].submap == "t17"
+    assert result.best.map_pose is not None
+    assert result.best.map_pose.frame_id == "stand"
+    assert result.stages[0].counts == {"polygons": 24}
+
+
+def test_query_sends_what_is_asked_for_and_nothing_else() -> None:
+    fake = service(RESULT)
+    stamp = datetime(2026, 5, 4, 9, 30, tzinfo=UTC)
+    client(fake).query("plots", submap_id="p6", method="paper", store=True, stamp=stamp, exclude={"submap_ids": ["p5"]})
+    assert fake.body == {
+        "submap_id": "p6",
+        "limit": 5,
+        "method": "paper",
+        "store": True,
+        "stamp": "2026-05-04T09:30:00+00:00",
+        "exclude": {"submap_ids": ["p5"]},
+    }
+
+
+def test_best_is_nothing_unless_matched() -> None:
+    for verdict in ("ambiguous", "no_match"):
+        assert QueryResult.model_validate(RESULT | {"verdict": verdict}).best is None
+    assert QueryResult.model_validate(RESULT | {"candidates": []}).best is None
+
+
+def test_fields_of_a_newer_service_are_passed_over() -> None:
+    newer = RESULT | {"weather": "fog", "candidates": [CANDIDATE | {"canopy": {"closed": True}}]}
+    result = client(service(newer)).query("plots", [[0, 0]])
+    assert result.best is not None
+    assert not hasattr(result.best, "canopy")
+
+
+def test_transform_takes_query_points_to_the_submap() -> None:
+    ((x, y),) = Transform(x=1.0, y=2.0, yaw=np.pi / 2).apply([(3.0, 0.0)])
+    assert (x, y) == pytest.approx((1.0, 5.0))
+
+
+def test_put_submap_sends_pose_stamp_and_conditions() -> None:
+    fake = service(RECEIPT, 201)
+    east = timezone(timedelta(hours=2))
+    receipt = client(fake).put_submap(
+        "plots",
+        "p7",
+        landmarks=[Landmark(id="t1", x=1, y=2, dbh=0.3), {"id": "t2", "x": 3.0, "y": 4.0}],
+        frame_id="plot_7",
+        stamp=datetime(2026, 5, 4, 11, 30, tzinfo=east),
+        session="s1",
+        map_pose=MapPose(frame_id="map", x=1, y=2, yaw=0.5),
+        properties={"observer": "robot-2"},
+        if_match="4be1",
+        if_none_match="*",
+    )
+    assert sent(fake) == ("PUT", "/v1/collections/plots/submaps/p7")
+    assert fake.body == {
+        "landmarks": [{"id": "t1", "x": 1.0, "y": 2.0, "dbh": 0.3}, {"id": "t2", "x": 3.0, "y": 4.0}],
+        "frame_id": "plot_7",
+        "stamp": "2026-05-04T11:30:00+02:00",
+        "session": "s1",
+        "map_pose": {"frame_id": "map", "x": 1.0, "y": 2.0, "yaw": 0.5},
+        "properties": {"observer": "robot-2"},
+    }
+    assert fake.last.headers["if-match"] == '"4be1"'
+    assert fake.last.headers["if-none-match"] == "*"
+    assert (receipt.outcome, receipt.etag) == ("created", "4be1")
+
+
+def test_patch_tells_clearing_from_leaving() -> None:
+    fake = service(SUBMAP)
+    client(fake).patch_submap("plots", "p7", map_pose=None, properties=UNSET)
+    assert fake.body == {"map_pose": None}
+    client(fake).patch_submap("plots", "p7", map_pose={"frame_id": "map", "x": 0, "y": 0, "yaw": 0})
+    assert fake.body == {"map_pose": {"frame_id": "map", "x": 0, "y": 0, "yaw": 0}}
+    fake = service(COLLECTION)
+    client(fake).patch_collection("plots", title="Plots", origin=None)
+    assert sent(fake) == ("PATCH", "/v1/collections/plots")
+    assert fake.body == {"title": "Plots", "origin": None}
+
+
+def test_every_resource_has_its_request() -> None:
+    fake = service(COLLECTION)
+    there = client(fake)
+    there.put_collection("plots", title="t", config={"step": 0.5}, crs="EPSG:32633", origin=(1, 2))
+    assert sent(fake) == ("PUT", "/v1/collections/plots")
+    assert fake.body == {"title": "t", "config": {"step": 0.5}, "crs": "EPSG:32633", "origin": [1.0, 2.0]}
+    assert there.get_collection("plots").revision == 3
+    assert sent(fake) == ("GET", "/v1/collections/plots")
+    there.delete_collection("plots")
+    assert sent(fake) == ("DELETE", "/v1/collections/plots")
+    there.delete_submap("plots", "p7", if_match="4be1")
+    assert sent(fake) == ("DELETE", "/v1/collections/plots/submaps/p7")
+    assert fake.last.headers["if-match"] == '"4be1"'
+    there.landing()
+    there.live()
+    assert sent(fake) == ("GET", "/livez")
+    there.ready()
+    assert sent(fake) == ("GET", "/readyz")
+    fake = service(SUBMAP)
+    assert client(fake).get_submap("plots", "p7").landmarks is None
+    fake = service({"limits": {"landmarks": 20000}})
+    assert client(fake).limits().limits["landmarks"] == 20000
+    fake = service({"submap": "p7", "fingerprint": "5e2f", "triangles": [[0, 1, 2]], "polygons": []})
+    assert client(fake).tessellation("plots", "p7").triangles == ((0, 1, 2),)
+    fake = Service(httpx.Response(200, text="<svg/>"))
+    assert client(fake).tessellation_svg("plots", "p7") == "<svg/>"
+    assert fake.last.headers["accept"] == "image/svg+xml"
+    assert client(fake).match_svg("plots", "17", rank=2) == "<svg/>"
+    assert sent(fake) == ("GET", "/v1/collections/plots/queries/17/candidates/2/match")
+    assert client(fake).metrics() == "<svg/>"
+
+
+def test_ids_are_one_path_segment() -> None:
+    fake = service(SUBMAP)
+    client(fake, "http://service/proxied/").get_submap("plöts", "a/b?c#d e")
+    assert fake.last.url.raw_path == b"/proxied/v1/collections/pl%C3%B6ts/submaps/a%2Fb%3Fc%23d%20e"
+    for name in ("", ".", ".."):
+        with pytest.raises(ValueError, match="not the id of a submap"):
+            client(fake).get_submap("plots", name)
+
+
+def test_listing_fetches_pages_when_they_are_needed() -> None:
+    pages = [
+        httpx.Response(200, json={"submaps": [SUBMAP | {"id": "a"}, SUBMAP | {"id": "b"}], "next": "c1"}),
+        httpx.Response(200, json={"submaps": [SUBMAP | {"id": "c"}]}),
+    ]
+    fake = Service(*pages)
+    rows = client(fake).submaps(
+        "plots", bbox=(0, 0, 10, 20.5), session="s", interval="../2026-01-01T00:00:00Z", page_size=2
+    )
+    assert fake.requests == []
+    assert [next(rows).id, next(rows).id] == ["a", "b"]
+    assert dict(fake.last.url.params) == {
+        "bbox": "0.0,0.0,10.0,20.5",
+        "session": "s",
+        "datetime": "../2026-01-01T00:00:00Z",
+        "limit": "2",
+    }
+    assert [row.id for row in rows] == ["c"]
+    assert fake.last.url.params["cursor"] == "c1"
+    assert len(fake.requests) == 2
+    fake = service({"collections": [COLLECTION]})
+    assert [one.id for one in client(fake).collections()] == ["plots"]
+
+
+def test_what_cannot_be_sent_is_refused_before_it_is() -> None:
+    fake = service(RESULT)
+    there = client(fake)
+    with pytest.raises(ValueError, match="not finite"):
+        there.query("plots", [[float("nan"), 0.0]])
+    with pytest.raises(ValueError, match="either as xy"):
+        there.query("plots")
+    with pytest.raises(ValueError, match="either as xy"):
+        there.put_submap("plots", "p7", xy=[[0, 0]], landmarks=[])
+    with pytest.raises(ValueError, match="carry their own ids"):
+        there.query("plots", landmarks=[{"id": "a", "x": 0, "y": 0}], ids=["a"])
+    with pytest.raises(ValueError, match="not both"):
+        there.query("plots", [[0, 0]], submap_id="p7")
+    with pytest.raises(ValueError, match="time zone"):
+        there.put_submap("plots", "p7", xy=[[0, 0]], stamp=datetime(2026, 5, 4))
+    assert fake.requests == []
+
+
+def test_the_client_closes_its_connections() -> None:
+    with client(service(COLLECTION)) as there:
+        there.get_collection("plots")
+    with pytest.raises(RuntimeError):
+        there.get_collection("plots")

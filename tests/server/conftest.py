@@ -1,0 +1,66 @@
+"""Fixtures: an app over a fresh database."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+from fastapi import FastAPI
+
+from server.app import create_app
+from server.dependencies import Service
+from server.settings import Limits, Settings
+from server.store import schema
+from server.store.database import Database
+from tests.server.processes import Server
+from tests.server.world import TestClient
+
+
+@pytest.fixture
+def settings(tmp_path: Path) -> Settings:
+    """Settings over a database that is not there yet, with small pages."""
+    return Settings(database=str(tmp_path / "urquhart.db"), limits=Limits(page=50, page_max=50))
+
+
+@pytest.fixture
+def app(settings: Settings) -> FastAPI:
+    """An app that is not started."""
+    return create_app(settings)
+
+
+@pytest.fixture
+def client(app: FastAPI) -> Iterator[httpx.Client]:
+    """A client of the started app, with the empty collection `plots`."""
+    with TestClient(app) as started:
+        started.put("/v1/collections/plots", json={}).raise_for_status()
+        yield started
+
+
+@pytest.fixture
+def service(app: FastAPI) -> Service:
+    """The parts of the app."""
+    parts: Service = app.state.service
+    return parts
+
+
+@pytest.fixture
+def database(tmp_path: Path) -> Iterator[Database]:
+    """An upgraded, empty database without a service."""
+    made = Database(tmp_path / "bare.db", busy_timeout=2.0)
+    schema.upgrade(made)
+    yield made
+    made.dispose()
+
+
+@pytest.fixture
+def serve(tmp_path: Path) -> Iterator[Callable[[Path], Server]]:
+    """Starts real servers, each in a process of its own, and ends them after the test."""
+    started: list[Server] = []
+
+    def start(database: Path) -> Server:
+        started.append(Server(database, tmp_path / f"server-{len(started)}.log"))
+        return started[-1]
+
+    yield start
+    for server in started:
+        server.close()

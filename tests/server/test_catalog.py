@@ -1,0 +1,286 @@
+"""The live index: caught up before every use, alone in the process or not, and never ahead of its rows."""
+
+import threading
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from server import ingest, lookup, registry
+from server.catalog import Catalog
+from server.errors import NotFound
+from server.locks import ReadersWriterLock
+from server.metrics import Metrics
+from server.schemas.collections import CollectionPut
+from server.schemas.queries import QueryAnswer, QueryInput
+from server.schemas.submaps import NamedSubmap, SubmapInput
+from server.settings import Limits
+from server.store.database import Database
+from server.store.integrity import findings
+from server.store.submaps import Submaps
+from tests.server.world import forest, points
+
+LIMITS = Limits()
+
+
+class Process:
+    """What another process would have: its own connections, locks and indexes over the same file."""
+
+    def __init__(self, database: Database) -> None:
+        self.database = Database(database.path)
+        self.catalog = Catalog(self.database, Metrics())
+
+    def put(self, name: str, seed: int) -> None:
+        """Store a forest."""
+        ingest.put(self.database, "plots", name, SubmapInput.model_validate({"xy": points(forest(seed))}), LIMITS)
+
+    def delete(self, name: str) -> None:
+        """Remove it."""
+        ingest.delete(self.database, "plots", name)
+
+    def ask(self, seed: int) -> QueryAnswer:
+        """Query with a forest."""
+        body = QueryInput.model_validate({"xy": points(forest(seed))})
+        return lookup.answer_query(self.database, self.catalog, Metrics(), LIMITS, "plots", body)
+
+    def found(self, seed: int) -> str | None:
+        """The submap that a forest is matched to."""
+        answer = self.ask(seed)
+        return answer.candidates[0].submap_id if answer.verdict == "matched" else None
+
+
+@pytest.fixture
+def pair(database: Database) -> Iterator[tuple[Process, Process]]:
+    """Two processes' parts over one database with the collection `plots`."""
+    registry.ensure(database, "plots", CollectionPut())
+    both = Process(database), Process(database)
+    yield both
+    for process in both:
+        process.database.dispose()
+
+
+def test_what_one_writes_the_other_finds(pair: tuple[Process, Process]) -> None:
+    one, two = pair
+    assert two.found(1) is None
+    one.put("a", 1)
+    assert two.found(1) == "a"
+    one.put("a", 2)
+    assert (two.found(1), two.found(2)) == (None, "a")
+    two.put("b", 1)
+    assert one.found(1) == "b"
+    one.delete("b")
+    assert two.found(1) is None
+    two.put("b", 1)
+    assert one.found(1) == "b"
+    assert one.ask(1).revision == two.ask(1).revision == 5
+    with one.catalog.view("plots") as view:
+        assert len(view.recognizer) == 2
+
+
+def test_a_collection_that_another_process_made_again(pair: tuple[Process, Process]) -> None:
+    one, two = pair
+    one.put("a", 1)
+    assert two.found(1) == "a"
+    registry.delete(one.database, "plots")
+    with pytest.raises(NotFound):
+        two.ask(1)
+    registry.ensure(one.database, "plots", CollectionPut())
+    assert two.ask(1).reason == "empty_collection"
+    one.put("a", 2)
+    assert (two.found(1), two.found(2)) == (None, "a")
+
+
+def test_only_landmarks_concern_the_index(pair: tuple[Process, Process], monkeypatch: pytest.MonkeyPatch) -> None:
+    one, two = pair
+    one.put("a", 1)
+    one.put("b", 2)
+    assert two.found(1) == "a"
+    streamed: list[int] = []
+    changed_since = Submaps.changed_since
+
+    def watched(self: Submaps, revision: int, *, batch: int) -> Iterator[tuple[int, bytes, bytes]]:
+        for row in changed_since(self, revision, batch=batch):
+            streamed.append(row[0])
+            yield row
+
+    monkeypatch.setattr(Submaps, "changed_since", watched)
+    body = SubmapInput.model_validate({"xy": points(forest(1)), "session": "s", "ids": [f"t{i}" for i in range(60)]})
+    assert ingest.put(one.database, "plots", "a", body, LIMITS).outcome == "replaced"
+    answer = two.ask(1)
+    assert streamed == []
+    assert (answer.candidates[0].session, answer.candidates[0].inliers[0].submap[0]) == ("s", "t")
+    one.put("b", 3)
+    assert two.found(3) == "b"
+    assert len(streamed) == 1
+
+
+def test_a_database_put_back_to_an_earlier_state(pair: tuple[Process, Process]) -> None:
+    one, two = pair
+    one.put("a", 1)
+    one.put("b", 2)
+    assert two.found(2) == "b"
+    with one.database.write_connection() as connection:
+        connection.exec_driver_sql("DELETE FROM submaps WHERE id = 'b'")
+        connection.exec_driver_sql("UPDATE collections SET revision = 1, submap_count = 1")
+    assert (two.found(1), two.found(2)) == ("a", None)
+
+
+def test_damaged_features_are_made_again(pair: tuple[Process, Process], caplog: pytest.LogCaptureFixture) -> None:
+    one, two = pair
+    one.put("a", 1)
+    one.put("b", 2)
+    assert list(findings(one.database)) == []
+    with one.database.write_connection() as connection:
+        connection.exec_driver_sql("UPDATE submaps SET features = x'00112233' WHERE id = 'a'")
+    assert two.found(1) == "a"
+    assert "describing the landmarks again" in caplog.text
+    (finding,) = findings(one.database)
+    assert (finding.where, finding.what.split(":")[0]) == ("plots/a", "the features cannot be unpacked")
+
+
+def test_a_failed_catch_up_is_repeated_whole(pair: tuple[Process, Process], monkeypatch: pytest.MonkeyPatch) -> None:
+    one, two = pair
+    one.put("a", 1)
+    with monkeypatch.context() as patched:
+        patched.setattr("server.catalog.features_of", lambda *_: 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            two.ask(1)
+    assert two.found(1) == "a"
+
+
+def test_readers_and_writers_together(pair: tuple[Process, Process]) -> None:
+    """While others replace the same submap over and over, every answer agrees with some state that was there."""
+    one, two = pair
+    for i in range(3):
+        one.put(f"p{i}", i)
+    failures: list[BaseException] = []
+    stop = threading.Event()
+
+    def write() -> None:
+        round_ = 0
+        while not stop.is_set():
+            one.put("p0", 10 + round_ % 5)
+            one.delete("p2")
+            one.put("p2", 2)
+            round_ += 1
+
+    def read() -> None:
+        last = 0
+        for _ in range(25):
+            answer = two.ask(1)
+            assert answer.verdict == "matched"
+            assert answer.candidates[0].submap_id == "p1"
+            assert answer.revision >= last
+            last = answer.revision
+            for seed in (10, 12):
+                for candidate in two.ask(seed).candidates:
+                    assert candidate.inlier_count <= 60
+
+    def guarded(work: Callable[[], None]) -> None:
+        try:
+            work()
+        except BaseException as error:
+            failures.append(error)
+            raise
+
+    readers = [threading.Thread(target=guarded, args=(read,)) for _ in range(3)]
+    writer = threading.Thread(target=guarded, args=(write,))
+    for thread in (*readers, writer):
+        thread.start()
+    for thread in readers:
+        thread.join()
+    stop.set()
+    writer.join()
+    assert failures == []
+    assert list(findings(one.database)) == []
+
+
+def test_warm_up_builds_every_index(pair: tuple[Process, Process]) -> None:
+    one, two = pair
+    one.put("a", 1)
+    registry.ensure(one.database, "other", CollectionPut())
+    assert list(two.catalog.warm_up()) == [("plots", 1, 2), ("other", 2, 2)]
+
+
+def test_ingest_many(database: Database) -> None:
+    registry.ensure(database, "plots", CollectionPut())
+    process = Process(database)
+
+    def submaps(first: int) -> Iterator[NamedSubmap]:
+        for i in range(10):
+            xy = [[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]] if i == 4 else points(forest(first + i))
+            yield NamedSubmap.model_validate({"id": f"s{i}", "xy": xy})
+
+    batches = list(ingest.ingest_many(database, "plots", submaps(0), batch_size=4))
+    assert [(b.submaps, b.created, len(b.refused)) for b in batches] == [(4, 4, 0), (4, 3, 1), (2, 2, 0)]
+    assert (batches[1].refused[0].submap_id, batches[-1].revision) == ("s4", 3)
+    assert "line" in str(batches[1].refused[0].error)
+    assert process.found(9) == "s9"
+    again = list(ingest.ingest_many(database, "plots", submaps(0)))
+    assert [(b.unchanged, b.revision) for b in again] == [(9, 3)]
+    moved = list(ingest.ingest_many(database, "plots", submaps(1)))
+    assert moved[0].replaced == 9
+    assert process.found(9) == "s8"
+    twice = [NamedSubmap.model_validate({"id": "t", "xy": points(forest(seed))}) for seed in (50, 51)]
+    (batch,) = ingest.ingest_many(database, "plots", twice)
+    assert (batch.submaps, batch.created, batch.replaced) == (2, 1, 1)
+    assert (process.found(50), process.found(51)) == (None, "t")
+    assert list(findings(database)) == []
+    with pytest.raises(NotFound):
+        list(ingest.ingest_many(database, "nope", submaps(0)))
+    process.database.dispose()
+
+
+def test_findings_tell_what_does_not_agree(database: Database) -> None:
+    registry.ensure(database, "plots", CollectionPut())
+    process = Process(database)
+    for i in range(6):
+        process.put(f"p{i}", i)
+    statements = [
+        "UPDATE collections SET submap_count = 7, landmark_count = 1, fingerprint = 'f'",
+        "UPDATE submaps SET landmarks = substr(landmarks, 1, 32) WHERE id = 'p0'",
+        "UPDATE submaps SET features = (SELECT features FROM submaps WHERE id = 'p2') WHERE id = 'p1'",
+        "UPDATE submaps SET landmark_ids = '[\"a\"]' WHERE id = 'p2'",
+        "UPDATE submaps SET revision = 99 WHERE id = 'p3'",
+        "INSERT INTO deletions SELECT key, collection_key, 99 FROM submaps WHERE id = 'p4'",
+    ]
+    with database.write_connection() as connection:
+        for statement in statements:
+            connection.exec_driver_sql(statement)
+    found = {(finding.where, finding.what) for finding in findings(database)}
+    wheres = [where for where, _ in found]
+    assert sorted(set(wheres)) == ["plots", "plots/p0", "plots/p1", "plots/p2", "plots/p3"]
+    assert ("plots/p1", "the features are not those of the landmarks") in found
+    assert wheres.count("plots") == 5
+    process.database.dispose()
+
+
+def test_lock_lets_readers_together_and_the_writer_alone() -> None:
+    lock = ReadersWriterLock()
+    inside = threading.Barrier(2, timeout=20)
+    order: list[str] = []
+
+    def reader() -> None:
+        with lock.reading():
+            inside.wait()
+
+    threads = [threading.Thread(target=reader) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+
+    def late_reader() -> None:
+        with lock.reading():
+            order.append("reader")
+
+    with lock.writing_then_reading() as held:
+        late = threading.Thread(target=late_reader)
+        late.start()
+        late.join(0.05)
+        order.append("writer")
+        held.downgrade()
+        late.join(20)
+        order.append("still held")
+    with lock.writing_then_reading():
+        order.append("again")
+    assert order == ["writer", "reader", "still held", "again"]

@@ -1,0 +1,1 @@
+"""The two methods that the paper compares itself with, written from their papers."""
