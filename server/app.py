@@ -11,13 +11,13 @@ from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 
 import urquhart
-from server import problems
 from server.catalog import Catalog
-from server.dependencies import Service
 from server.errors import DomainError
+from server.http import problems
+from server.http.dependencies import Service
+from server.http.middleware import BodyLimit, RequestContext
+from server.http.readiness import Readiness
 from server.metrics import Metrics
-from server.middleware import BodyLimit, RequestContext
-from server.readiness import Readiness
 from server.routes import collections, pages, queries, submaps, system
 from server.schemas.common import Problem
 from server.settings import Settings

@@ -15,7 +15,7 @@ from typer.exceptions import TyperException
 from server.commands import db, demo, index, locate, serve
 from server.commands.failure import Failure
 from server.errors import DomainError
-from server.stem_maps import StemMapError
+from server.stem_maps.reader import StemMapError
 from server.version import service_version
 from urquhart import ConfigError, LandmarkError
 

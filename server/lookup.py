@@ -6,6 +6,7 @@ from datetime import datetime
 import numpy as np
 from numpy.typing import NDArray
 
+import urquhart
 from server import links
 from server.catalog import Catalog, View
 from server.errors import InvalidField, NotFound, TooLarge
@@ -25,7 +26,7 @@ from server.settings import Limits
 from server.store.codec import unpack_ids, unpack_positions
 from server.store.database import Database
 from server.store.submaps import Submaps, stored_place
-from server.store.tables import SubmapRow
+from server.store.tables import CollectionRow, SubmapRow
 from server.stored_queries import keep
 from server.threads import pin_threads
 from urquhart import Candidate, LandmarkError, Recognition
@@ -44,10 +45,44 @@ class Observation:
         return self.ids if self.ids is not None else [str(i) for i in range(len(self.xy))]
 
 
+@dataclass(frozen=True, slots=True)
+class Look:
+    """A query that was looked up: the answer, and what a drawing of it needs.
+
+    `submaps` are the landmarks of each candidate, (N, 2) float64, metres, submap frame, where they were read.
+    """
+
+    asked: Observation
+    collection: CollectionRow
+    answer: QueryAnswer
+    candidates: tuple[Candidate, ...]
+    submaps: tuple[NDArray[np.float64], ...]
+
+    def draw(self, rank: int, title: str) -> str:
+        """SVG of the candidate at `rank`, from 1."""
+        return urquhart.draw_match(self.asked.xy, self.submaps[rank - 1], self.candidates[rank - 1], title=title)
+
+
 def answer_query(
     database: Database, catalog: Catalog, metrics: Metrics, limits: Limits, collection_id: str, body: QueryInput
 ) -> QueryAnswer:
-    """Place an observation in a collection.
+    """Look a query up and keep the answer where that was asked for. Raises as `look_up`, and StorageError."""
+    look = look_up(catalog, metrics, limits, collection_id, body)
+    if not body.store:
+        return look.answer
+    return keep(database, limits, look.collection, look.asked.xy, look.asked.ids, look.candidates, look.answer)
+
+
+def look_up(
+    catalog: Catalog,
+    metrics: Metrics,
+    limits: Limits,
+    collection_id: str,
+    body: QueryInput,
+    *,
+    to_draw: bool = False,
+) -> Look:
+    """Place an observation in a collection; with `to_draw`, read the candidates' landmarks too.
 
     Too few or collinear landmarks are an answer, not an error. Raises NotFound (the collection, or `submap_id`),
     InvalidLandmarks, InvalidField, TooLarge and StorageError.
@@ -71,14 +106,14 @@ def answer_query(
             found = view.recognizer.recognize(asked.xy, limit=body.limit, method=body.method, exclude=excluded, rng=rng)
         except LandmarkError as error:
             raise invalid_landmarks(error, body) from error
-        rows = submaps.by_keys([candidate.key for candidate in found.candidates], landmarks=False)
+        rows = submaps.by_keys([candidate.key for candidate in found.candidates], landmarks=to_draw)
         answer = _answer(view, body, asked, found, rows)
+        drawn = found.candidates if to_draw else ()
+        landmarks = tuple(unpack_positions(rows[candidate.key].landmarks) for candidate in drawn)
     metrics.verdicts.labels(answer.verdict).inc()
     for stage in answer.stages:
         metrics.observe_stage(stage.name, stage.milliseconds)
-    if body.store:
-        answer = keep(database, limits, view.collection, asked.xy, asked.ids, found.candidates, answer)
-    return answer
+    return Look(asked, view.collection, answer, found.candidates, landmarks)
 
 
 def _check_sizes(body: QueryInput, limits: Limits) -> None:
@@ -143,6 +178,8 @@ def _candidate_answer(
         rms=candidate.rms,
         overlap=candidate.overlap,
         votes=candidate.votes,
+        level=candidate.level,
+        evidence=candidate.evidence,
         log_odds=candidate.log_odds,
         confidence=candidate.confidence,
         refused=candidate.refused,

@@ -60,6 +60,13 @@ def test_no_arrow_goes_back(folder: str) -> None:
                 assert not f"{imported}.".startswith(f"{name}."), f"{path.relative_to(ROOT)}: {imported}"
 
 
+def test_only_the_edge_knows_the_web_framework() -> None:
+    edge = [ROOT / "server" / part for part in ("app.py", "http", "routes", "commands")]
+    for path in sources("server"):
+        if not any(path == part or part in path.parents for part in edge):
+            assert not {name.split(".")[0] for name in imports(path)} & {"fastapi", "starlette"}, path.relative_to(ROOT)
+
+
 def test_files_are_short_enough_to_read() -> None:
     long = {
         str(path.relative_to(ROOT)): lines

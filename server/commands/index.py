@@ -21,12 +21,12 @@ from rich.text import Text
 import urquhart
 from server.commands.failure import Failure
 from server.commands.serve import open_database, settings_with
-from server.discs import MINIMUM_TREES, CuttingError
 from server.registry import ensure
 from server.schemas.collections import CollectionPut
 from server.schemas.common import check_id
-from server.stands import StandError, StandReport, cut_stand, store_stand
-from server.stem_maps import read_stem_map
+from server.stem_maps.discs import MINIMUM_TREES, CuttingError
+from server.stem_maps.reader import read_stem_map
+from server.stem_maps.stands import StandError, StandReport, cut_stand, store_stand
 from server.store.database import Database
 
 

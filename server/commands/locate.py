@@ -4,7 +4,6 @@ import math
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import typer
 from pydantic import ValidationError
 from rich.console import Console
@@ -14,14 +13,11 @@ from server.catalog import Catalog
 from server.commands.db import existing_database
 from server.commands.failure import Failure
 from server.commands.serve import settings_with
-from server.lookup import answer_query
+from server.lookup import look_up
 from server.metrics import Metrics
-from server.schemas.queries import CandidateAnswer, QueryAnswer, QueryInput
-from server.stem_maps import StemMap, read_stem_map
-from server.store.codec import unpack_ids, unpack_positions
+from server.schemas.queries import QueryAnswer, QueryInput
+from server.stem_maps.reader import StemMap, read_stem_map
 from server.store.schema import upgrade
-from server.store.submaps import Submaps
-from urquhart import SE2, Candidate, draw_match
 
 
 def locate(
@@ -52,9 +48,12 @@ def locate(
         upgrade(store)
         catalog = Catalog(store, Metrics())
         query = _query(observation, limit, seed, file)
-        answer = answer_query(store, catalog, Metrics(), settings.limits, collection, query)
+        look = look_up(catalog, Metrics(), settings.limits, collection, query, to_draw=svg is not None)
+        answer = look.answer
         if svg is not None and answer.candidates:
-            svg.write_text(_drawing(catalog, observation, answer), encoding="utf-8")
+            best = answer.candidates[0]
+            title = f"{observation.name} on {best.submap_id}: {best.inlier_count} inliers"
+            svg.write_text(look.draw(1, title), encoding="utf-8")
     finally:
         store.dispose()
     if as_json:
@@ -76,43 +75,6 @@ def _query(observation: StemMap, limit: int, seed: int | None, file: Path) -> Qu
         raise Failure(f"{file}: tree id {first['input']!r}: {first['msg'].removeprefix('Value error, ')}") from error
 
 
-def _drawing(catalog: Catalog, observation: StemMap, answer: QueryAnswer) -> str:
-    best = answer.candidates[0]
-    with catalog.view(answer.collection) as view:
-        row = Submaps(view.session, view.collection.key).get_whole(best.submap_id)
-        if row is None:
-            raise Failure(f"submap {best.submap_id!r} was deleted meanwhile: ask again")
-        xy = unpack_positions(row.landmarks)
-        names = unpack_ids(row.landmark_ids, len(xy))
-    candidate = _candidate(best, row.key, observation.ids, names)
-    title = f"{observation.name} on {best.submap_id}: {best.inlier_count} inliers"
-    return draw_match(observation.xy, xy, candidate, title=title)
-
-
-def _candidate(shown: CandidateAnswer, key: int, query_ids: tuple[str, ...], submap_ids: list[str]) -> Candidate:
-    """The method's candidate again, from the answer's: ids become positions."""
-    query_positions = {name: position for position, name in enumerate(query_ids)}
-    submap_positions = {name: position for position, name in enumerate(submap_ids)}
-    return Candidate(
-        key=key,
-        level="quads",  # neither this, nor evidence and lead, are in the answer or in a drawing
-        evidence=shown.log_odds,
-        lead=None,
-        transform=SE2(shown.transform.x, shown.transform.y, shown.transform.yaw),
-        covariance=np.array(shown.transform.covariance, dtype=np.float64).reshape(3, 3),
-        query_indices=np.array([query_positions[pair.query] for pair in shown.inliers], dtype=np.int64),
-        submap_indices=np.array([submap_positions[pair.submap] for pair in shown.inliers], dtype=np.int64),
-        residuals=np.array([pair.residual for pair in shown.inliers], dtype=np.float64),
-        votes=shown.votes,
-        inlier_ratio=shown.inlier_ratio,
-        rms=shown.rms,
-        overlap=shown.overlap,
-        log_odds=shown.log_odds,
-        confidence=shown.confidence,
-        refused=shown.refused,
-    )
-
-
 def _print(answer: QueryAnswer) -> None:
     console = Console()
     console.print(f"[bold]{answer.verdict}[/bold] ({answer.reason}), {answer.landmarks} trees", highlight=False)
@@ -132,7 +94,7 @@ def _print(answer: QueryAnswer) -> None:
     table = Table()
     table.add_column("rank", justify="right")
     table.add_column("submap")
-    for name in ("inliers", "ratio", "rms m", "overlap", "votes", "log odds", "confidence"):
+    for name in ("inliers", "ratio", "rms m", "overlap", "votes", "level", "log odds", "confidence"):
         table.add_column(name, justify="right")
     table.add_column("refused")
     for one in answer.candidates:
@@ -144,6 +106,7 @@ def _print(answer: QueryAnswer) -> None:
             f"{one.rms:.3f}",
             f"{one.overlap:.2f}",
             str(one.votes),
+            one.level,
             f"{one.log_odds:.1f}",
             f"{one.confidence:.3f}",
             one.refused or "",

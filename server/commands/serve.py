@@ -1,16 +1,21 @@
 """`urquhart serve`: the service on one address, in one process or several."""
 
 import errno
+import multiprocessing
+import multiprocessing.connection
 import os
+import signal
 import socket
+import threading
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 import uvicorn
+from fastapi import FastAPI
 from uvicorn.supervisors import Multiprocess
 
-from server.app import create_app
+from server.app import create_app, create_app_from_env
 from server.commands.failure import Failure
 from server.settings import Settings
 from server.store.database import Database
@@ -113,5 +118,20 @@ def _serve_with(workers: int, settings: Settings, listener: socket.socket) -> No
     # Worker processes read the settings from their environment: what was given as an option must be there.
     for name in ("host", "port", "database", "insecure"):
         os.environ[f"URQUHART_{name.upper()}"] = str(getattr(settings, name))
-    config = uvicorn.Config("server.app:create_app_from_env", factory=True, workers=workers, log_level="warning")
+    config = uvicorn.Config(
+        "server.commands.serve:create_worker_app", factory=True, workers=workers, log_level="warning"
+    )
     Multiprocess(config, [listener]).run()
+
+
+def create_worker_app() -> FastAPI:
+    """The app of one worker process, which stops when the process that started it is gone, however that ended."""
+    threading.Thread(target=_stop_with_parent, name="parent-watch", daemon=True).start()
+    return create_app_from_env()
+
+
+def _stop_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        multiprocessing.connection.wait([parent.sentinel])
+        os.kill(os.getpid(), signal.SIGTERM)

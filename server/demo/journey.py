@@ -17,8 +17,8 @@ from server.commands.index import ensure_collection, progress_bar, sentence
 from server.demo.observations import RIGHT_DEGREES, RIGHT_METRES, Answer, Question, Stand, ask, judge
 from server.demo.service import running_service
 from server.settings import Limits
-from server.stands import cut_stand, store_stand
-from server.stem_maps import StemMap, read_stem_map
+from server.stem_maps.reader import StemMap, read_stem_map
+from server.stem_maps.stands import cut_stand, store_stand
 from server.store.database import Database
 from server.store.schema import upgrade
 from urquhart_client import Client

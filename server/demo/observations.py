@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from server.stem_maps import StemMap
+from server.stem_maps.reader import StemMap
 from urquhart import SE2
 from urquhart.simulation import observe
 from urquhart_client import QueryResult

@@ -5,7 +5,7 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request, Response
 
 from server import links, registry
-from server.dependencies import (
+from server.http.dependencies import (
     CollectionId,
     IfNoneMatch,
     JsonRoute,

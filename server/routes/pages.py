@@ -4,11 +4,12 @@ from typing import Annotated
 
 from fastapi import APIRouter, Path, Request, Response
 
-from server import pages, registry
-from server.dependencies import Accept, ServiceDep, json_response, problems
+from server import registry
 from server.errors import NotFound
-from server.negotiation import HTML, JSON, choose
-from server.problems import KINDS
+from server.http import pages
+from server.http.dependencies import Accept, ServiceDep, json_response, problems
+from server.http.negotiation import HTML, JSON, choose
+from server.http.problems import KINDS
 
 router = APIRouter(tags=["pages"])
 

@@ -5,8 +5,8 @@ from typing import Annotated
 from fastapi import APIRouter, Path, Response
 
 from server import lookup, stored_queries
-from server.dependencies import Accept, CollectionId, JsonRoute, ServiceDep, json_response, problems
-from server.negotiation import JSON, SVG, choose
+from server.http.dependencies import Accept, CollectionId, JsonRoute, ServiceDep, json_response, problems
+from server.http.negotiation import JSON, SVG, choose
 from server.schemas import examples
 from server.schemas.queries import MatchAnswer, QueryAnswer, QueryInput
 

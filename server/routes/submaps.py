@@ -5,7 +5,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query, Request, Response
 
 from server import ingest, links, reading
-from server.dependencies import (
+from server.http.dependencies import (
     Accept,
     CollectionId,
     IfNoneMatch,
@@ -19,7 +19,7 @@ from server.dependencies import (
     not_modified,
     problems,
 )
-from server.negotiation import GEOJSON, JSON, SVG, choose
+from server.http.negotiation import GEOJSON, JSON, SVG, choose
 from server.schemas import examples
 from server.schemas.submaps import (
     Submap,

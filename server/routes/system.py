@@ -2,8 +2,8 @@
 
 from fastapi import APIRouter, Response
 
-from server import published
-from server.dependencies import ServiceDep, json_response, problems
+from server.http import published
+from server.http.dependencies import ServiceDep, json_response, problems
 from server.metrics import Metrics
 from server.schemas.system import LIMITS_EXAMPLE, LimitsAnswer, Liveness, Readiness
 

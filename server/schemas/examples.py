@@ -89,6 +89,8 @@ QUERY_ANSWER: dict[str, Any] = {
             "rms": 0.14,
             "overlap": 0.93,
             "votes": 212,
+            "level": "polygons",
+            "evidence": 95.1,
             "log_odds": 74.8,
             "confidence": 1.0,
             "refused": None,

@@ -94,8 +94,10 @@ class CandidateAnswer(Answer):
     inlier_ratio: float = Field(description="Inliers over the landmarks inside the overlap, of the smaller side.")
     rms: float = Field(description="Of the inliers' residuals, metres.")
     overlap: float = Field(description="Share of the query's landmarks inside the overlap.")
-    votes: int
-    log_odds: float = Field(description="Natural log of right against wrong.")
+    votes: int = Field(description="Features that voted for the submap.")
+    level: Literal["polygons", "quads", "paper"] = Field(description="Which features proposed the transform.")
+    evidence: float = Field(description="Log-likelihood ratio over all landmarks, same place against chance.")
+    log_odds: float = Field(description="Evidence less the natural log of how many poses there were to choose from.")
     confidence: float = Field(ge=0, le=1)
     refused: str | None = Field(description="Why this candidate alone is not accepted; null when it is.")
     links: CandidateLinks
@@ -129,7 +131,7 @@ class QueryAnswer(Answer):
     revision: int = Field(description="Of the collection that was searched.")
     landmarks: int = Field(description="How many the query has.")
     margin: float | None = Field(
-        description="Log-odds between the best and the best distinct pose; null without rival."
+        description="Evidence of the best pose over the best distinct one; null where it was too weak to compare."
     )
     candidates: list[CandidateAnswer] = Field(description="Best first.")
     stages: list[StageAnswer]

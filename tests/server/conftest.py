@@ -8,7 +8,7 @@ import pytest
 from fastapi import FastAPI
 
 from server.app import create_app
-from server.dependencies import Service
+from server.http.dependencies import Service
 from server.settings import Limits, Settings
 from server.store import schema
 from server.store.database import Database

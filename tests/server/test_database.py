@@ -12,7 +12,6 @@ from sqlalchemy import event
 
 from server import ingest, registry
 from server.app import create_app
-from server.dependencies import Service
 from server.errors import (
     DatabaseNotUpgraded,
     DatabaseTooNew,
@@ -23,6 +22,7 @@ from server.errors import (
     StorageReadOnly,
     StorageUnavailable,
 )
+from server.http.dependencies import Service
 from server.schemas.collections import CollectionPut
 from server.schemas.submaps import NamedSubmap, SubmapInput
 from server.settings import Limits, Settings

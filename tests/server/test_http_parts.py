@@ -8,9 +8,9 @@ import pytest
 from numpy.typing import NDArray
 
 from server.errors import InvalidField, NotAcceptable
-from server.negotiation import choose
+from server.http.negotiation import choose
+from server.http.pointers import pointer
 from server.paging import read_cursor, write_cursor
-from server.pointers import pointer
 from server.poses import compose_covariance
 from server.preconditions import Preconditions
 from server.threads import pin_threads

@@ -8,9 +8,9 @@ import httpx
 import pytest
 
 from server.app import create_app
-from server.dependencies import Service
 from server.errors import StorageDamaged
-from server.problems import KINDS, TABLE
+from server.http.dependencies import Service
+from server.http.problems import KINDS, TABLE
 from tests.server.world import TestClient, forest, points, put_submap
 
 OPERATIONS = {

@@ -76,8 +76,9 @@ class Candidate(Model):
     """A submap that may be the query's place, and the evidence for and against it.
 
     `map_pose` is the pose of the *query's* frame in the map, when the submap has a pose there. `confidence` is 0 to 1,
-    `log_odds` the natural logarithm of right against wrong, `rms` in metres; `refused` says why this candidate alone is
-    not accepted.
+    `log_odds` the natural logarithm of right against wrong, `evidence` the same before the number of poses to choose
+    from is taken off, `level` which features proposed the pose, `rms` in metres; `refused` says why this candidate
+    alone is not accepted.
     """
 
     rank: int
@@ -93,6 +94,8 @@ class Candidate(Model):
     rms: float
     overlap: float
     votes: int
+    level: str | None = None
+    evidence: float | None = None
     log_odds: float
     confidence: float
     refused: str | None = None

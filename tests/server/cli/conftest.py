@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from server.cli import run
-from server.stem_maps import read_stem_map
+from server.stem_maps.reader import read_stem_map
 from tests.server.cli.world import LONGLEAF, POSE, Said, Urquhart, write_observation
 from urquhart.simulation import observe
 

@@ -19,7 +19,7 @@ from server.cli import run
 from server.commands.failure import Failure
 from server.demo.observations import Question, Stand, ask, judge
 from server.demo.service import running_service
-from server.stem_maps import StemMap, read_stem_map
+from server.stem_maps.reader import StemMap, read_stem_map
 from urquhart import SE2
 from urquhart_client import Client, ConnectionFailed, ProblemError, QueryResult
 
@@ -109,6 +109,15 @@ def test_serve_answers_until_it_is_told_to_stop(start: Start, workers: int) -> N
             with Client(url) as another:
                 assert another.query("plots", trees).verdict == "matched"
     process.send_signal(signal.SIGTERM)
+    process.wait(PATIENCE)
+    wait_until_gone(url)
+
+
+def test_workers_do_not_outlive_the_process_that_started_them(start: Start) -> None:
+    process = start("serve", "--port", 0, "--database", "a.db", "--workers", 2)
+    url = address_in(process)
+    wait_until_ready(url)
+    process.kill()
     process.wait(PATIENCE)
     wait_until_gone(url)
 

@@ -13,10 +13,10 @@ from pydantic import BaseModel
 
 from server.catalog import Catalog
 from server.errors import MalformedBody, UnsupportedMediaType
+from server.http.problems import MEDIA_TYPE
+from server.http.readiness import Readiness
 from server.metrics import Metrics
 from server.preconditions import Preconditions
-from server.problems import MEDIA_TYPE
-from server.readiness import Readiness
 from server.schemas.common import PROBLEM_EXAMPLE, Problem, ResourceId
 from server.settings import Settings
 from server.store.database import Database

@@ -11,8 +11,8 @@ from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from server.errors import TooLarge
+from server.http.problems import domain_problem, internal_problem
 from server.metrics import Metrics
-from server.problems import domain_problem, internal_problem
 
 _log = logging.getLogger("server")
 _GIVEN_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from server.stem_maps import StemMap
+from server.stem_maps.reader import StemMap
 
 MERGE_DISTANCE: Final = 0.01
 """Metres. Trees closer than this are one tree recorded twice, or two that no sensor tells apart."""

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from server.discs import Cut, Disc, cut
 from server.ingest import Refusal, ingest_many
 from server.schemas.common import MapPose, check_id
 from server.schemas.submaps import Landmark, NamedSubmap
 from server.settings import Limits
-from server.stem_maps import StemMap
+from server.stem_maps.discs import Cut, Disc, cut
+from server.stem_maps.reader import StemMap
 from server.store.database import Database
 
 BATCH = 200

@@ -1,0 +1,1 @@
+"""The edge to HTTP: everything that knows requests, responses and media types, but no route."""

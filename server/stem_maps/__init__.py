@@ -1,0 +1,1 @@
+"""Stem maps: read from CSV, cut into overlapping discs, stored as submaps."""
