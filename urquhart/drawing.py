@@ -13,7 +13,7 @@ from urquhart.ranking import Candidate
 
 _SIZE: Final = 900.0
 _MARGIN: Final = 40.0
-_HEAD: Final = 64.0
+_HEAD: Final = 84.0
 _LEGEND: Final = "filled: query, ring: submap, cross: seen by one side only, pale: outside the overlap"
 _STYLE: Final = """
 text{font:14px
@@ -28,17 +28,20 @@ system-ui,sans-serif;fill:#24332b}.head{font-size:18px;font-weight:600}.small{fo
 class _Canvas:
     """Maps metres to pixels, y up, and collects elements."""
 
-    def __init__(self, points: NDArray[np.float64], title: str, subtitle: str) -> None:
+    def __init__(self, points: NDArray[np.float64], title: str, *subtitles: str) -> None:
         low, high = points.min(axis=0), points.max(axis=0)
         extent = max(float((high - low).max()), 1e-9)
         self._scale = (_SIZE - 2.0 * _MARGIN) / extent
         self._low, self._high = low, high
         self.width = float(high[0] - low[0]) * self._scale + 2.0 * _MARGIN
         self.height = float(high[1] - low[1]) * self._scale + 2.0 * _MARGIN + _HEAD
-        self.width = max(self.width, 820.0)
+        self.width = max(self.width, 620.0)
         self._parts = [
             f'<text x="{_MARGIN:g}" y="28" class="head">{escape(title)}</text>',
-            f'<text x="{_MARGIN:g}" y="50" class="small">{escape(subtitle)}</text>',
+            *(
+                f'<text x="{_MARGIN:g}" y="{50 + 20 * line}" class="small">{escape(subtitle)}</text>'
+                for line, subtitle in enumerate(subtitles)
+            ),
         ]
         self._scale_bar(extent)
 
@@ -120,7 +123,7 @@ def draw_match(query_xy: ArrayLike, submap_xy: ArrayLike, candidate: Candidate, 
         f"{len(candidate.residuals)} inliers, RMS {candidate.rms:.2f} m, overlap {candidate.overlap:.0%}, "
         f"confidence {_odds(candidate.confidence)}"
     )
-    canvas = _Canvas(np.concatenate([submap, query]), title or "Match", f"{subtitle} \u00b7 {_LEGEND}")
+    canvas = _Canvas(np.concatenate([submap, query]), title or "Match", subtitle, _LEGEND)
     paired_query, paired_submap = set(candidate.query_indices.tolist()), set(candidate.submap_indices.tolist())
     query_covered, submap_covered = _covered(query, submap), _covered(submap, query)
     for i, j in zip(candidate.query_indices.tolist(), candidate.submap_indices.tolist(), strict=True):

@@ -3,6 +3,7 @@
 from typing import Annotated
 
 from fastapi import APIRouter, Path, Request, Response
+from fastapi.openapi.docs import get_swagger_ui_html
 
 from server import registry
 from server.errors import NotFound
@@ -12,6 +13,9 @@ from server.http.negotiation import HTML, JSON, choose
 from server.http.problems import KINDS
 
 router = APIRouter(tags=["pages"])
+
+ASSETS = "/docs/assets"
+"""Where scripts and styles of the documentation are served."""
 
 
 @router.get(
@@ -40,6 +44,19 @@ def landing_page(request: Request, service: ServiceDep, accept: Accept = None) -
             pages.landing_html(page, docs, str(request.base_url).rstrip("/")), media_type=HTML, headers=headers
         )
     return json_response(pages.landing_json(page, docs), headers=headers)
+
+
+@router.get("/docs", include_in_schema=False)
+def api_docs() -> Response:
+    """Every route, with examples that can be sent from the page."""
+    return get_swagger_ui_html(
+        openapi_url="/openapi.json",
+        title="Urquhart API",
+        swagger_js_url=f"{ASSETS}/swagger-ui-bundle.js",
+        swagger_css_url=f"{ASSETS}/swagger-ui.css",
+        swagger_favicon_url=f"{ASSETS}/favicon.png",
+        swagger_ui_parameters={"docExpansion": "list", "defaultModelsExpandDepth": -1, "tryItOutEnabled": True},
+    )
 
 
 @router.get(
