@@ -99,7 +99,8 @@ class Features:
 
     @staticmethod
     def unpack(blob: bytes) -> "Features":
-        """The features that `pack` wrote; arrays are read-only views of `blob` where the type allows.
+        """The features that `pack` wrote, in arrays of their own: views of `blob` would be read-only, which to the
+        compiler is another type, and every kernel would be compiled twice.
 
         Raises:
             FeaturesError: wrong magic, format, length or checksum.
@@ -145,7 +146,7 @@ class _Reader:
 
     def take(self, dtype: str, *shape: int) -> NDArray[Any]:
         count = int(np.prod(shape))
-        array = np.frombuffer(self._blob, dtype=dtype, count=count, offset=self._at).reshape(shape)
+        array = np.frombuffer(self._blob, dtype=dtype, count=count, offset=self._at).reshape(shape).copy()
         self._at += array.nbytes
         return array
 

@@ -169,9 +169,8 @@ def warm_up(config: Config) -> None:
     rng = np.random.default_rng(0)
     recognizer = Recognizer(config)
     here, elsewhere, unknown = (rng.uniform(-20.0, 20.0, (60, 2)) for _ in range(3))
-    # Stored features are read-only views of their BLOB, another type to the compiler than fresh arrays.
-    stored = Features.unpack(describe(elsewhere, config).pack())
-    recognizer.add([(0, describe(here, config)), (1, stored)])
+    features = [describe(here, config), Features.unpack(describe(here, config).pack()), describe(elsewhere, config)]
+    recognizer.add(enumerate(features))
     for xy in (here, elsewhere, unknown):
         recognizer.recognize(xy)
         recognizer.recognize(xy, method="paper")
