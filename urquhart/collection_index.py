@@ -11,9 +11,10 @@ from urquhart.config import Config
 from urquhart.descriptor import dimension
 from urquhart.features import Features
 from urquhart.index import PolygonIndex
+from urquhart.pairing import Pattern
 from urquhart.quad_index import QuadIndex
 from urquhart.quads import measure
-from urquhart.verification import REACH, Pattern, pattern
+from urquhart.verification import REACH, pattern
 from urquhart.voting import outlines
 
 

@@ -18,8 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from urquhart._kernel import kernel
+from urquhart.pairing import Pattern
 from urquhart.se2 import SE2
-from urquhart.verification import Pattern, Verified, verify, weigh_pose
+from urquhart.verification import Verified, verify, weigh_pose
 
 _QUARTERS: Final = 4
 _PEAKS: Final = 4

@@ -1,7 +1,7 @@
 """Which landmark is which under a transform: one-to-one partners, and the transform that fits them best."""
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,17 +12,52 @@ from urquhart.se2 import fit
 _REFINEMENTS: Final = 4
 
 
+class Pattern(NamedTuple):
+    """Landmarks ready to be laid over others, or to have others laid over them.
+
+    A plain tuple of arrays, because that is what the compiler takes whole.
+
+    Attributes:
+        landmarks: (N, 2) float64, metres, centred frame.
+        density: (N,) float64, landmarks per square metre.
+        hull: (H, 2) float64, metres, counter-clockwise: the footprint.
+        cells: (C + 1,) int64, where each square cell's landmarks begin in `order`.
+        order: (N,) int64, landmark indices by cell.
+        grid: (5,) float64: lowest x, lowest y, cells per metre, columns, rows.
+        area: square metres inside the hull.
+        spacing: metres, typical distance between neighbours.
+    """
+
+    landmarks: NDArray[np.float64]
+    density: NDArray[np.float64]
+    hull: NDArray[np.float64]
+    cells: NDArray[np.int64]
+    order: NDArray[np.int64]
+    grid: NDArray[np.float64]
+    area: float
+    spacing: float
+
+
+@kernel
+def lay_out(
+    landmarks: NDArray[np.float64], density: NDArray[np.float32], outer: NDArray[np.int32], reach: float
+) -> Pattern:
+    """The `Pattern` of landmarks (N, 2), metres, with the hull `outer` (H,), for partners up to `reach` metres away."""
+    cells, order, grid = build_grid(landmarks, reach)
+    hull = landmarks[outer]
+    area = 0.0
+    for i in range(len(hull)):
+        j = i + 1 if i + 1 < len(hull) else 0
+        area += 0.5 * (hull[i, 0] * hull[j, 1] - hull[j, 0] * hull[i, 1])
+    spacing = 1.0 / math.sqrt(np.median(density))
+    return Pattern(landmarks, density.astype(np.float64), hull, cells, order, grid, area, spacing)
+
+
 @kernel
 def build_grid(
     landmarks: NDArray[np.float64], cell: float
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-    """Sort landmarks (N, 2) into square cells of at least `cell` metres.
-
-    Returns:
-        cells: (C + 1,) int64, where each cell's landmarks begin in `order`.
-        order: (N,) int64, landmark indices by cell.
-        grid: (5,) float64: lowest x, lowest y, cells per metre, columns, rows.
-    """
+    """Sort landmarks (N, 2) into square cells of at least `cell` metres: `cells`, `order`, `grid` of a `Pattern`."""
     n = len(landmarks)
     low_x, low_y = landmarks[:, 0].min(), landmarks[:, 1].min()
     width, height = landmarks[:, 0].max() - low_x, landmarks[:, 1].max() - low_y
@@ -44,16 +79,9 @@ def build_grid(
 
 
 @kernel
-def nearest(
-    landmarks: NDArray[np.float64],
-    cells: NDArray[np.int64],
-    order: NDArray[np.int64],
-    grid: NDArray[np.float64],
-    x: float,
-    y: float,
-    reach: float,
-) -> tuple[int, float]:
+def nearest(pattern: Pattern, x: float, y: float, reach: float) -> tuple[int, float]:
     """The landmark nearest to (x, y) within `reach` metres (at most one cell) and its squared distance; -1 if none."""
+    landmarks, cells, order, grid = pattern.landmarks, pattern.cells, pattern.order, pattern.grid
     columns, rows = int(grid[3]), int(grid[4])
     best, best_distance = -1, reach * reach
     fx, fy = (x - grid[0]) * grid[2], (y - grid[1]) * grid[2]
@@ -74,10 +102,7 @@ def nearest(
 @kernel
 def count_inliers(
     query: NDArray[np.float64],
-    submap: NDArray[np.float64],
-    cells: NDArray[np.int64],
-    order: NDArray[np.int64],
-    grid: NDArray[np.float64],
+    submap: Pattern,
     transforms: NDArray[np.float64],
     reach: float,
 ) -> NDArray[np.float64]:
@@ -88,7 +113,7 @@ def count_inliers(
         for i in range(len(query)):
             x = c * query[i, 0] - s * query[i, 1] + transforms[h, 0]
             y = s * query[i, 0] + c * query[i, 1] + transforms[h, 1]
-            k, distance = nearest(submap, cells, order, grid, x, y, reach)
+            k, distance = nearest(submap, x, y, reach)
             if k >= 0:
                 scores[h] += 1.0 - distance / (reach * reach)
     return scores
@@ -97,10 +122,7 @@ def count_inliers(
 @kernel
 def pair_up(
     query: NDArray[np.float64],
-    submap: NDArray[np.float64],
-    cells: NDArray[np.int64],
-    order: NDArray[np.int64],
-    grid: NDArray[np.float64],
+    submap: Pattern,
     x: float,
     y: float,
     yaw: float,
@@ -114,10 +136,10 @@ def pair_up(
     n = len(query)
     c, s = math.cos(yaw), math.sin(yaw)
     partner, distance = np.full(n, -1, np.int64), np.empty(n)
-    owner = np.full(len(submap), -1, np.int64)
+    owner = np.full(len(submap.landmarks), -1, np.int64)
     for i in range(n):
         px, py = c * query[i, 0] - s * query[i, 1] + x, s * query[i, 0] + c * query[i, 1] + y
-        k, distance[i] = nearest(submap, cells, order, grid, px, py, reach)
+        k, distance[i] = nearest(submap, px, py, reach)
         if k >= 0:
             partner[i] = k
             if owner[k] < 0 or distance[i] < distance[owner[k]]:
@@ -135,10 +157,7 @@ def pair_up(
 @kernel
 def refine(
     query: NDArray[np.float64],
-    submap: NDArray[np.float64],
-    cells: NDArray[np.int64],
-    order: NDArray[np.int64],
-    grid: NDArray[np.float64],
+    submap: Pattern,
     x: float,
     y: float,
     yaw: float,
@@ -147,10 +166,10 @@ def refine(
     """Least squares over the partners, paired anew until they stay the same (`_REFINEMENTS` times at most)."""
     previous = -1
     for _ in range(_REFINEMENTS):
-        first, second, _ = pair_up(query, submap, cells, order, grid, x, y, yaw, reach)
+        first, second, _ = pair_up(query, submap, x, y, yaw, reach)
         if len(first) < 3:
             break
-        x, y, yaw = fit(query, submap, first, second)
+        x, y, yaw = fit(query, submap.landmarks, first, second)
         total = len(first)
         if total == previous:
             break

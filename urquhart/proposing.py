@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 from urquhart.collection_index import CollectionIndex
 from urquhart.features import Features
 from urquhart.matching import match_landmarks
+from urquhart.pairing import Pattern
 from urquhart.quads import measure
 from urquhart.ransac import ransac
 from urquhart.stages import Stages
-from urquhart.verification import Pattern, Verified, best_hypothesis, verify
+from urquhart.verification import Verified, best_hypothesis, verify
 from urquhart.voting import Votes, vote_polygons, vote_quads
 
 Level = Literal["polygons", "quads", "paper"]
@@ -30,11 +31,18 @@ class Proposal:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sighting:
-    """An observation under look-up: its features, the same laid out for verification, and the submaps left out."""
+    """An observation under look-up.
+
+    Attributes:
+        features, pattern: what is known of it, and the same laid out for verification.
+        excluded: submaps that are not considered.
+        log_poses: logarithm of the number of poses there are to choose from.
+    """
 
     features: Features
     pattern: Pattern
     excluded: frozenset[int]
+    log_poses: float
 
 
 def propose_by_polygons(index: CollectionIndex, query: Sighting, stages: Stages) -> list[Proposal]:

@@ -100,12 +100,11 @@ def best_by_submap(proposals: Iterable[Proposal]) -> list[Proposal]:
 
 
 def make_candidate(
-    proposal: Proposal, submap: Features, query: Sighting, log_poses: float, lead: float | None, config: Config
+    proposal: Proposal, submap: Features, query: Sighting, lead: float | None, config: Config
 ) -> Candidate:
     """A proposal as it is reported: in the frames as posted, with covariance and confidence.
 
     Args:
-        log_poses: logarithm of the number of poses there were to choose from.
         lead: evidence over the best distinct pose, where there was one to compare.
     """
     v, features = proposal.verified, query.features
@@ -113,7 +112,7 @@ def make_candidate(
     inliers = len(v.residuals)
     degrees = max(2 * inliers - 3, 1)
     variance = max(float((v.residuals**2).sum()) / degrees, _LEAST_NOISE**2)
-    log_odds = v.evidence - log_poses
+    log_odds = v.evidence - query.log_poses
     return Candidate(
         key=proposal.key,
         level=proposal.level,

@@ -112,7 +112,8 @@ class Recognizer:
         if not self._index.has_others(excluded):
             return Recognition("no_match", "empty_collection", (), None, stages.done())
 
-        query = Sighting(features, pattern(features, self._index.reach), excluded)
+        laid = pattern(features, self._index.reach)
+        query = Sighting(features, laid, excluded, log_poses(len(self), laid, self._index.reach))
         if method == "paper":
             proposals = propose_by_paper(self._index, query, rng or np.random.default_rng(0), stages)
             ranked, lead = self._doubt(proposals, query, stages)
@@ -124,23 +125,18 @@ class Recognizer:
                 ranked, lead = self._doubt(proposals, query, stages)
 
         candidates = tuple(
-            make_candidate(
-                proposal, self.features(proposal.key), query, self._odds(query), lead if i == 0 else None, self.config
-            )
+            make_candidate(proposal, self.features(proposal.key), query, lead if i == 0 else None, self.config)
             for i, proposal in enumerate(ranked[:limit])
         )
         verdict, reason = decide(candidates) if proposals else ("no_match", "no_votes")
         return Recognition(verdict, reason, candidates, lead, stages.done())
-
-    def _odds(self, query: Sighting) -> float:
-        return log_poses(len(self), query.pattern, self._index.reach)
 
     def _settled(self, ranked: list[Proposal], lead: float | None, query: Sighting) -> bool:
         """Whether the first proposal is so sure that another level could not change the answer."""
         if not ranked:
             return False
         evidence = ranked[0].verified.evidence
-        log_odds = evidence - self._odds(query)
+        log_odds = evidence - query.log_poses
         return log_odds > 2.0 * self.config.gate and refusal(evidence, log_odds, lead, self.config) is None
 
     def _doubt(self, proposals: list[Proposal], query: Sighting, stages: Stages) -> tuple[list[Proposal], float | None]:
@@ -148,7 +144,7 @@ class Recognizer:
         with stages.timed("doubt") as counts:
             counts["rivals"] = 0
             ranked, reach = best_by_submap(proposals), self._index.reach
-            if not ranked or ranked[0].verified.evidence - self._odds(query) < self.config.gate:
+            if not ranked or ranked[0].verified.evidence - query.log_poses < self.config.gate:
                 return ranked, None
             here = self._index.pattern(ranked[0].key)
             best, rivals = climb(query.pattern, here, ranked[0].verified, reach)

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from urquhart._kernel import kernel
 from urquhart.features import Features
-from urquhart.pairing import build_grid, count_inliers, pair_up, refine
+from urquhart.pairing import Pattern, count_inliers, lay_out, pair_up, refine
 from urquhart.se2 import SE2
 
 NOISE: Final = (0.05, 0.1, 0.2, 0.35, 0.6)
@@ -33,29 +33,6 @@ DETECTION: Final = (0.5, 0.65, 0.8, 0.9)
 among many landmarks without one from ever adding up."""
 REACH: Final = 3.0
 """A partner may lie this many standard deviations of the usual noise away (99 % of true ones in the plane)."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Pattern:
-    """A set of landmarks ready to be laid over another: cell grid, hull and density.
-
-    Attributes:
-        landmarks: (N, 2) float64, metres, centred frame.
-        density: (N,) float64, landmarks per square metre.
-        hull: (H, 2) float64, metres, counter-clockwise: the footprint.
-        cells, order, grid: landmarks sorted into square cells; see `build_grid`.
-        area: square metres inside the hull.
-        spacing: metres, typical distance between neighbours.
-    """
-
-    landmarks: NDArray[np.float64]
-    density: NDArray[np.float64]
-    hull: NDArray[np.float64]
-    cells: NDArray[np.int64]
-    order: NDArray[np.int64]
-    grid: NDArray[np.float64]
-    area: float
-    spacing: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,47 +60,25 @@ class Verified:
 
 def pattern(features: Features, reach: float) -> Pattern:
     """Make `features` ready for verification with partners up to `reach` metres away."""
-    landmarks = np.ascontiguousarray(features.landmarks)
-    cells, order, grid = build_grid(landmarks, reach)
-    hull = landmarks[features.tessellation.hull]
-    x, y = hull[:, 0], hull[:, 1]
-    area = 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
-    density = features.density.astype(np.float64)
-    return Pattern(landmarks, density, hull, cells, order, grid, area, 1.0 / math.sqrt(float(np.median(density))))
+    return lay_out(features.landmarks, features.density, features.tessellation.hull, reach)
 
 
 def verify(query: Pattern, submap: Pattern, start: SE2, reach: float) -> Verified:
     """Refine `start` (`submap_T_query`, centred frames) on its own inliers and weigh it against all landmarks."""
-    x, y, yaw = refine(
-        query.landmarks, submap.landmarks, submap.cells, submap.order, submap.grid, start.x, start.y, start.yaw, reach
-    )
+    x, y, yaw = refine(query.landmarks, submap, start.x, start.y, start.yaw, reach)
     return weigh_pose(query, submap, SE2(x, y, yaw), reach)
 
 
 def best_hypothesis(query: Pattern, submap: Pattern, hypotheses: NDArray[np.float64], reach: float) -> SE2:
     """The one of `hypotheses` (H, 3) that brings most landmarks together: x, y, yaw of `submap_T_query`, centred."""
-    scores = count_inliers(
-        query.landmarks, submap.landmarks, submap.cells, submap.order, submap.grid, hypotheses, reach
-    )
+    scores = count_inliers(query.landmarks, submap, hypotheses, reach)
     return SE2(*hypotheses[int(np.argmax(scores))].tolist())
 
 
 def weigh_pose(query: Pattern, submap: Pattern, pose: SE2, reach: float) -> Verified:
     """The evidence for `pose` (`submap_T_query`, centred frames) as it is."""
     evidence, first, second, residuals, query_overlap, submap_overlap, noise = weigh(
-        query.landmarks,
-        query.density,
-        query.hull,
-        submap.landmarks,
-        submap.density,
-        submap.hull,
-        submap.cells,
-        submap.order,
-        submap.grid,
-        pose.x,
-        pose.y,
-        pose.yaw,
-        reach,
+        query, submap, pose.x, pose.y, pose.yaw, reach
     )
     return Verified(pose, evidence, first, second, residuals, query_overlap, submap_overlap, noise)
 
@@ -141,36 +96,25 @@ def inside(hull: NDArray[np.float64], x: float, y: float) -> bool:
 
 @kernel
 def weigh(
-    query: NDArray[np.float64],
-    query_density: NDArray[np.float64],
-    query_hull: NDArray[np.float64],
-    submap: NDArray[np.float64],
-    submap_density: NDArray[np.float64],
-    submap_hull: NDArray[np.float64],
-    cells: NDArray[np.int64],
-    order: NDArray[np.int64],
-    grid: NDArray[np.float64],
-    x: float,
-    y: float,
-    yaw: float,
-    reach: float,
+    query: Pattern, submap: Pattern, x: float, y: float, yaw: float, reach: float
 ) -> tuple[float, NDArray[np.int64], NDArray[np.int64], NDArray[np.float64], int, int, float]:
     """Evidence for a transform from every landmark of the overlap; see the head of this file and `Verified`."""
     c, s = math.cos(yaw), math.sin(yaw)
-    first, second, squared = pair_up(query, submap, cells, order, grid, x, y, yaw, reach)
-    paired_query, paired_submap = np.zeros(len(query), np.bool_), np.zeros(len(submap), np.bool_)
+    first, second, squared = pair_up(query.landmarks, submap, x, y, yaw, reach)
+    seen, stored = query.landmarks, submap.landmarks
+    paired_query, paired_submap = np.zeros(len(seen), np.bool_), np.zeros(len(stored), np.bool_)
     for k in range(len(first)):
         paired_query[first[k]] = True
         paired_submap[second[k]] = True
     query_overlap = submap_overlap = len(first)
-    for i in range(len(query)):
+    for i in range(len(seen)):
         if not paired_query[i] and inside(
-            submap_hull, c * query[i, 0] - s * query[i, 1] + x, s * query[i, 0] + c * query[i, 1] + y
+            submap.hull, c * seen[i, 0] - s * seen[i, 1] + x, s * seen[i, 0] + c * seen[i, 1] + y
         ):
             query_overlap += 1
-    for j in range(len(submap)):
-        dx, dy = submap[j, 0] - x, submap[j, 1] - y
-        if not paired_submap[j] and inside(query_hull, c * dx + s * dy, -s * dx + c * dy):
+    for j in range(len(stored)):
+        dx, dy = stored[j, 0] - x, stored[j, 1] - y
+        if not paired_submap[j] and inside(query.hull, c * dx + s * dy, -s * dx + c * dy):
             submap_overlap += 1
     alone = query_overlap + submap_overlap - 2 * len(first)
 
@@ -180,7 +124,7 @@ def weigh(
             total = alone * math.log(1.0 - detection)
             for k in range(len(first)):
                 # The denser side decides: chance finds partners where either side is crowded.
-                density = max(query_density[first[k]], submap_density[second[k]])
+                density = max(query.density[first[k]], submap.density[second[k]])
                 peak = math.exp(-squared[k] / (2.0 * noise * noise)) / (2.0 * math.pi * noise * noise * density)
                 total += math.log(1.0 - detection + detection * peak)
             if total > best:

@@ -4,9 +4,9 @@ import pytest
 from tests.urquhart import forests
 from urquhart import SE2, Config, describe
 from urquhart.confidence import climb, distinct, log_poses, same_place, shift_peaks
-from urquhart.pairing import build_grid, nearest, pair_up
+from urquhart.pairing import Pattern, lay_out, nearest, pair_up
 from urquhart.simulation import observe, paper_forest, plantation
-from urquhart.verification import Pattern, best_hypothesis, inside, pattern, verify, weigh_pose
+from urquhart.verification import best_hypothesis, inside, pattern, verify, weigh_pose
 
 REACH = 0.75
 FOREST = paper_forest(np.random.default_rng(0), side=500.0)
@@ -21,10 +21,11 @@ def seen(pose: SE2, seed: int, radius: float = 40.0, **noise: float) -> tuple[Pa
 def test_the_grid_finds_what_brute_force_finds() -> None:
     rng = np.random.default_rng(0)
     for _, points in forests.all_kinds(seed=1, each=8):
-        cells, order, grid = build_grid(points, REACH)
+        laid = pattern(describe(points, Config()), REACH)
+        points = laid.landmarks
         for x, y in rng.uniform(points.min() - 3.0, points.max() + 3.0, (60, 2)):
             distance = np.linalg.norm(points - [x, y], axis=1)
-            k, squared = nearest(points, cells, order, grid, x, y, REACH)
+            k, squared = nearest(laid, x, y, REACH)
             if distance.min() <= REACH:
                 assert squared == pytest.approx(distance.min() ** 2)
                 assert distance[k] == pytest.approx(distance.min())
@@ -35,8 +36,9 @@ def test_the_grid_finds_what_brute_force_finds() -> None:
 def test_partners_are_one_to_one_and_mutual() -> None:
     submap = np.array([[0.0, 0.0], [10.0, 0.0], [0.0, 10.0]])
     query = np.array([[0.1, 0.0], [0.4, 0.0], [10.0, 0.2], [5.0, 5.0]])
-    cells, order, grid = build_grid(submap, REACH)
-    first, second, squared = pair_up(query, submap, cells, order, grid, 0.0, 0.0, 0.0, REACH)
+    laid = lay_out(submap, np.ones(3, np.float32), np.arange(3, dtype=np.int32), REACH)
+    assert laid.area == pytest.approx(50.0)
+    first, second, squared = pair_up(query, laid, 0.0, 0.0, 0.0, REACH)
     assert first.tolist() == [0, 2]
     assert second.tolist() == [0, 1]
     np.testing.assert_allclose(np.sqrt(squared), [0.1, 0.2])
