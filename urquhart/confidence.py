@@ -20,11 +20,13 @@ from numpy.typing import NDArray
 from urquhart._kernel import kernel
 from urquhart.pairing import Pattern
 from urquhart.se2 import SE2
-from urquhart.verification import Verified, verify, weigh_pose
+from urquhart.verification import Verified, verify
 
 _QUARTERS: Final = 4
 _PEAKS: Final = 4
 _SAME_TURN: Final = math.radians(6.0)
+_BEYOND_DOUBT: Final = 1.5
+"""Evidence per landmark of the overlap that no shift of a plantation reaches (measured: 0.9 at most)."""
 
 
 def log_poses(submaps: int, pattern: Pattern, reach: float) -> float:
@@ -46,10 +48,18 @@ def distinct(a: SE2, b: SE2, pattern: Pattern, reach: float) -> bool:
 def same_place(first: Pattern, first_pose: SE2, second: Pattern, second_pose: SE2, reach: float) -> bool:
     """Whether two submaps that both match a query are the same patch of forest seen twice.
 
-    `first_pose`, `second_pose`: `submap_T_query`, centred frames. Chained they give the transform between the submaps,
-    which must itself explain their landmarks. Submaps of one region overlap, and both are then right.
+    `first_pose`, `second_pose`: `submap_T_query`, centred frames. Chained they give the transform between the submaps.
+    Submaps of one region overlap, and then that transform explains their landmarks too: so well that nothing else comes
+    to mind, or at least clearly better than its own rivals. Two ends of one plantation explain each other as well under
+    many transforms, and are not the same place.
     """
-    return weigh_pose(second, first, first_pose @ second_pose.inverse(), reach).evidence > 0.0
+    chained = verify(second, first, first_pose @ second_pose.inverse(), reach)
+    if chained.evidence <= 0.0:
+        return False
+    if chained.evidence > _BEYOND_DOUBT * max(chained.query_overlap, chained.submap_overlap):
+        return True
+    rivals = find_rivals(second, first, chained.transform, reach)
+    return chained.evidence > 2.0 * max([0.0, *(rival.evidence for rival in rivals)])
 
 
 def find_rivals(query: Pattern, submap: Pattern, best: SE2, reach: float) -> list[Verified]:
@@ -62,7 +72,8 @@ def find_rivals(query: Pattern, submap: Pattern, best: SE2, reach: float) -> lis
     for quarter in range(_QUARTERS):
         yaw = best.yaw + quarter * math.pi / 2.0
         for x, y in shift_peaks(query.landmarks, submap.landmarks, yaw, reach, _PEAKS + (quarter == 0)):
-            rival = verify(query, submap, SE2(x, y, yaw), reach)
+            # A rival is never spared the second try: what it can reach is what a wrong pose can reach.
+            rival = verify(query, submap, SE2(x, y, yaw), reach, least=-math.inf)
             if distinct(rival.transform, best, submap, reach):
                 rivals.append(rival)
     return rivals

@@ -149,9 +149,11 @@ class Recognizer:
             here = self._index.pattern(ranked[0].key)
             best, rivals = climb(query.pattern, here, ranked[0].verified, reach)
             ranked[0] = replace(ranked[0], verified=best)
-            evidence = max((rival.evidence for rival in rivals), default=0.0)
+            evidence = max([0.0, *(rival.evidence for rival in rivals)])
+            # Only what could change the verdict is looked at: overlapping submaps of one place are many.
+            harmless = (1.0 - self.config.margin) * best.evidence - self.config.gate
             for other in ranked[1:]:
-                if other.verified.evidence <= evidence:
+                if other.verified.evidence <= max(evidence, harmless):
                     break
                 there = self._index.pattern(other.key)
                 if not same_place(here, best.transform, there, other.verified.transform, reach):

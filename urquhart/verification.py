@@ -26,13 +26,17 @@ from urquhart.features import Features
 from urquhart.pairing import Pattern, count_inliers, lay_out, pair_up, refine
 from urquhart.se2 import SE2
 
-NOISE: Final = (0.05, 0.1, 0.2, 0.35, 0.6)
+NOISE: Final = (0.05, 0.1, 0.2, 0.35, 0.6, 0.9)
 """Metres: trial values for the noise of one coordinate of a residual."""
 DETECTION: Final = (0.5, 0.65, 0.8, 0.9)
 """Trial values for the chance that a tree seen once is seen again. A floor well above zero keeps a few chance partners
 among many landmarks without one from ever adding up."""
 REACH: Final = 3.0
 """A partner may lie this many standard deviations of the usual noise away (99 % of true ones in the plane)."""
+LOOSE: Final = 2.0
+"""Where the trees stand far enough apart, a promising pose is tried once more with partners this much farther away."""
+_ROOM: Final = 0.3
+"""Share of the distance between trees: with partners much farther away, rows of trees fit under any shift."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,11 +64,25 @@ class Verified:
 
 def pattern(features: Features, reach: float) -> Pattern:
     """Make `features` ready for verification with partners up to `reach` metres away."""
-    return lay_out(features.landmarks, features.density, features.tessellation.hull, reach)
+    return lay_out(features.landmarks, features.density, features.tessellation.hull, LOOSE * reach)
 
 
-def verify(query: Pattern, submap: Pattern, start: SE2, reach: float) -> Verified:
-    """Refine `start` (`submap_T_query`, centred frames) on its own inliers and weigh it against all landmarks."""
+def verify(query: Pattern, submap: Pattern, start: SE2, reach: float, least: float = 0.0) -> Verified:
+    """Refine `start` (`submap_T_query`, centred frames) on its own inliers and weigh it against all landmarks.
+
+    Partners are sought within `reach` first, then, if that speaks for the pose, within `LOOSE` times as far, where the
+    trees stand far enough apart; the better explanation stands. Surveys by compass and tape are that noisy. `least` is
+    the evidence that makes the second try worth its time.
+    """
+    tight = _settle(query, submap, start, reach)
+    wide = min(LOOSE * reach, _ROOM * query.spacing, _ROOM * submap.spacing)
+    if tight.evidence <= least or wide <= reach:
+        return tight
+    loose = _settle(query, submap, tight.transform, wide)
+    return loose if loose.evidence > tight.evidence else tight
+
+
+def _settle(query: Pattern, submap: Pattern, start: SE2, reach: float) -> Verified:
     x, y, yaw = refine(query.landmarks, submap, start.x, start.y, start.yaw, reach)
     return weigh_pose(query, submap, SE2(x, y, yaw), reach)
 

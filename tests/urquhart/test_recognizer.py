@@ -67,7 +67,7 @@ def test_inliers_are_the_same_trees() -> None:
         best = RECOGNIZER.recognize(observation.xy).candidates[0]
         same += int((observation.trees[best.query_indices] == SUBMAPS[best.key].trees[best.submap_indices]).sum())
         total += len(best.query_indices)
-        assert best.residuals.max() <= 0.75
+        assert best.residuals.max() <= 1.5
         assert 0.0 < best.inlier_ratio <= 1.0
         assert 0.0 < best.overlap <= 1.0
         assert best.rms == pytest.approx(float(np.sqrt((best.residuals**2).mean())))
@@ -95,7 +95,9 @@ def test_a_place_that_is_not_there_is_not_matched(seed: int) -> None:
     assert RECOGNIZER.recognize(observation.xy).verdict != "matched"
 
 
-@pytest.mark.parametrize(("spacing", "jitter", "survival"), [((3.0, 3.0), 0.15, 0.95), ((2.5, 3.5), 0.3, 0.9)])
+@pytest.mark.parametrize(
+    ("spacing", "jitter", "survival"), [((3.0, 3.0), 0.15, 0.95), ((3.0, 3.0), 0.4, 0.95), ((2.5, 3.5), 0.3, 0.9)]
+)
 def test_another_plantation_of_the_same_pattern_is_not_matched(
     spacing: tuple[float, float], jitter: float, survival: float
 ) -> None:
