@@ -12,7 +12,8 @@ import typer
 from pydantic import ValidationError
 from typer.exceptions import TyperException
 
-from server.commands import db, demo, index, locate, serve
+from server.commands import db, index, locate, serve
+from server.commands.demo import command as demo
 from server.commands.failure import Failure
 from server.errors import DomainError
 from server.stem_maps.reader import StemMapError

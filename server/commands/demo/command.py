@@ -7,7 +7,7 @@ import typer
 
 from server.commands.failure import Failure
 
-STEM_MAPS: Final = Path(__file__).resolve().parents[2] / "data" / "stem_maps"
+STEM_MAPS: Final = Path(__file__).resolve().parents[3] / "data" / "stem_maps"
 
 
 def demo(
@@ -37,7 +37,7 @@ def demo(
     """
     try:
         # Only here: the client is a distribution of its own, and the other verbs do without it.
-        from server.demo.journey import run
+        from server.commands.demo.journey import run
         from urquhart_client import UrquhartError
     except ModuleNotFoundError as error:
         if error.name != "urquhart_client":

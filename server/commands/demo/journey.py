@@ -12,10 +12,10 @@ from rich.console import Console
 from rich.table import Table
 
 import urquhart
+from server.commands.demo.observations import RIGHT_DEGREES, RIGHT_METRES, Answer, Question, Stand, ask, judge
+from server.commands.demo.service import running_service
 from server.commands.failure import Failure
 from server.commands.index import ensure_collection, progress_bar, sentence
-from server.demo.observations import RIGHT_DEGREES, RIGHT_METRES, Answer, Question, Stand, ask, judge
-from server.demo.service import running_service
 from server.settings import Limits
 from server.stem_maps.reader import StemMap, read_stem_map
 from server.stem_maps.stands import cut_stand, store_stand
