@@ -3,7 +3,7 @@
 All of it is derived from landmarks and can be rebuilt at any time.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
@@ -37,6 +37,10 @@ class CollectionIndex:
     def features(self, key: int) -> Features:
         """Features of a submap. Raises KeyError."""
         return self._features[key]
+
+    def __iter__(self) -> Iterator[int]:
+        """Keys of all submaps, in the order in which they were added."""
+        return iter(self._features)
 
     def pattern(self, key: int) -> Pattern:
         """A submap ready for verification. Raises KeyError."""

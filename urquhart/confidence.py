@@ -1,8 +1,8 @@
 """How sure a verified transform is: against chance, and against every other pose that explains the data about as well.
 
-Chance. Evidence is a log-likelihood ratio for one pose; a collection offers a great many poses, and the best of many
-wrong ones is better than one wrong one. The log-odds are the evidence less the logarithm of how many distinct poses
-there were to choose from.
+Chance. Evidence is a log-likelihood ratio at the best pose; a collection offers a great many poses, and the best of
+many wrong ones is better than one wrong one. The log-odds are the evidence less the logarithm of the share of all poses
+that the landmarks leave possible (Laplace's approximation of the Bayes factor: the Occam factor).
 
 Rivals. A forest that repeats itself (rows of a plantation) gives wrong poses evidence that no model of independent
 trees foresees. What a wrong pose can reach here is read off the data at hand: the best distinct pose among all
@@ -29,14 +29,29 @@ _BEYOND_DOUBT: Final = 1.5
 """Evidence per landmark of the overlap that no shift of a plantation reaches (measured: 0.9 at most)."""
 
 
-def log_poses(submaps: int, pattern: Pattern, reach: float) -> float:
-    """Logarithm of how many poses, told apart at `reach` metres, `submaps` footprints like `pattern`'s hold."""
-    radius = math.sqrt(pattern.area / math.pi)
-    return (
-        math.log(max(submaps, 1))
-        + math.log(max(pattern.area / reach**2, 1.0))
-        + math.log(2.0 * math.pi * max(radius / reach, 1.0))
+def log_volume(submaps: int, query: Pattern) -> float:
+    """Logarithm of the volume of all poses, square metres times radians, in `submaps` footprints like the query's."""
+    return math.log(max(submaps, 1)) + math.log(2.0 * math.pi * query.area)
+
+
+def log_odds(verified: Verified, query: Pattern, volume: float) -> float:
+    """Log-odds of a verified pose against chance.
+
+    Args:
+        volume: logarithm of the volume of all poses, see `log_volume`.
+
+    With K inliers of noise s, the information on x, y and yaw about the inliers' centroid is K / s^2, K / s^2 and
+    S / s^2, where S is the sum of squared distances from the centroid: the pose is left a volume of
+    (2 pi)^1.5 s^3 / (K sqrt(S)).
+    """
+    inliers = query.landmarks[verified.query]
+    if len(inliers) < 2:
+        return -math.inf
+    spread = float(((inliers - inliers.mean(axis=0)) ** 2).sum())
+    left = (
+        1.5 * math.log(2.0 * math.pi) + 3.0 * math.log(verified.noise) - math.log(len(inliers)) - 0.5 * math.log(spread)
     )
+    return verified.evidence + min(left - volume, 0.0)
 
 
 def distinct(a: SE2, b: SE2, pattern: Pattern, reach: float) -> bool:

@@ -35,20 +35,22 @@ class Config:
     neighbours: int = _parameter(48, 1, 4096, "nearest polygons asked of the index for each polygon of a query")
     candidates: int = _parameter(24, 1, 10_000, "submaps taken from voting to verification")
     hypotheses: int = _parameter(32, 1, 10_000, "transforms tried for each of them")
+    pairs: int = _parameter(48, 0, 100_000, "submaps compared with the query quad by quad where indexes found nothing")
     quad_hits: int = _parameter(200_000, 1_000, 100_000_000, "most quad hits kept; the commonest shapes go first")
     sigma: float = _parameter(0.25, 0.01, 0.25, "metres; usual error of one coordinate between two sightings of a tree")
 
-    gate: float = _parameter(9.2, 0.0, 100.0, "least log-odds of a pose to be reported as matched (9.2 is 10,000 : 1)")
+    gate: float = _parameter(6.9, 0.0, 100.0, "least log-odds of a pose to be reported as matched (6.9 is 1,000 : 1)")
+    share: float = _parameter(0.4, 0.0, 5.0, "least evidence of such a pose for each landmark of the overlap")
     margin: float = _parameter(0.35, 0.0, 1.0, "least lead over the best distinct pose, as a share of the evidence")
 
-    tau: float = _parameter(5.0, 0.0, 1e9, "paper mode: largest descriptor distance of two matching polygons")
+    tau: float = _parameter(8.0, 0.0, 1e9, "paper mode: largest descriptor distance of two matching polygons")
     vertex_window: int = _parameter(3, 0, 16, "paper mode: largest difference in vertex count of two matching polygons")
     gamma: int | None = _parameter(None, 1, 100_000, "paper mode: polygons sampled from an observation; null for all")
     eta: float = _parameter(0.5, 0.0, 1.0, "paper mode: share of a polygon's triangles that must find a partner")
     ransac_distance: float = _parameter(0.5, 0.01, 10.0, "paper mode: metres; largest residual of a RANSAC inlier (d)")
     ransac_ratio: float = _parameter(0.99, 0.0, 1.0, "paper mode: share of inliers at which RANSAC stops (r)")
     ransac_iterations: int = _parameter(40_000, 1, 1_000_000, "paper mode: most RANSAC iterations (s)")
-    correspondences: int = _parameter(8, 2, 1_000, "paper mode: least correspondences for a pose")
+    correspondences: int = _parameter(4, 2, 1_000, "paper mode: least correspondences for a pose")
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):

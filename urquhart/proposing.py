@@ -1,7 +1,8 @@
-"""From an observation to verified poses: three ways to propose a transform, one way to verify it."""
+"""From an observation to verified poses: four ways to propose a transform, one way to verify it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,13 +11,22 @@ from urquhart.collection_index import CollectionIndex
 from urquhart.features import Features
 from urquhart.matching import match_landmarks
 from urquhart.pairing import Pattern
-from urquhart.quads import measure
+from urquhart.quads import align_quads, match_quads, measure
 from urquhart.ransac import ransac
 from urquhart.stages import Stages
-from urquhart.verification import Verified, best_hypothesis, verify
+from urquhart.verification import Verified, best_hypotheses, verify
 from urquhart.voting import Votes, vote_polygons, vote_quads
 
-Level = Literal["polygons", "quads", "paper"]
+Level = Literal["polygons", "quads", "pairs", "paper"]
+
+_WIDE: Final = 6.0
+"""Tolerance of lengths in pairs, in usual errors of a coordinate: 1.2 m by default."""
+_ROOM: Final = 0.25
+"""The same tolerance as a share of the distance between trees: beyond it every quad is like every other."""
+_ALIGNED: Final = 4.0
+"""Largest misfit of four landmarks in pairs, in usual errors of a coordinate."""
+_HITS: Final = 1024
+_FINALISTS: Final = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,13 +46,13 @@ class Sighting:
     Attributes:
         features, pattern: what is known of it, and the same laid out for verification.
         excluded: submaps that are not considered.
-        log_poses: logarithm of the number of poses there are to choose from.
+        volume: logarithm of the volume of all poses there are to choose from; see `confidence.log_volume`.
     """
 
     features: Features
     pattern: Pattern
     excluded: frozenset[int]
-    log_poses: float
+    volume: float
 
 
 def propose_by_polygons(index: CollectionIndex, query: Sighting, stages: Stages) -> list[Proposal]:
@@ -70,6 +80,41 @@ def propose_by_quads(index: CollectionIndex, query: Sighting, stages: Stages) ->
         votes = vote_quads(features, hits, index.features, tolerance, config.candidates, query.excluded)
         counts["submaps"] = len(votes.keys)
     return _verify(index, votes, "quads", query, stages)
+
+
+def propose_by_pairs(index: CollectionIndex, query: Sighting, keys: Sequence[int], stages: Stages) -> list[Proposal]:
+    """Submaps compared with the query one by one, with a tolerance that no index of many submaps could afford.
+
+    Where noise is large and trees are missing, hardly a quad agrees within the tolerance of the index; within twice or
+    three times as much several do, and among the quads of one submap they are still few enough to try them all.
+    """
+    features, config = query.features, index.config
+    tolerance = max(2.0 * config.sigma, min(_WIDE * config.sigma, _ROOM * query.pattern.spacing))
+    lengths, _ = measure(features.landmarks, features.tessellation.quads)
+    proposals = []
+    with stages.timed("compare pairs") as counts:
+        tried = 0
+        for key in keys:
+            submap, laid = index.features(key), index.pattern(key)
+            stored, _ = measure(submap.landmarks, submap.tessellation.quads)
+            hits = match_quads(lengths, stored, tolerance, _HITS)
+            hypotheses, misfit = align_quads(
+                features.landmarks, features.tessellation.quads, submap.landmarks, submap.tessellation.quads, *hits
+            )
+            hypotheses = hypotheses[misfit <= _ALIGNED * config.sigma]
+            if not len(hypotheses):
+                continue
+            tried += len(hypotheses)
+            best = max(
+                (
+                    verify(query.pattern, laid, start, index.reach)
+                    for start in best_hypotheses(query.pattern, laid, hypotheses, index.reach, _FINALISTS)
+                ),
+                key=lambda verified: verified.evidence,
+            )
+            proposals.append(Proposal(key, "pairs", len(hypotheses), best))
+        counts["submaps"], counts["hypotheses"] = len(keys), tried
+    return proposals
 
 
 def propose_by_paper(
@@ -125,7 +170,7 @@ def _verify(index: CollectionIndex, votes: Votes, level: Level, query: Sighting,
             submap = index.pattern(key)
             hypotheses = votes.hypotheses(i)[: index.config.hypotheses]
             tried += len(hypotheses)
-            start = best_hypothesis(query.pattern, submap, hypotheses, index.reach)
+            [start] = best_hypotheses(query.pattern, submap, hypotheses, index.reach, 1)
             verified = verify(query.pattern, submap, start, index.reach)
             proposals.append(Proposal(key, level, int(votes.counts[i]), verified))
         counts["candidates"], counts["hypotheses"] = len(keys), tried

@@ -8,10 +8,12 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from urquhart.confidence import log_odds
 from urquhart.config import Config
 from urquhart.features import Features
 from urquhart.proposing import Level, Proposal, Sighting
 from urquhart.se2 import SE2, covariance
+from urquhart.verification import Verified
 
 Verdict = Literal["matched", "ambiguous", "no_match"]
 _LEAST_NOISE: Final = 0.02
@@ -34,7 +36,7 @@ class Candidate:
         rms: metres, root mean square of the residuals.
         overlap: share of the query's landmarks inside the overlap of the footprints.
         evidence: log-likelihood ratio of the same place against chance.
-        log_odds: evidence less the logarithm of the number of poses there were to choose from.
+        log_odds: evidence less the logarithm of the share of all poses that the landmarks leave possible.
         lead: evidence over that of the best distinct pose; None where it was too weak to be compared.
         confidence: probability that the transform is right.
         refused: why this candidate alone would not be reported as matched, else None.
@@ -58,20 +60,23 @@ class Candidate:
     refused: str | None
 
 
-def refusal(evidence: float, log_odds: float, lead: float | None, config: Config) -> str | None:
-    """Why a pose with this evidence is not to be reported as matched, or None."""
-    if evidence <= 0.0:
+def refusal(verified: Verified, odds: float, lead: float | None, config: Config) -> str | None:
+    """Why a verified pose is not to be reported as matched, or None.
+
+    In rows of trees a wrong pose gathers a little from each of many trees: the evidence must also be enough for each.
+    """
+    if verified.evidence <= 0.0:
         return "verification_failed"
-    if log_odds < config.gate:
+    if odds < config.gate or verified.evidence < config.share * max(verified.query_overlap, verified.submap_overlap):
         return "below_gate"
-    if lead is not None and _clear_lead(evidence, lead, config) < config.gate:
+    if lead is not None and _clear_lead(verified.evidence, lead, config) < config.gate:
         return "runner_up_too_close"
     return None
 
 
-def confidence(evidence: float, log_odds: float, lead: float | None, config: Config) -> float:
+def confidence(evidence: float, odds: float, lead: float | None, config: Config) -> float:
     """Probability that a pose is right: against chance by its log-odds, against its rival by its lead over it."""
-    against = math.exp(min(-log_odds, 500.0))
+    against = math.exp(min(-odds, 500.0))
     if lead is not None:
         against += math.exp(min(-_clear_lead(evidence, lead, config), 500.0))
     return 1.0 / (1.0 + against)
@@ -112,7 +117,7 @@ def make_candidate(
     inliers = len(v.residuals)
     degrees = max(2 * inliers - 3, 1)
     variance = max(float((v.residuals**2).sum()) / degrees, _LEAST_NOISE**2)
-    log_odds = v.evidence - query.log_poses
+    odds = log_odds(v, query.pattern, query.volume)
     return Candidate(
         key=proposal.key,
         level=proposal.level,
@@ -126,10 +131,10 @@ def make_candidate(
         rms=float(np.sqrt((v.residuals**2).mean())),
         overlap=v.query_overlap / len(features.landmarks),
         evidence=v.evidence,
-        log_odds=log_odds,
+        log_odds=odds,
         lead=lead,
-        confidence=confidence(v.evidence, log_odds, lead, config),
-        refused=refusal(v.evidence, log_odds, lead, config),
+        confidence=confidence(v.evidence, odds, lead, config),
+        refused=refusal(v, odds, lead, config),
     )
 
 

@@ -6,7 +6,8 @@
     doubt      what else would explain the data as well            confidence
     rank       candidates, verdict, reason                         ranking
 
-Polygons are asked first; quads where polygons do not settle it.
+Polygons are asked first; quads where polygons do not settle it; where both find nothing, the nearest submaps are
+compared one by one.
 """
 
 from collections.abc import Collection, Iterable
@@ -17,11 +18,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from urquhart.collection_index import CollectionIndex
-from urquhart.confidence import climb, log_poses, same_place
+from urquhart.confidence import climb, log_odds, log_volume, same_place
 from urquhart.config import Config
 from urquhart.features import Features, describe
 from urquhart.landmarks import LandmarkError
-from urquhart.proposing import Proposal, Sighting, propose_by_paper, propose_by_polygons, propose_by_quads
+from urquhart.proposing import (
+    Proposal,
+    Sighting,
+    propose_by_pairs,
+    propose_by_paper,
+    propose_by_polygons,
+    propose_by_quads,
+)
 from urquhart.ranking import Candidate, Verdict, best_by_submap, decide, make_candidate, refusal
 from urquhart.stages import Stage, Stages
 from urquhart.verification import pattern
@@ -113,7 +121,7 @@ class Recognizer:
             return Recognition("no_match", "empty_collection", (), None, stages.done())
 
         laid = pattern(features, self._index.reach)
-        query = Sighting(features, laid, excluded, log_poses(len(self), laid, self._index.reach))
+        query = Sighting(features, laid, excluded, log_volume(len(self), laid))
         if method == "paper":
             proposals = propose_by_paper(self._index, query, rng or np.random.default_rng(0), stages)
             ranked, lead = self._doubt(proposals, query, stages)
@@ -122,6 +130,9 @@ class Recognizer:
             ranked, lead = self._doubt(proposals, query, stages)
             if not self._settled(ranked, lead, query):
                 proposals = ranked + propose_by_quads(self._index, query, stages)
+                ranked, lead = self._doubt(proposals, query, stages)
+            if self._lost(ranked, query):
+                proposals = ranked + propose_by_pairs(self._index, query, self._nearest(ranked, excluded), stages)
                 ranked, lead = self._doubt(proposals, query, stages)
 
         candidates = tuple(
@@ -135,16 +146,26 @@ class Recognizer:
         """Whether the first proposal is so sure that another level could not change the answer."""
         if not ranked:
             return False
-        evidence = ranked[0].verified.evidence
-        log_odds = evidence - query.log_poses
-        return log_odds > 2.0 * self.config.gate and refusal(evidence, log_odds, lead, self.config) is None
+        odds = log_odds(ranked[0].verified, query.pattern, query.volume)
+        return odds > 2.0 * self.config.gate and refusal(ranked[0].verified, odds, lead, self.config) is None
+
+    def _lost(self, ranked: list[Proposal], query: Sighting) -> bool:
+        """Whether no proposal is better than chance. Too close a rival is another matter: more poses do not mend it."""
+        return not ranked or log_odds(ranked[0].verified, query.pattern, query.volume) < self.config.gate
+
+    def _nearest(self, ranked: list[Proposal], excluded: frozenset[int]) -> list[int]:
+        """Submaps to compare one by one: those proposed so far, then any others where there are not many."""
+        proposed = dict.fromkeys(proposal.key for proposal in ranked)
+        if len(self) <= self.config.pairs:
+            proposed |= dict.fromkeys(key for key in self._index if key not in excluded)
+        return list(proposed)[: self.config.pairs]
 
     def _doubt(self, proposals: list[Proposal], query: Sighting, stages: Stages) -> tuple[list[Proposal], float | None]:
         """Proposals best first, one a submap, and the evidence of the first over the best pose of another place."""
         with stages.timed("doubt") as counts:
             counts["rivals"] = 0
             ranked, reach = best_by_submap(proposals), self._index.reach
-            if not ranked or ranked[0].verified.evidence - query.log_poses < self.config.gate:
+            if self._lost(ranked, query):
                 return ranked, None
             here = self._index.pattern(ranked[0].key)
             best, rivals = climb(query.pattern, here, ranked[0].verified, reach)

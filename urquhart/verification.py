@@ -87,10 +87,15 @@ def _settle(query: Pattern, submap: Pattern, start: SE2, reach: float) -> Verifi
     return weigh_pose(query, submap, SE2(x, y, yaw), reach)
 
 
-def best_hypothesis(query: Pattern, submap: Pattern, hypotheses: NDArray[np.float64], reach: float) -> SE2:
-    """The one of `hypotheses` (H, 3) that brings most landmarks together: x, y, yaw of `submap_T_query`, centred."""
+def best_hypotheses(
+    query: Pattern, submap: Pattern, hypotheses: NDArray[np.float64], reach: float, count: int
+) -> list[SE2]:
+    """Those `count` of `hypotheses` (H, 3) that bring most landmarks together, the best first.
+
+    Hypotheses are x, y, yaw of `submap_T_query` between the centred frames.
+    """
     scores = count_inliers(query.landmarks, submap, hypotheses, reach)
-    return SE2(*hypotheses[int(np.argmax(scores))].tolist())
+    return [SE2(*hypotheses[h].tolist()) for h in np.argsort(-scores, kind="stable")[:count]]
 
 
 def weigh_pose(query: Pattern, submap: Pattern, pose: SE2, reach: float) -> Verified:

@@ -1,12 +1,15 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tests.urquhart import forests
 from urquhart import SE2, Config, describe
-from urquhart.confidence import climb, distinct, log_poses, same_place, shift_peaks
+from urquhart.confidence import climb, distinct, log_odds, log_volume, same_place, shift_peaks
 from urquhart.pairing import Pattern, lay_out, nearest, pair_up
+from urquhart.se2 import covariance
 from urquhart.simulation import observe, paper_forest, plantation
-from urquhart.verification import LOOSE, best_hypothesis, inside, pattern, verify, weigh_pose
+from urquhart.verification import LOOSE, best_hypotheses, inside, pattern, verify, weigh_pose
 
 REACH = 0.75
 FOREST = paper_forest(np.random.default_rng(0), side=500.0)
@@ -106,7 +109,7 @@ def test_the_best_hypothesis_is_the_one_that_brings_most_together() -> None:
     query, map_T_query = seen(SE2(250.0, 250.0, 2.0), 8, sigma=0.1)
     truth = map_T_submap.inverse() @ map_T_query
     hypotheses = np.array([[0.0, 0.0, 0.0], [truth.x, truth.y, truth.yaw], [5.0, 5.0, 1.0]])
-    assert best_hypothesis(query, submap, hypotheses, REACH) == truth
+    assert best_hypotheses(query, submap, hypotheses, REACH, 1) == [truth]
 
 
 def test_two_submaps_of_one_place_are_no_rivals() -> None:
@@ -143,6 +146,24 @@ def test_shift_peaks_are_where_most_trees_fall_on_trees() -> None:
     assert np.abs(peaks[0] - [7.0, -4.0]).max() <= REACH
 
 
-def test_more_submaps_offer_more_poses() -> None:
-    one, _ = seen(SE2(250.0, 250.0, 0.0), 14)
-    assert log_poses(100, one, REACH) == pytest.approx(log_poses(1, one, REACH) + np.log(100.0))
+def test_more_submaps_offer_more_poses_and_fewer_trees_leave_more_of_them() -> None:
+    submap, map_T_submap = seen(SE2(250.0, 250.0, 0.0), 14)
+    query, map_T_query = seen(SE2(250.0, 250.0, 1.0), 15, sigma=0.1)
+    found = verify(query, submap, map_T_submap.inverse() @ map_T_query, REACH)
+    one, hundred = (log_odds(found, query, log_volume(count, query)) for count in (1, 100))
+    assert one == pytest.approx(hundred + np.log(100.0))
+    assert one < found.evidence - 20.0
+    few = replace(found, query=found.query[:5], submap=found.submap[:5])
+    assert log_odds(few, query, 10.0) > one - found.evidence
+    alone = replace(found, query=found.query[:1], submap=found.submap[:1])
+    assert log_odds(alone, query, 10.0) == -np.inf
+
+
+def test_the_pose_left_possible_is_the_one_that_repeated_measurement_shows() -> None:
+    """The Occam factor's volume is that of the covariance: (2 pi)^1.5 times the root of its determinant."""
+    submap, map_T_submap = seen(SE2(250.0, 250.0, 0.0), 16)
+    query, map_T_query = seen(SE2(250.0, 250.0, 1.0), 17, sigma=0.2)
+    found = verify(query, submap, map_T_submap.inverse() @ map_T_query, REACH)
+    spread = covariance(query.landmarks[found.query], found.transform, found.noise**2)
+    left = 1.5 * np.log(2.0 * np.pi) + 0.5 * np.log(np.linalg.det(spread))
+    assert log_odds(found, query, 30.0) == pytest.approx(found.evidence + left - 30.0)
