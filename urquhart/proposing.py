@@ -26,6 +26,8 @@ _ROOM: Final = 0.25
 _ALIGNED: Final = 4.0
 """Largest misfit of four landmarks in pairs, in usual errors of a coordinate."""
 _HITS: Final = 1024
+_COMPARISONS: Final = 10_000_000
+"""Most quads of the query times quads of a submap: maps of thousands of landmarks have hits enough in the index."""
 _FINALISTS: Final = 4
 
 
@@ -97,6 +99,8 @@ def propose_by_pairs(index: CollectionIndex, query: Sighting, keys: Sequence[int
         for key in keys:
             submap, laid = index.features(key), index.pattern(key)
             stored, _ = measure(submap.landmarks, submap.tessellation.quads)
+            if len(lengths) * len(stored) > _COMPARISONS:
+                continue
             hits = match_quads(lengths, stored, tolerance, _HITS)
             hypotheses, misfit = align_quads(
                 features.landmarks, features.tessellation.quads, submap.landmarks, submap.tessellation.quads, *hits

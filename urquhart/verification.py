@@ -35,6 +35,7 @@ REACH: Final = 3.0
 """A partner may lie this many standard deviations of the usual noise away (99 % of true ones in the plane)."""
 LOOSE: Final = 2.0
 """Where the trees stand far enough apart, a promising pose is tried once more with partners this much farther away."""
+_SEMIFINALISTS: Final = 12
 _ROOM: Final = 0.3
 """Share of the distance between trees: with partners much farther away, rows of trees fit under any shift."""
 
@@ -92,8 +93,13 @@ def best_hypotheses(
 ) -> list[SE2]:
     """Those `count` of `hypotheses` (H, 3) that bring most landmarks together, the best first.
 
-    Hypotheses are x, y, yaw of `submap_T_query` between the centred frames.
+    Hypotheses are x, y, yaw of `submap_T_query` between the centred frames. Where they are many, a third of the
+    landmarks chooses those that all of them are spent on.
     """
+    if len(hypotheses) > 2 * _SEMIFINALISTS:
+        third = np.ascontiguousarray(query.landmarks[::3])
+        rough = count_inliers(third, submap, hypotheses, reach)
+        hypotheses = hypotheses[np.argsort(-rough, kind="stable")[: max(_SEMIFINALISTS, count)]]
     scores = count_inliers(query.landmarks, submap, hypotheses, reach)
     return [SE2(*hypotheses[h].tolist()) for h in np.argsort(-scores, kind="stable")[:count]]
 
