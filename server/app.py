@@ -82,7 +82,11 @@ def create_app_from_env() -> FastAPI:
 @asynccontextmanager
 async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     service: Service = app.state.service
-    await anyio.to_thread.run_sync(schema.upgrade, service.database)
+    try:
+        await anyio.to_thread.run_sync(schema.upgrade, service.database)
+    except BaseException:
+        service.database.dispose()
+        raise
     service.readiness.passed("migrations")
     stop = threading.Event()
     warm_up = threading.Thread(target=_warm_up, args=(service, stop), name="warm-up", daemon=True)

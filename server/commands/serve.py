@@ -85,7 +85,11 @@ def open_database(settings: Settings) -> Database:
     database = Database(
         settings.database_path, busy_timeout=settings.busy_timeout, read_only=settings.database_read_only
     )
-    upgrade(database)
+    try:
+        upgrade(database)
+    except BaseException:
+        database.dispose()
+        raise
     return database
 
 

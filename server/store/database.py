@@ -13,7 +13,7 @@ from sqlalchemy import Connection, Engine, create_engine, event
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.exc import TimeoutError as PoolTimeout
 from sqlalchemy.orm import Session
-from sqlalchemy.pool import ConnectionPoolEntry, QueuePool
+from sqlalchemy.pool import QueuePool
 
 from server import errors
 
@@ -97,19 +97,24 @@ class Database:
             json_serializer=lambda value: orjson.dumps(value).decode(),
             json_deserializer=orjson.loads,
         )
-        event.listen(engine, "connect", _configure)
         event.listen(engine, "begin", _begin)
         return engine
 
     def _connect(self) -> sqlite3.Connection:
         mode = "ro" if self.read_only else "rwc"
-        return sqlite3.connect(
+        connection = sqlite3.connect(
             f"{self.path.as_uri()}?mode={mode}",
             uri=True,
             timeout=self._busy_timeout,
             isolation_level=None,  # BEGIN is ours to say, see _begin
             check_same_thread=False,
         )
+        try:
+            _configure(connection)
+        except sqlite3.Error:
+            connection.close()
+            raise
+        return connection
 
     @contextmanager
     def _one_writer(self) -> Iterator[None]:
@@ -142,16 +147,14 @@ class Database:
         raise kind(f"{sentence} (database {self.path.name})") from cause
 
 
-def _configure(connection: sqlite3.Connection, record: ConnectionPoolEntry) -> None:
-    cursor = connection.cursor()
-    try:
-        cursor.execute("PRAGMA foreign_keys = ON")
-        # FULL, not NORMAL: in WAL mode NORMAL may lose acknowledged commits when the machine loses power.
-        cursor.execute("PRAGMA synchronous = FULL")
-        cursor.execute("PRAGMA temp_store = MEMORY")
-        cursor.execute("PRAGMA cache_size = -16384")
-    finally:
-        cursor.close()
+def _configure(connection: sqlite3.Connection) -> None:
+    connection.execute("PRAGMA foreign_keys = ON")
+    # FULL, not NORMAL: in WAL mode NORMAL may lose acknowledged commits when the machine loses power.
+    connection.execute("PRAGMA synchronous = FULL")
+    connection.execute("PRAGMA temp_store = MEMORY")
+    connection.execute("PRAGMA cache_size = -16384")
+    # The first to read the file: what is no database fails here, before a pool owns the connection.
+    connection.execute("PRAGMA schema_version").fetchone()
 
 
 def _begin(connection: Connection) -> None:

@@ -53,7 +53,7 @@ def test_a_failed_upgrade_leaves_nothing(tmp_path: Path, monkeypatch: pytest.Mon
     with pytest.raises(ZeroDivisionError):
         schema.upgrade(database)
     monkeypatch.undo()
-    with sqlite3.connect(database.path) as connection:
+    with closing(sqlite3.connect(database.path)) as connection, connection:
         assert connection.execute("SELECT count(*) FROM sqlite_master").fetchone() == (0,)
     connection.close()
     assert schema.upgrade(database) is True
@@ -108,7 +108,7 @@ def test_what_is_not_a_database_is_refused_and_left_alone(tmp_path: Path, conten
 
 
 def test_a_database_of_something_else_is_refused(tmp_path: Path) -> None:
-    with sqlite3.connect(tmp_path / "other.db") as connection:
+    with closing(sqlite3.connect(tmp_path / "other.db")) as connection, connection:
         connection.execute("CREATE TABLE birds (name)")
     connection.close()
     before = (tmp_path / "other.db").read_bytes()
@@ -156,7 +156,7 @@ def test_read_only_reads_and_asks_but_does_not_write(client: Client, settings: S
 
 
 def test_read_only_and_old_cannot_be_upgraded(tmp_path: Path) -> None:
-    with sqlite3.connect(tmp_path / "empty.db") as connection:
+    with closing(sqlite3.connect(tmp_path / "empty.db")) as connection, connection:
         connection.execute("PRAGMA user_version = 1")
     connection.close()
     database = Database(tmp_path / "empty.db", read_only=True)

@@ -5,6 +5,7 @@ import json
 import math
 import sqlite3
 import xml.etree.ElementTree as ElementTree
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -78,7 +79,7 @@ def test_index_stores_discs_and_counts_what_it_left_out(urquhart: Urquhart, tmp_
     assert "submaps/s" in said.out
     again = urquhart("index", LONGLEAF, *options)
     assert "30 submaps (0 new, 0 replaced, 30 unchanged)" in again.out
-    with sqlite3.connect(tmp_path / "a.db") as connection:
+    with closing(sqlite3.connect(tmp_path / "a.db")) as connection, connection:
         rows = connection.execute(
             "SELECT id, frame_id, map_frame_id, map_yaw FROM submaps ORDER BY key LIMIT 1"
         ).fetchall()

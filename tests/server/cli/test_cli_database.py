@@ -2,6 +2,7 @@
 
 import socket
 import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -21,7 +22,7 @@ def test_upgrade_makes_a_database_once(urquhart: Urquhart, tmp_path: Path) -> No
 
 
 def copy(source: Path, target: Path) -> Path:
-    with sqlite3.connect(source) as old, sqlite3.connect(target) as new:
+    with closing(sqlite3.connect(source)) as old, closing(sqlite3.connect(target)) as new:
         old.backup(new)
     return target
 
@@ -40,7 +41,7 @@ def test_check_tells_where_and_what(
     urquhart: Urquhart, indexed: Path, tmp_path: Path, damage: str, where: str, what: str
 ) -> None:
     path = copy(indexed, tmp_path / "damaged.db")
-    with sqlite3.connect(path) as connection:
+    with closing(sqlite3.connect(path)) as connection, connection:
         connection.execute(damage)
     said = urquhart("db", "check", "--database", path)
     *lines, last = said.out.splitlines()
@@ -75,12 +76,12 @@ def test_a_file_that_is_no_database_of_ours_is_left_alone(
     assert text.read_text().startswith("these are my notes")
 
     stranger = tmp_path / "photos.db"
-    with sqlite3.connect(stranger) as connection:
+    with closing(sqlite3.connect(stranger)) as connection, connection:
         connection.execute("CREATE TABLE photos (id INTEGER)")
     refused(urquhart(*arguments, "--database", stranger), "'photos'")
 
     newer = copy(indexed, tmp_path / "newer.db")
-    with sqlite3.connect(newer) as connection:
+    with closing(sqlite3.connect(newer)) as connection, connection:
         connection.execute("UPDATE alembic_version SET version_num = '9999'")
     refused(urquhart(*arguments, "--database", newer), "9999", "newer version")
 
@@ -103,8 +104,8 @@ def test_a_full_disk_is_one_line_and_keeps_what_was_stored(
     path = copy(indexed, tmp_path / "small.db")
     configure = store_database._configure
 
-    def small(connection: sqlite3.Connection, record: object) -> None:
-        configure(connection, record)  # type: ignore[arg-type]
+    def small(connection: sqlite3.Connection) -> None:
+        configure(connection)
         connection.execute("PRAGMA max_page_count = 1")  # SQLite raises it to what is in use: not one page more
 
     monkeypatch.setattr(store_database, "_configure", small)
