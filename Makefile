@@ -14,11 +14,11 @@ UV_COMPILE = $(UV) pip compile --quiet --universal --python-version 3.11 --gener
 	--no-emit-index-url --no-emit-find-links --custom-compile-command "make lock"
 
 .DEFAULT_GOAL := help
-.PHONY: help demo serve test lint bench lock clean
+.PHONY: help demo serve test lint bench bench-paper lock clean
 .DELETE_ON_ERROR:
 
 help: ## print every verb
-	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{ printf "  make %-8s %s\n", $$1, $$2 }'
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{ printf "  make %-11s %s\n", $$1, $$2 }'
 
 demo: $(VENV)/runtime.stamp ## recognise places in two real forests over HTTP and print how well it went
 	@$(BIN)/urquhart demo $(ARGS)
@@ -36,6 +36,9 @@ lint: $(VENV)/dev.stamp ## check format, style and types
 
 bench: $(VENV)/dev.stamp ## measure describe, query and ingest on this machine
 	@$(BIN)/python -m benchmarks $(ARGS)
+
+bench-paper: $(VENV)/dev.stamp ## rerun the paper's experiments: tables, plots, docs/results.md
+	@$(BIN)/python -m benchmarks.paper $(ARGS)
 
 lock: ## resolve the lock files anew (needs uv)
 	@$(UV_COMPILE) pyproject.toml --output-file requirements.lock

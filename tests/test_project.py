@@ -21,7 +21,7 @@ ROOT = Path(__file__).parents[1]
 LOCKS = ("requirements.lock", "requirements-build.lock", "requirements-dev.lock")
 PROJECT: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text())
 CLIENT: dict[str, Any] = tomllib.loads((ROOT / "clients" / "python" / "pyproject.toml").read_text())
-VERBS = {"help", "demo", "serve", "test", "lint", "bench", "lock", "clean"}
+VERBS = {"help", "demo", "serve", "test", "lint", "bench", "bench-paper", "lock", "clean"}
 
 
 def read(name: str) -> str:
@@ -180,7 +180,7 @@ def test_the_commands_of_the_documentation_exist() -> None:
     group = get_group(app)
     for path in (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *ROOT.glob("docs/*.md")):
         text = path.read_text(encoding="utf-8")
-        for verb in re.findall(r"\bmake ([a-z]+)\b(?=`|\s*$| ARGS)", text, flags=re.MULTILINE):
+        for verb in re.findall(r"\bmake ([a-z][a-z-]*)\b(?=`|\s*$| ARGS)", text, flags=re.MULTILINE):
             assert verb in VERBS, f"{path.name}: make {verb}"
         for verb in re.findall(r"(?:^\s*|`|bin/)urquhart ([a-z]+)\b", text, flags=re.MULTILINE):
             assert verb in group.commands, f"{path.name}: urquhart {verb}"

@@ -90,14 +90,36 @@ def is_right(found: NDArray[np.float64], truth: NDArray[np.float64]) -> NDArray[
 
 @dataclass(frozen=True, slots=True)
 class Alignment:
-    """Distances between landmarks that are the same tree, after alignment: metres."""
+    """Distances between landmarks that are the same tree, after alignment: metres, and how many there are."""
 
     mean: float
     least: float
     most: float
+    pairs: int
+
+    @staticmethod
+    def over(distances: NDArray[np.float64]) -> "Alignment":
+        """Of distances (K,), metres; NaN where there are none."""
+        if not len(distances):
+            return Alignment(np.nan, np.nan, np.nan, 0)
+        return Alignment(float(distances.mean()), float(distances.min()), float(distances.max()), len(distances))
 
 
-def alignment(first: NDArray[np.float64], second: NDArray[np.float64], first_T_second: SE2) -> Alignment:
-    """How well a transform brings true pairs together: row i of `first` (K, 2) and of `second` (K, 2), metres."""
-    distance = np.hypot(*(first - first_T_second.apply(second)).T)
-    return Alignment(float(distance.mean()), float(distance.min()), float(distance.max()))
+def alignment_errors(
+    first: NDArray[np.float64], second: NDArray[np.float64], first_T_second: SE2
+) -> NDArray[np.float64]:
+    """How far a transform leaves true pairs apart (K,), metres: row i of `first` (K, 2) and of `second` (K, 2).
+
+    Both in metres, each in its own frame; what the paper's Table II takes mean, minimum and maximum of.
+    """
+    gap = first - first_T_second.apply(second)
+    return np.asarray(np.hypot(gap[:, 0], gap[:, 1]))
+
+
+def mean_outcome(outcomes: Sequence[Outcomes]) -> tuple[float, float, float]:
+    """Average precision, recall and F1 of several experiments, each counting alike (the paper's way with its cells)."""
+    return (
+        float(np.mean([outcome.precision for outcome in outcomes])),
+        float(np.mean([outcome.recall for outcome in outcomes])),
+        float(np.mean([outcome.f1 for outcome in outcomes])),
+    )

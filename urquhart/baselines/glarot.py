@@ -22,7 +22,15 @@ _UNIT: Final = 1024
 
 @dataclass(frozen=True, slots=True)
 class GlarotConfig:
-    """Bins of direction and distance as in the paper's comparison, range in metres, spread of a landmark in bins."""
+    """Parameters of GLARE and GLAROT.
+
+    Attributes:
+        directions, distances: bins, as in the paper's comparison.
+        reach: metres, how far about a landmark its signature looks. The paper does not say; 30 m measured best, because
+            farther out more of it lies beyond the sensor's range or was not there the other time.
+        direction_spread, distance_spread: standard deviation of a landmark's Gaussian, bins; 0 counts it whole in the
+            bin where it lies.
+    """
 
     directions: int = 8
     distances: int = 50
@@ -33,19 +41,25 @@ class GlarotConfig:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Signatures:
-    """Signatures of one observation: (N, directions * distances) int32 for its landmarks, one row for the whole."""
+    """Signatures of one observation.
+
+    Attributes:
+        landmarks: (N, 2) float64, metres, the observation's frame.
+        local: (N, directions * distances) int32, a row for each landmark, in units of `_UNIT` to the landmark.
+        whole: (directions * distances,) int64, the sum of the rows: the signature of the observation.
+    """
 
     landmarks: NDArray[np.float64]
     local: NDArray[np.int32]
-    whole: NDArray[np.int32]
+    whole: NDArray[np.int64]
 
 
 def describe_glare(landmarks: NDArray[np.float64], config: GlarotConfig) -> Signatures:
-    """Signatures of landmarks (N, 2) float64, metres."""
+    """Signatures of landmarks (N, 2) float64, metres, any rigid frame."""
     local = local_signatures(
         landmarks, config.directions, config.distances, config.reach, config.direction_spread, config.distance_spread
     )
-    return Signatures(landmarks, local, local.sum(axis=0, dtype=np.int32))
+    return Signatures(landmarks, local, local.sum(axis=0, dtype=np.int64))
 
 
 def global_distance(first: Signatures, second: Signatures, config: GlarotConfig) -> float:
@@ -57,15 +71,34 @@ def global_distance(first: Signatures, second: Signatures, config: GlarotConfig)
     return glarot_distance(first.whole, second.whole, config.directions) / max(total, 1)
 
 
+def glarot_distance(a: NDArray[np.int64], b: NDArray[np.int64], directions: int) -> int:
+    """Smallest L1 distance between two signatures (S,) over all shifts of direction."""
+    step = len(a) // directions
+    return int(min(np.abs(a - np.roll(b, shift * step)).sum() for shift in range(directions)))
+
+
 def match_glarot(
-    first: Signatures, second: Signatures, config: GlarotConfig
+    first: Signatures, second: Signatures, config: GlarotConfig, *, mutual: bool = False
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Each landmark of the first (K,) int64 with its nearest of the second (K,) int64 by GLAROT distance.
 
-    Not one-to-one: many are wrong, and RANSAC sorts them out far better than a threshold or a check in both directions.
+    Args:
+        mutual: keep only pairs that are nearest to each other. Without it many correspondences are wrong and several
+            may share a landmark; a RANSAC with a verification behind it makes more of those than of a few. Their number
+            alone says something only with it.
     """
-    nearest = distance_table(first.local, second.local, config.directions).argmin(axis=1)
-    return np.arange(len(nearest)), nearest
+    if not len(first.local) or not len(second.local):
+        return np.empty(0, np.int64), np.empty(0, np.int64)
+    table = distance_table(first.local, second.local, config.directions)
+    rows, nearest = np.arange(len(table)), table.argmin(axis=1)
+    return keep_mutual(table) if mutual else (rows, nearest)
+
+
+def keep_mutual(table: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows (K,) and columns (K,) of a distance table (N, M) that are nearest to each other."""
+    nearest = table.argmin(axis=1)
+    rows = np.flatnonzero(table.argmin(axis=0)[nearest] == np.arange(len(table)))
+    return rows, nearest[rows]
 
 
 @kernel
@@ -103,17 +136,16 @@ def local_signatures(
 @kernel
 def spread_over(weights: NDArray[np.float64], offset: float, spread: float) -> None:
     """Fill `weights` with a Gaussian about the middle bin's centre plus `offset`, bins, so that they sum to one."""
+    if spread <= 0.0:
+        weights[:] = 0.0
+        weights[len(weights) // 2] = 1.0
+        return
     total = 0.0
     for k in range(len(weights)):
         weights[k] = np.exp(-0.5 * ((k - len(weights) // 2 - offset) / spread) ** 2)
         total += weights[k]
     for k in range(len(weights)):
         weights[k] /= total
-
-
-def glarot_distance(a: NDArray[np.int32], b: NDArray[np.int32], directions: int) -> int:
-    """Smallest L1 distance between two signatures (S,) over all shifts of direction."""
-    return int(distance_table(a[None], b[None], directions)[0, 0])
 
 
 @kernel
@@ -129,10 +161,12 @@ def distance_table(a: NDArray[np.int32], b: NDArray[np.int32], directions: int) 
         for i in range(len(a)):
             best = np.int32(2**31 - 1)
             for shift in range(directions):
+                row, other = a[i], turned[shift * step : shift * step + size]
                 total = np.int32(0)
-                start = shift * step
                 for k in range(size):
-                    total += abs(a[i, k] - turned[start + k])
+                    # The compiler widens every int32 result to 64 bits; cast back at once, many run at a time.
+                    difference = np.int32(row[k] - other[k])
+                    total = np.int32(total + max(difference, np.int32(-difference)))
                 best = min(best, total)
             table[i, j] = best
     return table

@@ -1,0 +1,81 @@
+"""`make bench-paper`: the paper's experiments, their pictures and the report."""
+
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any, Final
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from benchmarks.paper import ablation, pr_curves, record, table1, table2, table3
+from benchmarks.paper.markdown import FOLDER
+from benchmarks.paper.plots import PICTURES, SOURCES, draw
+from benchmarks.paper.pool import Pool
+from benchmarks.paper.report import write_report
+
+EXPERIMENTS: Final[dict[str, Callable[..., dict[str, Any]]]] = {
+    "table1": table1.run,
+    "pr_curves": pr_curves.run,
+    "ablation": ablation.run,
+    "table2": table2.run,
+    "table3": table3.run,
+}
+FULL: Final = Path("docs")
+QUICK: Final = Path("benchmark-output/paper")
+
+
+def main(
+    quick: Annotated[bool, typer.Option("--quick", help="A smaller version, within two minutes.")] = False,
+    out: Annotated[
+        Path | None, typer.Option(help=f"Where results.md and {FOLDER}/ go. [default: {FULL}; {QUICK} with --quick]")
+    ] = None,
+    only: Annotated[list[str] | None, typer.Option(help=f"One of {', '.join(EXPERIMENTS)}; may be repeated.")] = None,
+    seed: Annotated[int, typer.Option(help="Of all randomness.")] = 0,
+    workers: Annotated[int, typer.Option(help="Processes, one thread each.")] = os.cpu_count() or 1,
+) -> None:
+    """Run the paper's experiments; write JSON, pictures and results.md, from these figures and those already there."""
+    chosen = only or list(EXPERIMENTS)
+    unknown = [name for name in chosen if name not in EXPERIMENTS]
+    if unknown:
+        raise typer.BadParameter(f"{unknown[0]!r} is none of {', '.join(EXPERIMENTS)}")
+    folder = out or (QUICK if quick else FULL)
+    console = Console()
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, TimeRemainingColumn(), console=console) as progress, Pool(workers, progress) as pool:
+        for name in chosen:
+            run_experiment(name, pool, folder, quick=quick, seed=seed)
+    console.print(f"report: {report(folder)}")
+
+
+def run_experiment(name: str, pool: Pool, folder: Path, *, quick: bool, seed: int) -> dict[str, Any]:
+    """Run one experiment; write its JSON and its pictures under `folder`."""
+    started = time.perf_counter()
+    figures = EXPERIMENTS[name](pool, quick=quick, seed=seed)
+    command = (
+        f"python -m benchmarks.paper{' --quick' if quick else ''}{f' --seed {seed}' if seed else ''} --only {name}"
+    )
+    head = {"machine": record.machine(), "command": command, "seed": seed, "seconds": time.perf_counter() - started}
+    path = folder / FOLDER / f"{name}.json"
+    record.write(path, head | figures)
+    # Drawn from what was written, not from what was computed: anyone can draw them again.
+    written = record.read(path)
+    for picture in PICTURES:
+        if SOURCES.get(picture, picture) == name:
+            draw(picture, written, path.with_name(f"{picture}.svg"))
+    return written
+
+
+def report(folder: Path) -> Path:
+    """Write results.md from the JSON files under `folder`; where it went."""
+    paths = {name: folder / FOLDER / f"{name}.json" for name in EXPERIMENTS}
+    results = {name: record.read(path) for name, path in paths.items() if path.exists()}
+    target = folder / "results.md"
+    target.write_text(write_report(results), encoding="utf-8")
+    return target
+
+
+if __name__ == "__main__":
+    typer.run(main)
