@@ -35,6 +35,10 @@ def main(
     only: Annotated[list[str] | None, typer.Option(help=f"One of {', '.join(EXPERIMENTS)}; may be repeated.")] = None,
     seed: Annotated[int, typer.Option(help="Of all randomness.")] = 0,
     workers: Annotated[int, typer.Option(help="Processes, one thread each.")] = os.cpu_count() or 1,
+    redraw: Annotated[
+        bool,
+        typer.Option("--redraw", help="Run nothing: pictures and results.md anew from the figures that are there."),
+    ] = False,
 ) -> None:
     """Run the paper's experiments; write JSON, pictures and results.md, from these figures and those already there."""
     chosen = only or list(EXPERIMENTS)
@@ -42,6 +46,10 @@ def main(
     if unknown:
         raise typer.BadParameter(f"{unknown[0]!r} is none of {', '.join(EXPERIMENTS)}")
     folder = out or (QUICK if quick else FULL)
+    if redraw:
+        for name in chosen:
+            draw_pictures(name, folder)
+        chosen = []
     console = Console()
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, TimeRemainingColumn(), console=console) as progress, Pool(workers, progress) as pool:
@@ -50,7 +58,7 @@ def main(
     console.print(f"report: {report(folder)}")
 
 
-def run_experiment(name: str, pool: Pool, folder: Path, *, quick: bool, seed: int) -> dict[str, Any]:
+def run_experiment(name: str, pool: Pool, folder: Path, *, quick: bool, seed: int) -> None:
     """Run one experiment; write its JSON and its pictures under `folder`."""
     started = time.perf_counter()
     figures = EXPERIMENTS[name](pool, quick=quick, seed=seed)
@@ -58,14 +66,16 @@ def run_experiment(name: str, pool: Pool, folder: Path, *, quick: bool, seed: in
         f"python -m benchmarks.paper{' --quick' if quick else ''}{f' --seed {seed}' if seed else ''} --only {name}"
     )
     head = {"machine": record.machine(), "command": command, "seed": seed, "seconds": time.perf_counter() - started}
+    record.write(folder / FOLDER / f"{name}.json", head | figures)
+    draw_pictures(name, folder)
+
+
+def draw_pictures(name: str, folder: Path) -> None:
+    """Draw an experiment's pictures from its JSON under `folder`: from what was written, not from what was computed."""
     path = folder / FOLDER / f"{name}.json"
-    record.write(path, head | figures)
-    # Drawn from what was written, not from what was computed: anyone can draw them again.
-    written = record.read(path)
     for picture in PICTURES:
-        if SOURCES.get(picture, picture) == name:
-            draw(picture, written, path.with_name(f"{picture}.svg"))
-    return written
+        if path.exists() and SOURCES.get(picture, picture) == name:
+            draw(picture, record.read(path), path.with_name(f"{picture}.svg"))
 
 
 def report(folder: Path) -> Path:

@@ -38,7 +38,7 @@ def section(figures: Figures) -> str:
         picture("merged_map", f"Merged landmarks of one track through {PICTURED}, by method"),
         prose(
             f"""Merged landmarks of one track through {PICTURED} ({list(figures["levels"])[-1]}), and how many there
-            are: a wrong step lays trees beside trees."""
+            are: a wrong step lays trees beside trees, and some of them outside of the frame."""
         ),
         "The letter's figures (mean, least, most; translation and rotation against human associations):",
         table(["method", "flight 1, m", "flight 2, m", "flight 1", "flight 2"], _published()),
@@ -57,7 +57,8 @@ CHOICES: Final = (
     deviations) by the end of a submap. Every submap has a frame of its own, turned at random.""",
     """Submaps in a row are known to overlap, so no method is asked for its global gate, and what RANSAC finds is taken.
     *Verified* adds the refinement and the bar of all-landmark verification: a submap below it is left out, and the step
-    after it is not made. The robust method is taken at its verdict.""",
+    after it is not made. What follows then shares few trees with the map, so a method that loses one submap mostly
+    loses the rest of the track. The robust method is taken at its verdict.""",
     f"""A step is right when its true pairs end within {OFF:g} m on average. *One by one* counts the steps that are
     right when each submap is matched with the one before instead of with the map: what a method does that starts clean
     every time.""",
