@@ -189,8 +189,8 @@ def _differences(figures: Figures) -> list[str]:
         are seen. One minimum for all cells is part of it: few correspondences suit the cells with many gaps, and let
         strangers in where there are none. With each cell at a minimum of its own the mean is
         {number(float(own.mean()))}, and {int((own < printed - SHORT).sum())} cells are short of the letter by more
-        than {SHORT:g}, those with much noise, where descriptors move past tau = {LETTER_TAU:g}. The default tau finds
-        them, and needs a verification to keep strangers out.""",
+        than {SHORT:g}: noise moves descriptors past tau = {LETTER_TAU:g}. The default tau finds them, and needs a
+        verification to keep strangers out.""",
         """The letter squares the centroid distance; its authors' published code does not, and that is what measures
         better (see the choices behind the defaults). The default is the plain distance.""",
         f"""GLAROT does better here than in the letter: {gate} scored as there, {free} without the gate. The gate must
