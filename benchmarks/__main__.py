@@ -1,10 +1,7 @@
 """`make bench`: what describing, asking and storing cost on this machine."""
 
 import json
-import os
-import platform
 from dataclasses import asdict
-from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated
 
@@ -15,6 +12,7 @@ from rich.progress import Progress
 from rich.table import Table
 
 from benchmarks.everyday import Forest, QueryCost, build, describe_cost, ingest_rate, query_cost
+from benchmarks.machine import machine
 from urquhart import Config, warm_up
 
 SETTINGS = {"20 cm, 90 % seen": (0.2, 0.9), "40 cm, 80 % seen": (0.4, 0.8)}
@@ -49,14 +47,9 @@ def main(
         progress.advance(task)
 
     count = len(forest.submaps)
-    machine = {
-        "processor": _processor(),
-        "cores": os.cpu_count(),
-        "python": platform.python_version(),
-        "versions": {name: version(name) for name in ("numpy", "scipy", "numba", "faiss-cpu", "sqlalchemy")},
-    }
+    here = machine("sqlalchemy")
     figures = {
-        "machine": machine,
+        "machine": here,
         "seed": seed,
         "describe_ms": description,
         "submaps": count,
@@ -69,9 +62,7 @@ def main(
     out.parent.mkdir(parents=True, exist_ok=True)
     out.write_text(json.dumps(figures, indent=2) + "\n")
 
-    console.print(
-        f"{machine['processor']}, {machine['cores']} cores, Python {machine['python']}; medians; seed {seed}\n"
-    )
+    console.print(f"{here['processor']}, {here['cores']} cores, Python {here['python']}; medians; seed {seed}\n")
     _print_description(console, description)
     _print_queries(console, queries, count)
     console.print(
@@ -109,15 +100,6 @@ def _print_queries(console: Console, queries: dict[str, QueryCost], submaps: int
     table.add_row("matched and right", *(f"{cost.right}" for cost in queries.values()))
     console.print(table)
     console.print("A stage's figure is its median over the queries that reached it.\n")
-
-
-def _processor() -> str:
-    info = Path("/proc/cpuinfo")
-    if info.exists():
-        for line in info.read_text().splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    return platform.processor() or platform.machine()
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from benchmarks.machine import machine
 from benchmarks.paper import ablation, pr_curves, record, table1, table2, table3
 from benchmarks.paper.markdown import FOLDER
 from benchmarks.paper.plots import PICTURES, SOURCES, draw
@@ -65,7 +66,7 @@ def run_experiment(name: str, pool: Pool, folder: Path, *, quick: bool, seed: in
     command = (
         f"python -m benchmarks.paper{' --quick' if quick else ''}{f' --seed {seed}' if seed else ''} --only {name}"
     )
-    head = {"machine": record.machine(), "command": command, "seed": seed, "seconds": time.perf_counter() - started}
+    head = {"machine": machine(), "command": command, "seed": seed, "seconds": time.perf_counter() - started}
     record.write(folder / FOLDER / f"{name}.json", head | figures)
     draw_pictures(name, folder)
 

@@ -1,23 +1,8 @@
-"""Figures as JSON, each file with the machine, seed and command that made it."""
+"""Figures as JSON, short enough to be read in a diff."""
 
 import json
-import os
-import platform
-from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Final
-
-LIBRARIES: Final = ("numpy", "scipy", "numba", "faiss-cpu")
-
-
-def machine() -> dict[str, Any]:
-    """Processor, cores, Python and the versions of the libraries that do the work."""
-    return {
-        "processor": _processor(),
-        "cores": os.cpu_count(),
-        "python": platform.python_version(),
-        "versions": {name: version(name) for name in LIBRARIES},
-    }
+from typing import Any
 
 
 def write(path: Path, figures: dict[str, Any]) -> None:
@@ -54,12 +39,3 @@ def _text(value: Any, depth: int) -> str:
         )
         return f"{{\n{inner}\n{' ' * depth}}}"
     return json.dumps(value, separators=(",", ":"))
-
-
-def _processor() -> str:
-    info = Path("/proc/cpuinfo")
-    if info.exists():
-        for line in info.read_text().splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    return platform.processor() or platform.machine()
