@@ -8,6 +8,7 @@ ARGS ?=
 PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3.14 python3 python; do \
 	if "$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1; then echo "$$p"; break; fi; done)
 
+# The lock files are complete: --no-deps keeps pip from looking for newer versions of what an extra asks for.
 PIP_INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check
 EDITABLE = $(PIP_INSTALL) --no-build-isolation --no-deps --editable . --editable clients/python
 UV_COMPILE = $(UV) pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate \
@@ -57,12 +58,12 @@ $(BIN)/pip:
 
 $(VENV)/runtime.stamp: requirements.lock requirements-build.lock pyproject.toml clients/python/pyproject.toml | $(BIN)/pip
 	@echo "installing what the service needs (once)"
-	@$(PIP_INSTALL) --require-hashes --requirement requirements.lock --requirement requirements-build.lock
+	@$(PIP_INSTALL) --no-deps --require-hashes --requirement requirements.lock --requirement requirements-build.lock
 	@$(EDITABLE)
 	@touch $@
 
 $(VENV)/dev.stamp: requirements-dev.lock pyproject.toml clients/python/pyproject.toml | $(BIN)/pip
 	@echo "installing what the tests need (once)"
-	@$(PIP_INSTALL) --require-hashes --requirement requirements-dev.lock
+	@$(PIP_INSTALL) --no-deps --require-hashes --requirement requirements-dev.lock
 	@$(EDITABLE)
 	@touch $@
