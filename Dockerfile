@@ -4,9 +4,9 @@ FROM python:3.11-slim AS build
 WORKDIR /src
 COPY requirements.lock requirements-build.lock ./
 RUN python -m venv /opt/urquhart \
-    && /opt/urquhart/bin/pip install --no-cache-dir --require-hashes -r requirements.lock
+    && /opt/urquhart/bin/pip install --no-cache-dir --no-deps --require-hashes -r requirements.lock
 RUN python -m venv /opt/build \
-    && /opt/build/bin/pip install --no-cache-dir --require-hashes -r requirements-build.lock
+    && /opt/build/bin/pip install --no-cache-dir --no-deps --require-hashes -r requirements-build.lock
 COPY . .
 RUN /opt/build/bin/pip wheel --no-build-isolation --no-deps --wheel-dir /wheels . clients/python \
     && /opt/urquhart/bin/pip install --no-cache-dir --no-deps /wheels/*.whl

@@ -11,8 +11,29 @@ ROOT = Path(__file__).parents[1]
 PACKAGES = ("urquhart", "server", "clients/python/urquhart_client", "benchmarks")
 
 METHOD = [
-    *("_kernel", "config", "stages", "landmarks", "se2", "quads", "tessellation", "descriptor", "features", "pairing"),
-    *("verification", "index", "quad_index", "voting", "collection_index", "matching", "ransac", "proposing"),
+    *(
+        "_kernel",
+        "config",
+        "stages",
+        "landmarks",
+        "se2",
+        "quads",
+        "tessellation",
+        "descriptor",
+        "features",
+        "diameters",
+    ),
+    *(
+        "pairing",
+        "verification",
+        "index",
+        "quad_index",
+        "voting",
+        "collection_index",
+        "matching",
+        "ransac",
+        "proposing",
+    ),
     *("confidence", "ranking", "recognizer", "drawing", "simulation", "evaluation", "merging"),
 ]
 """Modules of the method from the ground up: each may import only what stands before it."""

@@ -5,10 +5,11 @@ The file list is the method; `recognizer` is its one page:
     landmarks, tessellation, descriptor, quads, features     what is known of one submap
     index, quad_index, collection_index                      what is near in a collection
     voting, matching, ransac, proposing                      hypotheses
-    pairing, verification                                    all landmarks decide
+    pairing, diameters, verification                         all landmarks decide
     confidence, ranking                                      chance, rivals, verdict
     config, se2, stages                                      parameters, transforms, costs
-    simulation, drawing                                      forests and pictures
+    merging                                                  submaps into one map
+    simulation, evaluation, baselines, drawing               forests, scores, the paper's rivals, pictures
 
 After Nardari et al., "Place Recognition in Forests With Urquhart Tessellations", RA-L 2020.
 """
@@ -18,7 +19,7 @@ from urquhart.drawing import draw_match, draw_tessellation
 from urquhart.features import Features, FeaturesError, describe
 from urquhart.index import IndexDamaged
 from urquhart.landmarks import LandmarkError
-from urquhart.ranking import Candidate, Verdict
+from urquhart.ranking import Candidate, Finding, Rival, Verdict
 from urquhart.recognizer import Method, Recognition, Recognizer, warm_up
 from urquhart.se2 import SE2
 from urquhart.stages import Stage
@@ -31,11 +32,13 @@ __all__ = [
     "ConfigError",
     "Features",
     "FeaturesError",
+    "Finding",
     "IndexDamaged",
     "LandmarkError",
     "Method",
     "Recognition",
     "Recognizer",
+    "Rival",
     "Stage",
     "Tessellation",
     "Verdict",

@@ -15,12 +15,12 @@ from numpy.typing import ArrayLike, NDArray
 from urquhart._kernel import kernel
 from urquhart.config import Config
 from urquhart.descriptor import describe_outlines
-from urquhart.landmarks import check_landmarks
+from urquhart.landmarks import check_diameters, check_landmarks
 from urquhart.tessellation import Tessellation, tessellate
 
 _MAGIC: Final = b"URQF"
-_FORMAT: Final = 1
-_HEADER: Final = struct.Struct("<4sHH16s2d11I")
+_FORMAT: Final = 2
+_HEADER: Final = struct.Struct("<4sHH16s2d12I")
 
 
 class FeaturesError(ValueError):
@@ -38,6 +38,7 @@ class Features:
         tessellation: triangles and interior polygons.
         descriptors: (P, D) float32, a row for each interior polygon.
         fingerprint: `Config.fingerprint()` of the configuration that made them.
+        diameters: (N,) float32, stem diameters, NaN where one is not known; empty where none is.
     """
 
     landmarks: NDArray[np.float64]
@@ -46,6 +47,7 @@ class Features:
     tessellation: Tessellation
     descriptors: NDArray[np.float32]
     fingerprint: str
+    diameters: NDArray[np.float32]
 
     def counts(self) -> dict[str, int]:
         """How much of everything there is, left-out polygons included."""
@@ -75,6 +77,7 @@ class Features:
                 t.quads.astype("<u2").tobytes(),
                 t.hull.astype("<u2").tobytes(),
                 t.vertices.astype("<u2").tobytes(),
+                self.diameters.tobytes(),
             )
         )
         header = _HEADER.pack(
@@ -93,6 +96,7 @@ class Features:
             t.hull_polygons,
             t.non_simple_faces,
             t.dangling_edges,
+            len(self.diameters),
             len(body),
         )
         return header + body + struct.pack("<I", zlib.crc32(body, zlib.crc32(header)))
@@ -108,7 +112,7 @@ class Features:
         if len(blob) < _HEADER.size + 4 or blob[:4] != _MAGIC:
             raise FeaturesError("not a features BLOB")
         _, version, width, fingerprint, x, y, *sizes = _HEADER.unpack_from(blob)
-        n, triangles, quads, hull, polygons, vertices, members, on_hull, holed, dangling, size = sizes
+        n, triangles, quads, hull, polygons, vertices, members, on_hull, holed, dangling, measured, size = sizes
         if version != _FORMAT:
             raise FeaturesError(
                 f"features of format {version}, this version reads {_FORMAT}: describe the landmarks again"
@@ -137,7 +141,10 @@ class Features:
             holed,
             dangling,
         )
-        return Features(landmarks, np.array([x, y]), density, tessellation, descriptors, fingerprint.decode("ascii"))
+        diameters = reader.take("<f4", measured)
+        return Features(
+            landmarks, np.array([x, y]), density, tessellation, descriptors, fingerprint.decode("ascii"), diameters
+        )
 
 
 class _Reader:
@@ -151,16 +158,18 @@ class _Reader:
         return array
 
 
-def describe(xy: ArrayLike, config: Config) -> Features:
+def describe(xy: ArrayLike, config: Config, diameters: ArrayLike | None = None) -> Features:
     """Describe one submap or observation.
 
     Args:
         xy: (N, 2), metres, any rigid frame (projected coordinates too: they are centred first).
+        diameters: (N,), stem diameters in any unit, NaN where one is not known. They are evidence, never a condition.
 
     Raises:
         LandmarkError: the landmarks cannot be described; nothing is mended silently.
     """
     posted = check_landmarks(xy)
+    measured = check_diameters(diameters, len(posted))
     origin = posted.mean(axis=0)
     landmarks = posted - origin
     tessellation = tessellate(landmarks, keep_hull=config.keep_hull)
@@ -168,7 +177,7 @@ def describe(xy: ArrayLike, config: Config) -> Features:
         landmarks, tessellation.vertices, tessellation.vertex_offsets, config.samples, config.squared
     )
     density = local_density(landmarks, tessellation.triangles)
-    return Features(landmarks, origin, density, tessellation, descriptors, config.fingerprint())
+    return Features(landmarks, origin, density, tessellation, descriptors, config.fingerprint(), measured)
 
 
 @kernel

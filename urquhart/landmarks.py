@@ -24,8 +24,8 @@ RESOLUTION: Final = 1e-3
 class LandmarkError(ValueError):
     """Landmarks that cannot be described.
 
-    `code` is one of `bad_shape`, `too_few`, `too_many`, `not_finite`, `out_of_range`, `duplicates`, `collinear`;
-    `indices` are the positions of the first offending landmarks, where single landmarks are to blame.
+    `code` is one of `bad_shape`, `too_few`, `too_many`, `not_finite`, `out_of_range`, `duplicates`, `collinear`,
+    `bad_diameters`; `indices` are the positions of the first offending landmarks, where single landmarks are to blame.
     """
 
     def __init__(self, code: str, message: str, indices: tuple[int, ...] = ()) -> None:
@@ -63,6 +63,28 @@ def check_landmarks(xy: ArrayLike) -> NDArray[np.float64]:
     if width(landmarks) < RESOLUTION:
         raise LandmarkError("collinear", "all landmarks lie on one line: a tessellation needs some beside it")
     return landmarks
+
+
+def check_diameters(diameters: ArrayLike | None, count: int) -> NDArray[np.float32]:
+    """Return `diameters` as a float32 array of `count`, NaN where one is not known; empty where none is.
+
+    Raises:
+        LandmarkError: code `bad_diameters`: not one for each landmark, or one that is not above zero.
+    """
+    try:
+        values = np.array([] if diameters is None else diameters, dtype=np.float32)
+    except (TypeError, ValueError) as error:
+        raise LandmarkError("bad_diameters", "diameters must be numbers, NaN where one is not known") from error
+    if diameters is None or (values.shape == (count,) and np.isnan(values).all()):
+        return np.empty(0, np.float32)
+    if values.shape != (count,):
+        raise LandmarkError(
+            "bad_diameters", f"{values.size} diameters for {count} landmarks: give one for each, or NaN"
+        )
+    bad = np.flatnonzero(~np.isnan(values) & ~((values > 0.0) & np.isfinite(values)))
+    if len(bad):
+        raise LandmarkError("bad_diameters", f"the diameter of landmark {bad[0]} is not above zero", (int(bad[0]),))
+    return values
 
 
 @kernel

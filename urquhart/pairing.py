@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from urquhart._kernel import kernel
+from urquhart.diameters import score_diameters
 from urquhart.se2 import fit
 
 _REFINEMENTS: Final = 4
@@ -26,6 +27,8 @@ class Pattern(NamedTuple):
         grid: (5,) float64: lowest x, lowest y, cells per metre, columns, rows.
         area: square metres inside the hull.
         spacing: metres, typical distance between neighbours.
+        sizes: (N,) float64, scores of the diameters, empty where they are not known; see `diameters`.
+        spread: of the logarithms of the diameters.
     """
 
     landmarks: NDArray[np.float64]
@@ -36,11 +39,17 @@ class Pattern(NamedTuple):
     grid: NDArray[np.float64]
     area: float
     spacing: float
+    sizes: NDArray[np.float64]
+    spread: float
 
 
 @kernel
 def lay_out(
-    landmarks: NDArray[np.float64], density: NDArray[np.float32], outer: NDArray[np.int32], reach: float
+    landmarks: NDArray[np.float64],
+    density: NDArray[np.float32],
+    outer: NDArray[np.int32],
+    diameters: NDArray[np.float32],
+    reach: float,
 ) -> Pattern:
     """The `Pattern` of landmarks (N, 2), metres, with the hull `outer` (H,), for partners up to `reach` metres away."""
     cells, order, grid = build_grid(landmarks, reach)
@@ -50,7 +59,8 @@ def lay_out(
         j = i + 1 if i + 1 < len(hull) else 0
         area += 0.5 * (hull[i, 0] * hull[j, 1] - hull[j, 0] * hull[i, 1])
     spacing = 1.0 / math.sqrt(np.median(density))
-    return Pattern(landmarks, density.astype(np.float64), hull, cells, order, grid, area, spacing)
+    sizes, spread = score_diameters(diameters)
+    return Pattern(landmarks, density.astype(np.float64), hull, cells, order, grid, area, spacing, sizes, spread)
 
 
 @kernel

@@ -17,7 +17,7 @@ from urquhart.stages import Stages
 from urquhart.verification import Verified, best_hypotheses, verify
 from urquhart.voting import Votes, vote_polygons, vote_quads
 
-Level = Literal["polygons", "quads", "pairs", "paper"]
+Level = Literal["polygons", "quads", "pairs", "paper", "given"]
 
 _WIDE: Final = 6.0
 """Tolerance of lengths in pairs, in usual errors of a coordinate: 1.2 m by default."""

@@ -1,7 +1,7 @@
 """Candidates in order, and the verdict: `matched` only when chance and every rival have been ruled out."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -18,6 +18,8 @@ from urquhart.verification import Verified
 Verdict = Literal["matched", "ambiguous", "no_match"]
 _LEAST_NOISE: Final = 0.02
 """Metres: no tree is located better than this, however well a few of them happen to agree."""
+_RIVALS: Final = 8
+"""Most rivals named: a lattice has one at every planting distance."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,6 +62,44 @@ class Candidate:
     refused: str | None
 
 
+@dataclass(frozen=True, slots=True)
+class Rival:
+    """Another pose that explains the data about as well as the first candidate's: the reason why that is `ambiguous`.
+
+    Attributes:
+        key: the submap, often the candidate's own.
+        transform: `submap_T_query`, in the frames as posted.
+        evidence: log-likelihood ratio of the same place against chance.
+        inliers: one-to-one inliers under that pose.
+    """
+
+    key: int
+    transform: SE2
+    evidence: float
+    inliers: int
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """What one level found in one submap, and why that alone would not be reported.
+
+    Attributes:
+        level, key, votes: which features proposed a pose in which submap, and how many voted.
+        inliers, overlap: one-to-one inliers, and the landmarks that could have been, of the side with more of them.
+        evidence, log_odds: see `Candidate`.
+        refused: the reason, None where nothing but a rival could stand against it.
+    """
+
+    level: Level
+    key: int
+    votes: int
+    inliers: int
+    overlap: int
+    evidence: float
+    log_odds: float
+    refused: str | None
+
+
 def refusal(verified: Verified, odds: float, lead: float | None, config: Config) -> str | None:
     """Why a verified pose is not to be reported as matched, or None.
 
@@ -69,16 +109,16 @@ def refusal(verified: Verified, odds: float, lead: float | None, config: Config)
         return "verification_failed"
     if odds < config.gate or verified.evidence < config.share * max(verified.query_overlap, verified.submap_overlap):
         return "below_gate"
-    if lead is not None and _clear_lead(verified.evidence, lead, config) < config.gate:
+    if lead is not None and clear_lead(verified, lead, config) < config.gate:
         return "runner_up_too_close"
     return None
 
 
-def confidence(evidence: float, odds: float, lead: float | None, config: Config) -> float:
+def confidence(verified: Verified, odds: float, lead: float | None, config: Config) -> float:
     """Probability that a pose is right: against chance by its log-odds, against its rival by its lead over it."""
     against = math.exp(min(-odds, 500.0))
     if lead is not None:
-        against += math.exp(min(-_clear_lead(evidence, lead, config), 500.0))
+        against += math.exp(min(-clear_lead(verified, lead, config), 500.0))
     return 1.0 / (1.0 + against)
 
 
@@ -104,6 +144,39 @@ def best_by_submap(proposals: Iterable[Proposal]) -> list[Proposal]:
     return sorted(best.values(), key=lambda p: (-p.verified.evidence, p.key))
 
 
+def make_finding(proposal: Proposal, query: Sighting, config: Config) -> Finding:
+    """A proposal as an explanation shows it."""
+    v = proposal.verified
+    odds = log_odds(v, query.pattern, query.volume)
+    overlap = max(v.query_overlap, v.submap_overlap)
+    refused = refusal(v, odds, None, config)
+    return Finding(proposal.level, proposal.key, proposal.votes, len(v.residuals), overlap, v.evidence, odds, refused)
+
+
+def make_rivals(
+    rivals: Iterable[tuple[int, Verified]],
+    best: Verified,
+    query: Sighting,
+    origin: Callable[[int], NDArray[np.float64]],
+    config: Config,
+) -> tuple[Rival, ...]:
+    """Those of `rivals` (submap, pose in centred frames) that `best` does not clearly lead, the strongest first.
+
+    Args:
+        origin: gives the origin of a submap's centred frame by its key.
+    """
+    close = [
+        (key, rival)
+        for key, rival in rivals
+        if clear_lead(best, best.evidence - rival.evidence, config) < config.gate and rival.evidence > 0.0
+    ]
+    close.sort(key=lambda found: -found[1].evidence)
+    return tuple(
+        Rival(key, _as_posted(rival.transform, origin(key), query), rival.evidence, len(rival.residuals))
+        for key, rival in close[:_RIVALS]
+    )
+
+
 def make_candidate(
     proposal: Proposal, submap: Features, query: Sighting, lead: float | None, config: Config
 ) -> Candidate:
@@ -113,7 +186,7 @@ def make_candidate(
         lead: evidence over the best distinct pose, where there was one to compare.
     """
     v, features = proposal.verified, query.features
-    transform = SE2.shift(submap.origin) @ v.transform @ SE2.shift(features.origin).inverse()
+    transform = _as_posted(v.transform, submap.origin, query)
     inliers = len(v.residuals)
     degrees = max(2 * inliers - 3, 1)
     variance = max(float((v.residuals**2).sum()) / degrees, _LEAST_NOISE**2)
@@ -133,10 +206,19 @@ def make_candidate(
         evidence=v.evidence,
         log_odds=odds,
         lead=lead,
-        confidence=confidence(v.evidence, odds, lead, config),
+        confidence=confidence(v, odds, lead, config),
         refused=refusal(v, odds, lead, config),
     )
 
 
-def _clear_lead(evidence: float, lead: float, config: Config) -> float:
-    return lead - config.margin * evidence
+def _as_posted(pose: SE2, origin: NDArray[np.float64], query: Sighting) -> SE2:
+    """A pose between centred frames in the frames as posted; `origin` (2,) of the submap's centred frame."""
+    return SE2.shift(origin) @ pose @ SE2.shift(query.features.origin).inverse()
+
+
+def clear_lead(best: Verified, lead: float, config: Config) -> float:
+    """What is left of a lead over the best distinct pose when the share that chance may explain is taken off.
+
+    Positions repeat themselves, and then misjudge all poses of a pattern alike; diameters of single trees do not.
+    """
+    return lead - config.margin * (best.evidence - max(best.sized, 0.0))

@@ -10,7 +10,7 @@ Polygons are asked first; quads where polygons do not settle it; where both find
 compared one by one.
 """
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -30,9 +30,22 @@ from urquhart.proposing import (
     propose_by_polygons,
     propose_by_quads,
 )
-from urquhart.ranking import Candidate, Verdict, best_by_submap, decide, make_candidate, refusal
+from urquhart.ranking import (
+    Candidate,
+    Finding,
+    Rival,
+    Verdict,
+    best_by_submap,
+    clear_lead,
+    decide,
+    make_candidate,
+    make_finding,
+    make_rivals,
+    refusal,
+)
+from urquhart.se2 import SE2
 from urquhart.stages import Stage, Stages
-from urquhart.verification import pattern
+from urquhart.verification import Verified, pattern, verify
 
 Method = Literal["robust", "paper"]
 
@@ -44,15 +57,28 @@ class Recognition:
     Attributes:
         verdict, reason: what to make of it, in one word each.
         candidates: verified submaps, best first.
+        rivals: other poses that explain the data about as well as the first candidate's, the strongest first.
         margin: evidence of the best candidate over the best distinct pose; None where it was too weak to be compared.
         stages: what each stage found and cost, in order.
+        findings: what each level found in each submap it looked at, in the order of the levels, the best first.
     """
 
     verdict: Verdict
     reason: str
     candidates: tuple[Candidate, ...]
+    rivals: tuple[Rival, ...]
     margin: float | None
     stages: tuple[Stage, ...]
+    findings: tuple[Finding, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Standing:
+    """Proposals best first, one a submap; the evidence by which the first leads; the poses it was compared with."""
+
+    ranked: list[Proposal]
+    lead: float | None
+    rivals: list[tuple[int, Verified]]
 
 
 class Recognizer:
@@ -91,6 +117,7 @@ class Recognizer:
         self,
         xy: ArrayLike,
         *,
+        diameters: ArrayLike | None = None,
         limit: int = 5,
         method: Method = "robust",
         exclude: Collection[int] = (),
@@ -100,6 +127,7 @@ class Recognizer:
 
         Args:
             xy: (N, 2), metres, any rigid frame.
+            diameters: (N,), stem diameters in any unit, NaN where not known; they count where a submap has them too.
             limit: most candidates returned.
             exclude: keys of submaps that are not to be considered.
             rng: randomness of the paper's method (sampling, RANSAC); a fixed seed by default.
@@ -108,46 +136,78 @@ class Recognizer:
             LandmarkError: for input that is wrong. Too few landmarks, or all on one line, is normal life for a robot
                 and answered with `no_match` and the reason.
         """
-        stages, excluded = Stages(), frozenset(exclude)
+        stages, excluded, found = Stages(), frozenset(exclude), list[Finding]()
         try:
-            with stages.timed("describe") as counts:
-                features = describe(xy, self.config)
-                counts.update(features.counts())
+            query = self._look(xy, diameters, excluded, stages)
         except LandmarkError as error:
             if error.code not in ("too_few", "collinear"):
                 raise
-            return Recognition("no_match", f"{error.code}_landmarks", (), None, stages.done())
+            return Recognition("no_match", f"{error.code}_landmarks", (), (), None, stages.done(), ())
         if not self._index.has_others(excluded):
-            return Recognition("no_match", "empty_collection", (), None, stages.done())
+            return Recognition("no_match", "empty_collection", (), (), None, stages.done(), ())
 
-        laid = pattern(features, self._index.reach)
-        query = Sighting(features, laid, excluded, log_volume(len(self), laid))
         if method == "paper":
             proposals = propose_by_paper(self._index, query, rng or np.random.default_rng(0), stages)
-            ranked, lead = self._doubt(proposals, query, stages)
+            standing = self._doubt(proposals, query, stages, found)
         else:
             proposals = propose_by_polygons(self._index, query, stages)
-            ranked, lead = self._doubt(proposals, query, stages)
-            if not self._settled(ranked, lead, query):
-                proposals = ranked + propose_by_quads(self._index, query, stages)
-                ranked, lead = self._doubt(proposals, query, stages)
-            if self._lost(ranked, query):
-                proposals = ranked + propose_by_pairs(self._index, query, self._nearest(ranked, excluded), stages)
-                ranked, lead = self._doubt(proposals, query, stages)
+            standing = self._doubt(proposals, query, stages, found)
+            if not self._settled(standing, query):
+                proposals = propose_by_quads(self._index, query, stages)
+                standing = self._doubt(proposals, query, stages, found, standing.ranked)
+            if self._lost(standing.ranked, query):
+                proposals = propose_by_pairs(self._index, query, self._nearest(standing.ranked, excluded), stages)
+                standing = self._doubt(proposals, query, stages, found, standing.ranked)
+        return self._conclude(standing, query, limit, stages, found)
 
+    def check(self, xy: ArrayLike, key: int, transform: SE2, *, diameters: ArrayLike | None = None) -> Recognition:
+        """Verify a given pose as if it had been found, with the same doubts and the same verdict.
+
+        Args:
+            transform: `submap_T_query`, in the frames as posted.
+
+        Raises:
+            KeyError: no such submap.
+            LandmarkError: for input that cannot be described.
+        """
+        stages, found = Stages(), list[Finding]()
+        query, submap = self._look(xy, diameters, frozenset(), stages), self._index.features(key)
+        start = SE2.shift(submap.origin).inverse() @ transform @ SE2.shift(query.features.origin)
+        with stages.timed("verify given"):
+            verified = verify(query.pattern, self._index.pattern(key), start, self._index.reach)
+        standing = self._doubt([Proposal(key, "given", 0, verified)], query, stages, found)
+        return self._conclude(standing, query, 1, stages, found)
+
+    def _look(self, xy: ArrayLike, diameters: ArrayLike | None, excluded: frozenset[int], stages: Stages) -> Sighting:
+        with stages.timed("describe") as counts:
+            features = describe(xy, self.config, diameters)
+            counts.update(features.counts())
+            laid = pattern(features, self._index.reach)
+        return Sighting(features, laid, excluded, log_volume(len(self), laid))
+
+    def _conclude(
+        self, standing: _Standing, query: Sighting, limit: int, stages: Stages, found: list[Finding]
+    ) -> Recognition:
+        ranked, lead, config = standing.ranked, standing.lead, self.config
         candidates = tuple(
-            make_candidate(proposal, self.features(proposal.key), query, lead if i == 0 else None, self.config)
+            make_candidate(proposal, self.features(proposal.key), query, lead if i == 0 else None, config)
             for i, proposal in enumerate(ranked[:limit])
         )
-        verdict, reason = decide(candidates) if proposals else ("no_match", "no_votes")
-        return Recognition(verdict, reason, candidates, lead, stages.done())
+        verdict, reason = decide(candidates) if found else ("no_match", "no_votes")
+        rivals: tuple[Rival, ...] = ()
+        if ranked:
+            rivals = make_rivals(
+                standing.rivals, ranked[0].verified, query, lambda key: self.features(key).origin, config
+            )
+        return Recognition(verdict, reason, candidates, rivals, lead, stages.done(), tuple(found))
 
-    def _settled(self, ranked: list[Proposal], lead: float | None, query: Sighting) -> bool:
+    def _settled(self, standing: _Standing, query: Sighting) -> bool:
         """Whether the first proposal is so sure that another level could not change the answer."""
-        if not ranked:
+        if not standing.ranked:
             return False
-        odds = log_odds(ranked[0].verified, query.pattern, query.volume)
-        return odds > 2.0 * self.config.gate and refusal(ranked[0].verified, odds, lead, self.config) is None
+        first = standing.ranked[0].verified
+        odds = log_odds(first, query.pattern, query.volume)
+        return odds > 2.0 * self.config.gate and refusal(first, odds, standing.lead, self.config) is None
 
     def _lost(self, ranked: list[Proposal], query: Sighting) -> bool:
         """Whether no proposal is better than chance. Too close a rival is another matter: more poses do not mend it."""
@@ -160,27 +220,37 @@ class Recognizer:
             proposed |= dict.fromkeys(key for key in self._index if key not in excluded)
         return list(proposed)[: self.config.pairs]
 
-    def _doubt(self, proposals: list[Proposal], query: Sighting, stages: Stages) -> tuple[list[Proposal], float | None]:
-        """Proposals best first, one a submap, and the evidence of the first over the best pose of another place."""
+    def _doubt(
+        self,
+        proposals: list[Proposal],
+        query: Sighting,
+        stages: Stages,
+        found: list[Finding],
+        earlier: Sequence[Proposal] = (),
+    ) -> _Standing:
+        """Rank what a level proposed together with what `earlier` ones did, and look for what rivals the first."""
         with stages.timed("doubt") as counts:
             counts["rivals"] = 0
-            ranked, reach = best_by_submap(proposals), self._index.reach
+            found.extend(make_finding(proposal, query, self.config) for proposal in best_by_submap(proposals))
+            ranked, reach = best_by_submap([*earlier, *proposals]), self._index.reach
             if self._lost(ranked, query):
-                return ranked, None
-            here = self._index.pattern(ranked[0].key)
-            best, rivals = climb(query.pattern, here, ranked[0].verified, reach)
+                return _Standing(ranked, None, [])
+            here, key = self._index.pattern(ranked[0].key), ranked[0].key
+            best, distinct_ones = climb(query.pattern, here, ranked[0].verified, reach)
             ranked[0] = replace(ranked[0], verified=best)
-            evidence = max([0.0, *(rival.evidence for rival in rivals)])
+            rivals = [(key, rival) for rival in distinct_ones]
+            evidence = max([0.0, *(rival.evidence for rival in distinct_ones)])
             # Only what could change the verdict is looked at: overlapping submaps of one place are many.
-            harmless = (1.0 - self.config.margin) * best.evidence - self.config.gate
+            harmless = clear_lead(best, best.evidence, self.config) - self.config.gate
             for other in ranked[1:]:
                 if other.verified.evidence <= max(evidence, harmless):
                     break
                 there = self._index.pattern(other.key)
                 if not same_place(here, best.transform, there, other.verified.transform, reach):
                     evidence = other.verified.evidence
+                    rivals.append((other.key, other.verified))
             counts["rivals"] = len(rivals)
-            return ranked, best.evidence - evidence
+            return _Standing(ranked, best.evidence - evidence, rivals)
 
 
 def warm_up(config: Config) -> None:

@@ -10,8 +10,8 @@ residual and d the density of landmarks about it, a landmark with a partner at d
 
     log( (1 - m) + m exp(-r^2 / 2 s^2) / (2 pi s^2 d) )
 
-and one without contributes log(1 - m). Nobody knows m and s beforehand: the evidence is taken at the best of a few,
-within what sensors do (`NOISE`, `DETECTION`).
+and one without contributes log(1 - m). Stem diameters add theirs where both sides have them. Nobody knows m and s
+beforehand: the evidence is taken at the best of a few, within what sensors do (`NOISE`, `DETECTION`).
 """
 
 import math
@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from urquhart._kernel import kernel
+from urquhart.diameters import weigh_diameters
 from urquhart.features import Features
 from urquhart.pairing import Pattern, count_inliers, lay_out, pair_up, refine
 from urquhart.se2 import SE2
@@ -47,6 +48,7 @@ class Verified:
     Attributes:
         transform: `submap_T_query` between the *centred* frames.
         evidence: log-likelihood ratio, natural logarithm, of the same place against chance.
+        sized: how much of it is from stem diameters.
         query, submap: (K,) int64, the one-to-one inliers.
         residuals: (K,) float64, metres.
         query_overlap, submap_overlap: landmarks of each side inside the overlap of the footprints.
@@ -55,6 +57,7 @@ class Verified:
 
     transform: SE2
     evidence: float
+    sized: float
     query: NDArray[np.int64]
     submap: NDArray[np.int64]
     residuals: NDArray[np.float64]
@@ -65,7 +68,8 @@ class Verified:
 
 def pattern(features: Features, reach: float) -> Pattern:
     """Make `features` ready for verification with partners up to `reach` metres away."""
-    return lay_out(features.landmarks, features.density, features.tessellation.hull, LOOSE * reach)
+    hull, diameters = features.tessellation.hull, features.diameters
+    return lay_out(features.landmarks, features.density, hull, diameters, LOOSE * reach)
 
 
 def verify(query: Pattern, submap: Pattern, start: SE2, reach: float, least: float = 0.0) -> Verified:
@@ -106,10 +110,10 @@ def best_hypotheses(
 
 def weigh_pose(query: Pattern, submap: Pattern, pose: SE2, reach: float) -> Verified:
     """The evidence for `pose` (`submap_T_query`, centred frames) as it is."""
-    evidence, first, second, residuals, query_overlap, submap_overlap, noise = weigh(
+    evidence, sized, first, second, residuals, query_overlap, submap_overlap, noise = weigh(
         query, submap, pose.x, pose.y, pose.yaw, reach
     )
-    return Verified(pose, evidence, first, second, residuals, query_overlap, submap_overlap, noise)
+    return Verified(pose, evidence, sized, first, second, residuals, query_overlap, submap_overlap, noise)
 
 
 @kernel
@@ -126,7 +130,7 @@ def inside(hull: NDArray[np.float64], x: float, y: float) -> bool:
 @kernel
 def weigh(
     query: Pattern, submap: Pattern, x: float, y: float, yaw: float, reach: float
-) -> tuple[float, NDArray[np.int64], NDArray[np.int64], NDArray[np.float64], int, int, float]:
+) -> tuple[float, float, NDArray[np.int64], NDArray[np.int64], NDArray[np.float64], int, int, float]:
     """Evidence for a transform from every landmark of the overlap; see the head of this file and `Verified`."""
     c, s = math.cos(yaw), math.sin(yaw)
     first, second, squared = pair_up(query.landmarks, submap, x, y, yaw, reach)
@@ -158,4 +162,5 @@ def weigh(
                 total += math.log(1.0 - detection + detection * peak)
             if total > best:
                 best, best_noise = total, noise
-    return best, first, second, np.sqrt(squared), query_overlap, submap_overlap, best_noise
+    sized = weigh_diameters(query.sizes, query.spread, submap.sizes, submap.spread, first, second)
+    return best + sized, sized, first, second, np.sqrt(squared), query_overlap, submap_overlap, best_noise

@@ -39,7 +39,7 @@ def test_the_grid_finds_what_brute_force_finds() -> None:
 def test_partners_are_one_to_one_and_mutual() -> None:
     submap = np.array([[0.0, 0.0], [10.0, 0.0], [0.0, 10.0]])
     query = np.array([[0.1, 0.0], [0.4, 0.0], [10.0, 0.2], [5.0, 5.0]])
-    laid = lay_out(submap, np.ones(3, np.float32), np.arange(3, dtype=np.int32), REACH)
+    laid = lay_out(submap, np.ones(3, np.float32), np.arange(3, dtype=np.int32), np.empty(0, np.float32), REACH)
     assert laid.area == pytest.approx(50.0)
     first, second, squared = pair_up(query, laid, 0.0, 0.0, 0.0, REACH)
     assert first.tolist() == [0, 2]
