@@ -10,14 +10,15 @@ from numpy.typing import NDArray
 from urquhart.collection_index import CollectionIndex
 from urquhart.features import Features
 from urquhart.matching import match_landmarks
-from urquhart.pairing import Pattern
+from urquhart.pairing import Pattern, refine
 from urquhart.quads import align_quads, match_quads, measure
 from urquhart.ransac import ransac
 from urquhart.stages import Stages
-from urquhart.verification import Verified, best_hypotheses, verify
+from urquhart.sweep import sweep
+from urquhart.verification import LOOSE, Verified, best_hypotheses, verify
 from urquhart.voting import Votes, vote_polygons, vote_quads
 
-Level = Literal["polygons", "quads", "pairs", "paper", "given"]
+Level = Literal["polygons", "quads", "pairs", "sweep", "paper", "given"]
 
 _WIDE: Final = 6.0
 """Tolerance of lengths in pairs, in usual errors of a coordinate: 1.2 m by default."""
@@ -29,6 +30,7 @@ _HITS: Final = 1024
 _COMPARISONS: Final = 10_000_000
 """Most quads of the query times quads of a submap: maps of thousands of landmarks have hits enough in the index."""
 _FINALISTS: Final = 4
+_PEAKS: Final = 32
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,6 +120,26 @@ def propose_by_pairs(index: CollectionIndex, query: Sighting, keys: Sequence[int
             )
             proposals.append(Proposal(key, "pairs", len(hypotheses), best))
         counts["submaps"], counts["hypotheses"] = len(keys), tried
+    return proposals
+
+
+def propose_by_sweep(index: CollectionIndex, query: Sighting, keys: Sequence[int], stages: Stages) -> list[Proposal]:
+    """Every rotation and shift of the query over each of a few submaps, where no feature of either is whole enough."""
+    proposals = []
+    with stages.timed("sweep") as counts:
+        for key in keys:
+            laid = index.pattern(key)
+            hypotheses = sweep(query.pattern, laid, _PEAKS)
+            if len(hypotheses):
+                # Peaks are good to a cell: partners are sought far away first.
+                far = LOOSE * index.reach
+                settled = np.array([refine(query.pattern.landmarks, laid, *pose, far) for pose in hypotheses.tolist()])
+                starts = best_hypotheses(query.pattern, laid, settled, index.reach, _FINALISTS)
+                best = max(
+                    (verify(query.pattern, laid, start, index.reach) for start in starts), key=lambda v: v.evidence
+                )
+                proposals.append(Proposal(key, "sweep", len(hypotheses), best))
+        counts["submaps"] = len(keys)
     return proposals
 
 

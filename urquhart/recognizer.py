@@ -29,6 +29,7 @@ from urquhart.proposing import (
     propose_by_paper,
     propose_by_polygons,
     propose_by_quads,
+    propose_by_sweep,
 )
 from urquhart.ranking import (
     Candidate,
@@ -155,8 +156,13 @@ class Recognizer:
             if not self._settled(standing, query):
                 proposals = propose_by_quads(self._index, query, stages)
                 standing = self._doubt(proposals, query, stages, found, standing.ranked)
+            if len(self) > self.config.sweeps and self._lost(standing.ranked, query):
+                nearest = self._nearest(standing.ranked, excluded, self.config.pairs)
+                proposals = propose_by_pairs(self._index, query, nearest, stages)
+                standing = self._doubt(proposals, query, stages, found, standing.ranked)
             if self._lost(standing.ranked, query):
-                proposals = propose_by_pairs(self._index, query, self._nearest(standing.ranked, excluded), stages)
+                nearest = self._nearest(standing.ranked, excluded, self.config.sweeps)
+                proposals = propose_by_sweep(self._index, query, nearest, stages)
                 standing = self._doubt(proposals, query, stages, found, standing.ranked)
         return self._conclude(standing, query, limit, stages, found)
 
@@ -213,12 +219,12 @@ class Recognizer:
         """Whether no proposal is better than chance. Too close a rival is another matter: more poses do not mend it."""
         return not ranked or log_odds(ranked[0].verified, query.pattern, query.volume) < self.config.gate
 
-    def _nearest(self, ranked: list[Proposal], excluded: frozenset[int]) -> list[int]:
+    def _nearest(self, ranked: list[Proposal], excluded: frozenset[int], count: int) -> list[int]:
         """Submaps to compare one by one: those proposed so far, then any others where there are not many."""
         proposed = dict.fromkeys(proposal.key for proposal in ranked)
-        if len(self) <= self.config.pairs:
+        if len(self) <= count:
             proposed |= dict.fromkeys(key for key in self._index if key not in excluded)
-        return list(proposed)[: self.config.pairs]
+        return list(proposed)[:count]
 
     def _doubt(
         self,

@@ -1,0 +1,171 @@
+"""The last resort: every rotation, every shift.
+
+Where half of the trees are missing or as many are false, no quad survives; the pattern as a whole does. For each of a
+few hundred rotations the displacements between all pairs of landmarks are counted on a grid. The right shift brings
+many pairs into one place; what chance brings there follows from how often displacements of that length occur under any
+rotation at all, so that a small overlap is judged by its own standard.
+
+Work grows with landmarks of the query times landmarks of the submap: for two submaps, never for a collection.
+"""
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from urquhart._kernel import kernel
+from urquhart.pairing import Pattern
+
+_CELL: Final = (0.5, 1.25)
+"""Metres: finest and coarsest side of a cell."""
+_SHARE: Final = 0.14
+"""Side of a cell as a share of the distance between trees."""
+_TURN: Final = 1.4
+"""Cells that a landmark at the typical distance from the centre moves from one rotation to the next."""
+_MOST: Final = 360
+"""Most rotations tried."""
+_SIDE: Final = 400
+"""Most cells along a side of the grid."""
+_FINE: Final = 4096
+"""Parts of a cell that displacements are reckoned in."""
+_LOOK: Final = 200
+_FLAGGED: Final = 1024
+"""Most cells looked at for one rotation."""
+_SAMPLED: Final = 8
+"""Rotations from which the frequency of displacements is taken; each landmark of the query takes part in one."""
+_SIGMAS: Final = 3.7
+"""A cell is looked at when its count is this many standard deviations above chance."""
+_BEYOND: Final = 0.7
+"""Shifts longer than this share of both footprints' radii leave too small an overlap to be told from chance."""
+
+
+def sweep(query: Pattern, submap: Pattern, peaks: int) -> NDArray[np.float64]:
+    """The `peaks` poses (P, 3), x, y, yaw of `submap_T_query` between centred frames, that stand out most from chance.
+
+    Poses are good to a cell, and need refining.
+    """
+    spacing = max(query.spacing, submap.spacing)
+    cell = min(max(_SHARE * spacing, _CELL[0]), _CELL[1])
+    return find_peaks(query.landmarks, submap.landmarks, cell, peaks)
+
+
+@kernel
+def find_peaks(
+    query: NDArray[np.float64], submap: NDArray[np.float64], cell: float, peaks: int
+) -> NDArray[np.float64]:
+    """See `sweep`; `cell` metres."""
+    n, m = len(query), len(submap)
+    radius_query = math.sqrt((query**2).sum(axis=1).max())
+    radius_submap = math.sqrt((submap**2).sum(axis=1).max())
+    extent = radius_query + radius_submap
+    cell = max(cell, 2.0 * extent / (_SIDE - 4))
+    side = int(2.0 * extent / cell) + 4
+    middle = 0.5 * side
+    typical = math.sqrt(min((query**2).sum() / n, (submap**2).sum() / m))
+    steps = min(max(int(2.0 * math.pi * typical / (_TURN * cell)), 36), _MOST)
+
+    rate = expected_counts(query, submap, cell, steps, extent)
+    # A cell that reaches `_LOOK` is looked at; those too far out never do.
+    start = np.zeros(len(rate), np.uint8)
+    for k in range(len(rate)):
+        if 2.0 * k * cell <= _BEYOND * extent:
+            needed = max(3, int(math.ceil(rate[k] + _SIGMAS * math.sqrt(rate[k]))) + 1)
+            start[k] = _LOOK - min(needed, 190)
+    fresh = np.empty(side * side, np.uint8)
+    for a in range(side):
+        for b in range(side):
+            u, v = a + 0.5 - middle, b + 0.5 - middle
+            fresh[a * side + b] = start[min(int(0.5 * math.sqrt(u * u + v * v)), len(rate) - 1)]
+
+    grid = np.empty(side * side, np.uint8)
+    flagged = np.empty(_FLAGGED, np.int64)
+    best = np.zeros((peaks, 4))
+    # Whole numbers of 4096ths of a cell: subtracted and shifted eight at a time where floats would be converted singly.
+    target_x, target_y = np.empty(m, np.int32), np.empty(m, np.int32)
+    for j in range(m):
+        target_x[j] = int((submap[j, 0] / cell + middle) * _FINE)
+        target_y[j] = int((submap[j, 1] / cell + middle) * _FINE)
+    places = np.empty(m, np.int32)
+    for step in range(steps):
+        yaw = 2.0 * math.pi * step / steps
+        c, s = math.cos(yaw) * _FINE / cell, math.sin(yaw) * _FINE / cell
+        grid[:] = fresh
+        count = 0
+        for i in range(n):
+            x = np.int32(c * query[i, 0] - s * query[i, 1])
+            y = np.int32(s * query[i, 0] + c * query[i, 1])
+            for j in range(m):
+                places[j] = ((target_x[j] - x) >> 12) * np.int32(side) + ((target_y[j] - y) >> 12)
+            for j in range(m):
+                at = places[j]
+                value = grid[at] + np.uint8(1)
+                grid[at] = value
+                if value == _LOOK and count < _FLAGGED:
+                    flagged[count] = at
+                    count += 1
+        for f in range(count):
+            a, b = flagged[f] // side, flagged[f] % side
+            for da in range(-1, 1):
+                for db in range(-1, 1):
+                    total = 0.0
+                    for ea in range(2):
+                        for eb in range(2):
+                            at = (a + da + ea) * side + b + db + eb
+                            total += np.float64(grid[at]) - np.float64(fresh[at])
+                    u, v = a + da + 1 - middle, b + db + 1 - middle
+                    expected = 4.0 * rate[min(int(math.hypot(u, v) * 0.5), len(rate) - 1)]
+                    score = total * math.log(total / expected) - (total - expected) if total > expected else 0.0
+                    if score > best[peaks - 1, 3]:
+                        keep_peak(best, u * cell, v * cell, yaw, score, 2.5 * cell, 5.0 * math.pi / steps)
+    found = 0
+    while found < peaks and best[found, 3] > 0.0:
+        found += 1
+    return best[:found, :3].copy()
+
+
+@kernel
+def expected_counts(
+    query: NDArray[np.float64], submap: NDArray[np.float64], cell: float, steps: int, extent: float
+) -> NDArray[np.float64]:
+    """Displacements that chance brings into one cell, by their length in units of two cells."""
+    bins = int(0.5 * extent / cell) + 2
+    rate = np.zeros(bins)
+    for k in range(_SAMPLED):
+        yaw = 2.0 * math.pi * (k + 0.5) / _SAMPLED
+        c, s = math.cos(yaw), math.sin(yaw)
+        for i in range(k, len(query), _SAMPLED):
+            x, y = c * query[i, 0] - s * query[i, 1], s * query[i, 0] + c * query[i, 1]
+            for j in range(len(submap)):
+                dx, dy = submap[j, 0] - x, submap[j, 1] - y
+                rate[min(int(0.5 * math.sqrt(dx * dx + dy * dy) / cell), bins - 1)] += 1.0
+    for k in range(bins):
+        # Counts over a ring of two cells' width; never quite nothing, or one pair at the rim would stand out.
+        rate[k] = max(rate[k] / (4.0 * math.pi * (2 * k + 1)), 0.02)
+    return rate
+
+
+@kernel
+def keep_peak(
+    best: NDArray[np.float64], x: float, y: float, yaw: float, score: float, near: float, turn: float
+) -> None:
+    """Enter a peak into `best` (P, 4), highest score first; of peaks at one place only the highest stays."""
+    last = len(best) - 1
+    for p in range(len(best)):
+        if best[p, 3] <= 0.0:
+            last = p
+            break
+        away = abs(best[p, 2] - yaw)
+        if (
+            abs(best[p, 0] - x) <= near
+            and abs(best[p, 1] - y) <= near
+            and min(away, 2.0 * math.pi - away) <= turn
+        ):
+            if best[p, 3] >= score:
+                return
+            last = p
+            break
+    while last > 0 and best[last - 1, 3] < score:
+        best[last] = best[last - 1]
+        last -= 1
+    best[last, 0], best[last, 1], best[last, 2], best[last, 3] = x, y, yaw, score
