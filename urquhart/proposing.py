@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from urquhart.collection_index import CollectionIndex
 from urquhart.features import Features
 from urquhart.matching import match_landmarks
-from urquhart.pairing import Pattern, refine
+from urquhart.pairing import Pattern
 from urquhart.quads import align_quads, match_quads, measure
 from urquhart.ransac import ransac
 from urquhart.stages import Stages
@@ -30,7 +30,9 @@ _HITS: Final = 1024
 _COMPARISONS: Final = 10_000_000
 """Most quads of the query times quads of a submap: maps of thousands of landmarks have hits enough in the index."""
 _FINALISTS: Final = 4
-_PEAKS: Final = 32
+_PEAKS: Final = 24
+"""Peaks of a sweep that are refined, and those of them that are verified."""
+_SWEPT: Final = 3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,12 +131,10 @@ def propose_by_sweep(index: CollectionIndex, query: Sighting, keys: Sequence[int
     with stages.timed("sweep") as counts:
         for key in keys:
             laid = index.pattern(key)
-            hypotheses = sweep(query.pattern, laid, _PEAKS)
+            # Peaks are good to a cell: their partners are sought far away first.
+            hypotheses = sweep(query.pattern, laid, _PEAKS, LOOSE * index.reach)
             if len(hypotheses):
-                # Peaks are good to a cell: partners are sought far away first.
-                far = LOOSE * index.reach
-                settled = np.array([refine(query.pattern.landmarks, laid, *pose, far) for pose in hypotheses.tolist()])
-                starts = best_hypotheses(query.pattern, laid, settled, index.reach, _FINALISTS)
+                starts = best_hypotheses(query.pattern, laid, hypotheses, index.reach, _SWEPT)
                 best = max(
                     (verify(query.pattern, laid, start, index.reach) for start in starts), key=lambda v: v.evidence
                 )

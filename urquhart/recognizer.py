@@ -153,14 +153,15 @@ class Recognizer:
         else:
             proposals = propose_by_polygons(self._index, query, stages)
             standing = self._doubt(proposals, query, stages, found)
-            if not self._settled(standing, query):
+            # A single submap is swept at once: its quads would not tell more.
+            if len(self) > 1 and not self._settled(standing, query):
                 proposals = propose_by_quads(self._index, query, stages)
                 standing = self._doubt(proposals, query, stages, found, standing.ranked)
             if len(self) > self.config.sweeps and self._lost(standing.ranked, query):
                 nearest = self._nearest(standing.ranked, excluded, self.config.pairs)
                 proposals = propose_by_pairs(self._index, query, nearest, stages)
                 standing = self._doubt(proposals, query, stages, found, standing.ranked)
-            if self._lost(standing.ranked, query):
+            if self._lost(standing.ranked, query) or (len(self) == 1 and not self._settled(standing, query)):
                 nearest = self._nearest(standing.ranked, excluded, self.config.sweeps)
                 proposals = propose_by_sweep(self._index, query, nearest, stages)
                 standing = self._doubt(proposals, query, stages, found, standing.ranked)
