@@ -4,7 +4,7 @@ The file list is the method; `recognizer` is its one page:
 
     landmarks, tessellation, descriptor, quads, features     what is known of one submap
     index, quad_index, collection_index                      what is near in a collection
-    voting, matching, ransac, proposing                      hypotheses
+    voting, matching, ransac, sweep, proposing               hypotheses
     pairing, diameters, verification                         all landmarks decide
     confidence, ranking                                      chance, rivals, verdict
     config, se2, stages                                      parameters, transforms, costs

@@ -11,25 +11,15 @@ from urquhart.collection_index import CollectionIndex
 from urquhart.features import Features
 from urquhart.matching import match_landmarks
 from urquhart.pairing import Pattern
-from urquhart.quads import align_quads, match_quads, measure
+from urquhart.quads import measure
 from urquhart.ransac import ransac
 from urquhart.stages import Stages
 from urquhart.sweep import sweep
 from urquhart.verification import LOOSE, Verified, best_hypotheses, verify
 from urquhart.voting import Votes, vote_polygons, vote_quads
 
-Level = Literal["polygons", "quads", "pairs", "sweep", "paper", "given"]
+Level = Literal["polygons", "quads", "sweep", "paper", "given"]
 
-_WIDE: Final = 6.0
-"""Tolerance of lengths in pairs, in usual errors of a coordinate: 1.2 m by default."""
-_ROOM: Final = 0.25
-"""The same tolerance as a share of the distance between trees: beyond it every quad is like every other."""
-_ALIGNED: Final = 4.0
-"""Largest misfit of four landmarks in pairs, in usual errors of a coordinate."""
-_HITS: Final = 1024
-_COMPARISONS: Final = 10_000_000
-"""Most quads of the query times quads of a submap: maps of thousands of landmarks have hits enough in the index."""
-_FINALISTS: Final = 4
 _PEAKS: Final = 24
 """Peaks of a sweep that are refined, and those of them that are verified."""
 _SWEPT: Final = 3
@@ -86,43 +76,6 @@ def propose_by_quads(index: CollectionIndex, query: Sighting, stages: Stages) ->
         votes = vote_quads(features, hits, index.features, tolerance, config.candidates, query.excluded)
         counts["submaps"] = len(votes.keys)
     return _verify(index, votes, "quads", query, stages)
-
-
-def propose_by_pairs(index: CollectionIndex, query: Sighting, keys: Sequence[int], stages: Stages) -> list[Proposal]:
-    """Submaps compared with the query one by one, with a tolerance that no index of many submaps could afford.
-
-    Where noise is large and trees are missing, hardly a quad agrees within the tolerance of the index; within twice or
-    three times as much several do, and among the quads of one submap they are still few enough to try them all.
-    """
-    features, config = query.features, index.config
-    tolerance = max(2.0 * config.sigma, min(_WIDE * config.sigma, _ROOM * query.pattern.spacing))
-    lengths, _ = measure(features.landmarks, features.tessellation.quads)
-    proposals = []
-    with stages.timed("compare pairs") as counts:
-        tried = 0
-        for key in keys:
-            submap, laid = index.features(key), index.pattern(key)
-            stored, _ = measure(submap.landmarks, submap.tessellation.quads)
-            if len(lengths) * len(stored) > _COMPARISONS:
-                continue
-            hits = match_quads(lengths, stored, tolerance, _HITS)
-            hypotheses, misfit = align_quads(
-                features.landmarks, features.tessellation.quads, submap.landmarks, submap.tessellation.quads, *hits
-            )
-            hypotheses = hypotheses[misfit <= _ALIGNED * config.sigma]
-            if not len(hypotheses):
-                continue
-            tried += len(hypotheses)
-            best = max(
-                (
-                    verify(query.pattern, laid, start, index.reach)
-                    for start in best_hypotheses(query.pattern, laid, hypotheses, index.reach, _FINALISTS)
-                ),
-                key=lambda verified: verified.evidence,
-            )
-            proposals.append(Proposal(key, "pairs", len(hypotheses), best))
-        counts["submaps"], counts["hypotheses"] = len(keys), tried
-    return proposals
 
 
 def propose_by_sweep(index: CollectionIndex, query: Sighting, keys: Sequence[int], stages: Stages) -> list[Proposal]:

@@ -72,43 +72,6 @@ def measure(
 
 
 @kernel
-def match_quads(
-    query: NDArray[np.float32], submap: NDArray[np.float32], tolerance: float, limit: int
-) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.bool_]]:
-    """Every two quads whose five lengths (Q, 5) and (S, 5), metres, agree within `tolerance`, in either reading.
-
-    Returns:
-        Query quads (H,), submap quads (H,), and whether the submap's is read from its third landmark on (H,); the first
-        `limit` found.
-    """
-    # By diagonal, so that a query quad meets only the run of those whose diagonal may do.
-    order = np.argsort(submap[:, 4])
-    diagonals = submap[:, 4][order]
-    first, second, turned = np.empty(limit, np.int32), np.empty(limit, np.int32), np.empty(limit, np.bool_)
-    found = 0
-    for q in range(len(query)):
-        start = np.searchsorted(diagonals, query[q, 4] - tolerance)
-        for reading in range(2):
-            a, b = query[q, 2 * reading], query[q, 2 * reading + 1]
-            c, d = query[q, 2 - 2 * reading], query[q, 3 - 2 * reading]
-            for at in range(start, len(order)):
-                if diagonals[at] > query[q, 4] + tolerance:
-                    break
-                s = order[at]
-                if (
-                    abs(submap[s, 0] - a) <= tolerance
-                    and abs(submap[s, 1] - b) <= tolerance
-                    and abs(submap[s, 2] - c) <= tolerance
-                    and abs(submap[s, 3] - d) <= tolerance
-                ):
-                    if found == limit:
-                        return first, second, turned
-                    first[found], second[found], turned[found] = q, s, reading == 1
-                    found += 1
-    return first[:found], second[:found], turned[:found]
-
-
-@kernel
 def align_quads(
     query: NDArray[np.float64],
     query_quads: NDArray[np.int32],

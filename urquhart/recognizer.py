@@ -1,13 +1,13 @@
 """The whole method: where in this collection was this observation made?
 
     describe   landmarks -> tessellation -> polygons and quads     landmarks, tessellation, descriptor, quads, features
-    propose    features -> near ones -> votes -> hypotheses        index, quad_index, voting, matching, proposing
+    propose    features -> near ones -> votes -> hypotheses        index, quad_index, voting, matching, sweep, proposing
     verify     each hypothesis against all landmarks               pairing, verification
     doubt      what else would explain the data as well            confidence
     rank       candidates, verdict, reason                         ranking
 
-Polygons are asked first; quads where polygons do not settle it; where both find nothing, the nearest submaps are
-compared one by one.
+Polygons are asked first; quads where polygons do not settle it; where both find nothing, the query is turned and
+shifted over the few submaps that come closest.
 """
 
 from collections.abc import Collection, Iterable, Sequence
@@ -25,7 +25,6 @@ from urquhart.landmarks import LandmarkError
 from urquhart.proposing import (
     Proposal,
     Sighting,
-    propose_by_pairs,
     propose_by_paper,
     propose_by_polygons,
     propose_by_quads,
@@ -157,12 +156,8 @@ class Recognizer:
             if len(self) > 1 and not self._settled(standing, query):
                 proposals = propose_by_quads(self._index, query, stages)
                 standing = self._doubt(proposals, query, stages, found, standing.ranked)
-            if len(self) > self.config.sweeps and self._lost(standing.ranked, query):
-                nearest = self._nearest(standing.ranked, excluded, self.config.pairs)
-                proposals = propose_by_pairs(self._index, query, nearest, stages)
-                standing = self._doubt(proposals, query, stages, found, standing.ranked)
             if self._lost(standing.ranked, query) or (len(self) == 1 and not self._settled(standing, query)):
-                nearest = self._nearest(standing.ranked, excluded, self.config.sweeps)
+                nearest = self._nearest(standing.ranked, excluded)
                 proposals = propose_by_sweep(self._index, query, nearest, stages)
                 standing = self._doubt(proposals, query, stages, found, standing.ranked)
         return self._conclude(standing, query, limit, stages, found)
@@ -220,12 +215,12 @@ class Recognizer:
         """Whether no proposal is better than chance. Too close a rival is another matter: more poses do not mend it."""
         return not ranked or log_odds(ranked[0].verified, query.pattern, query.volume) < self.config.gate
 
-    def _nearest(self, ranked: list[Proposal], excluded: frozenset[int], count: int) -> list[int]:
-        """Submaps to compare one by one: those proposed so far, then any others where there are not many."""
+    def _nearest(self, ranked: list[Proposal], excluded: frozenset[int]) -> list[int]:
+        """Submaps to sweep: those proposed so far, then any others where there are not many."""
         proposed = dict.fromkeys(proposal.key for proposal in ranked)
-        if len(self) <= count:
+        if len(self) <= self.config.sweeps:
             proposed |= dict.fromkeys(key for key in self._index if key not in excluded)
-        return list(proposed)[:count]
+        return list(proposed)[: self.config.sweeps]
 
     def _doubt(
         self,

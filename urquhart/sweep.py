@@ -57,9 +57,7 @@ def sweep(query: Pattern, submap: Pattern, peaks: int, reach: float) -> NDArray[
 
 
 @kernel
-def find_peaks(
-    query: NDArray[np.float64], submap: NDArray[np.float64], cell: float, peaks: int
-) -> NDArray[np.float64]:
+def find_peaks(query: NDArray[np.float64], submap: NDArray[np.float64], cell: float, peaks: int) -> NDArray[np.float64]:
     """The peaks themselves; `cell` metres. See `sweep`."""
     n, m = len(query), len(submap)
     radius_query = math.sqrt((query**2).sum(axis=1).max())
@@ -76,7 +74,7 @@ def find_peaks(
     start = np.zeros(len(rate), np.uint8)
     for k in range(len(rate)):
         if 2.0 * k * cell <= _BEYOND * extent:
-            needed = max(3, int(math.ceil(rate[k] + _SIGMAS * math.sqrt(rate[k]))) + 1)
+            needed = max(3, math.ceil(rate[k] + _SIGMAS * math.sqrt(rate[k])) + 1)
             start[k] = _LOOK - min(needed, 190)
     fresh = np.zeros((side * side + 7) // 8 * 8, np.uint8)
     for a in range(side):
@@ -166,11 +164,7 @@ def keep_peak(
             last = p
             break
         away = abs(best[p, 2] - yaw)
-        if (
-            abs(best[p, 0] - x) <= near
-            and abs(best[p, 1] - y) <= near
-            and min(away, 2.0 * math.pi - away) <= turn
-        ):
+        if abs(best[p, 0] - x) <= near and abs(best[p, 1] - y) <= near and min(away, 2.0 * math.pi - away) <= turn:
             if best[p, 3] >= score:
                 return
             last = p

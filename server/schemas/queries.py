@@ -95,7 +95,7 @@ class CandidateAnswer(Answer):
     rms: float = Field(description="Of the inliers' residuals, metres.")
     overlap: float = Field(description="Share of the query's landmarks inside the overlap.")
     votes: int = Field(description="Features that voted for the submap.")
-    level: Literal["polygons", "quads", "pairs", "paper", "given"] = Field(
+    level: Literal["polygons", "quads", "sweep", "paper", "given"] = Field(
         description="Which features proposed the transform."
     )
     evidence: float = Field(description="Log-likelihood ratio over all landmarks, same place against chance.")
