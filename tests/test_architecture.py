@@ -23,18 +23,8 @@ METHOD = [
         "features",
         "diameters",
     ),
-    *(
-        "pairing",
-        "verification",
-        "index",
-        "quad_index",
-        "voting",
-        "collection_index",
-        "matching",
-        "ransac",
-        "proposing",
-    ),
-    *("confidence", "ranking", "recognizer", "drawing", "simulation", "evaluation", "merging"),
+    *("pairing", "verification", "index", "quad_index", "voting", "collection_index", "matching", "ransac", "sweep"),
+    *("proposing", "confidence", "ranking", "recognizer", "drawing", "simulation", "evaluation", "merging"),
 ]
 """Modules of the method from the ground up: each may import only what stands before it."""
 
