@@ -10,12 +10,13 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from benchmarks import record
 from benchmarks.machine import machine
-from benchmarks.paper import ablation, pr_curves, record, table1, table2, table3
-from benchmarks.paper.markdown import FOLDER
+from benchmarks.markdown import FOLDER
+from benchmarks.paper import ablation, pr_curves, table1, table2, table3
 from benchmarks.paper.plots import PICTURES, SOURCES, draw
-from benchmarks.paper.pool import Pool
 from benchmarks.paper.report import write_report
+from benchmarks.pool import Pool
 
 EXPERIMENTS: Final[dict[str, Callable[..., dict[str, Any]]]] = {
     "table1": table1.run,

@@ -25,8 +25,8 @@ from benchmarks.everyday import Forest
 from benchmarks.paper.attempts import MINIMA, attempt
 from benchmarks.paper.drive import CELLS, PER_LAP, ROTATIONS, SIDE, drive
 from benchmarks.paper.methods import Glarot, Method, Paper
-from benchmarks.paper.pool import Pool
 from benchmarks.paper.table1 import count, f1
+from benchmarks.pool import Pool
 from urquhart import SE2, Config, Recognition, Recognizer, describe
 from urquhart.baselines.glarot import GlarotConfig
 from urquhart.evaluation import ROTATION, TRANSLATION

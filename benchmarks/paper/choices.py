@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from benchmarks.paper.markdown import number, page, picture, prose, table
+from benchmarks.markdown import number, page, picture, prose, table
 from benchmarks.paper.plots import best_rows, serves, verified
 
 Figures = dict[str, Any]

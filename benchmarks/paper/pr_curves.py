@@ -11,7 +11,7 @@ import numpy as np
 from benchmarks.paper.attempts import MINIMA, attempt
 from benchmarks.paper.drive import CELLS, PER_LAP, ROTATIONS, drive
 from benchmarks.paper.methods import LETTER_TAU, Paper
-from benchmarks.paper.pool import Pool
+from benchmarks.pool import Pool
 from urquhart import Config
 from urquhart.evaluation import Outcomes, mean_outcome
 

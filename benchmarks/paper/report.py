@@ -4,8 +4,8 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from benchmarks.machine import LIBRARIES
+from benchmarks.markdown import number, page, picture, prose, table
 from benchmarks.paper import choices, loops, merges
-from benchmarks.paper.markdown import number, page, picture, prose, table
 from benchmarks.paper.plots import NAMES
 from benchmarks.paper.published import TABLE3
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from benchmarks.paper.attempts import MINIMA, SCORINGS, Attempts, Scoring, ask, attempt
 from benchmarks.paper.drive import CELLS, PER_LAP, ROTATIONS, Drive, drive
 from benchmarks.paper.methods import LETTER_TAU, Glarot, Li, Method, Paper, Robust
-from benchmarks.paper.pool import Pool
+from benchmarks.pool import Pool
 from urquhart import Config
 from urquhart.evaluation import Outcomes, score
 

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from benchmarks.paper.attempts import Verifier, agree
 from benchmarks.paper.methods import Glarot, Li, Method, Paper, Points, Robust
-from benchmarks.paper.pool import Pool
 from benchmarks.paper.tracks import LEVELS, MAPS, Submap, cut, read_maps, sensor_range
+from benchmarks.pool import Pool
 from urquhart import SE2, Config
 from urquhart.baselines.glarot import GlarotConfig
 from urquhart.evaluation import Alignment, alignment_errors

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from benchmarks.paper.attempts import Verifier, agree
 from benchmarks.paper.drive import drive
 from benchmarks.paper.methods import Glarot, Li, Method, Paper, Points, Robust
-from benchmarks.paper.pool import Pool
+from benchmarks.pool import Pool
 from urquhart import SE2, Config, warm_up
 from urquhart.simulation import observe, paper_forest
 
