@@ -1,6 +1,6 @@
 """From an observation to verified poses: four ways to propose a transform, one way to verify it."""
 
-from collections.abc import Sequence
+import math
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -14,15 +14,20 @@ from urquhart.pairing import Pattern
 from urquhart.quads import measure
 from urquhart.ransac import ransac
 from urquhart.stages import Stages
-from urquhart.sweep import sweep
+from urquhart.sweep import glance, settle_peaks
 from urquhart.verification import LOOSE, Verified, best_hypotheses, verify
-from urquhart.voting import Votes, vote_polygons, vote_quads
+from urquhart.voting import TURN, Votes, rank_turns, vote_polygons, vote_quads
 
 Level = Literal["polygons", "quads", "sweep", "paper", "given"]
 
 _PEAKS: Final = 24
-"""Peaks of a sweep that are refined, and those of them that are verified."""
+"""Peaks of a sweep over all rotations that are refined;"""
+_FEWER: Final = 6
+"""of one over a few;"""
 _SWEPT: Final = 3
+"""and those of them that are verified."""
+_LOOSER: Final = 3.0
+"""Usual errors of a coordinate that a length of a quad may be off by in a survey."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,22 +83,47 @@ def propose_by_quads(index: CollectionIndex, query: Sighting, stages: Stages) ->
     return _verify(index, votes, "quads", query, stages)
 
 
-def propose_by_sweep(index: CollectionIndex, query: Sighting, keys: Sequence[int], stages: Stages) -> list[Proposal]:
-    """Every rotation and shift of the query over each of a few submaps, where no feature of either is whole enough."""
-    proposals = []
+def propose_by_sweep(index: CollectionIndex, query: Sighting, stages: Stages) -> list[Proposal]:
+    """The query turned and shifted over submaps as a whole, where no feature of either is whole enough.
+
+    Over all of a small collection under every rotation; in a large one near the rotations that quads agree on when each
+    length may be off by more, which is no proof of anything but leaves few enough to try.
+    """
+    with stages.timed("survey") as counts:
+        if len(index) <= index.config.sweeps:
+            places = [(key, 0.0, math.pi) for key in index if key not in query.excluded]
+        else:
+            places = _survey(index, query)
+        counts["places"] = len(places)
     with stages.timed("sweep") as counts:
-        for key in keys:
+        swept = []
+        for key, yaw, half in places:
+            peaks = glance(query.pattern, index.pattern(key), _PEAKS if half == math.pi else _FEWER, yaw, half)
+            if len(peaks):
+                swept.append((key, peaks))
+        # What stands out by the landmarks as a whole is judged by itself: the votes do not count any more.
+        swept.sort(key=lambda found: -found[1][0, 3])
+        counts["peaks"] = sum(len(peaks) for _, peaks in swept)
+    with stages.timed("verify sweep") as counts:
+        proposals = []
+        for key, peaks in swept[: index.config.sweeps]:
             laid = index.pattern(key)
             # Peaks are good to a cell: their partners are sought far away first.
-            hypotheses = sweep(query.pattern, laid, _PEAKS, LOOSE * index.reach)
-            if len(hypotheses):
-                starts = best_hypotheses(query.pattern, laid, hypotheses, index.reach, _SWEPT)
-                best = max(
-                    (verify(query.pattern, laid, start, index.reach) for start in starts), key=lambda v: v.evidence
-                )
-                proposals.append(Proposal(key, "sweep", len(hypotheses), best))
-        counts["submaps"] = len(keys)
+            settled = settle_peaks(query.pattern, laid, peaks, LOOSE * index.reach)
+            starts = best_hypotheses(query.pattern, laid, settled, index.reach, _SWEPT)
+            best = max((verify(query.pattern, laid, start, index.reach) for start in starts), key=lambda v: v.evidence)
+            proposals.append(Proposal(key, "sweep", len(peaks), best))
+        counts["candidates"] = len(proposals)
     return proposals
+
+
+def _survey(index: CollectionIndex, query: Sighting) -> list[tuple[int, float, float]]:
+    """Submaps, each with a rotation to look about, as loosely measured quads have it; the likeliest first."""
+    features, config = query.features, index.config
+    tolerance = _LOOSER * config.sigma
+    hits = index.quads.search(*measure(features.landmarks, features.tessellation.quads), tolerance, config.quad_hits)
+    keys, rotations = rank_turns(hits, tolerance, config.survey, query.excluded)
+    return [(key, yaw, TURN) for key, yaw in zip(keys.tolist(), rotations.tolist(), strict=True)]
 
 
 def propose_by_paper(

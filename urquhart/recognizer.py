@@ -157,8 +157,7 @@ class Recognizer:
                 proposals = propose_by_quads(self._index, query, stages)
                 standing = self._doubt(proposals, query, stages, found, standing.ranked)
             if self._lost(standing.ranked, query) or (len(self) == 1 and not self._settled(standing, query)):
-                nearest = self._nearest(standing.ranked, excluded)
-                proposals = propose_by_sweep(self._index, query, nearest, stages)
+                proposals = propose_by_sweep(self._index, query, stages)
                 standing = self._doubt(proposals, query, stages, found, standing.ranked)
         return self._conclude(standing, query, limit, stages, found)
 
@@ -214,13 +213,6 @@ class Recognizer:
     def _lost(self, ranked: list[Proposal], query: Sighting) -> bool:
         """Whether no proposal is better than chance. Too close a rival is another matter: more poses do not mend it."""
         return not ranked or log_odds(ranked[0].verified, query.pattern, query.volume) < self.config.gate
-
-    def _nearest(self, ranked: list[Proposal], excluded: frozenset[int]) -> list[int]:
-        """Submaps to sweep: those proposed so far, then any others where there are not many."""
-        proposed = dict.fromkeys(proposal.key for proposal in ranked)
-        if len(self) <= self.config.sweeps:
-            proposed |= dict.fromkeys(key for key in self._index if key not in excluded)
-        return list(proposed)[: self.config.sweeps]
 
     def _doubt(
         self,

@@ -41,49 +41,54 @@ _BEYOND: Final = 0.7
 
 
 @kernel
-def sweep(query: Pattern, submap: Pattern, peaks: int, reach: float) -> NDArray[np.float64]:
-    """The `peaks` poses (P, 3), x, y, yaw of `submap_T_query` between centred frames, that stand out most from chance.
-
-    A peak is good to a cell; each is refined with partners up to `reach` metres away (at most one cell of `submap`).
-    """
-    spacing = max(query.spacing, submap.spacing)
-    cell = min(max(_SHARE * spacing, _CELL[0]), _CELL[1])
-    found = find_peaks(query.landmarks, submap.landmarks, cell, peaks)
-    for p in range(len(found)):
-        found[p, 0], found[p, 1], found[p, 2] = refine(
-            query.landmarks, submap, found[p, 0], found[p, 1], found[p, 2], reach
-        )
-    return found
+def sweep(query: Pattern, submap: Pattern, peaks: int) -> NDArray[np.float64]:
+    """The `peaks` poses that stand out most from chance under any rotation; see `glance`."""
+    return glance(query, submap, peaks, 0.0, math.pi)
 
 
 @kernel
-def find_peaks(query: NDArray[np.float64], submap: NDArray[np.float64], cell: float, peaks: int) -> NDArray[np.float64]:
-    """The peaks themselves; `cell` metres. See `sweep`."""
+def glance(query: Pattern, submap: Pattern, peaks: int, yaw: float, half: float) -> NDArray[np.float64]:
+    """The `peaks` poses that stand out most from chance among rotations within `half` radians of `yaw`.
+
+    Returns:
+        (P, 4), P <= `peaks`, the best first: x, y, yaw of `submap_T_query` between centred frames, good to a cell and
+        a step of the rotation, and by how much each stands out (natural logarithm of its odds against chance).
+    """
+    spacing = max(query.spacing, submap.spacing)
+    cell = min(max(_SHARE * spacing, _CELL[0]), _CELL[1])
+    return find_peaks(query.landmarks, submap.landmarks, cell, peaks, yaw, half)
+
+
+@kernel
+def settle_peaks(query: Pattern, submap: Pattern, peaks: NDArray[np.float64], reach: float) -> NDArray[np.float64]:
+    """Poses (P, 3) of `peaks` (P, 4), each refined with partners up to `reach` metres away."""
+    settled = np.empty((len(peaks), 3))
+    for p in range(len(peaks)):
+        settled[p, 0], settled[p, 1], settled[p, 2] = refine(
+            query.landmarks, submap, peaks[p, 0], peaks[p, 1], peaks[p, 2], reach
+        )
+    return settled
+
+
+@kernel
+def find_peaks(
+    query: NDArray[np.float64], submap: NDArray[np.float64], cell: float, peaks: int, yaw: float, half: float
+) -> NDArray[np.float64]:
+    """The peaks (P, 4) of `glance`; `cell` metres."""
     n, m = len(query), len(submap)
-    radius_query = math.sqrt((query**2).sum(axis=1).max())
-    radius_submap = math.sqrt((submap**2).sum(axis=1).max())
-    extent = radius_query + radius_submap
-    cell = max(cell, 2.0 * extent / (_SIDE - 4))
-    side = int(2.0 * extent / cell) + 4
+    extent = math.sqrt((query**2).sum(axis=1).max()) + math.sqrt((submap**2).sum(axis=1).max())
+    # Only shifts that leave a fair overlap have cells of their own; all others end in the rim, which is not looked at.
+    farthest = _BEYOND * extent
+    cell = max(cell, 2.0 * farthest / (_SIDE - 4))
+    side = int(2.0 * farthest / cell) + 4
     middle = 0.5 * side
     typical = math.sqrt(min((query**2).sum() / n, (submap**2).sum() / m))
     steps = min(max(int(2.0 * math.pi * typical / (_TURN * cell)), 36), _MOST)
 
     rate = expected_counts(query, submap, cell, steps, extent)
-    # A cell that reaches `_LOOK` is looked at; those too far out never do.
-    start = np.zeros(len(rate), np.uint8)
-    for k in range(len(rate)):
-        if 2.0 * k * cell <= _BEYOND * extent:
-            needed = max(3, math.ceil(rate[k] + _SIGMAS * math.sqrt(rate[k])) + 1)
-            start[k] = _LOOK - min(needed, 190)
-    fresh = np.zeros((side * side + 7) // 8 * 8, np.uint8)
-    for a in range(side):
-        for b in range(side):
-            u, v = a + 0.5 - middle, b + 0.5 - middle
-            fresh[a * side + b] = start[min(int(0.5 * math.sqrt(u * u + v * v)), len(rate) - 1)]
-
+    fresh = thresholds(rate, side, farthest / cell)
     grid = np.empty_like(fresh)
-    # Cleared eight cells at a time: that is where most of the time would go.
+    # Cleared eight cells at a time: that is where much of the time would go.
     words, fresh_words = grid.view(np.uint64), fresh.view(np.uint64)
     flagged = np.empty(_FLAGGED, np.int64)
     best = np.zeros((peaks, 4))
@@ -92,10 +97,12 @@ def find_peaks(query: NDArray[np.float64], submap: NDArray[np.float64], cell: fl
     for j in range(m):
         target_x[j] = int((submap[j, 0] / cell + middle) * _FINE)
         target_y[j] = int((submap[j, 1] / cell + middle) * _FINE)
-    places = np.empty(m, np.int32)
+    places, low, high, stride = np.empty(m, np.int32), np.int32(0), np.int32(side - 1), np.int32(side)
     for step in range(steps):
-        yaw = 2.0 * math.pi * step / steps
-        c, s = math.cos(yaw) * _FINE / cell, math.sin(yaw) * _FINE / cell
+        turn = 2.0 * math.pi * step / steps
+        if abs((turn - yaw + 3.0 * math.pi) % (2.0 * math.pi) - math.pi) > half:
+            continue
+        c, s = math.cos(turn) * _FINE / cell, math.sin(turn) * _FINE / cell
         for w in range(len(words)):
             words[w] = fresh_words[w]
         count = 0
@@ -103,7 +110,9 @@ def find_peaks(query: NDArray[np.float64], submap: NDArray[np.float64], cell: fl
             x = np.int32(c * query[i, 0] - s * query[i, 1])
             y = np.int32(s * query[i, 0] + c * query[i, 1])
             for j in range(m):
-                places[j] = ((target_x[j] - x) >> 12) * np.int32(side) + ((target_y[j] - y) >> 12)
+                a = min(max((target_x[j] - x) >> 12, low), high)
+                b = min(max((target_y[j] - y) >> 12, low), high)
+                places[j] = a * stride + b
             for j in range(m):
                 at = places[j]
                 value = grid[at] + np.uint8(1)
@@ -112,24 +121,51 @@ def find_peaks(query: NDArray[np.float64], submap: NDArray[np.float64], cell: fl
                     flagged[count] = at
                     count += 1
         for f in range(count):
-            a, b = flagged[f] // side, flagged[f] % side
-            distance = math.sqrt((a + 0.5 - middle) ** 2 + (b + 0.5 - middle) ** 2)
+            row, column = flagged[f] // side, flagged[f] % side
+            if not (2 <= row < side - 2 and 2 <= column < side - 2):
+                continue
+            distance = math.sqrt((row + 0.5 - middle) ** 2 + (column + 0.5 - middle) ** 2)
             expected = 4.0 * rate[min(int(0.5 * distance), len(rate) - 1)]
             for da in range(-1, 1):
                 for db in range(-1, 1):
-                    at = (a + da) * side + b + db
+                    at = (row + da) * side + column + db
                     counted = np.int64(grid[at]) + grid[at + 1] + grid[at + side] + grid[at + side + 1]
                     total = counted - fresh[at] - fresh[at + 1] - fresh[at + side] - fresh[at + side + 1]
                     if total <= expected + 2.0:
                         continue
                     score = total * math.log(total / expected) - (total - expected)
                     if score > best[peaks - 1, 3]:
-                        x, y = (a + da + 1 - middle) * cell, (b + db + 1 - middle) * cell
-                        keep_peak(best, x, y, yaw, score, 2.5 * cell, 5.0 * math.pi / steps)
+                        x, y = (row + da + 1 - middle) * cell, (column + db + 1 - middle) * cell
+                        keep_peak(best, x, y, turn, score, 2.5 * cell, 5.0 * math.pi / steps)
     found = 0
     while found < peaks and best[found, 3] > 0.0:
         found += 1
-    return best[:found, :3].copy()
+    return best[:found].copy()
+
+
+@kernel
+def thresholds(rate: NDArray[np.float64], side: int, farthest: float) -> NDArray[np.uint8]:
+    """What each cell of a grid (`side` * `side`, padded) starts from, so that it is looked at when it reaches `_LOOK`.
+
+    Args:
+        rate: displacements that chance brings into one cell, by distance from the middle in units of two cells.
+        farthest: cells; those farther from the middle start from nothing.
+    """
+    start = np.zeros(len(rate), np.uint8)
+    for k in range(len(rate)):
+        if 2.0 * k <= farthest:
+            needed = max(3, math.ceil(rate[k] + _SIGMAS * math.sqrt(rate[k])) + 1)
+            start[k] = _LOOK - min(needed, 190)
+    fresh = np.zeros((side * side + 7) // 8 * 8, np.uint8)
+    middle, last = 0.5 * side, side - 1
+    # The four quarters are alike.
+    for a in range((side + 1) // 2):
+        for b in range((side + 1) // 2):
+            u, v = a + 0.5 - middle, b + 0.5 - middle
+            value = start[min(int(0.5 * math.sqrt(u * u + v * v)), len(rate) - 1)]
+            fresh[a * side + b] = fresh[a * side + last - b] = value
+            fresh[(last - a) * side + b] = fresh[(last - a) * side + last - b] = value
+    return fresh
 
 
 @kernel

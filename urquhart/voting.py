@@ -26,6 +26,8 @@ from urquhart.quads import align_quads
 
 _TURN_BINS: Final = 30
 """Bins of rotation; a vote is shared between the two nearest, so that no border splits a true peak."""
+TURN: Final = 1.2 * 2.0 * math.pi / _TURN_BINS
+"""Radians: how far the rotation of a submap may be from the peak of its votes."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,31 +93,22 @@ def vote_quads(
         features: gives the features of a submap by its key.
         tolerance: metres, largest root mean square misfit of four landmarks for a transform to count.
     """
-    wanted = _wanted(hits.keys, exclude)
-    quads, keys, misfit, rotations = hits.quads[wanted], hits.keys[wanted], hits.misfit[wanted], hits.rotations[wanted]
-    if not len(keys):
+    turns = _turns(hits, tolerance, exclude)
+    if not len(turns.keys):
         return _NO_VOTES
-    likelihood = np.exp(-misfit / (tolerance * tolerance))
-    weights = likelihood / (np.bincount(quads, likelihood)[quads] + 0.1)
-    unique, owner = np.unique(keys, return_inverse=True)
-    position = (rotations / (2.0 * np.pi) % 1.0) * _TURN_BINS
-    below = np.minimum(position.astype(np.int64), _TURN_BINS - 1)
-    share = position - below
-    votes = np.bincount(owner * _TURN_BINS + below, weights * (1.0 - share), len(unique) * _TURN_BINS)
-    votes += np.bincount(owner * _TURN_BINS + (below + 1) % _TURN_BINS, weights * share, len(unique) * _TURN_BINS)
-    table = votes.reshape(len(unique), _TURN_BINS)
-    peak, best = table.argmax(axis=1), table.max(axis=1)
+    quads, ordinals, turned = (column[turns.wanted] for column in (hits.quads, hits.ordinals, hits.turned))
+    peak, best = turns.table.argmax(axis=1), turns.table.max(axis=1)
     chosen = np.argsort(-best, kind="stable")[:candidates]
+    owner, weights = turns.owner, turns.weights
 
     out_keys, out_weights, out_transforms = [], [], []
-    away = (position - peak[owner] + 0.5 * _TURN_BINS) % _TURN_BINS - 0.5 * _TURN_BINS
+    away = (turns.position - peak[owner] + 0.5 * _TURN_BINS) % _TURN_BINS - 0.5 * _TURN_BINS
     agreeing = np.flatnonzero(np.abs(away) <= 1.0)
     agreeing = agreeing[np.argsort(owner[agreeing], kind="stable")]
     first = np.searchsorted(owner[agreeing], chosen, side="left")
     last = np.searchsorted(owner[agreeing], chosen, side="right")
-    ordinals, turned = hits.ordinals[wanted], hits.turned[wanted]
     for submap, start, end in zip(chosen.tolist(), first.tolist(), last.tolist(), strict=True):
-        rows, key = agreeing[start:end], int(unique[submap])
+        rows, key = agreeing[start:end], int(turns.keys[submap])
         stored = features(key)
         aligned, rms = align_quads(
             query.landmarks,
@@ -133,6 +126,56 @@ def vote_quads(
     if not sum(map(len, out_keys)):
         return _NO_VOTES
     return _tally(np.concatenate(out_keys), np.concatenate(out_weights), np.concatenate(out_transforms))
+
+
+def rank_turns(
+    hits: QuadHits, tolerance: float, count: int, exclude: frozenset[int]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """The `count` pairs of a submap (K,) and a rotation (K,), radians, that quad hits agree on best, the best first.
+
+    A submap comes once for each rotation that is a peak of its votes; `TURN` is how far a peak may be off.
+    """
+    turns = _turns(hits, tolerance, exclude)
+    if not len(turns.keys):
+        return np.empty(0, np.int64), np.empty(0)
+    table = turns.table
+    peaks = (table > 0.0) & (table >= np.roll(table, 1, axis=1)) & (table > np.roll(table, -1, axis=1))
+    rows, bins = np.nonzero(peaks)
+    chosen = np.argsort(-table[rows, bins], kind="stable")[:count]
+    return turns.keys[rows[chosen]], bins[chosen] * (2.0 * np.pi / _TURN_BINS)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Turns:
+    """Quad hits by submap and rotation.
+
+    Attributes:
+        wanted: (H,) bool, hits that count; the arrays (h,) below have a row for each of these.
+        keys: (S,) int64, submaps; `owner` (h,) says which of them a hit is in.
+        table: (S, bins), weight of the votes; `position` (h,) is a hit's place among the bins.
+        weights: (h,), what each hit is worth.
+    """
+
+    wanted: NDArray[np.bool_]
+    keys: NDArray[np.int64]
+    owner: NDArray[np.int64]
+    position: NDArray[np.float64]
+    weights: NDArray[np.float64]
+    table: NDArray[np.float64]
+
+
+def _turns(hits: QuadHits, tolerance: float, exclude: frozenset[int]) -> _Turns:
+    wanted = _wanted(hits.keys, exclude)
+    quads, keys, misfit, rotations = hits.quads[wanted], hits.keys[wanted], hits.misfit[wanted], hits.rotations[wanted]
+    likelihood = np.exp(-misfit / (tolerance * tolerance))
+    weights = likelihood / (np.bincount(quads, likelihood)[quads] + 0.1)
+    unique, owner = np.unique(keys, return_inverse=True)
+    position = (rotations / (2.0 * np.pi) % 1.0) * _TURN_BINS
+    below = np.minimum(position.astype(np.int64), _TURN_BINS - 1)
+    share = position - below
+    votes = np.bincount(owner * _TURN_BINS + below, weights * (1.0 - share), len(unique) * _TURN_BINS)
+    votes += np.bincount(owner * _TURN_BINS + (below + 1) % _TURN_BINS, weights * share, len(unique) * _TURN_BINS)
+    return _Turns(wanted, unique, owner, position, weights, votes.reshape(len(unique), _TURN_BINS))
 
 
 def _wanted(keys: NDArray[np.int64], exclude: frozenset[int]) -> NDArray[np.bool_]:

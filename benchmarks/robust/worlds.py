@@ -1,0 +1,144 @@
+"""Submaps whose place is known, and what an answer about them is worth."""
+
+import time
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from urquhart import SE2, Config, LandmarkError, Recognition, Recognizer, describe
+
+Points = NDArray[np.float64]
+
+LEVELS: Final = ("none", "polygons", "quads", "sweep")
+VERDICTS: Final = ("no_match", "ambiguous", "matched")
+MATCHED: Final = 2
+_ASKED: Final = 3
+"""Submaps nearest to the true pose that the oracle is asked about."""
+
+ANSWER: Final = np.dtype(
+    [
+        ("inside", np.bool_),  # whether the place is in the database
+        ("oracle", np.bool_),  # whether the true pose, handed in, would be reported
+        ("verdict", np.int8),  # position in VERDICTS
+        ("right", np.bool_),  # whether the first candidate is within the bounds
+        ("level", np.int8),  # position in LEVELS
+        ("confidence", np.float32),
+        ("evidence", np.float32),
+        ("log_odds", np.float32),
+        ("lead", np.float32),  # NaN where nothing was compared
+        ("inliers", np.int16),
+        ("inliers_right", np.float32),  # share of the inliers that are true pairs, NaN where that is not known
+        ("milliseconds", np.float32),
+    ]
+)
+"""One look-up, as a row."""
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """How far a pose may be from the true one: metres, radians."""
+
+    shift: float
+    turn: float
+
+
+PAPER: Final = Bounds(10.0**0.5, float(np.radians(20.0)))
+"""The paper's (section V-B), for its own forests."""
+STRICT: Final = Bounds(1.0, float(np.radians(3.0)))
+"""Where trees stand in rows, 3 m is the next tree."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Place:
+    """A submap to be stored: landmarks (N, 2), metres, its own frame, and where that is.
+
+    `ground`: which map it belongs to; poses in different maps have nothing to do with each other.
+    """
+
+    xy: Points
+    ground: int
+    pose: SE2
+    diameters: Points | None = None
+
+
+class World:
+    """A collection of places, and the truth about what is asked."""
+
+    def __init__(self, places: Sequence[Place], config: Config, bounds: Bounds) -> None:
+        self.places, self.bounds = list(places), bounds
+        self.recognizer = Recognizer(config)
+        self.recognizer.add((key, describe(place.xy, config, place.diameters)) for key, place in enumerate(places))
+        self._grounds = np.array([place.ground for place in places])
+        self._positions = np.array([(place.pose.x, place.pose.y) for place in places]).reshape(-1, 2)
+
+    def ask(self, xy: Points, ground: int | None, pose: SE2, diameters: Points | None = None) -> NDArray[Any]:
+        """Look an observation up; a row of `ANSWER`.
+
+        Args:
+            ground, pose: where it was made (`map_T_query`); no ground where that is not in the collection.
+        """
+        row = np.zeros((), ANSWER)
+        start = time.perf_counter()
+        found = self.recognizer.recognize(xy, diameters=diameters, limit=1)
+        row["milliseconds"] = 1e3 * (time.perf_counter() - start)
+        row["inside"] = ground is not None
+        row["verdict"] = VERDICTS.index(found.verdict)
+        row["lead"] = row["inliers_right"] = np.nan
+        if found.candidates:
+            best = found.candidates[0]
+            row["right"] = ground is not None and self.is_right(found, ground, pose)
+            row["level"] = LEVELS.index(best.level)
+            row["confidence"], row["evidence"], row["log_odds"] = best.confidence, best.evidence, best.log_odds
+            row["inliers"] = len(best.query_indices)
+            if best.lead is not None:
+                row["lead"] = best.lead
+        if ground is not None:
+            row["oracle"] = self._oracle(xy, ground, pose, diameters)
+        return row
+
+    def is_right(self, found: Recognition, ground: int, pose: SE2) -> bool:
+        """Whether the first candidate puts the query where it was made."""
+        place = self.places[found.candidates[0].key]
+        shift, turn = (place.pose @ found.candidates[0].transform).distance(pose)
+        return place.ground == ground and shift < self.bounds.shift and turn < self.bounds.turn
+
+    def _oracle(self, xy: Points, ground: int, pose: SE2, diameters: Points | None) -> bool:
+        away = np.hypot(*(self._positions - (pose.x, pose.y)).T)
+        away[self._grounds != ground] = np.inf
+        for key in np.argsort(away, kind="stable")[:_ASKED].tolist():
+            if np.isinf(away[key]):
+                continue
+            truth = self.places[key].pose.inverse() @ pose
+            try:
+                found = self.recognizer.check(xy, key, truth, diameters=diameters)
+            except LandmarkError:
+                return False
+            if found.verdict == "matched" and self.is_right(found, ground, pose):
+                return True
+        return False
+
+
+def gather(rows: Iterable[NDArray[Any]]) -> NDArray[Any]:
+    """Rows of `ANSWER` as one array (Q,)."""
+    return np.array(list(rows), ANSWER)
+
+
+def summarize(answers: NDArray[Any]) -> dict[str, Any]:
+    """Counts and rates of answers (Q,): what was asked, accepted, right and wrong, and what an oracle would accept."""
+    matched, inside, right = answers["verdict"] == MATCHED, answers["inside"], answers["right"]
+    oracle = answers["oracle"]
+    milliseconds = answers["milliseconds"]
+    return {
+        "inside": int(inside.sum()),
+        "outside": int((~inside).sum()),
+        "oracle": int(oracle.sum()),
+        "right": int((matched & right).sum()),
+        "right_of_oracle": int((matched & right & oracle).sum()),
+        "wrong": int((matched & inside & ~right).sum()),
+        "false": int((matched & ~inside).sum()),
+        "ambiguous": int((inside & (answers["verdict"] == VERDICTS.index("ambiguous"))).sum()),
+        "milliseconds": float(np.median(milliseconds)) if len(answers) else None,
+    }
