@@ -6,9 +6,14 @@ that the landmarks leave possible (Laplace's approximation of the Bayes factor: 
 
 Rivals. A forest that repeats itself (rows of a plantation) gives wrong poses evidence that no model of independent
 trees foresees. What a wrong pose can reach here is read off the data at hand: the best distinct pose among all
-hypotheses, and the best that shifting the match along the pattern, straight on or turned by quarters, brings up. The
-report is sure only when it leads that rival by a share of its own evidence, because evidence and the rival's evidence
-grow alike with the number of trees.
+hypotheses, and the best that shifting the match along the pattern, straight on or turned by quarters, brings up. In a
+natural forest these rivals explain nothing; in rows they come close, and closer the fewer trees there are to tell them
+apart: a lead counts by what it is more than `Config.margin` for each landmark of the overlap.
+
+Confidence. Neither number is a probability as it stands: trees are not independent, and every level takes its best of
+many. Two straight lines make them into one, fitted to answers whose truth is known (`calibrate` in the benchmarks,
+which also draws how well it holds on others): the odds of being right against chance, and against a rival. Being wrong
+in either way is being wrong, so the two are added up as 1 / (1 + 1 / chance + 1 / rival).
 """
 
 import math
@@ -26,6 +31,15 @@ _QUARTERS: Final = 4
 _PEAKS: Final = 4
 _SAMPLED: Final = 500
 _SAME_TURN: Final = math.radians(6.0)
+_CHANCE: Final = (0.64, -3.1)
+"""Odds against chance: their logarithm grows so much with the log-odds, and is nought where these are so much."""
+_RIVAL: Final = 0.35
+"""Odds against a rival: their logarithm grows so much with the lead beyond what says nothing."""
+_COMPARABLE: Final = 0.5
+"""A rival claims at least this share of the query's inliers."""
+_UNKNOWN: Final = -8.0
+"""Log-odds below which a pose is as likely right as at this value: where noise is larger than anything foreseen, the
+evidence of right poses falls without end."""
 _BEYOND_DOUBT: Final = 1.5
 """Evidence per landmark of the overlap that no shift of a plantation reaches (measured: 0.9 at most)."""
 
@@ -55,13 +69,46 @@ def log_odds(verified: Verified, query: Pattern, volume: float) -> float:
     return verified.evidence + min(left - volume, 0.0)
 
 
+def against_chance(odds: float) -> float:
+    """Logarithm of the odds that a pose with these log-odds is right and not a work of chance."""
+    slope, even = _CHANCE
+    return slope * (max(odds, _UNKNOWN) - even)
+
+
+def against_rival(verified: Verified, lead: float | None, margin: float) -> float:
+    """Logarithm of the odds that a pose is right and not its best rival, over which it leads by `lead` of evidence."""
+    if lead is None:
+        return math.inf
+    return _RIVAL * (lead - margin * max(verified.query_overlap, verified.submap_overlap))
+
+
+def surely_behind(verified: Verified, odds: float, margin: float) -> float:
+    """Evidence up to which a rival leaves the odds against it at `odds` (a logarithm) or better."""
+    return verified.evidence - odds / _RIVAL - margin * max(verified.query_overlap, verified.submap_overlap)
+
+
+def together(chance: float, rival: float) -> float:
+    """Logarithm of the odds of being right from those against chance and against the best rival."""
+    return -float(np.logaddexp(-chance, -rival))
+
+
+def comparable(rival: Verified, best: Verified) -> bool:
+    """Whether a rival claims enough of the trees that the best pose claims for only one of the two to be right.
+
+    A few trees fit anywhere by chance, and chance has been reckoned with; and a query larger than a submap may well lie
+    in two of them at once.
+    """
+    shared = len(np.intersect1d(rival.query, best.query, assume_unique=True))
+    return shared >= _COMPARABLE * len(best.query)
+
+
 def distinct(a: SE2, b: SE2, pattern: Pattern, reach: float) -> bool:
     """Whether two transforms of the query (centred frames) put it in different places, not the same place twice."""
     shift, turn = a.distance(b)
     return shift > min(0.5 * pattern.spacing, 2.0 * reach) or turn > _SAME_TURN
 
 
-def same_place(first: Pattern, first_pose: SE2, second: Pattern, second_pose: SE2, reach: float) -> bool:
+def same_place(first: Pattern, first_pose: SE2, second: Pattern, second_pose: SE2, reach: float, margin: float) -> bool:
     """Whether two submaps that both match a query are the same patch of forest seen twice.
 
     `first_pose`, `second_pose`: `submap_T_query`, centred frames. Chained they give the transform between the submaps.
@@ -75,7 +122,8 @@ def same_place(first: Pattern, first_pose: SE2, second: Pattern, second_pose: SE
     if chained.evidence > _BEYOND_DOUBT * max(chained.query_overlap, chained.submap_overlap):
         return True
     rivals = find_rivals(second, first, chained.transform, reach)
-    return chained.evidence > 2.0 * max([0.0, *(rival.evidence for rival in rivals)])
+    lead = chained.evidence - max((rival.evidence for rival in rivals), default=-math.inf)
+    return against_rival(chained, lead, margin) > 0.0
 
 
 def find_rivals(query: Pattern, submap: Pattern, best: SE2, reach: float) -> list[Verified]:

@@ -40,9 +40,10 @@ class Config:
     quad_hits: int = _parameter(200_000, 1_000, 100_000_000, "most quad hits kept; the commonest shapes go first")
     sigma: float = _parameter(0.25, 0.01, 0.25, "metres; usual error of one coordinate between two sightings of a tree")
 
-    gate: float = _parameter(6.9, 0.0, 100.0, "least log-odds of a pose to be reported as matched (6.9 is 1,000 : 1)")
-    share: float = _parameter(0.4, 0.0, 5.0, "least evidence of such a pose for each landmark of the overlap")
-    margin: float = _parameter(0.35, 0.0, 1.0, "least lead over the best distinct pose, as a share of the evidence")
+    gate: float = _parameter(
+        6.9, 0.0, 100.0, "least log-odds of being right, for `matched` (6.9 is a confidence of 0.999)"
+    )
+    margin: float = _parameter(0.25, 0.0, 5.0, "lead over the best distinct pose that says nothing, for each landmark")
 
     tau: float = _parameter(8.0, 0.0, 1e9, "paper mode: largest descriptor distance of two matching polygons")
     vertex_window: int = _parameter(3, 0, 16, "paper mode: largest difference in vertex count of two matching polygons")

@@ -8,7 +8,7 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from urquhart.confidence import log_odds
+from urquhart.confidence import against_chance, against_rival, log_odds, surely_behind, together
 from urquhart.config import Config
 from urquhart.features import Features
 from urquhart.proposing import Level, Proposal, Sighting
@@ -37,6 +37,7 @@ class Candidate:
         inlier_ratio: inliers among the landmarks of the overlap, of the side that has fewer there.
         rms: metres, root mean square of the residuals.
         overlap: share of the query's landmarks inside the overlap of the footprints.
+        overlap_count: landmarks inside the overlap, of the side that has more there.
         evidence: log-likelihood ratio of the same place against chance.
         log_odds: evidence less the logarithm of the share of all poses that the landmarks leave possible.
         lead: evidence over that of the best distinct pose; None where it was too weak to be compared.
@@ -55,6 +56,7 @@ class Candidate:
     inlier_ratio: float
     rms: float
     overlap: float
+    overlap_count: int
     evidence: float
     log_odds: float
     lead: float | None
@@ -103,23 +105,23 @@ class Finding:
 def refusal(verified: Verified, odds: float, lead: float | None, config: Config) -> str | None:
     """Why a verified pose is not to be reported as matched, or None.
 
-    In rows of trees a wrong pose gathers a little from each of many trees: the evidence must also be enough for each.
+    Args:
+        odds: log-odds against chance.
+        lead: evidence over the best distinct pose, where there was one to compare.
     """
     if verified.evidence <= 0.0:
         return "verification_failed"
-    if odds < config.gate or verified.evidence < config.share * max(verified.query_overlap, verified.submap_overlap):
-        return "below_gate"
-    if lead is not None and clear_lead(verified, lead, config) < config.gate:
-        return "runner_up_too_close"
-    return None
+    chance, rival = against_chance(odds), against_rival(verified, lead, config.margin)
+    if together(chance, rival) >= config.gate:
+        return None
+    # A rival that explains nothing itself is none: then the match is too weak for what a forest may bring about.
+    close = lead is not None and lead < verified.evidence
+    return "runner_up_too_close" if close and chance >= config.gate else "below_gate"
 
 
 def confidence(verified: Verified, odds: float, lead: float | None, config: Config) -> float:
-    """Probability that a pose is right: against chance by its log-odds, against its rival by its lead over it."""
-    against = math.exp(min(-odds, 500.0))
-    if lead is not None:
-        against += math.exp(min(-clear_lead(verified, lead, config), 500.0))
-    return 1.0 / (1.0 + against)
+    """Probability that a pose is right; see `urquhart.confidence`."""
+    return 1.0 / (1.0 + math.exp(-together(against_chance(odds), against_rival(verified, lead, config.margin))))
 
 
 def decide(candidates: Sequence[Candidate]) -> tuple[Verdict, str]:
@@ -165,11 +167,8 @@ def make_rivals(
     Args:
         origin: gives the origin of a submap's centred frame by its key.
     """
-    close = [
-        (key, rival)
-        for key, rival in rivals
-        if clear_lead(best, best.evidence - rival.evidence, config) < config.gate and rival.evidence > 0.0
-    ]
+    behind = surely_behind(best, config.gate, config.margin)
+    close = [(key, rival) for key, rival in rivals if rival.evidence > max(behind, 0.0)]
     close.sort(key=lambda found: -found[1].evidence)
     return tuple(
         Rival(key, _as_posted(rival.transform, origin(key), query), rival.evidence, len(rival.residuals))
@@ -203,6 +202,7 @@ def make_candidate(
         inlier_ratio=inliers / min(v.query_overlap, v.submap_overlap),
         rms=float(np.sqrt((v.residuals**2).mean())),
         overlap=v.query_overlap / len(features.landmarks),
+        overlap_count=max(v.query_overlap, v.submap_overlap),
         evidence=v.evidence,
         log_odds=odds,
         lead=lead,
@@ -214,11 +214,3 @@ def make_candidate(
 def _as_posted(pose: SE2, origin: NDArray[np.float64], query: Sighting) -> SE2:
     """A pose between centred frames in the frames as posted; `origin` (2,) of the submap's centred frame."""
     return SE2.shift(origin) @ pose @ SE2.shift(query.features.origin).inverse()
-
-
-def clear_lead(best: Verified, lead: float, config: Config) -> float:
-    """What is left of a lead over the best distinct pose when the share that chance may explain is taken off.
-
-    Positions repeat themselves, and then misjudge all poses of a pattern alike; diameters of single trees do not.
-    """
-    return lead - config.margin * (best.evidence - max(best.sized, 0.0))

@@ -10,15 +10,16 @@ Polygons are asked first; quads where polygons do not settle it; where both find
 shifted over the few submaps that come closest.
 """
 
+import math
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from urquhart.collection_index import CollectionIndex
-from urquhart.confidence import climb, log_odds, log_volume, same_place
+from urquhart.confidence import climb, comparable, log_odds, log_volume, same_place, surely_behind
 from urquhart.config import Config
 from urquhart.features import Features, describe
 from urquhart.landmarks import LandmarkError
@@ -36,7 +37,6 @@ from urquhart.ranking import (
     Rival,
     Verdict,
     best_by_submap,
-    clear_lead,
     decide,
     make_candidate,
     make_finding,
@@ -48,6 +48,9 @@ from urquhart.stages import Stage, Stages
 from urquhart.verification import Verified, pattern, verify
 
 Method = Literal["robust", "paper"]
+
+_HOPELESS: Final = -8.0
+"""Log-odds below which no pose is worth a search for its rivals: hardly one in ten is right."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -227,24 +230,27 @@ class Recognizer:
             counts["rivals"] = 0
             found.extend(make_finding(proposal, query, self.config) for proposal in best_by_submap(proposals))
             ranked, reach = best_by_submap([*earlier, *proposals]), self._index.reach
-            if self._lost(ranked, query):
+            if not ranked or log_odds(ranked[0].verified, query.pattern, query.volume) < _HOPELESS:
                 return _Standing(ranked, None, [])
             here, key = self._index.pattern(ranked[0].key), ranked[0].key
             best, distinct_ones = climb(query.pattern, here, ranked[0].verified, reach)
             ranked[0] = replace(ranked[0], verified=best)
-            rivals = [(key, rival) for rival in distinct_ones]
-            evidence = max([0.0, *(rival.evidence for rival in distinct_ones)])
+            rivals = [(key, rival) for rival in distinct_ones if comparable(rival, best)]
+            evidence = max((rival.evidence for _, rival in rivals), default=-math.inf)
             # Only what could change the verdict is looked at: overlapping submaps of one place are many.
-            harmless = clear_lead(best, best.evidence, self.config) - self.config.gate
+            margin = self.config.margin
+            harmless = surely_behind(best, 2.0 * self.config.gate, margin)
             for other in ranked[1:]:
                 if other.verified.evidence <= max(evidence, harmless):
                     break
                 there = self._index.pattern(other.key)
-                if not same_place(here, best.transform, there, other.verified.transform, reach):
+                if comparable(other.verified, best) and not same_place(
+                    here, best.transform, there, other.verified.transform, reach, margin
+                ):
                     evidence = other.verified.evidence
                     rivals.append((other.key, other.verified))
             counts["rivals"] = len(rivals)
-            return _Standing(ranked, best.evidence - evidence, rivals)
+            return _Standing(ranked, best.evidence - evidence if rivals else None, rivals)
 
 
 def warm_up(config: Config) -> None:

@@ -96,7 +96,7 @@ def vote_quads(
     turns = _turns(hits, tolerance, exclude)
     if not len(turns.keys):
         return _NO_VOTES
-    quads, ordinals, turned = (column[turns.wanted] for column in (hits.quads, hits.ordinals, hits.turned))
+    quads, ordinals, turned = hits.quads[turns.wanted], hits.ordinals[turns.wanted], hits.turned[turns.wanted]
     peak, best = turns.table.argmax(axis=1), turns.table.max(axis=1)
     chosen = np.argsort(-best, kind="stable")[:candidates]
     owner, weights = turns.owner, turns.weights
@@ -142,7 +142,7 @@ def rank_turns(
     peaks = (table > 0.0) & (table >= np.roll(table, 1, axis=1)) & (table > np.roll(table, -1, axis=1))
     rows, bins = np.nonzero(peaks)
     chosen = np.argsort(-table[rows, bins], kind="stable")[:count]
-    return turns.keys[rows[chosen]], bins[chosen] * (2.0 * np.pi / _TURN_BINS)
+    return turns.keys[rows[chosen]], np.asarray(bins[chosen] * (2.0 * np.pi / _TURN_BINS), np.float64)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -170,12 +170,13 @@ def _turns(hits: QuadHits, tolerance: float, exclude: frozenset[int]) -> _Turns:
     likelihood = np.exp(-misfit / (tolerance * tolerance))
     weights = likelihood / (np.bincount(quads, likelihood)[quads] + 0.1)
     unique, owner = np.unique(keys, return_inverse=True)
-    position = (rotations / (2.0 * np.pi) % 1.0) * _TURN_BINS
+    position = np.asarray((rotations / (2.0 * np.pi) % 1.0) * _TURN_BINS, np.float64)
     below = np.minimum(position.astype(np.int64), _TURN_BINS - 1)
     share = position - below
     votes = np.bincount(owner * _TURN_BINS + below, weights * (1.0 - share), len(unique) * _TURN_BINS)
     votes += np.bincount(owner * _TURN_BINS + (below + 1) % _TURN_BINS, weights * share, len(unique) * _TURN_BINS)
-    return _Turns(wanted, unique, owner, position, weights, votes.reshape(len(unique), _TURN_BINS))
+    table = np.asarray(votes.reshape(len(unique), _TURN_BINS), np.float64)
+    return _Turns(wanted, unique, owner, position, weights, table)
 
 
 def _wanted(keys: NDArray[np.int64], exclude: frozenset[int]) -> NDArray[np.bool_]:

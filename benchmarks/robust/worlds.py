@@ -29,6 +29,7 @@ ANSWER: Final = np.dtype(
         ("evidence", np.float32),
         ("log_odds", np.float32),
         ("lead", np.float32),  # NaN where nothing was compared
+        ("overlap", np.int16),  # landmarks in the overlap, of the side with more
         ("inliers", np.int16),
         ("inliers_right", np.float32),  # share of the inliers that are true pairs, NaN where that is not known
         ("milliseconds", np.float32),
@@ -92,6 +93,7 @@ class World:
             row["right"] = ground is not None and self.is_right(found, ground, pose)
             row["level"] = LEVELS.index(best.level)
             row["confidence"], row["evidence"], row["log_odds"] = best.confidence, best.evidence, best.log_odds
+            row["overlap"] = best.overlap_count
             row["inliers"] = len(best.query_indices)
             if best.lead is not None:
                 row["lead"] = best.lead
