@@ -56,7 +56,15 @@ class Explained:
         """The explanation as a drawing."""
         answer = self.answer
         total = sum(stage.milliseconds for stage in answer.stages)
-        lead = "" if answer.margin is None else f", evidence {answer.margin:.1f} over the best other pose"
+        subtitles = [
+            f"{answer.landmarks} landmarks; {answer.collection} at revision {answer.revision}; {total:.1f} ms"
+        ]
+        if answer.margin is not None:
+            gates = answer.gates
+            subtitles.append(
+                f"It leads the best other pose by {answer.margin:.1f}; asked are {gates.log_odds:g} and "
+                f"{gates.margin:.0%} of the evidence from positions."
+            )
         findings = None
         if answer.findings is not None:
             findings = [
@@ -76,8 +84,7 @@ class Explained:
         return draw_explanation(
             Explanation(
                 title=f"{self.name}: {answer.verdict}",
-                subtitle=f"{answer.landmarks} landmarks, collection {answer.collection} at revision "
-                f"{answer.revision}, {total:.1f} ms{lead}",
+                subtitles=subtitles,
                 reason=answer.reason,
                 gate=answer.gates.log_odds,
                 share=answer.gates.share,

@@ -14,9 +14,11 @@ from urquhart.ranking import Candidate
 
 _SIZE: Final = 900.0
 _MARGIN: Final = 40.0
-_HEAD: Final = 84.0
+_HEAD: Final = 44.0
+_LINE: Final = 20.0
 _WIDTH: Final = 620.0
-_LEGEND: Final = "filled: query, ring: submap, cross: seen by one side only, pale: outside the overlap"
+LEGEND: Final = "cross: seen by one side only, pale: outside the overlap"
+"""What crosses and pale landmarks of an overlay mean."""
 STYLE: Final = """
 text{font:14px
 system-ui,sans-serif;fill:#24332b}.head{font-size:18px;font-weight:600}.small{font-size:12px;fill:#5b6b62}
@@ -45,12 +47,13 @@ class Canvas:
         self._dot = math.sqrt(size / _SIZE)
         self._low, self._high = low, high
         self.width = float(high[0] - low[0]) * self._scale + 2.0 * _MARGIN
-        self.height = float(high[1] - low[1]) * self._scale + 2.0 * _MARGIN + _HEAD
+        self._head = _HEAD + _LINE * len(subtitles)
+        self.height = float(high[1] - low[1]) * self._scale + 2.0 * _MARGIN + self._head
         self.width = max(self.width, width)
         self._parts = [
             f'<text x="{_MARGIN:g}" y="28" class="head">{escape(title)}</text>',
             *(
-                f'<text x="{_MARGIN:g}" y="{50 + 20 * line}" class="small">{escape(subtitle)}</text>'
+                f'<text x="{_MARGIN:g}" y="{50 + _LINE * line:g}" class="small">{escape(subtitle)}</text>'
                 for line, subtitle in enumerate(subtitles)
             ),
         ]
@@ -58,7 +61,7 @@ class Canvas:
 
     def at(self, point: NDArray[np.float64]) -> tuple[float, float]:
         x = _MARGIN + (float(point[0]) - float(self._low[0])) * self._scale
-        return x, _HEAD + _MARGIN + (float(self._high[1]) - float(point[1])) * self._scale
+        return x, self._head + _MARGIN + (float(self._high[1]) - float(point[1])) * self._scale
 
     def circle(self, point: NDArray[np.float64], radius: float, style: str, label: str) -> None:
         x, y = self.at(point)
@@ -145,7 +148,9 @@ def draw_match(query_xy: ArrayLike, submap_xy: ArrayLike, candidate: Candidate, 
         f"{len(candidate.residuals)} inliers, RMS {candidate.rms:.2f} m, overlap {candidate.overlap:.0%}, "
         f"confidence {_odds(candidate.confidence)}"
     )
-    canvas = Canvas(np.concatenate([submap, query]), title or "Match", subtitle, _LEGEND)
+    canvas = Canvas(
+        np.concatenate([submap, query]), title or "Match", subtitle, f"filled: query, ring: submap, {LEGEND}"
+    )
     overlay(canvas, query, submap, candidate.query_indices, candidate.submap_indices)
     return canvas.render()
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from urquhart.drawing import Canvas, overlay, render
+from urquhart.drawing import LEGEND, Canvas, overlay, render
 from urquhart.se2 import SE2
 from urquhart.stages import Stage
 
@@ -39,6 +39,8 @@ PARTNERS: Final = 0.75
 """Metres: landmarks of the two sides that are joined in the picture are no farther apart."""
 _LEFT, _BARS, _NUMBERS, _MIDDLE, _WORDS, _RIGHT = 40.0, 180.0, 425.0, 440.0, 615.0, 960.0
 _BAR: Final = 185.0
+_ALONE: Final = 640.0
+"""Pixels, side of the view where there is only one."""
 _ROW: Final = 20.0
 _SHOWN: Final = 8
 """Findings drawn of each level, the best ones: the others are weaker still."""
@@ -56,7 +58,7 @@ _OTHER: Final = "#5b6b62"
 _STYLE: Final = """
 .section{font-size:15px;font-weight:600}.rule{stroke:#d5ded8;stroke-width:1}
 .axis{stroke:#5b6b62;stroke-width:1}.gate{stroke:#b8321f;stroke-width:1.5;stroke-dasharray:4 3}
-.gatename{font-size:12px;fill:#b8321f}.right{text-anchor:end}.level{font-size:12px;font-weight:600}
+.gatename{font-size:12px;fill:#b8321f}.right{text-anchor:end}.cut{fill:#5b6b62}.level{font-size:12px;font-weight:600}
 """
 
 
@@ -90,7 +92,7 @@ class Explanation:
     """An answer and all that led to it.
 
     Attributes:
-        title, subtitle: to be written above.
+        title, subtitles: to be written above.
         reason: of the verdict.
         gate, share: the gates in force, see `Config`.
         stages: in order.
@@ -102,7 +104,7 @@ class Explanation:
     """
 
     title: str
-    subtitle: str
+    subtitles: Sequence[str]
     reason: str
     gate: float
     share: float
@@ -121,7 +123,7 @@ def sentence(reason: str | None) -> str:
 
 def counted(stage: Stage) -> str:
     """What a stage counted, zeros left out."""
-    return ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in stage.counts.items() if count)
+    return ", ".join(f"{name.replace('_', ' ')} {count}" for name, count in stage.counts.items() if count)
 
 
 def draw_explanation(explanation: Explanation) -> str:
@@ -129,7 +131,8 @@ def draw_explanation(explanation: Explanation) -> str:
     page = _Page()
     page.text(_LEFT, explanation.title, "head", 34.0)
     page.text(_LEFT, sentence(explanation.reason).capitalize() + ".", "", 24.0)
-    page.text(_LEFT, explanation.subtitle, "small", 20.0)
+    for subtitle in explanation.subtitles:
+        page.text(_LEFT, subtitle, "small", _ROW)
     _draw_stages(page, explanation.stages)
     _draw_findings(page, explanation)
     _draw_laid(page, explanation)
@@ -191,7 +194,8 @@ def _draw_findings(page: _Page, explanation: Explanation) -> None:
     top = page.y + 5.0
     for level, group in groupby(found, key=lambda one: one.level):
         rows = list(group)
-        page.text(_LEFT, f"{level}: {len(rows)}", "level", _ROW + 2.0, paint=_COLOURS.get(level, _OTHER))
+        submaps = f"{len(rows)} submap{'s' if len(rows) > 1 else ''}"
+        page.text(_LEFT, f"{level}: {submaps}", "level", _ROW + 2.0, paint=_COLOURS.get(level, _OTHER))
         for one in rows[:_SHOWN]:
             _draw_finding(page, one, axis)
         if len(rows) > _SHOWN:
@@ -206,6 +210,8 @@ def _draw_finding(page: _Page, one: Found, axis: "_Axis") -> None:
     tip = f"{one.submap}: evidence {one.evidence:.1f}, {one.votes} votes by {one.level}"
     page.text(_LEFT, _cut(one.submap), "small", _ROW, tip=tip)
     page.bar(axis.at(0.0), axis.at(one.log_odds), "finding", tip, _COLOURS.get(one.level, _OTHER))
+    if axis.is_cut(one.log_odds):
+        page.parts.append(f'<path d="M{_BARS - 3.0:g} {page.y - 10.0:.1f}v12l-6 -6z" class="cut"/>')
     page.text(_NUMBERS, f"{one.log_odds:.1f}", "small right")
     each = one.evidence / max(one.overlap, 1)
     page.text(_MIDDLE, f"{one.inliers} of {one.overlap} trees, {each:.1f} each", "small")
@@ -220,9 +226,10 @@ def _draw_laid(page: _Page, explanation: Explanation) -> None:
     if not explanation.laid:
         page.text(_LEFT, "The candidate's landmarks are no longer those that were searched.", "small", 24.0)
         return
-    page.text(_LEFT, f"filled: query, ring: submap, joined: partners within {PARTNERS:g} m", "small", 24.0)
-    page.text(_LEFT, "cross: seen by one side only, pale: outside the overlap", "small", 18.0)
-    side = WIDTH / 2.0
+    legend = f"filled: query, ring: submap, joined: partners within {PARTNERS:g} m, {LEGEND}"
+    page.text(_LEFT, legend, "small", 24.0)
+    page.y += 8.0
+    side = WIDTH / 2.0 if len(explanation.laid) > 1 else _ALONE
     views = [_view(explanation.query_xy, laid, side) for laid in explanation.laid]
     for place, view in enumerate(views):
         page.parts.append(view.embed(place * side, page.y))
@@ -245,11 +252,14 @@ def partners(query: NDArray[np.float64], submap: NDArray[np.float64]) -> tuple[N
 
 
 class _Axis:
-    """Log-odds to pixels. Zero and the gate are always in view; far below zero the bars are cut off."""
+    """Log-odds to pixels. Zero and the gate are always in view; far below zero the bars are cut off, with an arrow."""
 
     def __init__(self, found: Sequence[Found], gate: float) -> None:
         self._high = 1.1 * max(gate, *(one.log_odds for one in found), 1.0)
         self._low = max(min(0.0, *(one.log_odds for one in found)), -0.4 * self._high)
+
+    def is_cut(self, value: float) -> bool:
+        return value < self._low
 
     def at(self, value: float) -> float:
         share = (max(value, self._low) - self._low) / (self._high - self._low)
