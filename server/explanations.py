@@ -56,9 +56,7 @@ class Explained:
         """The explanation as a drawing."""
         answer = self.answer
         total = sum(stage.milliseconds for stage in answer.stages)
-        subtitles = [
-            f"{answer.landmarks} landmarks; {answer.collection} at revision {answer.revision}; {total:.1f} ms"
-        ]
+        subtitles = [f"{answer.landmarks} landmarks; {answer.collection} at revision {answer.revision}; {total:.1f} ms"]
         if answer.margin is not None:
             gates = answer.gates
             subtitles.append(

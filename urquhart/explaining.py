@@ -37,8 +37,8 @@ WIDTH: Final = 1000.0
 """Pixels, of the picture."""
 PARTNERS: Final = 0.75
 """Metres: landmarks of the two sides that are joined in the picture are no farther apart."""
-_LEFT, _BARS, _NUMBERS, _MIDDLE, _WORDS, _RIGHT = 40.0, 180.0, 425.0, 440.0, 615.0, 960.0
-_BAR: Final = 185.0
+_LEFT, _BARS, _NUMBERS, _MIDDLE, _WORDS, _RIGHT = 40.0, 204.0, 425.0, 440.0, 615.0, 960.0
+_BAR: Final = 160.0
 _ALONE: Final = 640.0
 """Pixels, side of the view where there is only one."""
 _ROW: Final = 20.0
@@ -175,7 +175,9 @@ def _draw_stages(page: _Page, stages: Sequence[Stage]) -> None:
         page.text(_LEFT, _cut(stage.name), "small", _ROW, tip=stage.name)
         page.bar(_BARS, _BARS + _BAR * stage.milliseconds / longest, "stage", stage.name)
         page.text(_NUMBERS, f"{stage.milliseconds:.2f} ms", "small right")
-        for number, line in enumerate(textwrap.wrap(counted(stage), _COUNTS)):
+        # A line is broken between counts only.
+        whole = counted(stage).replace(" ", "\N{NO-BREAK SPACE}").replace(",\N{NO-BREAK SPACE}", ", ")
+        for number, line in enumerate(textwrap.wrap(whole, _COUNTS)):
             page.text(_MIDDLE, line, "small", 16.0 if number else 0.0)
 
 
