@@ -169,6 +169,8 @@ class _Page:
 
 def _draw_stages(page: _Page, stages: Sequence[Stage]) -> None:
     page.section("What each stage took and counted")
+    if not stages:
+        page.text(_LEFT, "There was nothing to look up.", "small", 24.0)
     longest = max((stage.milliseconds for stage in stages), default=0.0) or 1.0
     page.y += 6.0
     for stage in stages:

@@ -3,6 +3,7 @@ import inspect
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
+from dataclasses import replace
 from types import ModuleType
 from typing import get_args
 
@@ -148,6 +149,7 @@ def test_the_query_is_laid_over_candidate_and_rival() -> None:
 
 def test_what_is_not_there_is_said() -> None:
     assert "Nothing." in texts(draw_explanation(explanation([])))
+    assert "There was nothing to look up." in texts(draw_explanation(replace(explanation([]), stages=())))
     kept = texts(draw_explanation(explanation(None, missing=True)))
     assert "What the levels found was not kept with this answer." in kept
     assert "The candidate's landmarks are no longer those that were searched." in kept
