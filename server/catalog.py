@@ -19,7 +19,7 @@ from server.locks import ReadersWriterLock
 from server.metrics import Metrics
 from server.store.collections import Collections
 from server.store.database import Database
-from server.store.submaps import Submaps
+from server.store.submaps import StoredFeatures, Submaps
 from server.store.tables import CollectionRow
 from urquhart import Recognizer
 
@@ -64,7 +64,9 @@ class _LiveIndex:
             submaps = Submaps(session, collection.key)
             self.recognizer.remove(submaps.deleted_since(self.revision))
             for batch in _in_batches(submaps.changed_since(self.revision, batch=_BATCH)):
-                self.recognizer.add((key, features_of(blob, xy, self.config)) for key, blob, xy in batch)
+                self.recognizer.add(
+                    (row.key, features_of(row.features, row.landmarks, row.attributes, self.config)) for row in batch
+                )
             self.revision = collection.revision
         return behind
 
@@ -146,8 +148,8 @@ class Catalog:
             return live
 
 
-def _in_batches(rows: Iterator[tuple[int, bytes, bytes]]) -> Iterator[list[tuple[int, bytes, bytes]]]:
-    batch: list[tuple[int, bytes, bytes]] = []
+def _in_batches(rows: Iterator[StoredFeatures]) -> Iterator[list[StoredFeatures]]:
+    batch: list[StoredFeatures] = []
     for row in rows:
         batch.append(row)
         if len(batch) == _BATCH:

@@ -6,7 +6,7 @@ import numpy as np
 
 import urquhart
 from server.errors import StorageUnavailable
-from server.store.codec import unpack_positions
+from server.store.codec import unpack_diameters, unpack_positions
 from server.store.tables import CollectionRow
 from urquhart import Config, ConfigError, Features, FeaturesError
 
@@ -23,9 +23,10 @@ def config_of(collection: CollectionRow) -> Config:
         ) from error
 
 
-def features_of(blob: bytes, landmarks: bytes, config: Config) -> Features:
+def features_of(blob: bytes, landmarks: bytes, attributes: bytes | None, config: Config) -> Features:
     """Features of a stored submap: unpacked, or described again when they are damaged or of another version.
 
+    `landmarks`, `attributes`: what they were made of, as stored.
     The second case is logged; `urquhart db check` finds the rows.
     """
     try:
@@ -36,4 +37,4 @@ def features_of(blob: bytes, landmarks: bytes, config: Config) -> Features:
     except FeaturesError as error:
         reason = str(error)
     _log.warning("stored features cannot be used (%s); describing the landmarks again", reason)
-    return urquhart.describe(np.array(unpack_positions(landmarks)), config)
+    return urquhart.describe(np.array(unpack_positions(landmarks)), config, unpack_diameters(attributes))

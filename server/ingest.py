@@ -85,7 +85,7 @@ def put(
     if known is not None and known.etag == prepared.etag:
         return Receipt("unchanged", known.etag, known.revision, known.counts)
     config = config_of(collection)
-    if known is None or known.landmarks_hash != prepared.landmarks_hash:
+    if not prepared.has_features(known):
         prepared.describe(config)
     with database.write() as session:
         collection = _same_collection(session, collection)
@@ -177,8 +177,7 @@ def _ingest_batch(database: Database, collection_id: str, batch: list[NamedSubma
     for submap in batch:
         try:
             prepared = Prepared(submap.id, submap, limits)
-            before = known.get(submap.id)
-            if before is None or before.landmarks_hash != prepared.landmarks_hash:
+            if not prepared.has_features(known.get(submap.id)):
                 prepared.describe(config)
         except DomainError as error:
             result.refused.append(Refusal(submap.id, error))

@@ -25,9 +25,14 @@ def queries(collection_id: str) -> str:
     return f"{collection(collection_id)}/queries"
 
 
-def query(collection_id: str, number: int) -> str:
+def query(collection_id: str, number: int | str) -> str:
     """Path of a stored query."""
     return f"{queries(collection_id)}/{number}"
+
+
+def explanation(collection_id: str, number: int | str) -> str:
+    """Path of the explanation of a stored query."""
+    return f"{query(collection_id, number)}/explanation"
 
 
 def match(collection_id: str, number: int, rank: int) -> str:

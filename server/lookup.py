@@ -8,24 +8,17 @@ from numpy.typing import NDArray
 
 import urquhart
 from server import links
+from server.answers import candidate_answers, finding_answers, gates_answer, rival_answers, stage_answers, strongest
 from server.catalog import Catalog, View
 from server.errors import InvalidField, NotFound, TooLarge
+from server.explanations import Explained
 from server.metrics import Metrics
-from server.poses import query_in_map, with_covariance
 from server.prepare import check_landmark_count, invalid_landmarks
-from server.schemas.queries import (
-    CandidateAnswer,
-    CandidateLinks,
-    Inlier,
-    QueryAnswer,
-    QueryInput,
-    QueryLinks,
-    StageAnswer,
-)
+from server.schemas.queries import QueryAnswer, QueryInput, QueryLinks
 from server.settings import Limits
-from server.store.codec import unpack_ids, unpack_positions
+from server.store.codec import unpack_diameters, unpack_ids, unpack_positions
 from server.store.database import Database
-from server.store.submaps import Submaps, stored_place
+from server.store.submaps import Submaps
 from server.store.tables import CollectionRow, SubmapRow
 from server.stored_queries import keep
 from server.threads import pin_threads
@@ -34,9 +27,13 @@ from urquhart import Candidate, LandmarkError, Recognition
 
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """What is asked with: landmarks (N, 2) float64, metres, query frame; `ids` None where they are the positions."""
+    """What is asked with: landmarks (N, 2) float64, metres, query frame; `ids` None where they are the positions.
+
+    `diameters`: (N,) float64, metres, NaN where one is not known; None where none is.
+    """
 
     xy: NDArray[np.float64]
+    diameters: NDArray[np.float64] | None
     ids: list[str] | None
     frame_id: str | None
     stamp: datetime | None
@@ -49,18 +46,24 @@ class Observation:
 class Look:
     """A query that was looked up: the answer, and what a drawing of it needs.
 
-    `submaps` are the landmarks of each candidate, (N, 2) float64, metres, submap frame, where they were read.
+    `submaps` are the landmarks of the candidates and the strongest rival, (N, 2) float64, metres, submap frame, by
+    submap id, where they were read.
     """
 
     asked: Observation
     collection: CollectionRow
     answer: QueryAnswer
     candidates: tuple[Candidate, ...]
-    submaps: tuple[NDArray[np.float64], ...]
+    submaps: dict[str, NDArray[np.float64]]
 
     def draw(self, rank: int, title: str) -> str:
         """SVG of the candidate at `rank`, from 1."""
-        return urquhart.draw_match(self.asked.xy, self.submaps[rank - 1], self.candidates[rank - 1], title=title)
+        xy = self.submaps[self.answer.candidates[rank - 1].submap_id]
+        return urquhart.draw_match(self.asked.xy, xy, self.candidates[rank - 1], title=title)
+
+    def explain(self, name: str) -> Explained:
+        """The explanation of the answer; `name` of the query, for people."""
+        return Explained(name, self.answer, self.asked.xy, self.submaps)
 
 
 def answer_query(
@@ -68,9 +71,10 @@ def answer_query(
 ) -> QueryAnswer:
     """Look a query up and keep the answer where that was asked for. Raises as `look_up`, and StorageError."""
     look = look_up(catalog, metrics, limits, collection_id, body)
-    if not body.store:
-        return look.answer
-    return keep(database, limits, look.collection, look.asked.xy, look.asked.ids, look.candidates, look.answer)
+    answer = look.answer
+    if body.store:
+        answer = keep(database, limits, look.collection, look.asked.xy, look.asked.ids, look.candidates, answer)
+    return answer if body.explain else answer.model_copy(update={"findings": None, "findings_total": None})
 
 
 def look_up(
@@ -82,7 +86,7 @@ def look_up(
     *,
     to_draw: bool = False,
 ) -> Look:
-    """Place an observation in a collection; with `to_draw`, read the candidates' landmarks too.
+    """Place an observation in a collection; with `to_draw`, read the landmarks of candidates and first rival too.
 
     Too few or collinear landmarks are an answer, not an error. Raises NotFound (the collection, or `submap_id`),
     InvalidLandmarks, InvalidField, TooLarge and StorageError.
@@ -94,7 +98,7 @@ def look_up(
         submaps = Submaps(view.session, view.collection.key)
         excluded = set(submaps.keys(body.exclude.submap_ids).values()) if body.exclude.submap_ids else set()
         if body.submap_id is None:
-            asked = Observation(body.positions(), body.landmark_ids(), body.frame_id, body.stamp)
+            asked = Observation(body.positions(), body.diameters(), body.landmark_ids(), body.frame_id, body.stamp)
         else:
             row = submaps.get_whole(body.submap_id)
             if row is None:
@@ -103,13 +107,20 @@ def look_up(
             asked = _stored_observation(row, body)
         rng = None if body.seed is None else np.random.default_rng(body.seed)
         try:
-            found = view.recognizer.recognize(asked.xy, limit=body.limit, method=body.method, exclude=excluded, rng=rng)
+            found = view.recognizer.recognize(
+                asked.xy,
+                diameters=asked.diameters,
+                limit=body.limit,
+                method=body.method,
+                exclude=excluded,
+                rng=rng,
+            )
         except LandmarkError as error:
             raise invalid_landmarks(error, body) from error
-        rows = submaps.by_keys([candidate.key for candidate in found.candidates], landmarks=to_draw)
+        keys = {candidate.key for candidate in found.candidates} | {rival.key for rival in found.rivals[:1]}
+        rows = submaps.by_keys(keys, landmarks=to_draw)
         answer = _answer(view, body, asked, found, rows)
-        drawn = found.candidates if to_draw else ()
-        landmarks = tuple(unpack_positions(rows[candidate.key].landmarks) for candidate in drawn)
+        landmarks = {row.id: unpack_positions(row.landmarks) for row in rows.values()} if to_draw else {}
     metrics.verdicts.labels(answer.verdict).inc()
     for stage in answer.stages:
         metrics.observe_stage(stage.name, stage.milliseconds)
@@ -127,16 +138,20 @@ def _check_sizes(body: QueryInput, limits: Limits) -> None:
 def _stored_observation(row: SubmapRow, body: QueryInput) -> Observation:
     xy = unpack_positions(row.landmarks)
     ids = None if row.landmark_ids is None else unpack_ids(row.landmark_ids, len(xy))
-    return Observation(xy, ids, body.frame_id or row.frame_id, body.stamp or row.stamp)
+    diameters = unpack_diameters(row.attributes)
+    return Observation(xy, diameters, ids, body.frame_id or row.frame_id, body.stamp or row.stamp)
 
 
 def _answer(
     view: View, body: QueryInput, asked: Observation, found: Recognition, rows: dict[int, SubmapRow]
 ) -> QueryAnswer:
-    names = asked.names()
+    collection_id, submaps = view.collection.id, Submaps(view.session, view.collection.key)
+    # What is kept is kept whole: a stored answer can always be explained.
+    findings = strongest(found.findings) if body.explain or body.store else None
+    ids = submaps.ids({known.key for known in (*found.rivals, *(findings or ()))})
     return QueryAnswer(
         id=None,
-        collection=view.collection.id,
+        collection=collection_id,
         verdict=found.verdict,
         reason=found.reason,
         frame_id=asked.frame_id,
@@ -145,43 +160,11 @@ def _answer(
         revision=view.revision,
         landmarks=len(asked.xy),
         margin=found.margin,
-        candidates=[
-            _candidate_answer(rank, view.collection.id, candidate, rows[candidate.key], names)
-            for rank, candidate in enumerate(found.candidates, start=1)
-        ],
-        stages=[StageAnswer(name=s.name, milliseconds=s.milliseconds, counts=s.counts) for s in found.stages],
-        links=QueryLinks(self=None, collection=links.collection(view.collection.id)),
-    )
-
-
-def _candidate_answer(
-    rank: int, collection_id: str, candidate: Candidate, row: SubmapRow, query_names: list[str]
-) -> CandidateAnswer:
-    submap_names = unpack_ids(row.landmark_ids, row.landmark_count)
-    place = stored_place(row)
-    return CandidateAnswer(
-        rank=rank,
-        submap_id=row.id,
-        session=row.session,
-        stamp=row.stamp,
-        frame_id=row.frame_id,
-        transform=with_covariance(candidate.transform, candidate.covariance),
-        map_pose=None if place is None else query_in_map(place, candidate.transform, candidate.covariance),
-        inliers=[
-            Inlier(query=query_names[q], submap=submap_names[s], residual=float(residual))
-            for q, s, residual in zip(
-                candidate.query_indices, candidate.submap_indices, candidate.residuals, strict=True
-            )
-        ],
-        inlier_count=len(candidate.query_indices),
-        inlier_ratio=candidate.inlier_ratio,
-        rms=candidate.rms,
-        overlap=candidate.overlap,
-        votes=candidate.votes,
-        level=candidate.level,
-        evidence=candidate.evidence,
-        log_odds=candidate.log_odds,
-        confidence=candidate.confidence,
-        refused=candidate.refused,
-        links=CandidateLinks(submap=links.submap(collection_id, row.id), match=None),
+        gates=gates_answer(view.recognizer.config),
+        candidates=candidate_answers(collection_id, found.candidates, rows, asked.names()),
+        rivals=rival_answers(collection_id, found.rivals, ids),
+        stages=stage_answers(found.stages),
+        findings=None if findings is None else finding_answers(findings, ids),
+        findings_total=None if findings is None else len(found.findings),
+        links=QueryLinks(self=None, collection=links.collection(collection_id), explanation=None),
     )

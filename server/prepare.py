@@ -12,7 +12,7 @@ from server.errors import InvalidLandmarks, TooLarge
 from server.schemas.common import MapPose
 from server.schemas.submaps import LandmarkBody, SubmapInput
 from server.settings import Limits
-from server.store.codec import digest, pack_json, pack_positions
+from server.store.codec import digest, pack_json, pack_positions, unpack_attributes
 from server.store.submaps import Identity, Place, SubmapRecord
 from urquhart import SE2, Config, Features, LandmarkError
 
@@ -30,7 +30,8 @@ class Prepared:
         self._place = place_from(body.map_pose, self._xy)
         self._landmarks = pack_positions(self._xy)
         self._ids = pack_json(body.landmark_ids())
-        self._attributes = pack_json(body.attributes())
+        self._known = body.attributes() or {}
+        self._attributes = pack_json(self._known or None)
         self._features: Features | None = None
         self.landmarks_hash = digest(self._landmarks)
         self.etag = content_etag(
@@ -48,14 +49,22 @@ class Prepared:
         """Features of the landmarks, made once. Raises InvalidLandmarks."""
         if self._features is None or self._features.fingerprint != config.fingerprint():
             try:
-                self._features = urquhart.describe(self._xy, config)
+                self._features = urquhart.describe(self._xy, config, self._body.diameters())
             except LandmarkError as error:
                 raise invalid_landmarks(error, self._body) from error
         return self._features
 
+    def has_features(self, known: Identity | None) -> bool:
+        """Whether what is there has the same positions and diameters, and with them the same features."""
+        return (
+            known is not None
+            and known.landmarks_hash == self.landmarks_hash
+            and unpack_attributes(known.attributes).get("dbh") == self._known.get("dbh")
+        )
+
     def record(self, known: Identity | None, config: Config) -> SubmapRecord:
         """What to store, given what is known to be there: features are made only for landmarks that are new."""
-        if known is not None and known.landmarks_hash == self.landmarks_hash:
+        if known is not None and self.has_features(known):
             counts, polygons, features = known.counts, known.polygon_count, None
         else:
             made = self.describe(config)

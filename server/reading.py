@@ -83,7 +83,7 @@ class Tessellated:
             if row is None:
                 raise NotFound("submap", submap_id)
             self._row = row
-        self._features = features_of(row.features, row.landmarks, config_of(self._collection))
+        self._features = features_of(row.features, row.landmarks, row.attributes, config_of(self._collection))
         self.etag = digest(row.etag.encode(), self._features.fingerprint.encode(), self._geo_etag())
 
     def to_answer(self) -> TessellationAnswer:

@@ -1,4 +1,4 @@
-"""Answers that were asked to be kept: written, read, and drawn."""
+"""Answers that were asked to be kept: written, read, drawn, and explained."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -7,10 +7,14 @@ from typing import Any
 import numpy as np
 import orjson
 from numpy.typing import NDArray
+from sqlalchemy.orm import Session
 
 import urquhart
 from server import links
+from server.answers import gates_answer
+from server.derive import config_of
 from server.errors import Gone, NotFound
+from server.explanations import Explained
 from server.registry import get_collection
 from server.schemas.queries import CandidateAnswer, CandidateLinks, MatchAnswer, QueryAnswer, QueryLinks
 from server.settings import Limits
@@ -47,7 +51,11 @@ def keep(
             )
             for shown in answer.candidates
         ]
-        own = QueryLinks(self=links.query(collection.id, number), collection=answer.links.collection)
+        own = QueryLinks(
+            self=links.query(collection.id, number),
+            collection=answer.links.collection,
+            explanation=links.explanation(collection.id, number),
+        )
         answer = answer.model_copy(update={"id": str(number), "candidates": candidates, "links": own})
         queries = Queries(session, collection.key)
         queries.add(
@@ -65,7 +73,7 @@ def stored_answer(database: Database, collection_id: str, query_id: str) -> byte
     """A stored answer as JSON. Raises NotFound, and Gone for one that is no longer kept."""
     with database.read() as session:
         collection = get_collection(session, collection_id)
-        return _stored(Queries(session, collection.key), collection.query_sequence, query_id).answer
+        return orjson.dumps(_answer_of(_stored(session, collection, query_id), collection))
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,8 +108,8 @@ def stored_match(database: Database, collection_id: str, query_id: str, rank: in
     """
     with database.read() as session:
         collection = get_collection(session, collection_id)
-        stored = _stored(Queries(session, collection.key), collection.query_sequence, query_id)
-        answer = QueryAnswer.model_validate(orjson.loads(stored.answer))
+        stored = _stored(session, collection, query_id)
+        answer = QueryAnswer.model_validate(_answer_of(stored, collection))
         if not 1 <= rank <= len(answer.candidates):
             raise NotFound(f"candidate of query {query_id!r} with rank", str(rank))
         candidate = _unpack(stored.candidates[rank - 1])
@@ -116,12 +124,38 @@ def stored_match(database: Database, collection_id: str, query_id: str, rank: in
         return Match(query_id, shown, query_xy, submap_xy, candidate)
 
 
-def _stored(queries: Queries, sequence: int, query_id: str) -> QueryRow:
+def stored_explanation(database: Database, collection_id: str, query_id: str) -> Explained:
+    """Why a stored answer is what it is. Raises NotFound, and Gone for a query that is no longer kept.
+
+    Submaps whose landmarks changed since are left out of it.
+    """
+    with database.read() as session:
+        collection = get_collection(session, collection_id)
+        stored = _stored(session, collection, query_id)
+        answer = QueryAnswer.model_validate(_answer_of(stored, collection))
+        submaps = Submaps(session, collection.key)
+        shown = {one.submap_id for one in answer.candidates[:1]} | {one.submap_id for one in answer.rivals[:1]}
+        rows = [row for row in map(submaps.get_whole, shown) if row is not None]
+        landmarks = {row.id: unpack_positions(row.landmarks) for row in rows if row.content_revision <= answer.revision}
+        return Explained(f"query {query_id}", answer, unpack_positions(stored.landmarks), landmarks)
+
+
+def _answer_of(stored: QueryRow, collection: CollectionRow) -> dict[str, Any]:
+    """The members of a stored answer; those that an older version did not write say that it did not keep them."""
+    members: dict[str, Any] = orjson.loads(stored.answer)
+    if "rivals" not in members:
+        members |= {"rivals": [], "findings": None, "findings_total": None}
+        members["gates"] = gates_answer(config_of(collection)).model_dump()
+        members["links"]["explanation"] = links.explanation(collection.id, stored.number)
+    return members
+
+
+def _stored(session: Session, collection: CollectionRow, query_id: str) -> QueryRow:
     number = int(query_id) if query_id.isascii() and query_id.isdigit() and len(query_id) <= 18 else 0
-    row = queries.get(number)
+    row = Queries(session, collection.key).get(number)
     if row is not None:
         return row
-    if 1 <= number <= sequence:
+    if 1 <= number <= collection.query_sequence:
         raise Gone(f"Query {query_id} was answered and stored, and is no longer kept; only the newest ones are.")
     raise NotFound("stored query", query_id)
 

@@ -24,7 +24,17 @@ METHOD = [
         "diameters",
     ),
     *("pairing", "verification", "index", "quad_index", "voting", "collection_index", "matching", "ransac", "sweep"),
-    *("proposing", "confidence", "ranking", "recognizer", "drawing", "simulation", "evaluation", "merging"),
+    *(
+        "proposing",
+        "confidence",
+        "ranking",
+        "recognizer",
+        "drawing",
+        "explaining",
+        "simulation",
+        "evaluation",
+        "merging",
+    ),
 ]
 """Modules of the method from the ground up: each may import only what stands before it."""
 

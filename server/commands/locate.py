@@ -11,12 +11,14 @@ from rich.table import Table
 
 from server.catalog import Catalog
 from server.commands.db import existing_database
+from server.commands.explanation import print_explanation
 from server.commands.failure import Failure
 from server.commands.serve import settings_with
 from server.lookup import look_up
 from server.metrics import Metrics
 from server.schemas.queries import QueryAnswer, QueryInput
 from server.stem_maps.reader import StemMap, read_stem_map
+from server.stem_maps.stands import landmarks_of
 from server.store.schema import upgrade
 
 
@@ -25,6 +27,12 @@ def locate(
     collection: Annotated[str, typer.Option(help="Collection to look in.")],
     svg: Annotated[
         Path | None, typer.Option(metavar="OUT", help="Write a drawing of the best candidate's match to this file.")
+    ] = None,
+    explain: Annotated[
+        bool, typer.Option("--explain", help="Tell what each stage took, and what each level found and why not more.")
+    ] = False,
+    explain_svg: Annotated[
+        Path | None, typer.Option(metavar="OUT", help="Write a drawing of the explanation to this file.")
     ] = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the whole answer as JSON, as the service gives it.")
@@ -38,8 +46,9 @@ def locate(
 ) -> None:
     """Say where an observation was made.
 
-    The observation is a CSV file of trees, x_m and y_m in metres in any frame of the observer's, and optionally a
-    tree_id. The exit code is 0 for every verdict: matched, ambiguous and no_match.
+    The observation is a CSV file of trees, x_m and y_m in metres in any frame of the observer's, and optionally
+    tree_id and dbh_cm: diameters count where the collection has them too. The exit code is 0 for every verdict:
+    matched, ambiguous and no_match.
     """
     observation = read_stem_map(file, allow_empty=True)
     settings = settings_with(database=database)
@@ -47,36 +56,41 @@ def locate(
     try:
         upgrade(store)
         catalog = Catalog(store, Metrics())
-        query = _query(observation, limit, seed, file)
-        look = look_up(catalog, Metrics(), settings.limits, collection, query, to_draw=svg is not None)
+        query = _query(observation, limit, seed, file, explain=explain or explain_svg is not None)
+        to_draw = svg is not None or explain_svg is not None
+        look = look_up(catalog, Metrics(), settings.limits, collection, query, to_draw=to_draw)
         answer = look.answer
         if svg is not None and answer.candidates:
             best = answer.candidates[0]
             title = f"{observation.name} on {best.submap_id}: {best.inlier_count} inliers"
             svg.write_text(look.draw(1, title), encoding="utf-8")
+        if explain_svg is not None:
+            explain_svg.write_text(look.explain(observation.name).to_svg(), encoding="utf-8")
     finally:
         store.dispose()
     if as_json:
         typer.echo(answer.model_dump_json(indent=2))
     else:
-        _print(answer)
+        console = Console()
+        _print(console, answer)
+        if explain:
+            print_explanation(console, answer)
+    if explain_svg is not None:
+        typer.echo(f"drawn: {explain_svg}", err=as_json)
     if svg is not None:
         drawn = f"drawn: {svg}" if answer.candidates else "nothing to draw: there is no candidate"
         typer.echo(drawn, err=as_json)
 
 
-def _query(observation: StemMap, limit: int, seed: int | None, file: Path) -> QueryInput:
+def _query(observation: StemMap, limit: int, seed: int | None, file: Path, *, explain: bool) -> QueryInput:
     try:
-        return QueryInput(
-            xy=[(x, y) for x, y in observation.xy.tolist()], ids=list(observation.ids), limit=limit, seed=seed
-        )
+        return QueryInput(landmarks=landmarks_of(observation), limit=limit, seed=seed, explain=explain)
     except ValidationError as error:
         first = error.errors()[0]
-        raise Failure(f"{file}: tree id {first['input']!r}: {first['msg'].removeprefix('Value error, ')}") from error
+        raise Failure(f"{file}: tree value {first['input']!r}: {first['msg'].removeprefix('Value error, ')}") from error
 
 
-def _print(answer: QueryAnswer) -> None:
-    console = Console()
+def _print(console: Console, answer: QueryAnswer) -> None:
     console.print(f"[bold]{answer.verdict}[/bold] ({answer.reason}), {answer.landmarks} trees", highlight=False)
     if answer.verdict == "matched":
         best = answer.candidates[0]
@@ -89,6 +103,16 @@ def _print(answer: QueryAnswer) -> None:
         console.print(
             f"inliers: {best.inlier_count} of {answer.landmarks} trees, rms {best.rms:.3f} m", highlight=False
         )
+    if answer.verdict == "ambiguous":
+        for rival in answer.rivals:
+            there = rival.transform
+            console.print(
+                f"rival in {rival.submap_id}: x {there.x:.3f} m, y {there.y:.3f} m, "
+                f"yaw {math.degrees(there.yaw):.2f} deg; evidence {rival.evidence:.1f}, {rival.inlier_count} inliers",
+                highlight=False,
+                markup=False,
+                soft_wrap=True,
+            )
     if not answer.candidates:
         return
     table = Table()

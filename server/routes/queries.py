@@ -8,7 +8,7 @@ from server import lookup, stored_queries
 from server.http.dependencies import Accept, CollectionId, JsonRoute, ServiceDep, json_response, problems
 from server.http.negotiation import JSON, SVG, choose
 from server.schemas import examples
-from server.schemas.queries import MatchAnswer, QueryAnswer, QueryInput
+from server.schemas.queries import ExplanationAnswer, MatchAnswer, QueryAnswer, QueryInput
 
 router = APIRouter(route_class=JsonRoute, tags=["queries"])
 _ALL = "/v1/collections/{collection}/queries"
@@ -20,6 +20,8 @@ _MATCH = {
     "query_landmarks": [[0.4, 2.9], [5.1, -1.7]],
     "submap_landmarks": [[1.2, 3.4], [4.9, -2.2]],
 }
+
+_SVG = {"schema": {"type": "string"}, "example": "<svg xmlns='http://www.w3.org/2000/svg'></svg>"}
 
 QueryId = Annotated[str, Path(description="`id` of the answer.", examples=["17"], alias="query", max_length=128)]
 
@@ -64,7 +66,7 @@ def get_query(collection: CollectionId, query: QueryId, service: ServiceDep) -> 
         200: {
             "content": {
                 JSON: {"example": _MATCH},
-                SVG: {"schema": {"type": "string"}, "example": "<svg xmlns='http://www.w3.org/2000/svg'></svg>"},
+                SVG: _SVG,
             }
         },
         **problems(404, 406, 410, 422, 503),
@@ -86,3 +88,25 @@ def get_match(
     if media_type == SVG:
         return Response(match.to_svg(), media_type=SVG, headers={"Vary": "Accept"})
     return json_response(match.to_answer(), headers={"Vary": "Accept"})
+
+
+@router.get(
+    f"{_PATH}/explanation",
+    operation_id="getExplanation",
+    summary="See why the answer is what it is",
+    response_model=ExplanationAnswer,
+    responses={
+        200: {"content": {JSON: {"example": examples.EXPLANATION}, SVG: _SVG}},
+        **problems(404, 406, 410, 422, 503),
+    },
+)
+def get_explanation(collection: CollectionId, query: QueryId, service: ServiceDep, accept: Accept = None) -> Response:
+    """What each stage took, and what each level found in each submap, against the gates; drawn as SVG, or as JSON.
+
+    The drawing lays the query over the best candidate, and over its strongest rival. 410 when it is no longer kept.
+    """
+    media_type = choose(accept, [SVG, JSON])
+    explained = stored_queries.stored_explanation(service.database, collection, query)
+    if media_type == SVG:
+        return Response(explained.to_svg(), media_type=SVG, headers={"Vary": "Accept"})
+    return json_response(explained.to_answer(), headers={"Vary": "Accept"})

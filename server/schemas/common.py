@@ -119,12 +119,17 @@ class MapPose(Body):
     )
 
 
-class PoseWithCovariance(Answer):
-    """A rigid transform or pose: metres, radians, counter-clockwise."""
+class Transform(Answer):
+    """A rigid transform: metres, radians, counter-clockwise."""
 
     x: float
     y: float
     yaw: float
+
+
+class PoseWithCovariance(Transform):
+    """A rigid transform or pose: metres, radians, counter-clockwise."""
+
     covariance: list[float] | None = Field(description="3x3 row-major over (x, y, yaw); null where it is not known.")
 
 

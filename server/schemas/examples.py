@@ -2,6 +2,8 @@
 
 from typing import Any
 
+from urquhart.explaining import REASONS
+
 _LINKS = {
     "self": "/v1/collections/plots/submaps/p7",
     "collection": "/v1/collections/plots",
@@ -55,6 +57,17 @@ TESSELLATION: dict[str, Any] = {
     "polygons": [{"vertices": [0, 1, 2], "triangles": [0], "descriptor": [1.2, 0.3]}],
 }
 
+_FINDING: dict[str, Any] = {
+    "level": "polygons",
+    "submap_id": "p7",
+    "votes": 212,
+    "inliers": 71,
+    "overlap": 80,
+    "evidence": 95.1,
+    "log_odds": 74.8,
+    "refused": None,
+}
+
 QUERY_ANSWER: dict[str, Any] = {
     "id": "17",
     "collection": "plots",
@@ -66,6 +79,7 @@ QUERY_ANSWER: dict[str, Any] = {
     "revision": 12,
     "landmarks": 88,
     "margin": 61.2,
+    "gates": {"log_odds": 6.9, "share": 0.4, "margin": 0.35},
     "candidates": [
         {
             "rank": 1,
@@ -100,6 +114,39 @@ QUERY_ANSWER: dict[str, Any] = {
             },
         }
     ],
-    "stages": [{"name": "features", "milliseconds": 0.8, "counts": {"triangles": 168, "polygons": 24}}],
-    "links": {"self": "/v1/collections/plots/queries/17", "collection": "/v1/collections/plots"},
+    "rivals": [],
+    "stages": [{"name": "describe", "milliseconds": 0.8, "counts": {"triangles": 168, "polygons": 24}}],
+    "findings": [_FINDING],
+    "findings_total": 1,
+    "links": {
+        "self": "/v1/collections/plots/queries/17",
+        "collection": "/v1/collections/plots",
+        "explanation": "/v1/collections/plots/queries/17/explanation",
+    },
+}
+
+EXPLANATION: dict[str, Any] = {
+    "query": "17",
+    "collection": "plots",
+    "verdict": "ambiguous",
+    "reason": "runner_up_too_close",
+    "margin": 2.4,
+    "gates": QUERY_ANSWER["gates"],
+    "stages": QUERY_ANSWER["stages"],
+    "findings": [_FINDING],
+    "findings_total": 1,
+    "rivals": [
+        {
+            "submap_id": "p7",
+            "transform": {"x": 4.19, "y": 1.27, "yaw": 1.94},
+            "evidence": 92.7,
+            "inlier_count": 70,
+            "links": {"submap": "/v1/collections/plots/submaps/p7"},
+        }
+    ],
+    "sentences": {"runner_up_too_close": REASONS["runner_up_too_close"]},
+    "links": {
+        "self": "/v1/collections/plots/queries/17/explanation",
+        "query": "/v1/collections/plots/queries/17",
+    },
 }

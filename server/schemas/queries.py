@@ -1,16 +1,35 @@
 """Bodies of the query routes."""
 
 from datetime import datetime
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from pydantic import ConfigDict, Field, PlainSerializer, model_validator
 from pydantic_core import PydanticCustomError
 
-from server.schemas.common import Answer, Body, Label, Point, PoseWithCovariance, ResourceId, Stamp, write_stamp
+from server.schemas.common import (
+    Answer,
+    Body,
+    Label,
+    Point,
+    PoseWithCovariance,
+    ResourceId,
+    Stamp,
+    Transform,
+    write_stamp,
+)
 from server.schemas.submaps import LandmarkBody
+from urquhart import Method, Verdict
+from urquhart.explaining import REASONS
+from urquhart.proposing import Level
 
 _Written = Annotated[datetime, PlainSerializer(write_stamp, return_type=str, when_used="json")]
+_REASON = (
+    "Why this verdict, as a stable word. " + "; ".join(f"`{word}`: {text}" for word, text in REASONS.items()) + "."
+)
+FINDINGS = 64
+"""Most findings in an answer: the default configuration makes no more."""
 _XY: Any = [[0.4, 2.9], [5.1, -1.7], [-2.6, 1.3], [1.8, -6.0], [-6.2, -3.8], [7.0, 5.9]]
+_DBH: Any = [0.31, 0.22, 0.45, 0.28, 0.19, 0.37]
 
 
 class Exclude(Body):
@@ -28,6 +47,10 @@ class QueryInput(LandmarkBody):
         json_schema_extra={
             "examples": [
                 {"xy": _XY, "limit": 5},
+                {
+                    "landmarks": [{"x": x, "y": y, "dbh": d} for (x, y), d in zip(_XY, _DBH, strict=True)],
+                    "explain": True,
+                },
                 {"submap_id": "p7", "exclude": {"submap_ids": ["p6", "p8"]}, "store": True, "seed": 1},
             ]
         }
@@ -37,12 +60,15 @@ class QueryInput(LandmarkBody):
         None, description="Ask with a stored submap's landmarks; it is left out of the search."
     )
     limit: Annotated[int, Field(ge=1, strict=True)] = Field(5, description="Most candidates to return.")
-    method: Literal["robust", "paper"] = Field("robust", description="`paper` keeps to the published method.")
+    method: Method = Field("robust", description="`paper` keeps to the published method.")
     seed: Annotated[int, Field(ge=0, le=2**63 - 1, strict=True)] | None = Field(
         None, description="Same seed, revision and body: same answer."
     )
     store: Annotated[bool, Field(strict=True)] = Field(
         False, description="Keep the answer, to be read and drawn later."
+    )
+    explain: Annotated[bool, Field(strict=True)] = Field(
+        False, description="Answer what each level found in each submap, too."
     )
     frame_id: Label | None = Field(None, description="Name of the frame that the landmarks are in.")
     stamp: Stamp | None = Field(None, description="When it was observed: RFC 3339 with an offset.")
@@ -95,14 +121,49 @@ class CandidateAnswer(Answer):
     rms: float = Field(description="Of the inliers' residuals, metres.")
     overlap: float = Field(description="Share of the query's landmarks inside the overlap.")
     votes: int = Field(description="Features that voted for the submap.")
-    level: Literal["polygons", "quads", "sweep", "paper", "given"] = Field(
-        description="Which features proposed the transform."
-    )
+    level: Level = Field(description="Which features proposed the transform.")
     evidence: float = Field(description="Log-likelihood ratio over all landmarks, same place against chance.")
     log_odds: float = Field(description="Evidence less the natural log of how many poses there were to choose from.")
     confidence: float = Field(ge=0, le=1)
     refused: str | None = Field(description="Why this candidate alone is not accepted; null when it is.")
     links: CandidateLinks
+
+
+class RivalLinks(Answer):
+    """Where to go from a rival."""
+
+    submap: str
+
+
+class RivalAnswer(Answer):
+    """Another pose that explains the data about as well as the first candidate's."""
+
+    submap_id: str = Field(description="Often the candidate's own: the next row of a plantation, say.")
+    transform: Transform = Field(description="submap_T_query.")
+    evidence: float = Field(description="As a candidate's.")
+    inlier_count: int
+    links: RivalLinks
+
+
+class FindingAnswer(Answer):
+    """What one level found in one submap, before rivals were looked for."""
+
+    level: Level = Field(description="Which features proposed the pose.")
+    submap_id: str
+    votes: int = Field(description="Features that voted for the submap.")
+    inliers: int
+    overlap: int = Field(description="Landmarks that could have been inliers, of the side with more of them.")
+    evidence: float = Field(description="As a candidate's.")
+    log_odds: float = Field(description="As a candidate's.")
+    refused: str | None = Field(description="Why this alone is not accepted; null where only a rival could refuse it.")
+
+
+class Gates(Answer):
+    """What a pose must pass to be `matched`, of the collection's configuration."""
+
+    log_odds: float = Field(description="Least log-odds, and least lead over the best other pose.")
+    share: float = Field(description="Least evidence for each landmark of the overlap.")
+    margin: float = Field(description="Share of the evidence that is taken off the lead before it is compared.")
 
 
 class StageAnswer(Answer):
@@ -118,6 +179,7 @@ class QueryLinks(Answer):
 
     self: str | None
     collection: str
+    explanation: str | None = Field(description="Why the answer is what it is; null when the query is not stored.")
 
 
 class QueryAnswer(Answer):
@@ -125,18 +187,28 @@ class QueryAnswer(Answer):
 
     id: str | None = Field(description="Of the stored query; null when it was not stored.")
     collection: str
-    verdict: Literal["matched", "ambiguous", "no_match"]
-    reason: str = Field(description="Why this verdict, as a stable word.")
+    verdict: Verdict
+    reason: str = Field(description=_REASON)
     frame_id: str | None = Field(description="Of the query.")
     stamp: _Written | None
-    method: Literal["robust", "paper"]
+    method: Method
     revision: int = Field(description="Of the collection that was searched.")
     landmarks: int = Field(description="How many the query has.")
     margin: float | None = Field(
         description="Evidence of the best pose over the best distinct one; null where it was too weak to compare."
     )
+    gates: Gates
     candidates: list[CandidateAnswer] = Field(description="Best first.")
+    rivals: list[RivalAnswer] = Field(
+        description="Other poses that explain the data about as well as the first candidate's, the strongest first."
+    )
     stages: list[StageAnswer]
+    findings: list[FindingAnswer] | None = Field(
+        description="By level, the best first; null unless asked with `explain`. Stored answers keep them."
+    )
+    findings_total: int | None = Field(
+        description=f"How many there were: the {FINDINGS} with the best log-odds are answered."
+    )
     links: QueryLinks
 
 
@@ -147,3 +219,29 @@ class MatchAnswer(Answer):
     candidate: CandidateAnswer
     query_landmarks: list[Point] = Field(description="Metres, query frame.")
     submap_landmarks: list[Point] = Field(description="Metres, submap frame.")
+
+
+class ExplanationLinks(Answer):
+    """Where to go from an explanation."""
+
+    self: str
+    query: str
+
+
+class ExplanationAnswer(Answer):
+    """Why a stored answer is what it is."""
+
+    query: str
+    collection: str
+    verdict: Verdict
+    reason: str = Field(description=_REASON)
+    margin: float | None = Field(description="As in the answer.")
+    gates: Gates
+    stages: list[StageAnswer]
+    findings: list[FindingAnswer] | None = Field(
+        description="By level, the best first; null for an answer stored by a version that kept none."
+    )
+    findings_total: int | None = Field(description="How many there were.")
+    rivals: list[RivalAnswer] = Field(description="The strongest first.")
+    sentences: dict[str, str] = Field(description="What each reason in this explanation means.")
+    links: ExplanationLinks

@@ -21,7 +21,10 @@ class Landmark(Body):
     id: Label | None = Field(None, description="Unique in the submap; its position in the list when left out.")
     x: Number = Field(description="Metres in the submap's frame.")
     y: Number = Field(description="Metres in the submap's frame.")
-    dbh: Annotated[Number, Field(gt=0)] | None = Field(None, description="Diameter at breast height, metres.")
+    dbh: Annotated[Number, Field(gt=0, le=20)] | None = Field(
+        None,
+        description="Diameter at breast height, metres. Evidence where both sides have it; never a condition.",
+    )
     height: Annotated[Number, Field(gt=0)] | None = Field(None, description="Metres.")
     species: Label | None = Field(None, description="Any name or code.")
 
@@ -82,6 +85,11 @@ class LandmarkBody(Body):
         """(N, 2) float64, metres, as posted."""
         points = self.xy if self.xy is not None else [(tree.x, tree.y) for tree in self.landmarks or []]
         return np.asarray(points, dtype=np.float64).reshape(-1, 2)
+
+    def diameters(self) -> NDArray[np.float64] | None:
+        """Stem diameters (N,) float64, metres, NaN where one is not known; None when none is."""
+        known = [tree.dbh for tree in self.landmarks or []]
+        return np.array(known, dtype=np.float64) if any(dbh is not None for dbh in known) else None
 
     def landmark_ids(self) -> list[str] | None:
         """Ids by position; None when all are the default, their position."""

@@ -116,14 +116,22 @@ def _landmarks(stem_map: StemMap, disc: Disc) -> dict[str, Any]:
     ids = [stem_map.ids[tree] for tree in trees]
     if stem_map.dbh_cm is None and stem_map.height_m is None and stem_map.species is None:
         return {"xy": [tuple(point) for point in disc.xy.tolist()], "ids": ids}
-    landmarks = []
-    for tree, tree_id, (x, y) in zip(trees, ids, disc.xy.tolist(), strict=True):
-        known: dict[str, Any] = {}
-        if stem_map.dbh_cm is not None and np.isfinite(stem_map.dbh_cm[tree]):
-            known["dbh"] = float(stem_map.dbh_cm[tree]) / 100.0  # the API is in metres
-        if stem_map.height_m is not None and np.isfinite(stem_map.height_m[tree]):
-            known["height"] = float(stem_map.height_m[tree])
-        if stem_map.species is not None and stem_map.species[tree]:
-            known["species"] = stem_map.species[tree]
-        landmarks.append(Landmark(id=tree_id, x=x, y=y, **known))
-    return {"landmarks": landmarks}
+    return {
+        "landmarks": [_landmark(stem_map, tree, x, y) for tree, (x, y) in zip(trees, disc.xy.tolist(), strict=True)]
+    }
+
+
+def landmarks_of(stem_map: StemMap) -> list[Landmark]:
+    """All trees of a stem map, with what is known of them. Raises pydantic's ValidationError."""
+    return [_landmark(stem_map, tree, x, y) for tree, (x, y) in enumerate(stem_map.xy.tolist())]
+
+
+def _landmark(stem_map: StemMap, tree: int, x: float, y: float) -> Landmark:
+    known: dict[str, Any] = {}
+    if stem_map.dbh_cm is not None and np.isfinite(stem_map.dbh_cm[tree]):
+        known["dbh"] = float(stem_map.dbh_cm[tree]) / 100.0  # the API is in metres
+    if stem_map.height_m is not None and np.isfinite(stem_map.height_m[tree]):
+        known["height"] = float(stem_map.height_m[tree])
+    if stem_map.species is not None and stem_map.species[tree]:
+        known["species"] = stem_map.species[tree]
+    return Landmark(id=stem_map.ids[tree], x=x, y=y, **known)

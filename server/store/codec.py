@@ -1,11 +1,14 @@
 """How landmarks lie in their columns: positions as float64, ids and attributes as JSON, left out when default."""
 
 import hashlib
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import orjson
 from numpy.typing import NDArray
+
+_STEMS: Final = (1e-4, 1e4)
+"""Metres. Stems beyond, which an older version let in, count as not known: float32 may not hold them."""
 
 
 def pack_positions(xy: NDArray[np.float64]) -> bytes:
@@ -33,6 +36,15 @@ def unpack_ids(blob: bytes | None, count: int) -> list[str]:
 def unpack_attributes(blob: bytes | None) -> dict[str, list[Any]]:
     """Attribute lists by position, by name."""
     return {} if blob is None else dict(orjson.loads(blob))
+
+
+def unpack_diameters(blob: bytes | None) -> NDArray[np.float64] | None:
+    """Stem diameters (N,) float64, metres, of packed attributes, NaN where one is not known; None where none is."""
+    known = unpack_attributes(blob).get("dbh")
+    if known is None:
+        return None
+    diameters = np.array(known, dtype=np.float64)  # null becomes NaN
+    return np.where((diameters > _STEMS[0]) & (diameters < _STEMS[1]), diameters, np.nan)
 
 
 def digest(*parts: bytes | None) -> str:

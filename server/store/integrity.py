@@ -9,7 +9,7 @@ from sqlalchemy.orm import Session
 
 import urquhart
 from server.store import schema
-from server.store.codec import digest, unpack_attributes, unpack_ids, unpack_positions
+from server.store.codec import digest, unpack_attributes, unpack_diameters, unpack_ids, unpack_positions
 from server.store.database import Database
 from server.store.tables import CollectionRow, DeletionRow, QueryRow, SubmapRow
 from urquhart import Config, ConfigError, Features, FeaturesError, LandmarkError
@@ -28,8 +28,8 @@ class Finding:
 def findings(database: Database) -> Iterator[Finding]:
     """All that does not agree, in one snapshot: file, schema, counts, revisions, features. Nothing is changed.
 
-    Features are unpacked and compared with those made anew of the stored landmarks. Raises StorageError when the file
-    cannot be read at all, DatabaseTooNew, NotADatabase.
+    Features are unpacked and compared with those made anew of the stored landmarks and diameters. Raises StorageError
+    when the file cannot be read at all, DatabaseTooNew, NotADatabase.
     """
     revision, expected = schema.current_revision(database), schema.expected_revision()
     if revision != expected:
@@ -89,7 +89,8 @@ def _collection(session: Session, collection: CollectionRow) -> Iterator[Finding
         lists = [unpack_ids(row.landmark_ids, row.landmark_count), *unpack_attributes(row.attributes).values()]
         if any(len(values) != row.landmark_count for values in lists):
             yield Finding(where, "ids or attributes are not as many as the landmarks")
-        for what in _features(row.features, row.landmarks, row.counts, row.polygon_count, config):
+            continue
+        for what in _features(row.features, row.landmarks, row.attributes, row.counts, row.polygon_count, config):
             yield Finding(where, what)
 
 
@@ -122,14 +123,16 @@ def _totals(session: Session, collection: CollectionRow) -> Iterator[Finding]:
         )
 
 
-def _features(blob: bytes, landmarks: bytes, counts: dict[str, int], polygons: int, config: Config) -> Iterator[str]:
+def _features(
+    blob: bytes, landmarks: bytes, attributes: bytes | None, counts: dict[str, int], polygons: int, config: Config
+) -> Iterator[str]:
     try:
         stored = Features.unpack(blob)
     except FeaturesError as error:
         yield f"the features cannot be unpacked: {error}"
         return
     try:
-        made = urquhart.describe(np.array(unpack_positions(landmarks)), config)
+        made = urquhart.describe(np.array(unpack_positions(landmarks)), config, unpack_diameters(attributes))
     except LandmarkError as error:
         yield f"the landmarks cannot be described: {error}"
         return
@@ -141,6 +144,7 @@ def _features(blob: bytes, landmarks: bytes, counts: dict[str, int], polygons: i
     same = (
         np.array_equal(stored.landmarks, made.landmarks)
         and np.array_equal(stored.origin, made.origin)
+        and np.array_equal(stored.diameters, made.diameters, equal_nan=True)
         and np.array_equal(stored.tessellation.triangles, made.tessellation.triangles)
         and stored.descriptors.shape == made.descriptors.shape
         and np.allclose(stored.descriptors, made.descriptors, rtol=1e-4, atol=1e-4)

@@ -42,7 +42,7 @@ _NO_PLACE: dict[str, Any] = dict.fromkeys(Place.__slots__)
 class SubmapRecord:
     """A submap as it is to be stored; the blobs are little-endian float64 (N, 2), JSON, JSON and packed features.
 
-    `features` is None where the landmarks, and with them the features, are those that are stored already.
+    `features` is None where landmarks and diameters, and with them the features, are those that are stored already.
     """
 
     id: str
@@ -78,6 +78,17 @@ class Identity:
     polygon_count: int
     revision: int
     counts: dict[str, int]
+    attributes: bytes | None
+
+
+@dataclass(frozen=True, slots=True)
+class StoredFeatures:
+    """A submap's packed features, with the landmarks and attributes that they were made of."""
+
+    key: int
+    features: bytes
+    landmarks: bytes
+    attributes: bytes | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +125,7 @@ class Submaps:
             SubmapRow.polygon_count,
             SubmapRow.revision,
             SubmapRow.counts,
+            SubmapRow.attributes,
         )
         found: dict[str, Identity] = {}
         for some in _batches(list(ids)):
@@ -129,6 +141,16 @@ class Submaps:
                 SubmapRow.collection_key == self._collection_key, SubmapRow.id.in_(some)
             )
             found.update({row.id: row.key for row in self._session.execute(query)})
+        return found
+
+    def ids(self, keys: Collection[int]) -> dict[int, str]:
+        """Ids of submaps by key."""
+        found: dict[int, str] = {}
+        for some in _batches(list(keys)):
+            query = select(SubmapRow.key, SubmapRow.id).where(
+                SubmapRow.collection_key == self._collection_key, SubmapRow.key.in_(some)
+            )
+            found.update({row.key: row.id for row in self._session.execute(query)})
         return found
 
     def by_keys(self, keys: Collection[int], *, landmarks: bool) -> dict[int, SubmapRow]:
@@ -201,15 +223,15 @@ class Submaps:
             query = query.where(SubmapRow.stamp <= chosen.until)
         return self._session.scalars(query.options(*_LANDMARKS) if landmarks else query).all()
 
-    def changed_since(self, revision: int, *, batch: int) -> Iterator[tuple[int, bytes, bytes]]:
-        """Key, features and landmarks of the submaps whose landmarks changed after a revision, streamed."""
+    def changed_since(self, revision: int, *, batch: int) -> Iterator[StoredFeatures]:
+        """Features of the submaps whose landmarks changed after a revision, streamed."""
         query = (
-            select(SubmapRow.key, SubmapRow.features, SubmapRow.landmarks)
+            select(SubmapRow.key, SubmapRow.features, SubmapRow.landmarks, SubmapRow.attributes)
             .where(SubmapRow.collection_key == self._collection_key, SubmapRow.content_revision > revision)
             .execution_options(yield_per=batch)
         )
         for row in self._session.execute(query):
-            yield row.key, row.features, row.landmarks
+            yield StoredFeatures(*row)
 
     def deleted_since(self, revision: int) -> list[int]:
         """Keys of the submaps that were deleted after a revision."""

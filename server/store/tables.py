@@ -76,7 +76,7 @@ class SubmapRow(Table):
     """Landmarks in one rigid frame, with the features made of them.
 
     `revision` is the collection's at the last write of any kind, `content_revision` at the last one that
-    changed landmark positions: only those concern the live index.
+    changed landmark positions or diameters: only those concern the live index.
     """
 
     __tablename__ = "submaps"

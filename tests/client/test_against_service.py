@@ -44,7 +44,7 @@ def test_queries_can_be_kept_and_drawn(client: Client) -> None:
     ids = [f"t{i}" for i in range(len(TREES))]
     client.put_submap("plots", "p7", xy=TREES, ids=ids, map_pose=MapPose(frame_id="map", x=100.0, y=50.0, yaw=0.0))
     stamp = datetime(2026, 5, 4, 9, 30, tzinfo=UTC)
-    kept = client.query("plots", SEEN.xy, store=True, seed=3, frame_id="base", stamp=stamp)
+    kept = client.query("plots", SEEN.xy, store=True, explain=True, seed=3, frame_id="base", stamp=stamp)
     assert kept.id is not None
     assert (kept.frame_id, kept.stamp) == ("base", stamp)
     assert kept.best is not None
@@ -57,6 +57,43 @@ def test_queries_can_be_kept_and_drawn(client: Client) -> None:
     with pytest.raises(ProblemError) as caught:
         client.match_svg("plots", kept.id, 99)
     assert caught.value.status == 404
+
+
+def test_answers_can_be_explained(client: Client) -> None:
+    client.put_collection("plots")
+    stems = np.random.default_rng(9).lognormal(-1.4, 0.4, len(TREES))
+    client.put_submap("plots", "p7", xy=TREES, dbh=stems)
+    plain = client.query("plots", SEEN.xy)
+    assert (plain.findings, plain.rivals) == (None, ())
+    measured = [float(stems[tree]) if i else None for i, tree in enumerate(SEEN.trees)]
+    result = client.query("plots", SEEN.xy, dbh=measured, store=True, explain=True)
+    assert result.best is not None
+    assert plain.best is not None
+    assert (result.best.evidence or 0.0) > (plain.best.evidence or 0.0) + 5.0
+    assert result.gates is not None
+    assert result.findings
+    assert result.findings[0].log_odds > result.gates.log_odds
+    assert result.id is not None
+    told = client.explanation("plots", result.id)
+    assert (told.verdict, told.findings, told.rivals) == (result.verdict, result.findings, result.rivals)
+    assert told.sentences[told.reason]
+    assert ElementTree.fromstring(client.explanation_svg("plots", result.id)).tag.endswith("svg")
+    with pytest.raises(ProblemError) as caught:
+        client.explanation("plots", "99")
+    assert caught.value.status == 404
+
+
+def test_rivals_of_a_row_of_trees(client: Client) -> None:
+    rows = np.array([[2.5 * i, 2.5 * j] for i in range(9) for j in range(9)])
+    rows += np.random.default_rng(1).normal(0.0, 0.05, rows.shape)
+    client.put_collection("plots")
+    client.put_submap("plots", "rows", xy=rows)
+    result = client.query("plots", rows[[i for i in range(81) if i % 9 not in (0, 8)]])
+    assert (result.verdict, result.best) == ("ambiguous", None)
+    rival = result.rivals[0]
+    assert (rival.submap_id, rival.transform.covariance) == ("rows", None)
+    assert rival.evidence > 0.0
+    assert rival.inlier_count > 10
 
 
 def test_verdicts_without_a_pose(client: Client) -> None:

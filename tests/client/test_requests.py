@@ -39,6 +39,26 @@ def test_query_sends_what_is_asked_for_and_nothing_else() -> None:
     }
 
 
+def test_diameters_make_landmarks_of_points() -> None:
+    fake = service(RESULT)
+    client(fake).query("plots", [[1, 2], [3, 4]], dbh=[0.31, None], explain=True)
+    assert fake.body == {
+        "landmarks": [{"x": 1.0, "y": 2.0, "dbh": 0.31}, {"x": 3.0, "y": 4.0}],
+        "limit": 5,
+        "explain": True,
+    }
+    fake = service(RECEIPT, 201)
+    client(fake).put_submap("plots", "p7", xy=np.eye(2), ids=["a", "b"], dbh=np.array([np.nan, 0.2]))
+    assert fake.body == {"landmarks": [{"id": "a", "x": 1.0, "y": 0.0}, {"id": "b", "x": 0.0, "y": 1.0, "dbh": 0.2}]}
+    for wrong in ({"xy": [[1, 2]], "dbh": []}, {"xy": [[1, 2]], "ids": ["a", "b"], "dbh": [0.1]}):
+        with pytest.raises(ValueError, match="as many"):
+            client(fake).put_submap("plots", "p7", **wrong)
+    with pytest.raises(ValueError, match="carry their own"):
+        client(fake).query("plots", landmarks=[{"x": 1, "y": 2}], dbh=[0.3])
+    with pytest.raises(ValueError, match="not both"):
+        client(fake).query("plots", submap_id="p7", dbh=[0.3])
+
+
 def test_best_is_nothing_unless_matched() -> None:
     for verdict in ("ambiguous", "no_match"):
         assert QueryResult.model_validate(RESULT | {"verdict": verdict}).best is None
@@ -127,6 +147,9 @@ def test_every_resource_has_its_request() -> None:
     assert fake.last.headers["accept"] == "image/svg+xml"
     assert client(fake).match_svg("plots", "17", rank=2) == "<svg/>"
     assert sent(fake) == ("GET", "/v1/collections/plots/queries/17/candidates/2/match")
+    assert client(fake).explanation_svg("plots", "17") == "<svg/>"
+    assert sent(fake) == ("GET", "/v1/collections/plots/queries/17/explanation")
+    assert fake.last.headers["accept"] == "image/svg+xml"
     assert client(fake).metrics() == "<svg/>"
 
 

@@ -25,7 +25,7 @@ ROUTES = [
 NAMES = [
     "xy", "ids", "landmarks", "id", "x", "y", "yaw", "dbh", "species", "frame_id", "stamp", "session", "map_pose",
     "covariance", "properties", "submap_id", "limit", "method", "seed", "store", "exclude", "submap_ids", "title",
-    "config", "crs", "origin", "gate",
+    "config", "crs", "origin", "gate", "explain",
 ]  # fmt: skip
 scalars = (
     st.none()

@@ -16,7 +16,7 @@ from server.schemas.submaps import NamedSubmap, SubmapInput
 from server.settings import Limits
 from server.store.database import Database
 from server.store.integrity import findings
-from server.store.submaps import Submaps
+from server.store.submaps import StoredFeatures, Submaps
 from tests.server.world import forest, points
 
 LIMITS = Limits()
@@ -97,9 +97,9 @@ def test_only_landmarks_concern_the_index(pair: tuple[Process, Process], monkeyp
     streamed: list[int] = []
     changed_since = Submaps.changed_since
 
-    def watched(self: Submaps, revision: int, *, batch: int) -> Iterator[tuple[int, bytes, bytes]]:
+    def watched(self: Submaps, revision: int, *, batch: int) -> Iterator[StoredFeatures]:
         for row in changed_since(self, revision, batch=batch):
-            streamed.append(row[0])
+            streamed.append(row.key)
             yield row
 
     monkeypatch.setattr(Submaps, "changed_since", watched)

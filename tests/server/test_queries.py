@@ -117,7 +117,7 @@ def test_limit_exclude_and_seed(client: httpx.Client) -> None:
 def test_a_stored_answer_is_read_and_drawn(client: httpx.Client) -> None:
     put_submap(client, "plots", "p", 1).raise_for_status()
     seen, _ = observed(forest(1), 2)
-    response = client.post(QUERIES, json={"xy": seen, "store": True})
+    response = client.post(QUERIES, json={"xy": seen, "store": True, "explain": True})
     answer = response.json()
     assert answer["id"] == "1"
     assert response.headers["Location"] == answer["links"]["self"] == f"{QUERIES}/1"

@@ -35,6 +35,7 @@ OPERATIONS = {
     "query": "post /v1/collections/{collection}/queries",
     "getQuery": "get /v1/collections/{collection}/queries/{query}",
     "getMatch": "get /v1/collections/{collection}/queries/{query}/candidates/{rank}/match",
+    "getExplanation": "get /v1/collections/{collection}/queries/{query}/explanation",
 }
 
 

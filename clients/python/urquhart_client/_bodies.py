@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import datetime
 from enum import Enum
+from math import isnan
 from typing import Any, Final
 
 from pydantic import BaseModel
@@ -20,22 +21,42 @@ UNSET: Final = Unset.UNSET
 
 Points = Iterable[Sequence[float]]
 Landmarks = Iterable[Landmark | Mapping[str, Any]]
+Diameters = Iterable[float | None]
 Pose = MapPose | Mapping[str, Any]
 
 
-def landmarks(xy: Points | None, ids: Iterable[str] | None, listed: Landmarks | None) -> dict[str, Any]:
-    """The landmarks of a submap or query: coordinates with or without ids, or landmarks as a list. Exactly one way."""
+def landmarks(
+    xy: Points | None, ids: Iterable[str] | None, dbh: Diameters | None, listed: Landmarks | None
+) -> dict[str, Any]:
+    """The landmarks of a submap or query: coordinates with or without ids and diameters, or landmarks as a list.
+
+    Exactly one way. A diameter that is None or NaN is not known.
+    """
     if (xy is None) == (listed is None):
         raise ValueError("give the landmarks either as xy (with ids, if they have any) or as landmarks")
     if listed is not None:
-        if ids is not None:
-            raise ValueError("landmarks carry their own ids: leave ids out")
+        if ids is not None or dbh is not None:
+            raise ValueError("landmarks carry their own ids and dbh: leave ids and dbh out")
         return {"landmarks": [_plain(landmark) for landmark in listed]}
     assert xy is not None
     body: dict[str, Any] = {"xy": [[float(x), float(y)] for x, y in xy]}
     if ids is not None:
         body["ids"] = [str(one) for one in ids]
-    return body
+    return body if dbh is None else _measured(body, list(dbh))
+
+
+def _measured(body: Mapping[str, Any], dbh: Sequence[float | None]) -> dict[str, Any]:
+    """The same landmarks one by one, with their diameters."""
+    xy, ids = body["xy"], body.get("ids")
+    if len(dbh) != len(xy) or (ids is not None and len(ids) != len(xy)):
+        raise ValueError(f"{len(xy)} points need as many ids and dbh, None where one is not known")
+    listed = []
+    for i, ((x, y), diameter) in enumerate(zip(xy, dbh, strict=True)):
+        landmark: dict[str, Any] = {"x": x, "y": y} if ids is None else {"id": ids[i], "x": x, "y": y}
+        if diameter is not None and not isnan(diameter):
+            landmark["dbh"] = float(diameter)
+        listed.append(landmark)
+    return {"landmarks": listed}
 
 
 def submap_body(

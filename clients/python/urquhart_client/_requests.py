@@ -17,6 +17,7 @@ from urquhart_client._bodies import given, rfc3339
 from urquhart_client._exchange import Request, document, model, nothing, page, text
 from urquhart_client.models import (
     Collection,
+    Explanation,
     Limits,
     Method,
     Page,
@@ -170,6 +171,7 @@ def post_query(
     method: Method | None,
     seed: int | None,
     store: bool,
+    explain: bool,
     frame_id: str | None,
     stamp: datetime | str | None,
     exclude: Mapping[str, Any] | None,
@@ -180,6 +182,7 @@ def post_query(
         method=method,
         seed=seed,
         store=store or None,
+        explain=explain or None,
         frame_id=frame_id,
         stamp=rfc3339(stamp),
         exclude=None if exclude is None else dict(exclude),
@@ -195,6 +198,18 @@ def get_query(collection: str, query_id: str) -> Request[QueryResult]:
 def get_match_svg(collection: str, query_id: str, rank: int) -> Request[str]:
     """A stored answer's candidate, drawn."""
     path = f"{_collection(collection)}/queries/{_segment(query_id, 'query')}/candidates/{rank}/match"
+    return Request("GET", path, text, headers={"Accept": SVG})
+
+
+def get_explanation(collection: str, query_id: str) -> Request[Explanation]:
+    """Why a stored answer is what it is, as data."""
+    path = f"{_collection(collection)}/queries/{_segment(query_id, 'query')}/explanation"
+    return Request("GET", path, model(Explanation), headers={"Accept": JSON})
+
+
+def get_explanation_svg(collection: str, query_id: str) -> Request[str]:
+    """Why a stored answer is what it is, drawn."""
+    path = f"{_collection(collection)}/queries/{_segment(query_id, 'query')}/explanation"
     return Request("GET", path, text, headers={"Accept": SVG})
 
 

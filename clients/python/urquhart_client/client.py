@@ -9,10 +9,20 @@ import httpx
 from pydantic import BaseModel
 
 from urquhart_client import _bodies, _requests
-from urquhart_client._bodies import UNSET, Landmarks, Points, Pose, Unset
+from urquhart_client._bodies import UNSET, Diameters, Landmarks, Points, Pose, Unset
 from urquhart_client._exchange import Request, answer
 from urquhart_client.errors import ConnectionFailed
-from urquhart_client.models import Collection, Limits, Method, Page, QueryResult, Submap, SubmapReceipt, Tessellation
+from urquhart_client.models import (
+    Collection,
+    Explanation,
+    Limits,
+    Method,
+    Page,
+    QueryResult,
+    Submap,
+    SubmapReceipt,
+    Tessellation,
+)
 
 T = TypeVar("T")
 M = TypeVar("M", bound=BaseModel)
@@ -134,6 +144,7 @@ class Client:
         *,
         xy: Points | None = None,
         ids: Iterable[str] | None = None,
+        dbh: Diameters | None = None,
         landmarks: Landmarks | None = None,
         frame_id: str | None = None,
         stamp: datetime | str | None = None,
@@ -148,14 +159,15 @@ class Client:
         Args:
             xy: N pairs (x, y), metres, in the submap's own frame; a (N, 2) array will do.
             ids: N landmark ids, unique; default "0", "1", ... in the order of `xy`.
-            landmarks: instead of `xy` and `ids`, landmarks with whatever else is known of each.
+            dbh: N stem diameters, metres, None or NaN where one is not known; evidence where a query has them too.
+            landmarks: instead of `xy`, `ids` and `dbh`, landmarks with whatever else is known of each.
             stamp: when it was seen, with a time zone, or as RFC 3339 text.
             map_pose: where the submap's frame lies in a map; editable later.
             if_match: the `etag` that must be stored, or `*` for any; otherwise the service refuses (412).
             if_none_match: `*` to create only.
         """
         body = _bodies.submap_body(
-            _bodies.landmarks(xy, ids, landmarks), frame_id, stamp, session, map_pose, properties
+            _bodies.landmarks(xy, ids, dbh, landmarks), frame_id, stamp, session, map_pose, properties
         )
         return self._send(_requests.put_submap(collection, submap_id, body, if_match, if_none_match))
 
@@ -213,12 +225,14 @@ class Client:
         xy: Points | None = None,
         ids: Iterable[str] | None = None,
         *,
+        dbh: Diameters | None = None,
         landmarks: Landmarks | None = None,
         submap_id: str | None = None,
         limit: int = 5,
         method: Method | None = None,
         seed: int | None = None,
         store: bool = False,
+        explain: bool = False,
         frame_id: str | None = None,
         stamp: datetime | str | None = None,
         exclude: Mapping[str, Any] | None = None,
@@ -228,22 +242,24 @@ class Client:
         Args:
             xy: N pairs (x, y), metres, in the observer's frame; a (N, 2) array will do. Any N gets an answer.
             ids: N landmark ids; default "0", "1", ...
-            landmarks: instead of `xy` and `ids`.
+            dbh: N stem diameters, metres, None or NaN where one is not known.
+            landmarks: instead of `xy`, `ids` and `dbh`.
             submap_id: instead of landmarks, a stored submap.
             limit: most candidates to answer.
             method: "robust" (the default of the service) or "paper".
             seed: of the random choices, for the same answer again.
-            store: keep the answer, under `result.id`, so that its drawing can be fetched.
+            store: keep the answer, under `result.id`, so that its drawing and explanation can be fetched.
+            explain: answer what each level found in each submap, too (`result.findings`).
             exclude: what must not be found, e.g. `{"submap_ids": [...]}`.
         """
         if submap_id is None:
-            observation = _bodies.landmarks(xy, ids, landmarks)
-        elif xy is None and landmarks is None and ids is None:
+            observation = _bodies.landmarks(xy, ids, dbh, landmarks)
+        elif xy is None and landmarks is None and ids is None and dbh is None:
             observation = {"submap_id": submap_id}
         else:
             raise ValueError("give either landmarks or submap_id, not both")
         return self._send(
-            _requests.post_query(collection, observation, limit, method, seed, store, frame_id, stamp, exclude)
+            _requests.post_query(collection, observation, limit, method, seed, store, explain, frame_id, stamp, exclude)
         )
 
     def get_query(self, collection: str, query_id: str) -> QueryResult:
@@ -253,6 +269,14 @@ class Client:
     def match_svg(self, collection: str, query_id: str, rank: int = 1) -> str:
         """A stored query's candidate as a drawing: both sets of landmarks, overlaid, and the inlier pairs."""
         return self._send(_requests.get_match_svg(collection, query_id, rank))
+
+    def explanation(self, collection: str, query_id: str) -> Explanation:
+        """Why a stored query was answered as it was: stages, findings, rivals, gates."""
+        return self._send(_requests.get_explanation(collection, query_id))
+
+    def explanation_svg(self, collection: str, query_id: str) -> str:
+        """The explanation as a drawing."""
+        return self._send(_requests.get_explanation_svg(collection, query_id))
 
     def _pages(self, request: Callable[[str | None], Request[Page[M]]]) -> Iterator[M]:
         cursor: str | None = None

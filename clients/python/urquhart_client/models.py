@@ -110,8 +110,42 @@ class Stage(Model):
     counts: dict[str, int] = Field(default_factory=dict)
 
 
+class Rival(Model):
+    """Another pose that explains the data about as well as the first candidate's; its `transform` as there."""
+
+    submap_id: str
+    transform: Transform
+    evidence: float
+    inlier_count: int
+    links: dict[str, Any] = Field(default_factory=dict)
+
+
+class Finding(Model):
+    """What one level found in one submap, and why that alone is not accepted (`refused`, None where it would be)."""
+
+    level: str
+    submap_id: str
+    votes: int
+    inliers: int
+    overlap: int
+    evidence: float
+    log_odds: float
+    refused: str | None = None
+
+
+class Gates(Model):
+    """What a pose must pass: least log-odds, least evidence for each landmark, share of the lead that is taken off."""
+
+    log_odds: float
+    share: float
+    margin: float
+
+
 class QueryResult(Model):
-    """The answer to *where is this?*. Look at `verdict` before any pose."""
+    """The answer to *where is this?*. Look at `verdict` before any pose.
+
+    `rivals` are what makes it ambiguous; `findings` are there when asked for with `explain`, and in stored answers.
+    """
 
     id: str | None = None
     collection: str
@@ -123,14 +157,38 @@ class QueryResult(Model):
     revision: int
     landmarks: int | None = None
     margin: float | None = None
+    gates: Gates | None = None
     candidates: tuple[Candidate, ...] = ()
+    rivals: tuple[Rival, ...] = ()
     stages: tuple[Stage, ...] = ()
+    findings: tuple[Finding, ...] | None = None
+    findings_total: int | None = None
     links: dict[str, Any] = Field(default_factory=dict)
 
     @property
     def best(self) -> Candidate | None:
         """The place, when the verdict is `matched`; None otherwise, however good the first candidate looks."""
         return self.candidates[0] if self.verdict == "matched" and self.candidates else None
+
+
+class Explanation(Model):
+    """Why a stored query was answered as it was; `sentences` say what each reason in it means.
+
+    `findings` is None for an answer stored by a version that kept none.
+    """
+
+    query: str
+    collection: str
+    verdict: Verdict
+    reason: str
+    margin: float | None = None
+    gates: Gates
+    stages: tuple[Stage, ...] = ()
+    findings: tuple[Finding, ...] | None = None
+    findings_total: int | None = None
+    rivals: tuple[Rival, ...] = ()
+    sentences: dict[str, str] = Field(default_factory=dict)
+    links: dict[str, Any] = Field(default_factory=dict)
 
 
 class SpatialExtent(Model):

@@ -210,4 +210,4 @@ def test_locate_refuses_bad_input_in_one_line(
     twice = write_observation(tmp_path / "twice.csv", np.array([[0, 0], [1, 1], [1, 1], [5, 2.0]]))
     refused(urquhart("locate", twice, *known), "keep one of each")
     (tmp_path / "long.csv").write_text(f"id,x,y\n{'a' * 200},1,2\n")
-    refused(urquhart("locate", "long.csv", *known), "long.csv: tree id")
+    refused(urquhart("locate", "long.csv", *known), "long.csv: tree value")

@@ -27,10 +27,11 @@ class Said:
 Urquhart = Callable[..., Said]
 
 
-def write_observation(path: Path, xy: NDArray[np.float64]) -> Path:
-    """Write trees (N, 2), metres, as CSV with the ids q0, q1, ..."""
-    rows = "".join(f"q{i},{x!r},{y!r}\n" for i, (x, y) in enumerate(xy.tolist()))
-    path.write_text(f"tree_id,x_m,y_m\n{rows}")
+def write_observation(path: Path, xy: NDArray[np.float64], dbh_cm: NDArray[np.float64] | None = None) -> Path:
+    """Write trees (N, 2), metres, as CSV with the ids q0, q1, ..., and their diameters where they are given."""
+    columns = xy if dbh_cm is None else np.column_stack([xy, dbh_cm])
+    rows = "".join(f"q{i},{','.join(map(repr, row))}\n" for i, row in enumerate(columns.tolist()))
+    path.write_text(f"tree_id,x_m,y_m{'' if dbh_cm is None else ',dbh_cm'}\n{rows}")
     return path
 
 

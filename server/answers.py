@@ -1,0 +1,112 @@
+"""What the method found, as the service answers it: names for keys and positions, links, poses in the map."""
+
+from collections.abc import Mapping, Sequence
+
+from server import links
+from server.poses import query_in_map, with_covariance
+from server.schemas.common import Transform
+from server.schemas.queries import (
+    FINDINGS,
+    CandidateAnswer,
+    CandidateLinks,
+    FindingAnswer,
+    Gates,
+    Inlier,
+    RivalAnswer,
+    RivalLinks,
+    StageAnswer,
+)
+from server.store.codec import unpack_ids
+from server.store.submaps import stored_place
+from server.store.tables import SubmapRow
+from urquhart import Candidate, Config, Finding, Rival, Stage
+
+
+def gates_answer(config: Config) -> Gates:
+    """The gates that a configuration puts in force."""
+    return Gates(log_odds=config.gate, share=config.share, margin=config.margin)
+
+
+def stage_answers(stages: Sequence[Stage]) -> list[StageAnswer]:
+    """The stages, in order."""
+    return [StageAnswer(name=s.name, milliseconds=s.milliseconds, counts=s.counts) for s in stages]
+
+
+def candidate_answers(
+    collection_id: str, candidates: Sequence[Candidate], rows: Mapping[int, SubmapRow], query_names: Sequence[str]
+) -> list[CandidateAnswer]:
+    """The candidates, best first. `rows`: their submaps by key; `query_names`: landmark ids of the query."""
+    return [
+        _candidate_answer(rank, collection_id, candidate, rows[candidate.key], query_names)
+        for rank, candidate in enumerate(candidates, start=1)
+    ]
+
+
+def rival_answers(collection_id: str, rivals: Sequence[Rival], ids: Mapping[int, str]) -> list[RivalAnswer]:
+    """The rivals, the strongest first. `ids`: submap ids by key."""
+    return [
+        RivalAnswer(
+            submap_id=ids[rival.key],
+            transform=Transform(x=rival.transform.x, y=rival.transform.y, yaw=rival.transform.yaw),
+            evidence=rival.evidence,
+            inlier_count=rival.inliers,
+            links=RivalLinks(submap=links.submap(collection_id, ids[rival.key])),
+        )
+        for rival in rivals
+    ]
+
+
+def strongest(findings: Sequence[Finding]) -> list[Finding]:
+    """Those `FINDINGS` with the best log-odds, in the order that they came in."""
+    best = sorted(range(len(findings)), key=lambda i: -findings[i].log_odds)[:FINDINGS]
+    return [findings[i] for i in sorted(best)]
+
+
+def finding_answers(findings: Sequence[Finding], ids: Mapping[int, str]) -> list[FindingAnswer]:
+    """The findings, in their order. `ids`: submap ids by key."""
+    return [
+        FindingAnswer(
+            level=found.level,
+            submap_id=ids[found.key],
+            votes=found.votes,
+            inliers=found.inliers,
+            overlap=found.overlap,
+            evidence=found.evidence,
+            log_odds=found.log_odds,
+            refused=found.refused,
+        )
+        for found in findings
+    ]
+
+
+def _candidate_answer(
+    rank: int, collection_id: str, candidate: Candidate, row: SubmapRow, query_names: Sequence[str]
+) -> CandidateAnswer:
+    submap_names = unpack_ids(row.landmark_ids, row.landmark_count)
+    place = stored_place(row)
+    return CandidateAnswer(
+        rank=rank,
+        submap_id=row.id,
+        session=row.session,
+        stamp=row.stamp,
+        frame_id=row.frame_id,
+        transform=with_covariance(candidate.transform, candidate.covariance),
+        map_pose=None if place is None else query_in_map(place, candidate.transform, candidate.covariance),
+        inliers=[
+            Inlier(query=query_names[q], submap=submap_names[s], residual=float(residual))
+            for q, s, residual in zip(
+                candidate.query_indices, candidate.submap_indices, candidate.residuals, strict=True
+            )
+        ],
+        inlier_count=len(candidate.query_indices),
+        inlier_ratio=candidate.inlier_ratio,
+        rms=candidate.rms,
+        overlap=candidate.overlap,
+        votes=candidate.votes,
+        level=candidate.level,
+        evidence=candidate.evidence,
+        log_odds=candidate.log_odds,
+        confidence=candidate.confidence,
+        refused=candidate.refused,
+        links=CandidateLinks(submap=links.submap(collection_id, row.id), match=None),
+    )

@@ -1,0 +1,67 @@
+"""Why an answer is what it is, as tables for a terminal."""
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from server.schemas.queries import QueryAnswer
+from urquhart import Stage
+from urquhart.explaining import counted, sentence
+
+
+def print_explanation(console: Console, answer: QueryAnswer) -> None:
+    """Print the reason in words, what each stage took and counted, and what each level found in each submap."""
+    gates = answer.gates
+    console.print(f"why: {sentence(answer.reason)}", highlight=False)
+    if answer.margin is not None:
+        console.print(
+            f"lead over the best other pose: {answer.margin:.1f}; asked are {gates.log_odds:g} and {gates.margin:.0%} "
+            "of the evidence from positions",
+            highlight=False,
+            soft_wrap=True,
+        )
+    console.print(_stages(answer))
+    if not answer.findings:
+        return
+    console.print(_findings(answer))
+    if answer.findings_total is not None and answer.findings_total > len(answer.findings):
+        console.print(f"the strongest {len(answer.findings)} of {answer.findings_total} findings", highlight=False)
+
+
+def _stages(answer: QueryAnswer) -> Table:
+    table = _table("what each stage took and counted")
+    table.add_column("stage", no_wrap=True)
+    table.add_column("ms", justify="right")
+    table.add_column("counted")
+    for stage in answer.stages:
+        counts = counted(Stage(stage.name, stage.milliseconds, stage.counts))
+        table.add_row(stage.name, f"{stage.milliseconds:.2f}", counts)
+    return table
+
+
+def _findings(answer: QueryAnswer) -> Table:
+    gates = answer.gates
+    table = _table(
+        "what each level found, before rivals were looked for; "
+        f"gates: log-odds {gates.log_odds:g}, evidence each {gates.share:g}"
+    )
+    table.add_column("level", no_wrap=True)
+    table.add_column("submap", overflow="fold")
+    for name in ("votes", "inliers", "log-odds", "each"):
+        table.add_column(name, justify="right", no_wrap=True)
+    table.add_column("so")
+    for one in answer.findings or ():
+        table.add_row(
+            one.level,
+            one.submap_id,
+            str(one.votes),
+            f"{one.inliers}/{one.overlap}",
+            f"{one.log_odds:.1f}",
+            f"{one.evidence / max(one.overlap, 1):.2f}",
+            sentence(one.refused),
+        )
+    return table
+
+
+def _table(title: str) -> Table:
+    return Table(title=title, title_justify="left", title_style="", box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1))

@@ -1,0 +1,120 @@
+"""Why an answer is what it is: as data, and as a picture."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from server import links
+from server.schemas.common import Transform
+from server.schemas.queries import ExplanationAnswer, ExplanationLinks, QueryAnswer
+from urquhart import SE2, Stage
+from urquhart.explaining import Explanation, Found, Laid, draw_explanation, sentence
+
+
+@dataclass(frozen=True, slots=True)
+class Explained:
+    """An answer with what its explanation needs.
+
+    Attributes:
+        name: of the query, for people.
+        answer: with its findings, where they were kept.
+        query_xy: (N, 2) float64, metres, query frame.
+        submaps: landmarks (M, 2) float64, metres, submap frame, by submap id, where they are those that were searched.
+    """
+
+    name: str
+    answer: QueryAnswer
+    query_xy: NDArray[np.float64]
+    submaps: Mapping[str, NDArray[np.float64]]
+
+    def to_answer(self) -> ExplanationAnswer:
+        """The explanation of a stored query as data."""
+        answer = self.answer
+        query_id = answer.id or ""
+        refused = [found.refused for found in answer.findings or () if found.refused is not None]
+        return ExplanationAnswer(
+            query=query_id,
+            collection=answer.collection,
+            verdict=answer.verdict,
+            reason=answer.reason,
+            margin=answer.margin,
+            gates=answer.gates,
+            stages=answer.stages,
+            findings=answer.findings,
+            findings_total=answer.findings_total,
+            rivals=answer.rivals,
+            sentences={reason: sentence(reason) for reason in dict.fromkeys([answer.reason, *refused])},
+            links=ExplanationLinks(
+                self=links.explanation(answer.collection, query_id), query=links.query(answer.collection, query_id)
+            ),
+        )
+
+    def to_svg(self) -> str:
+        """The explanation as a drawing."""
+        answer = self.answer
+        total = sum(stage.milliseconds for stage in answer.stages)
+        subtitles = [f"{answer.landmarks} landmarks; {answer.collection} at revision {answer.revision}; {total:.1f} ms"]
+        if answer.margin is not None:
+            gates = answer.gates
+            subtitles.append(
+                f"It leads the best other pose by {answer.margin:.1f}; asked are {gates.log_odds:g} and "
+                f"{gates.margin:.0%} of the evidence from positions."
+            )
+        findings = None
+        if answer.findings is not None:
+            findings = [
+                Found(
+                    one.level,
+                    one.submap_id,
+                    one.votes,
+                    one.inliers,
+                    one.overlap,
+                    one.evidence,
+                    one.log_odds,
+                    one.refused,
+                )
+                for one in answer.findings
+            ]
+        laid = self._laid()
+        return draw_explanation(
+            Explanation(
+                title=f"{self.name}: {answer.verdict}",
+                subtitles=subtitles,
+                reason=answer.reason,
+                gate=answer.gates.log_odds,
+                share=answer.gates.share,
+                stages=[Stage(stage.name, stage.milliseconds, stage.counts) for stage in answer.stages],
+                findings=findings,
+                findings_total=answer.findings_total or 0,
+                query_xy=self.query_xy,
+                laid=laid,
+                missing=bool(answer.candidates) and not laid,
+            )
+        )
+
+    def _laid(self) -> list[Laid]:
+        answer = self.answer
+        if not answer.candidates or answer.candidates[0].submap_id not in self.submaps:
+            return []
+        best = answer.candidates[0]
+        pose = _se2(best.transform)
+        weight = f"evidence {best.evidence:.1f}, {best.inlier_count} inliers"
+        laid = [Laid(f"best: {best.submap_id}", weight, self.submaps[best.submap_id], pose)]
+        for rival in answer.rivals[:1]:
+            if rival.submap_id in self.submaps:
+                there = _se2(rival.transform)
+                weight = f"evidence {rival.evidence:.1f}, {rival.inlier_count} inliers"
+                if rival.submap_id == best.submap_id:
+                    centre = self.query_xy.mean(axis=0, keepdims=True)
+                    metres = float(np.hypot(*(there.apply(centre) - pose.apply(centre))[0]))
+                    degrees = math.degrees(there.distance(pose)[1])
+                    weight += f"; {metres:.1f} m and {degrees:.0f}\N{DEGREE SIGN} from the best"
+                laid.append(Laid(f"rival: {rival.submap_id}", weight, self.submaps[rival.submap_id], there))
+        return laid
+
+
+def _se2(pose: Transform) -> SE2:
+    return SE2(pose.x, pose.y, pose.yaw)

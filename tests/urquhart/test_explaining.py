@@ -1,0 +1,163 @@
+import ast
+import inspect
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from dataclasses import replace
+from types import ModuleType
+from typing import get_args
+
+import numpy as np
+import pytest
+
+from tests.urquhart import forests
+from urquhart import SE2, Stage, Verdict, ranking, recognizer
+from urquhart.explaining import (
+    REASONS,
+    UNREFUSED,
+    WIDTH,
+    Explanation,
+    Found,
+    Laid,
+    counted,
+    draw_explanation,
+    partners,
+    sentence,
+)
+
+SVG = "{http://www.w3.org/2000/svg}"
+XY = forests.uniform(np.random.default_rng(0), 40)
+STAGES = (Stage("describe", 0.8, {"landmarks": 40, "hull_polygons": 3, "dangling_edges": 0}), Stage("doubt", 0.0, {}))
+
+
+def found(level: str, log_odds: float, refused: str | None = None, submap: str = "p7") -> Found:
+    return Found(level, submap, 12, 30, 36, log_odds + 9.0, log_odds, refused)
+
+
+def explanation(
+    findings: list[Found] | None = None, laid: tuple[Laid, ...] = (), total: int = 0, missing: bool = False
+) -> Explanation:
+    return Explanation(
+        "query 1: ambiguous",
+        ("a <b> & c",),
+        "runner_up_too_close",
+        6.9,
+        0.4,
+        STAGES,
+        findings,
+        total,
+        XY,
+        laid,
+        missing,
+    )
+
+
+def texts(svg: str) -> list[str]:
+    return [element.text or "" for element in ET.fromstring(svg).iter(SVG + "text")]
+
+
+def bars(svg: str, style: str) -> list[ET.Element]:
+    return [element for element in ET.fromstring(svg).iter(SVG + "rect") if element.get("class") == style]
+
+
+def reasons_of(module: ModuleType) -> Iterator[str]:
+    """Every reason that a module gives: what stands behind a verdict, and what `refusal` returns."""
+    verdicts = get_args(Verdict)
+    for node in ast.walk(ast.parse(inspect.getsource(module))):
+        given: list[ast.expr] = []
+        if isinstance(node, ast.FunctionDef) and node.name == "refusal":
+            given = [step.value for step in ast.walk(node) if isinstance(step, ast.Return) and step.value is not None]
+        elif isinstance(node, ast.Tuple | ast.Call):
+            parts = node.elts if isinstance(node, ast.Tuple) else node.args
+            if len(parts) > 1 and isinstance(parts[0], ast.Constant) and parts[0].value in verdicts:
+                given = [parts[1]]
+        for one in given:
+            if isinstance(one, ast.JoinedStr):
+                yield from (f"{code}_landmarks" for code in ("too_few", "collinear"))
+            elif isinstance(one, ast.Constant) and isinstance(one.value, str) and one.value not in verdicts:
+                yield one.value
+
+
+def test_every_reason_has_a_sentence_and_no_other_does() -> None:
+    given = {*reasons_of(ranking), *reasons_of(recognizer)}
+    assert {"verified", "below_gate", "no_votes", "too_few_landmarks"} <= given
+    assert given == set(REASONS)
+    assert len({*REASONS.values(), UNREFUSED}) == len(REASONS) + 1
+
+
+def test_sentences_fit_their_column_and_unknown_reasons_stay() -> None:
+    assert all(len(words) <= 48 for words in (*REASONS.values(), UNREFUSED))
+    assert sentence("below_gate") == REASONS["below_gate"]
+    assert sentence(None) == UNREFUSED
+    assert sentence("of_another_version") == "of_another_version"
+
+
+def test_the_picture_tells_verdict_stages_and_findings() -> None:
+    svg = draw_explanation(
+        explanation([found("polygons", 20.0), found("quads", -3.0, "verification_failed")], total=70)
+    )
+    said = texts(svg)
+    for words in (
+        "query 1: ambiguous",
+        REASONS["runner_up_too_close"].capitalize() + ".",
+        "a <b> & c",
+        "0.80 ms",
+        "landmarks\xa040, hull\xa0polygons\xa03",
+        "gate 6.9",
+        "gate 0.4 each",
+        "polygons: 1 submap",
+        "20.0",
+        "30 of 36 trees, 0.8 each",
+        UNREFUSED,
+        REASONS["verification_failed"],
+        "These are the strongest 2 of 70.",
+    ):
+        assert words in said
+    assert counted(STAGES[0]) == "landmarks 40, hull polygons 3"
+    assert len(bars(svg, "stage")) == 2
+    right, wrong = bars(svg, "finding")
+    assert right.get("fill") != wrong.get("fill")
+    gate = next(line for line in ET.fromstring(svg).iter(SVG + "line") if line.get("class") == "gate")
+    zero = float(right.get("x", ""))
+    assert zero < float(gate.get("x1", "")) < zero + float(right.get("width", ""))
+    assert float(wrong.get("x", "")) + float(wrong.get("width", "")) == pytest.approx(zero, abs=0.2)
+
+
+def test_far_below_zero_a_bar_is_cut_and_the_weaker_ones_are_counted() -> None:
+    rows = [found("sweep", value, "below_gate", "a" * 100) for value in (5.0, *range(-30, -300, -10))]
+    svg = draw_explanation(explanation(rows))
+    assert len(bars(svg, "finding")) == 8
+    assert svg.count('class="cut"') == 7
+    assert "20 weaker" in texts(svg)
+    assert max(len(words) for words in texts(svg) if words.startswith("aaa")) == 18
+    assert all(0.0 <= float(bar.get("x", "")) <= WIDTH for bar in bars(svg, "finding"))
+
+
+def test_the_query_is_laid_over_candidate_and_rival() -> None:
+    best = Laid("best: p7", "evidence 50", XY, SE2.identity())
+    rival = Laid("rival: p7", "evidence 48", XY, SE2(3.0, 0.0, 1.0))
+    alone = ET.fromstring(draw_explanation(explanation([], (best,))))
+    both = ET.fromstring(draw_explanation(explanation([], (best, rival))))
+    assert [float(view.get("width", "")) for view in alone.iter(SVG + "svg")] == [WIDTH, 640.0]
+    places = [(float(view.get("x", "0")), float(view.get("width", ""))) for view in both.iter(SVG + "svg")]
+    assert places == [(0.0, WIDTH), (0.0, WIDTH / 2.0), (WIDTH / 2.0, WIDTH / 2.0)]
+    pairs = [
+        sum(1 for line in view.iter(SVG + "line") if line.get("class") == "pair") for view in both.iter(SVG + "svg")
+    ]
+    assert pairs[1] == len(XY) > 3 * pairs[2]
+
+
+def test_what_is_not_there_is_said() -> None:
+    assert "Nothing." in texts(draw_explanation(explanation([])))
+    assert "There was nothing to look up." in texts(draw_explanation(replace(explanation([]), stages=())))
+    kept = texts(draw_explanation(explanation(None, missing=True)))
+    assert "What the levels found was not kept with this answer." in kept
+    assert "The candidate's landmarks are no longer those that were searched." in kept
+
+
+def test_partners_are_each_others_nearest_and_near() -> None:
+    query = np.array([[0.0, 0.0], [0.3, 0.0], [10.0, 0.0], [20.0, 0.0]])
+    submap = np.array([[20.0, 0.7], [0.1, 0.0], [10.0, 0.8]])
+    first, second = partners(query, submap)
+    assert list(zip(first.tolist(), second.tolist(), strict=True)) == [(0, 1), (3, 0)]
+    assert not re.search(r"\bnan\b", draw_explanation(explanation([found("given", 0.0)])))
