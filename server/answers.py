@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
+import urquhart
 from server import links
 from server.poses import query_in_map, with_covariance
 from server.schemas.common import Transform
@@ -24,7 +25,8 @@ from urquhart import Candidate, Config, Finding, Rival, Stage
 
 def gates_answer(config: Config) -> Gates:
     """The gates that a configuration puts in force."""
-    return Gates(log_odds=config.gate, share=config.share, margin=config.margin)
+    gates = urquhart.Gates.of(config)
+    return Gates(confidence=gates.confidence, log_odds=gates.log_odds, lead=gates.lead, lead_each=gates.lead_each)
 
 
 def stage_answers(stages: Sequence[Stage]) -> list[StageAnswer]:

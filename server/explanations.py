@@ -60,8 +60,8 @@ class Explained:
         if answer.margin is not None:
             gates = answer.gates
             subtitles.append(
-                f"It leads the best other pose by {answer.margin:.1f}; asked are {gates.log_odds:g} and "
-                f"{gates.margin:.0%} of the evidence from positions."
+                f"It leads the best other pose by {answer.margin:.1f}; asked are {gates.lead:.1f} and "
+                f"{gates.lead_each:g} more for each tree of the overlap."
             )
         findings = None
         if answer.findings is not None:
@@ -85,7 +85,6 @@ class Explained:
                 subtitles=subtitles,
                 reason=answer.reason,
                 gate=answer.gates.log_odds,
-                share=answer.gates.share,
                 stages=[Stage(stage.name, stage.milliseconds, stage.counts) for stage in answer.stages],
                 findings=findings,
                 findings_total=answer.findings_total or 0,

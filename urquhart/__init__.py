@@ -7,6 +7,7 @@ The file list is the method; `recognizer` is its one page:
     voting, matching, ransac, sweep, proposing               hypotheses
     pairing, diameters, verification                         all landmarks decide
     confidence, ranking                                      chance, rivals, verdict
+    explaining                                               why, in words and as a picture
     config, se2, stages                                      parameters, transforms, costs
     merging                                                  submaps into one map
     simulation, evaluation, baselines, drawing               forests, scores, the paper's rivals, pictures
@@ -14,6 +15,7 @@ The file list is the method; `recognizer` is its one page:
 After Nardari et al., "Place Recognition in Forests With Urquhart Tessellations", RA-L 2020.
 """
 
+from urquhart.confidence import Gates
 from urquhart.config import Config, ConfigError
 from urquhart.drawing import draw_match, draw_tessellation
 from urquhart.features import Features, FeaturesError, describe
@@ -33,6 +35,7 @@ __all__ = [
     "Features",
     "FeaturesError",
     "Finding",
+    "Gates",
     "IndexDamaged",
     "LandmarkError",
     "Method",

@@ -17,12 +17,14 @@ in either way is being wrong, so the two are added up as 1 / (1 + 1 / chance + 1
 """
 
 import math
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from urquhart._kernel import kernel
+from urquhart.config import Config
 from urquhart.pairing import Pattern
 from urquhart.se2 import SE2
 from urquhart.verification import Verified, verify
@@ -85,6 +87,30 @@ def against_rival(verified: Verified, lead: float | None, margin: float) -> floa
 def surely_behind(verified: Verified, odds: float, margin: float) -> float:
     """Evidence up to which a rival leaves the odds against it at `odds` (a logarithm) or better."""
     return verified.evidence - odds / _RIVAL - margin * max(verified.query_overlap, verified.submap_overlap)
+
+
+@dataclass(frozen=True, slots=True)
+class Gates:
+    """What a pose must pass to be reported as matched.
+
+    Attributes:
+        confidence: the least there may be.
+        log_odds: the least that reach it where nothing rivals the pose.
+        lead: the least evidence over the best rival that reaches it where chance is out of the question,
+        lead_each: and as much more for each landmark of the overlap.
+    """
+
+    confidence: float
+    log_odds: float
+    lead: float
+    lead_each: float
+
+    @staticmethod
+    def of(config: Config) -> "Gates":
+        """The gates that a configuration puts in force."""
+        slope, even = _CHANCE
+        sure = 1.0 / (1.0 + math.exp(-config.gate))
+        return Gates(sure, config.gate / slope + even, config.gate / _RIVAL, config.margin)
 
 
 def together(chance: float, rival: float) -> float:

@@ -21,7 +21,7 @@ from urquhart.stages import Stage
 
 REASONS: Final[Mapping[str, str]] = {
     "verified": "chance and every rival pose are ruled out",
-    "below_gate": "too little evidence, in all or for each tree",
+    "below_gate": "too little evidence: chance, or trees in rows, could bring this about",
     "runner_up_too_close": "another pose explains the trees about as well",
     "verification_failed": "more trees speak against the pose than for it",
     "no_votes": "no submap has anything like these trees",
@@ -94,7 +94,7 @@ class Explanation:
     Attributes:
         title, subtitles: to be written above.
         reason: of the verdict.
-        gate, share: the gates in force, see `Config`.
+        gate: the least log-odds that pass, see `urquhart.confidence.Gates`.
         stages: in order.
         findings: by level, the best first; None where they were not kept.
         findings_total: how many there were, of which `findings` may be the strongest.
@@ -107,7 +107,6 @@ class Explanation:
     subtitles: Sequence[str]
     reason: str
     gate: float
-    share: float
     stages: Sequence[Stage]
     findings: Sequence[Found] | None
     findings_total: int
@@ -193,8 +192,7 @@ def _draw_findings(page: _Page, explanation: Explanation) -> None:
     axis = _Axis(found, explanation.gate)
     page.text(_LEFT, "log-odds", "small", 28.0)
     page.text(axis.at(0.0) - 4.0, "0", "small right")
-    page.text(axis.at(explanation.gate) - 3.0, f"gate {explanation.gate:g}", "gatename")
-    page.text(_MIDDLE, f"gate {explanation.share:g} each", "gatename")
+    page.text(axis.at(explanation.gate) - 3.0, f"gate {explanation.gate:.1f}", "gatename")
     top = page.y + 5.0
     for level, group in groupby(found, key=lambda one: one.level):
         rows = list(group)

@@ -1,9 +1,9 @@
 """How the default method holds where the paper's breaks: noise, dropout, clutter, plantations, real trees.
 
-    worlds      submaps whose place is known, and what an answer about them is worth
-    table1      loop closure in the paper's 20 cells, with its cost, beside the peers on the same pairs
-    grid        the extended grid of noise, detection and clutter, beside an oracle
-    rows        plantations, from inside and from outside of the map
-    stands      real stem maps cut into discs, re-censuses, and plots that were surveyed twice
-    reliability of the answers given with confidence p, how many are right
+worlds      submaps whose place is known, and what an answer about them is worth
+table1      loop closure in the paper's 20 cells, with its cost, beside the peers on the same pairs
+grid        the extended grid of noise, detection and clutter, beside an oracle
+rows        plantations, from inside and from outside of the map
+stands      real stem maps cut into discs, re-censuses, and plots that were surveyed twice
+reliability of the answers given with confidence p, how many are right
 """

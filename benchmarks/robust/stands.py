@@ -139,7 +139,9 @@ def everything(seed: int) -> tuple[World, dict[str, int]]:
         trees = stand(name, seed)
         reach = sensor_range(trees)
         low, high = trees.min(axis=0), trees.max(axis=0)
-        inner = [np.arange(a + 0.6 * reach, b - 0.6 * reach + 1e-9, 0.9 * reach) for a, b in zip(low, high, strict=True)]
+        inner = [
+            np.arange(a + 0.6 * reach, b - 0.6 * reach + 1e-9, 0.9 * reach) for a, b in zip(low, high, strict=True)
+        ]
         for x, y in product(*(axis.tolist() for axis in inner)):
             pose = SE2(x, y, rng.uniform(-np.pi, np.pi))
             seen = observe(trees, pose, reach, rng, sigma=STORED[0], detection=STORED[1])
@@ -194,5 +196,3 @@ def truth(name: str) -> SE2:
     """`a_T_b` of a plot that was surveyed twice."""
     found = json.loads((BESIDE / f"{name}__truth.json").read_text(encoding="utf-8"))["b_to_a"]
     return SE2(found["tx_m"], found["ty_m"], found["theta_rad"])
-
-

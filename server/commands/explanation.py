@@ -15,8 +15,8 @@ def print_explanation(console: Console, answer: QueryAnswer) -> None:
     console.print(f"why: {sentence(answer.reason)}", highlight=False)
     if answer.margin is not None:
         console.print(
-            f"lead over the best other pose: {answer.margin:.1f}; asked are {gates.log_odds:g} and {gates.margin:.0%} "
-            "of the evidence from positions",
+            f"lead over the best other pose: {answer.margin:.1f}; asked are {gates.lead:.1f} and {gates.lead_each:g} "
+            "more for each tree of the overlap",
             highlight=False,
             soft_wrap=True,
         )
@@ -41,10 +41,7 @@ def _stages(answer: QueryAnswer) -> Table:
 
 def _findings(answer: QueryAnswer) -> Table:
     gates = answer.gates
-    table = _table(
-        "what each level found, before rivals were looked for; "
-        f"gates: log-odds {gates.log_odds:g}, evidence each {gates.share:g}"
-    )
+    table = _table(f"what each level found, before rivals were looked for; gate: log-odds {gates.log_odds:.1f}")
     table.add_column("level", no_wrap=True)
     table.add_column("submap", overflow="fold")
     for name in ("votes", "inliers", "log-odds", "each"):

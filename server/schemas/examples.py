@@ -79,7 +79,7 @@ QUERY_ANSWER: dict[str, Any] = {
     "revision": 12,
     "landmarks": 88,
     "margin": 61.2,
-    "gates": {"log_odds": 6.9, "share": 0.4, "margin": 0.35},
+    "gates": {"confidence": 0.999, "log_odds": 7.7, "lead": 19.7, "lead_each": 0.25},
     "candidates": [
         {
             "rank": 1,

@@ -161,9 +161,10 @@ class FindingAnswer(Answer):
 class Gates(Answer):
     """What a pose must pass to be `matched`, of the collection's configuration."""
 
-    log_odds: float = Field(description="Least log-odds, and least lead over the best other pose.")
-    share: float = Field(description="Least evidence for each landmark of the overlap.")
-    margin: float = Field(description="Share of the evidence that is taken off the lead before it is compared.")
+    confidence: float = Field(description="The least.")
+    log_odds: float = Field(description="The least that reach it where nothing rivals the pose.")
+    lead: float = Field(description="The least lead over the best rival that reaches it,")
+    lead_each: float = Field(description="and as much more for each landmark of the overlap.")
 
 
 class StageAnswer(Answer):

@@ -21,9 +21,10 @@ class Landmark(Body):
     id: Label | None = Field(None, description="Unique in the submap; its position in the list when left out.")
     x: Number = Field(description="Metres in the submap's frame.")
     y: Number = Field(description="Metres in the submap's frame.")
-    dbh: Annotated[Number, Field(gt=0, le=20)] | None = Field(
+    dbh: Annotated[Number, Field(gt=0, le=10_000)] | None = Field(
         None,
-        description="Diameter at breast height, metres. Evidence where both sides have it; never a condition.",
+        description="Diameter at breast height, metres (or any one unit: only how trees of a stand compare counts). "
+        "Evidence where both sides have it; never a condition.",
     )
     height: Annotated[Number, Field(gt=0)] | None = Field(None, description="Metres.")
     species: Label | None = Field(None, description="Any name or code.")

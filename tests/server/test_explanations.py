@@ -1,7 +1,9 @@
 """Why an answer is what it is: rivals and findings in the answer, explanations of stored ones."""
 
 import json
+import math
 import xml.etree.ElementTree as ElementTree
+from dataclasses import asdict
 from typing import Any, get_args
 
 import httpx
@@ -15,7 +17,7 @@ from server.http.dependencies import Service
 from server.schemas.queries import FINDINGS
 from server.settings import Limits, Settings
 from tests.server.world import TestClient, forest, observed, points, put_submap
-from urquhart import SE2, Config, Finding
+from urquhart import SE2, Config, Finding, Gates
 from urquhart.explaining import REASONS
 from urquhart.proposing import Level
 from urquhart.simulation import observe, plantation
@@ -76,10 +78,11 @@ def test_a_match_has_no_rivals_and_the_gates_are_the_collections(client: httpx.C
     assert (answer["findings"], answer["findings_total"]) == (None, None)
     assert answer["links"]["explanation"] is None
     config = Config()
-    assert answer["gates"] == {"log_odds": config.gate, "share": config.share, "margin": config.margin}
+    assert answer["gates"] == asdict(Gates.of(config))
     client.put("/v1/collections/strict", json={"config": {"gate": 9.5}}).raise_for_status()
     strict = client.post("/v1/collections/strict/queries", json={"xy": []}).json()
-    assert (strict["gates"]["log_odds"], strict["reason"]) == (9.5, "too_few_landmarks")
+    assert strict["gates"]["confidence"] == pytest.approx(1.0 / (1.0 + math.exp(-9.5)))
+    assert strict["reason"] == "too_few_landmarks"
 
 
 def test_findings_say_what_each_level_found(client: httpx.Client) -> None:
@@ -178,7 +181,7 @@ def test_an_answer_stored_by_an_older_version_is_explained_as_far_as_it_goes(
     assert (read["rivals"], read["findings"]) == ([], None)
     assert read["links"]["explanation"] == f"{QUERIES}/1/explanation"
     told = client.get(f"{QUERIES}/1/explanation", headers=JSON).json()
-    assert (told["stages"], told["gates"]["log_odds"]) == (answer["stages"], Config().gate)
+    assert (told["stages"], told["gates"]) == (answer["stages"], asdict(Gates.of(Config())))
     drawing = client.get(f"{QUERIES}/1/explanation").text
     assert "was not kept with this answer" in drawing
     assert "best: rows" in drawing

@@ -134,11 +134,13 @@ class Finding(Model):
 
 
 class Gates(Model):
-    """What a pose must pass: least log-odds, least evidence for each landmark, share of the lead that is taken off."""
+    """What a pose must pass: the least confidence; the log-odds, and the lead over a rival (`lead` and
+    `lead_each` for each landmark of the overlap), that reach it."""
 
+    confidence: float
     log_odds: float
-    share: float
-    margin: float
+    lead: float
+    lead_each: float
 
 
 class QueryResult(Model):
