@@ -27,7 +27,7 @@ from urquhart._kernel import kernel
 from urquhart.config import Config
 from urquhart.pairing import Pattern
 from urquhart.se2 import SE2
-from urquhart.verification import Verified, verify
+from urquhart.verification import Verified, settle, verify, weigh_settled
 
 _QUARTERS: Final = 4
 _PEAKS: Final = 4
@@ -39,6 +39,8 @@ _RIVAL: Final = 0.35
 """Odds against a rival: their logarithm grows so much with the lead beyond what says nothing."""
 _COMPARABLE: Final = 0.5
 """A rival claims at least this share of the query's inliers."""
+_SLACK: Final = 30.0
+"""Evidence that partners farther away hardly ever add to a wrong pose."""
 _UNKNOWN: Final = -8.0
 """Log-odds below which a pose is as likely right as at this value: where noise is larger than anything foreseen, the
 evidence of right poses falls without end."""
@@ -128,10 +130,19 @@ def comparable(rival: Verified, best: Verified) -> bool:
     return shared >= _COMPARABLE * len(best.query)
 
 
-def distinct(a: SE2, b: SE2, pattern: Pattern, reach: float) -> bool:
-    """Whether two transforms of the query (centred frames) put it in different places, not the same place twice."""
-    shift, turn = a.distance(b)
-    return shift > min(0.5 * pattern.spacing, 2.0 * reach) or turn > _SAME_TURN
+def pose_row(pose: SE2) -> NDArray[np.float64]:
+    """A pose as kernels take it: x, y, yaw."""
+    return np.array([pose.x, pose.y, pose.yaw])
+
+
+@kernel
+def distinct(a: NDArray[np.float64], b: NDArray[np.float64], spacing: float, reach: float) -> bool:
+    """Whether two poses of the query (x, y, yaw first, centred frames) put it in different places.
+
+    `spacing`: metres, distance between trees of the submap.
+    """
+    turn = abs((a[2] - b[2] + 3.0 * math.pi) % (2.0 * math.pi) - math.pi)
+    return math.hypot(a[0] - b[0], a[1] - b[1]) > min(0.5 * spacing, 2.0 * reach) or turn > _SAME_TURN
 
 
 def same_place(first: Pattern, first_pose: SE2, second: Pattern, second_pose: SE2, reach: float, margin: float) -> bool:
@@ -147,42 +158,66 @@ def same_place(first: Pattern, first_pose: SE2, second: Pattern, second_pose: SE
         return False
     if chained.evidence > _BEYOND_DOUBT * max(chained.query_overlap, chained.submap_overlap):
         return True
-    rivals = find_rivals(second, first, chained.transform, reach)
-    lead = chained.evidence - max((rival.evidence for rival in rivals), default=-math.inf)
+    least = surely_behind(chained, 0.0, margin) - _SLACK
+    rivals = find_rivals(second, first, pose_row(chained.transform), reach, least)
+    lead = chained.evidence - rivals[:, 3].max(initial=-math.inf)
     return against_rival(chained, lead, margin) > 0.0
 
 
-def find_rivals(query: Pattern, submap: Pattern, best: SE2, reach: float) -> list[Verified]:
-    """Distinct poses in the same submap that shifting `best` along the pattern brings up, refined and weighed.
+def climb(
+    query: Pattern, submap: Pattern, best: Verified, reach: float, odds: float, margin: float
+) -> tuple[Verified, list[Verified]]:
+    """Change over to the best rival as long as one explains the data better; the best pose, and what rivals it.
+
+    In rows of trees a hypothesis is easily one planting distance off: its rivals include the right pose. The rivals are
+    distinct and comparable, and leave the odds against them below `odds` (a logarithm); the strongest first.
+    """
+    seen = [np.empty((0, 5))]
+    while True:
+        place = pose_row(best.transform)
+        found = find_rivals(query, submap, place, reach, surely_behind(best, odds, margin) - _SLACK)
+        seen.append(found)
+        if found[:, 3].max(initial=-math.inf) <= best.evidence:
+            break
+        seen.append(np.array([[*place, best.evidence, reach]]))
+        best = weigh_settled(query, submap, found[found[:, 3].argmax()])
+    poses = np.concatenate(seen)
+    rivals: list[Verified] = []
+    for row in poses[np.argsort(-poses[:, 3], kind="stable")]:
+        if row[3] <= surely_behind(best, odds, margin):
+            break
+        if distinct(row, place, submap.spacing, reach):
+            rival = weigh_settled(query, submap, row)
+            if comparable(rival, best):
+                rivals.append(rival)
+    return best, rivals
+
+
+@kernel
+def find_rivals(
+    query: Pattern, submap: Pattern, best: NDArray[np.float64], reach: float, least: float
+) -> NDArray[np.float64]:
+    """Poses in the same submap that shifting `best` (3,) along the pattern brings up, as `settle` gives them.
 
     For the match's rotation and its turns by quarters, the displacements between all pairs of landmarks are counted on
     a grid; its peaks are the shifts that put most trees onto trees. In a natural forest they are chance and weak.
+    `least`: evidence that makes a second look at one, with partners farther away, worth its time.
     """
-    rivals = []
+    starts = np.empty((_QUARTERS * _PEAKS + 1, 3))
+    count = 0
     for quarter in range(_QUARTERS):
-        yaw = best.yaw + quarter * math.pi / 2.0
-        for x, y in shift_peaks(query.landmarks, submap.landmarks, yaw, reach, _PEAKS + (quarter == 0)):
-            # A rival is never spared the second try: what it can reach is what a wrong pose can reach.
-            rival = verify(query, submap, SE2(x, y, yaw), reach, least=-math.inf)
-            if distinct(rival.transform, best, submap, reach):
-                rivals.append(rival)
-    return rivals
-
-
-def climb(query: Pattern, submap: Pattern, best: Verified, reach: float) -> tuple[Verified, list[Verified]]:
-    """Change over to the best rival as long as one explains the data better; the best pose, and its distinct rivals.
-
-    In rows of trees a hypothesis is easily one planting distance off: its rivals include the right pose.
-    """
-    seen: list[Verified] = []
-    while True:
-        rivals = find_rivals(query, submap, best.transform, reach)
-        seen.extend(rivals)
-        ahead = max(rivals, key=lambda rival: rival.evidence, default=best)
-        if ahead.evidence <= best.evidence:
-            return best, [rival for rival in seen if distinct(rival.transform, best.transform, submap, reach)]
-        seen.append(best)
-        best = ahead
+        yaw = best[2] + quarter * math.pi / 2.0
+        peaks = shift_peaks(query.landmarks, submap.landmarks, yaw, reach, _PEAKS + (quarter == 0))
+        for p in range(len(peaks)):
+            starts[count, 0], starts[count, 1], starts[count, 2] = peaks[p, 0], peaks[p, 1], yaw
+            count += 1
+    settled = settle(query, submap, starts, reach, least)
+    kept = 0
+    for k in range(count):
+        if distinct(settled[k], best, submap.spacing, reach):
+            settled[kept] = settled[k]
+            kept += 1
+    return settled[:kept].copy()
 
 
 @kernel

@@ -35,9 +35,9 @@ class Config:
     neighbours: int = _parameter(48, 1, 4096, "nearest polygons asked of the index for each polygon of a query")
     candidates: int = _parameter(24, 1, 10_000, "submaps taken from voting to verification")
     hypotheses: int = _parameter(32, 1, 10_000, "transforms tried for each of them")
-    survey: int = _parameter(400, 0, 100_000, "places the query is turned and shifted over where nothing else finds it")
-    sweeps: int = _parameter(16, 0, 1_000, "those of them that are verified, and the submaps all of which are tried")
-    quad_hits: int = _parameter(200_000, 1_000, 100_000_000, "most quad hits kept; the commonest shapes go first")
+    survey: int = _parameter(400, 0, 100_000, "rotations of submaps a query is swept over where nothing else finds it")
+    sweeps: int = _parameter(64, 0, 10_000, "submaps of these that are verified")
+    quad_hits: int = _parameter(200_000, 1_000, 100_000_000, "most quad hits kept; the commonest go first")
     sigma: float = _parameter(0.25, 0.01, 0.25, "metres; usual error of one coordinate between two sightings of a tree")
 
     gate: float = _parameter(

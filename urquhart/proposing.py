@@ -15,17 +15,19 @@ from urquhart.quads import measure
 from urquhart.ransac import ransac
 from urquhart.stages import Stages
 from urquhart.sweep import glance, settle_peaks
-from urquhart.verification import LOOSE, Verified, best_hypotheses, verify
+from urquhart.verification import LOOSE, Verified, best_hypotheses, verify, verify_best
 from urquhart.voting import TURN, Votes, rank_turns, vote_polygons, vote_quads
 
 Level = Literal["polygons", "quads", "sweep", "paper", "given"]
 
-_PEAKS: Final = 24
+_PEAKS: Final = 10
 """Peaks of a sweep over all rotations that are refined;"""
 _FEWER: Final = 6
 """of one over a few;"""
-_SWEPT: Final = 3
+_SWEPT: Final = 2
 """and those of them that are verified."""
+_CIRCLE: Final = 12.0
+"""A sweep under every rotation takes as long as so many near a single one."""
 _LOOSER: Final = 3.0
 """Usual errors of a coordinate that a length of a quad may be off by in a survey."""
 
@@ -90,7 +92,7 @@ def propose_by_sweep(index: CollectionIndex, query: Sighting, stages: Stages) ->
     length may be off by more, which is no proof of anything but leaves few enough to try.
     """
     with stages.timed("survey") as counts:
-        if len(index) <= index.config.sweeps:
+        if len(index) * _CIRCLE <= index.config.survey:
             places = [(key, 0.0, math.pi) for key in index if key not in query.excluded]
         else:
             places = _survey(index, query)
@@ -111,7 +113,7 @@ def propose_by_sweep(index: CollectionIndex, query: Sighting, stages: Stages) ->
             # Peaks are good to a cell: their partners are sought far away first.
             settled = settle_peaks(query.pattern, laid, peaks, LOOSE * index.reach)
             starts = best_hypotheses(query.pattern, laid, settled, index.reach, _SWEPT)
-            best = max((verify(query.pattern, laid, start, index.reach) for start in starts), key=lambda v: v.evidence)
+            best = verify_best(query.pattern, laid, starts, index.reach)
             proposals.append(Proposal(key, "sweep", len(peaks), best))
         counts["candidates"] = len(proposals)
     return proposals
@@ -179,8 +181,8 @@ def _verify(index: CollectionIndex, votes: Votes, level: Level, query: Sighting,
             submap = index.pattern(key)
             hypotheses = votes.hypotheses(i)[: index.config.hypotheses]
             tried += len(hypotheses)
-            [start] = best_hypotheses(query.pattern, submap, hypotheses, index.reach, 1)
-            verified = verify(query.pattern, submap, start, index.reach)
+            starts = best_hypotheses(query.pattern, submap, hypotheses, index.reach, 1)
+            verified = verify_best(query.pattern, submap, starts, index.reach)
             proposals.append(Proposal(key, level, int(votes.counts[i]), verified))
         counts["candidates"], counts["hypotheses"] = len(keys), tried
     return proposals

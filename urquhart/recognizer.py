@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from urquhart.collection_index import CollectionIndex
-from urquhart.confidence import climb, comparable, log_odds, log_volume, same_place, surely_behind
+from urquhart.confidence import against_chance, climb, comparable, log_odds, log_volume, same_place, surely_behind
 from urquhart.config import Config
 from urquhart.features import Features, describe
 from urquhart.landmarks import LandmarkError
@@ -153,13 +153,15 @@ class Recognizer:
             proposals = propose_by_paper(self._index, query, rng or np.random.default_rng(0), stages)
             standing = self._doubt(proposals, query, stages, found)
         else:
-            proposals = propose_by_polygons(self._index, query, stages)
-            standing = self._doubt(proposals, query, stages, found)
-            # A single submap is swept at once: its quads would not tell more.
-            if len(self) > 1 and not self._settled(standing, query):
-                proposals = propose_by_quads(self._index, query, stages)
-                standing = self._doubt(proposals, query, stages, found, standing.ranked)
-            if self._lost(standing.ranked, query) or (len(self) == 1 and not self._settled(standing, query)):
+            standing = _Standing([], None, [])
+            # Polygons and quads choose among submaps; a single one is swept at once, which needs no choice.
+            if len(self) > 1:
+                proposals = propose_by_polygons(self._index, query, stages)
+                standing = self._doubt(proposals, query, stages, found)
+                if not self._settled(standing, query):
+                    proposals = propose_by_quads(self._index, query, stages)
+                    standing = self._doubt(proposals, query, stages, found, standing.ranked)
+            if self._lost(standing.ranked, query):
                 proposals = propose_by_sweep(self._index, query, stages)
                 standing = self._doubt(proposals, query, stages, found, standing.ranked)
         return self._conclude(standing, query, limit, stages, found)
@@ -215,7 +217,9 @@ class Recognizer:
 
     def _lost(self, ranked: list[Proposal], query: Sighting) -> bool:
         """Whether no proposal is better than chance. Too close a rival is another matter: more poses do not mend it."""
-        return not ranked or log_odds(ranked[0].verified, query.pattern, query.volume) < self.config.gate
+        return (
+            not ranked or against_chance(log_odds(ranked[0].verified, query.pattern, query.volume)) < self.config.gate
+        )
 
     def _doubt(
         self,
@@ -233,13 +237,13 @@ class Recognizer:
             if not ranked or log_odds(ranked[0].verified, query.pattern, query.volume) < _HOPELESS:
                 return _Standing(ranked, None, [])
             here, key = self._index.pattern(ranked[0].key), ranked[0].key
-            best, distinct_ones = climb(query.pattern, here, ranked[0].verified, reach)
+            margin, sure = self.config.margin, 2.0 * self.config.gate
+            best, rivals_here = climb(query.pattern, here, ranked[0].verified, reach, sure, margin)
             ranked[0] = replace(ranked[0], verified=best)
-            rivals = [(key, rival) for rival in distinct_ones if comparable(rival, best)]
-            evidence = max((rival.evidence for _, rival in rivals), default=-math.inf)
+            rivals = [(key, rival) for rival in rivals_here]
+            evidence = max((rival.evidence for rival in rivals_here), default=-math.inf)
             # Only what could change the verdict is looked at: overlapping submaps of one place are many.
-            margin = self.config.margin
-            harmless = surely_behind(best, 2.0 * self.config.gate, margin)
+            harmless = surely_behind(best, sure, margin)
             for other in ranked[1:]:
                 if other.verified.evidence <= max(evidence, harmless):
                     break

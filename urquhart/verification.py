@@ -72,29 +72,53 @@ def pattern(features: Features, reach: float) -> Pattern:
     return lay_out(features.landmarks, features.density, hull, diameters, LOOSE * reach)
 
 
-def verify(query: Pattern, submap: Pattern, start: SE2, reach: float, least: float = 0.0) -> Verified:
+def verify(query: Pattern, submap: Pattern, start: SE2, reach: float) -> Verified:
     """Refine `start` (`submap_T_query`, centred frames) on its own inliers and weigh it against all landmarks.
 
     Partners are sought within `reach` first, then, if that speaks for the pose, within `LOOSE` times as far, where the
-    trees stand far enough apart; the better explanation stands. Surveys by compass and tape are that noisy. `least` is
-    the evidence that makes the second try worth its time.
+    trees stand far enough apart; the better explanation stands. Surveys by compass and tape are that noisy.
     """
-    tight = _settle(query, submap, start, reach)
-    wide = min(LOOSE * reach, _ROOM * query.spacing, _ROOM * submap.spacing)
-    if tight.evidence <= least or wide <= reach:
-        return tight
-    loose = _settle(query, submap, tight.transform, wide)
-    return loose if loose.evidence > tight.evidence else tight
+    return verify_best(query, submap, np.array([[start.x, start.y, start.yaw]]), reach)
 
 
-def _settle(query: Pattern, submap: Pattern, start: SE2, reach: float) -> Verified:
-    x, y, yaw = refine(query.landmarks, submap, start.x, start.y, start.yaw, reach)
+def verify_best(query: Pattern, submap: Pattern, starts: NDArray[np.float64], reach: float) -> Verified:
+    """The strongest of several poses `starts` (S, 3), S > 0, each refined and weighed as in `verify`."""
+    settled = settle(query, submap, starts, reach, 0.0)
+    return weigh_settled(query, submap, settled[settled[:, 3].argmax()])
+
+
+def weigh_settled(query: Pattern, submap: Pattern, settled: NDArray[np.float64]) -> Verified:
+    """All that speaks for a pose as `settle` gives it, a row (5,)."""
+    x, y, yaw, _, reach = settled.tolist()
     return weigh_pose(query, submap, SE2(x, y, yaw), reach)
+
+
+@kernel
+def settle(
+    query: Pattern, submap: Pattern, starts: NDArray[np.float64], reach: float, least: float
+) -> NDArray[np.float64]:
+    """Poses (S, 3) refined, with their evidence and the reach of their partners: rows of x, y, yaw, evidence, reach.
+
+    `least`: evidence that makes the second try, with partners farther away, worth its time.
+    """
+    settled = np.empty((len(starts), 5))
+    wide = min(LOOSE * reach, _ROOM * query.spacing, _ROOM * submap.spacing)
+    for k in range(len(starts)):
+        x, y, yaw = refine(query.landmarks, submap, starts[k, 0], starts[k, 1], starts[k, 2], reach)
+        evidence = weigh(query, submap, x, y, yaw, reach)[0]
+        used = reach
+        if evidence > least and wide > reach:
+            there = refine(query.landmarks, submap, x, y, yaw, wide)
+            loose = weigh(query, submap, there[0], there[1], there[2], wide)[0]
+            if loose > evidence:
+                (x, y, yaw), evidence, used = there, loose, wide
+        settled[k, 0], settled[k, 1], settled[k, 2], settled[k, 3], settled[k, 4] = x, y, yaw, evidence, used
+    return settled
 
 
 def best_hypotheses(
     query: Pattern, submap: Pattern, hypotheses: NDArray[np.float64], reach: float, count: int
-) -> list[SE2]:
+) -> NDArray[np.float64]:
     """Those `count` of `hypotheses` (H, 3) that bring most landmarks together, the best first.
 
     Hypotheses are x, y, yaw of `submap_T_query` between the centred frames. Where they are many, a third of the
@@ -105,7 +129,7 @@ def best_hypotheses(
         rough = count_inliers(third, submap, hypotheses, reach)
         hypotheses = hypotheses[np.argsort(-rough, kind="stable")[: max(_SEMIFINALISTS, count)]]
     scores = count_inliers(query.landmarks, submap, hypotheses, reach)
-    return [SE2(*hypotheses[h].tolist()) for h in np.argsort(-scores, kind="stable")[:count]]
+    return hypotheses[np.argsort(-scores, kind="stable")[:count]]
 
 
 def weigh_pose(query: Pattern, submap: Pattern, pose: SE2, reach: float) -> Verified:
@@ -151,15 +175,21 @@ def weigh(
             submap_overlap += 1
     alone = query_overlap + submap_overlap - 2 * len(first)
 
+    peaks = np.empty(len(first))
     best, best_noise = -np.inf, 0.0
     for noise in NOISE:
+        for k in range(len(first)):
+            # The denser side decides: chance finds partners where either side is crowded.
+            density = max(query.density[first[k]], submap.density[second[k]])
+            peaks[k] = math.exp(-squared[k] / (2.0 * noise * noise)) / (2.0 * math.pi * noise * noise * density)
         for detection in DETECTION:
-            total = alone * math.log(1.0 - detection)
+            total, product = alone * math.log(1.0 - detection), 1.0
             for k in range(len(first)):
-                # The denser side decides: chance finds partners where either side is crowded.
-                density = max(query.density[first[k]], submap.density[second[k]])
-                peak = math.exp(-squared[k] / (2.0 * noise * noise)) / (2.0 * math.pi * noise * noise * density)
-                total += math.log(1.0 - detection + detection * peak)
+                product *= 1.0 - detection + detection * peaks[k]
+                # One logarithm for many factors, taken before they leave the range of a float.
+                if product > 1e100 or product < 1e-100:
+                    total, product = total + math.log(product), 1.0
+            total += math.log(product)
             if total > best:
                 best, best_noise = total, noise
     sized = weigh_diameters(query.sizes, query.spread, submap.sizes, submap.spread, first, second)

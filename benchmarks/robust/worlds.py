@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from urquhart import SE2, Config, LandmarkError, Recognition, Recognizer, describe
+from urquhart import SE2, Candidate, Config, Gates, LandmarkError, Recognition, Recognizer, describe
 
 Points = NDArray[np.float64]
 
@@ -22,6 +22,7 @@ ANSWER: Final = np.dtype(
     [
         ("inside", np.bool_),  # whether the place is in the database
         ("oracle", np.bool_),  # whether the true pose, handed in, would be reported
+        ("alone", np.bool_),  # the same if there were no other submaps for rivals to lie in
         ("verdict", np.int8),  # position in VERDICTS
         ("right", np.bool_),  # whether the first candidate is within the bounds
         ("level", np.int8),  # position in LEVELS
@@ -98,29 +99,47 @@ class World:
             if best.lead is not None:
                 row["lead"] = best.lead
         if ground is not None:
-            row["oracle"] = self._oracle(xy, ground, pose, diameters)
+            known = self._check(xy, ground, pose, diameters)
+            row["alone"] = known is not None
+            row["oracle"] = known is not None and not self._rivalled(known, found, ground, pose)
         return row
 
     def is_right(self, found: Recognition, ground: int, pose: SE2) -> bool:
         """Whether the first candidate puts the query where it was made."""
-        place = self.places[found.candidates[0].key]
-        shift, turn = (place.pose @ found.candidates[0].transform).distance(pose)
+        best = found.candidates[0]
+        return self._is_there(best.key, best.transform, ground, pose)
+
+    def _is_there(self, key: int, transform: SE2, ground: int, pose: SE2) -> bool:
+        place = self.places[key]
+        shift, turn = (place.pose @ transform).distance(pose)
         return place.ground == ground and shift < self.bounds.shift and turn < self.bounds.turn
 
-    def _oracle(self, xy: Points, ground: int, pose: SE2, diameters: Points | None) -> bool:
+    def _check(self, xy: Points, ground: int, pose: SE2, diameters: Points | None) -> Candidate | None:
+        """The strongest of the true poses in the submaps nearest to them that would be reported, if any would be."""
         away = np.hypot(*(self._positions - (pose.x, pose.y)).T)
         away[self._grounds != ground] = np.inf
+        passed = []
         for key in np.argsort(away, kind="stable")[:_ASKED].tolist():
             if np.isinf(away[key]):
-                continue
+                break
             truth = self.places[key].pose.inverse() @ pose
             try:
                 found = self.recognizer.check(xy, key, truth, diameters=diameters)
             except LandmarkError:
-                return False
+                return None
             if found.verdict == "matched" and self.is_right(found, ground, pose):
-                return True
-        return False
+                passed.append(found.candidates[0])
+        return max(passed, key=lambda candidate: candidate.evidence, default=None)
+
+    def _rivalled(self, known: Candidate, found: Recognition, ground: int, pose: SE2) -> bool:
+        """Whether a pose in another submap that the look-up came upon, and that is not the place, rivals `known`."""
+        others = [(rival.key, rival.transform, rival.evidence) for rival in found.rivals]
+        others += [(best.key, best.transform, best.evidence) for best in found.candidates]
+        gates = Gates.of(self.recognizer.config)
+        least = known.evidence - gates.lead - gates.lead_each * known.overlap_count
+        return any(
+            evidence > least and not self._is_there(key, transform, ground, pose) for key, transform, evidence in others
+        )
 
 
 def gather(rows: Iterable[NDArray[Any]]) -> NDArray[Any]:
@@ -137,6 +156,7 @@ def summarize(answers: NDArray[Any]) -> dict[str, Any]:
         "inside": int(inside.sum()),
         "outside": int((~inside).sum()),
         "oracle": int(oracle.sum()),
+        "alone": int(answers["alone"].sum()),
         "right": int((matched & right).sum()),
         "right_of_oracle": int((matched & right & oracle).sum()),
         "wrong": int((matched & inside & ~right).sum()),
