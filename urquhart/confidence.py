@@ -83,7 +83,12 @@ def against_rival(verified: Verified, lead: float | None, margin: float) -> floa
     """Logarithm of the odds that a pose is right and not its best rival, over which it leads by `lead` of evidence."""
     if lead is None:
         return math.inf
-    return _RIVAL * (lead - margin * max(verified.query_overlap, verified.submap_overlap))
+    return against_rival_by(lead, max(verified.query_overlap, verified.submap_overlap), margin)
+
+
+def against_rival_by(lead: float, overlap: int, margin: float) -> float:
+    """`against_rival` by numbers: `overlap` landmarks could have been inliers."""
+    return _RIVAL * (lead - margin * overlap)
 
 
 def surely_behind(verified: Verified, odds: float, margin: float) -> float:

@@ -11,6 +11,10 @@ from urquhart.diameters import score_diameters
 from urquhart.se2 import fit
 
 _REFINEMENTS: Final = 4
+_NEAR: Final = 1.5
+"""Distances between trees: what is farther from every landmark is no part of the footprint."""
+_COARSE: Final = 0.5
+"""Distances between trees: side of a cell of the footprint."""
 
 
 class Pattern(NamedTuple):
@@ -21,7 +25,9 @@ class Pattern(NamedTuple):
     Attributes:
         landmarks: (N, 2) float64, metres, centred frame.
         density: (N,) float64, landmarks per square metre.
-        hull: (H, 2) float64, metres, counter-clockwise: the footprint.
+        hull: (H, 2) float64, metres, counter-clockwise: what the footprint lies in.
+        cover: (A, B) uint8, square cells that are near enough to a landmark to be of the footprint.
+        corner: (3,) float64: lowest x, lowest y, cells per metre of `cover`.
         cells: (C + 1,) int64, where each square cell's landmarks begin in `order`.
         order: (N,) int64, landmark indices by cell.
         grid: (5,) float64: lowest x, lowest y, cells per metre, columns, rows.
@@ -34,6 +40,8 @@ class Pattern(NamedTuple):
     landmarks: NDArray[np.float64]
     density: NDArray[np.float64]
     hull: NDArray[np.float64]
+    cover: NDArray[np.uint8]
+    corner: NDArray[np.float64]
     cells: NDArray[np.int64]
     order: NDArray[np.int64]
     grid: NDArray[np.float64]
@@ -59,8 +67,48 @@ def lay_out(
         j = i + 1 if i + 1 < len(hull) else 0
         area += 0.5 * (hull[i, 0] * hull[j, 1] - hull[j, 0] * hull[i, 1])
     spacing = 1.0 / math.sqrt(np.median(density))
+    cover, corner = build_cover(landmarks, spacing)
     sizes, spread = score_diameters(diameters)
-    return Pattern(landmarks, density.astype(np.float64), hull, cells, order, grid, area, spacing, sizes, spread)
+    return Pattern(
+        landmarks, density.astype(np.float64), hull, cover, corner, cells, order, grid, area, spacing, sizes, spread
+    )
+
+
+@kernel
+def build_cover(landmarks: NDArray[np.float64], spacing: float) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
+    """Cells within `_NEAR` distances between trees of a landmark: `cover` and `corner` of a `Pattern`.
+
+    A robot's track bends, a plot has a lake in it: where no landmark is near, nobody need have looked.
+    """
+    low_x, low_y = landmarks[:, 0].min(), landmarks[:, 1].min()
+    width, height = landmarks[:, 0].max() - low_x, landmarks[:, 1].max() - low_y
+    size = max(_COARSE * spacing, max(width, height) / 256.0)
+    columns, rows = int(width / size) + 1, int(height / size) + 1
+    reach = _NEAR * spacing / size
+    around = int(reach) + 1
+    cover = np.zeros((columns, rows), np.uint8)
+    for i in range(len(landmarks)):
+        a, b = (landmarks[i, 0] - low_x) / size, (landmarks[i, 1] - low_y) / size
+        for c in range(max(int(a) - around, 0), min(int(a) + around + 1, columns)):
+            for d in range(max(int(b) - around, 0), min(int(b) + around + 1, rows)):
+                if (c + 0.5 - a) ** 2 + (d + 0.5 - b) ** 2 <= reach * reach:
+                    cover[c, d] = 1
+    return cover, np.array([low_x, low_y, 1.0 / size])
+
+
+@kernel
+def inside(pattern: Pattern, x: float, y: float) -> bool:
+    """Whether (x, y) lies in the footprint: near a landmark, and in the hull, its edge included."""
+    cover, corner, hull = pattern.cover, pattern.corner, pattern.hull
+    a, b = math.floor((x - corner[0]) * corner[2]), math.floor((y - corner[1]) * corner[2])
+    if a < 0 or b < 0 or a >= cover.shape[0] or b >= cover.shape[1] or cover[a, b] == 0:
+        return False
+    n = len(hull)
+    for i in range(n):
+        j = i + 1 if i + 1 < n else 0
+        if (hull[j, 0] - hull[i, 0]) * (y - hull[i, 1]) - (hull[j, 1] - hull[i, 1]) * (x - hull[i, 0]) < 0.0:
+            return False
+    return True
 
 
 @kernel

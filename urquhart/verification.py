@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from urquhart._kernel import kernel
 from urquhart.diameters import weigh_diameters
 from urquhart.features import Features
-from urquhart.pairing import Pattern, count_inliers, lay_out, pair_up, refine
+from urquhart.pairing import Pattern, count_inliers, inside, lay_out, pair_up, refine
 from urquhart.se2 import SE2
 
 NOISE: Final = (0.05, 0.1, 0.2, 0.35, 0.6, 0.9)
@@ -141,17 +141,6 @@ def weigh_pose(query: Pattern, submap: Pattern, pose: SE2, reach: float) -> Veri
 
 
 @kernel
-def inside(hull: NDArray[np.float64], x: float, y: float) -> bool:
-    """Whether (x, y) lies in the convex counter-clockwise `hull` (H, 2), its edge included."""
-    n = len(hull)
-    for i in range(n):
-        j = i + 1 if i + 1 < n else 0
-        if (hull[j, 0] - hull[i, 0]) * (y - hull[i, 1]) - (hull[j, 1] - hull[i, 1]) * (x - hull[i, 0]) < 0.0:
-            return False
-    return True
-
-
-@kernel
 def weigh(
     query: Pattern, submap: Pattern, x: float, y: float, yaw: float, reach: float
 ) -> tuple[float, float, NDArray[np.int64], NDArray[np.int64], NDArray[np.float64], int, int, float]:
@@ -166,12 +155,12 @@ def weigh(
     query_overlap = submap_overlap = len(first)
     for i in range(len(seen)):
         if not paired_query[i] and inside(
-            submap.hull, c * seen[i, 0] - s * seen[i, 1] + x, s * seen[i, 0] + c * seen[i, 1] + y
+            submap, c * seen[i, 0] - s * seen[i, 1] + x, s * seen[i, 0] + c * seen[i, 1] + y
         ):
             query_overlap += 1
     for j in range(len(stored)):
         dx, dy = stored[j, 0] - x, stored[j, 1] - y
-        if not paired_submap[j] and inside(query.hull, c * dx + s * dy, -s * dx + c * dy):
+        if not paired_submap[j] and inside(query, c * dx + s * dy, -s * dx + c * dy):
             submap_overlap += 1
     alone = query_overlap + submap_overlap - 2 * len(first)
 

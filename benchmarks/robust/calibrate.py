@@ -1,0 +1,97 @@
+"""What the numbers in `urquhart.confidence` were fitted with: two straight lines through answers of known truth.
+
+Run as `python -m benchmarks.robust.calibrate`. The forests are other ones than those of the published figures: seeds
+differ, and so does every tree but the real ones.
+"""
+
+import os
+from typing import Annotated, Any, Final
+
+import numpy as np
+import typer
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.progress import Progress
+from scipy.optimize import minimize
+
+from benchmarks.pool import Pool
+from benchmarks.robust import grid, rows, stands
+from urquhart import Config
+from urquhart.confidence import against_chance, against_rival_by, together
+
+SEED: Final = 1000
+_UNKNOWN: Final = -8.0
+"""Log-odds of the answers that are left out: nothing was compared for them."""
+
+
+def gather(pool: Pool, seed: int) -> dict[str, NDArray[Any]]:
+    """Answers from each kind of forest."""
+    cells = [grid.Job(cell, seed, 80, 160) for cell in range(len(grid.CELLS))]
+    kinds = [rows.Job(kind, seed, 40, 120) for kind in range(len(rows.KINDS))]
+    real = [stands.Job(name, seed, 16) for name in stands.available()]
+    return {
+        "grid": np.concatenate(pool.map(grid.run_cell, cells, "extended grid")),
+        "plantations": np.concatenate(pool.map(rows.run_kind, kinds, "plantations")),
+        "stands": np.concatenate(
+            [answers for found in pool.map(stands.run_stand, real, "real stands") for answers in found.values()]
+        ),
+    }
+
+
+def fit(answers: NDArray[Any]) -> tuple[float, float, float, float]:
+    """Slope and even point of the odds against chance, slope of those against a rival, and the margin."""
+    known = answers[(answers["inliers"] > 0) & (answers["log_odds"] > _UNKNOWN)]
+    odds, lead, trees = (known[name].astype(np.float64) for name in ("log_odds", "lead", "overlap"))
+    right, rivalled = known["right"].astype(np.float64), np.isfinite(known["lead"])
+    lead = np.where(rivalled, lead, 0.0)
+
+    def loss(guess: NDArray[np.float64]) -> float:
+        chance = np.exp(guess[0]) * (odds - guess[1])
+        rival = np.where(rivalled, np.exp(guess[2]) * (lead - np.exp(guess[3]) * trees), 50.0)
+        total = -np.logaddexp(-chance, -rival)
+        return float((np.logaddexp(0.0, total) - right * total).sum())
+
+    found = minimize(loss, [-0.5, -3.0, -1.0, -1.4], method="Nelder-Mead", options={"maxiter": 4000}).x
+    return float(np.exp(found[0])), float(found[1]), float(np.exp(found[2])), float(np.exp(found[3]))
+
+
+def logits(answers: NDArray[Any], margin: float) -> NDArray[np.float64]:
+    """Log-odds of being right (Q,) as the method has them now."""
+    return np.array(
+        [
+            together(
+                against_chance(float(row["log_odds"])),
+                against_rival_by(float(row["lead"]), int(row["overlap"]), margin)
+                if np.isfinite(row["lead"])
+                else np.inf,
+            )
+            for row in answers
+        ]
+    )
+
+
+def main(
+    seed: Annotated[int, typer.Option(help="Of all randomness.")] = SEED,
+    workers: Annotated[int, typer.Option(help="Processes, one thread each.")] = os.cpu_count() or 1,
+) -> None:
+    """Print the fitted numbers, and what the present ones make of the same answers."""
+    console = Console()
+    with Progress(console=console) as progress, Pool(workers, progress) as pool:
+        kinds = gather(pool, seed)
+    everything = np.concatenate(list(kinds.values()))
+    slope, even, rival, margin = fit(everything)
+    console.print(f"against chance: slope {slope:.3f}, even at {even:.2f}; against a rival: slope {rival:.3f}")
+    console.print(f"margin: {margin:.3f}")
+    for name, answers in kinds.items():
+        known = answers[answers["inliers"] > 0]
+        logit = logits(known, Config().margin)
+        wrong = ~known["right"]
+        accepted = logit >= Config().gate
+        console.print(
+            f"{name}: {len(known)} answers, {int(accepted.sum())} accepted, {int((accepted & wrong).sum())} of them "
+            f"wrong; the surest wrong one at {logit[wrong].max():.2f}"
+        )
+
+
+if __name__ == "__main__":
+    typer.run(main)
