@@ -1,5 +1,6 @@
 """Confidence: what the odds do as evidence, leads and overlaps change, and when two poses rival each other."""
 
+import itertools
 import math
 from dataclasses import replace
 
@@ -41,7 +42,7 @@ def laid(trees: np.ndarray, pose: SE2, seed: int, radius: float) -> tuple[Patter
 
 def test_better_odds_against_chance_are_never_worth_less() -> None:
     worth = [against_chance(odds) for odds in ODDS]
-    assert all(a < b for a, b in zip(worth, worth[1:], strict=False))
+    assert all(a < b for a, b in itertools.pairwise(worth))
     assert worth[0] < 0.0 < worth[-1]
 
 
