@@ -1,12 +1,15 @@
 """The sweep finds a pattern when no feature of it is whole."""
 
+import itertools
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from urquhart import SE2, Config, Recognizer, describe
 from urquhart.pairing import Pattern
-from urquhart.simulation import Observation, observe, paper_forest
+from urquhart.simulation import Observation, bridson, observe, paper_forest
 from urquhart.sweep import find_peaks, glance, settle_peaks, sweep
 from urquhart.verification import LOOSE, REACH, pattern
 from urquhart.voting import TURN
@@ -159,3 +162,51 @@ def test_a_stand_half_seen_on_both_sides_is_recognised_by_it(forest: NDArray[np.
             assert found.candidates[0].transform.distance(truth)[0] < 1.0
             levels.append(found.candidates[0].level)
     assert "sweep" in levels
+
+
+def test_a_large_collection_of_a_dense_forest_is_surveyed_where_polygons_and_quads_find_nothing() -> None:
+    """Trees 3 m apart, seen with an error of 0.3 m and a fifth of them not at all: hardly a feature is whole."""
+    rng = np.random.default_rng(1)
+    trees = bridson(140.0, 140.0, 2.2, rng)
+    trees += rng.normal(0.0, 0.6, trees.shape)
+    trees = np.delete(trees, cKDTree(trees).query_pairs(0.5, output_type="ndarray")[:, 1], axis=0)
+    centres = [
+        SE2(x, y, float(rng.uniform(-np.pi, np.pi)))
+        for x, y in itertools.product(np.arange(15.0, 126.0, 12.0).tolist(), repeat=2)
+    ]
+    stored = [describe(observe(trees, pose, 15.0, rng, sigma=0.1, detection=0.95).xy, CONFIG) for pose in centres]
+    surveyed, unsurveyed = Recognizer(CONFIG), Recognizer(Config(survey=0))
+    for recognizer in (surveyed, unsurveyed):
+        recognizer.add(enumerate(stored))
+    assert len(surveyed) > CONFIG.sweeps
+    alone = 0
+    for _ in range(20):
+        pose = SE2(*rng.uniform((20.0, 20.0, -np.pi), (120.0, 120.0, np.pi)).tolist())
+        seen = observe(trees, pose, 15.0, rng, sigma=0.3, detection=0.8, clutter=0.1)
+        found, without = surveyed.recognize(seen.xy), unsurveyed.recognize(seen.xy)
+        for answer in (found, without):
+            if answer.verdict == "matched":
+                best = answer.candidates[0]
+                shift, turn = (centres[best.key] @ best.transform).distance(pose)
+                assert shift < 1.0
+                assert turn < 0.05
+        if found.verdict == "matched" and without.verdict != "matched":
+            assert found.candidates[0].level == "sweep"
+            alone += 1
+    assert alone >= 4
+
+
+def test_what_is_not_stored_is_not_found_by_a_survey_either() -> None:
+    forest, other = (bridson(140.0, 140.0, 2.4, np.random.default_rng(seed)) for seed in (1, 2))
+    rng, recognizer = np.random.default_rng(3), Recognizer(CONFIG)
+    centres = itertools.product(np.arange(15.0, 126.0, 20.0).tolist(), repeat=2)
+    recognizer.add(
+        (key, describe(observe(forest, SE2(x, y, 0.0), 15.0, rng, sigma=0.1).xy, CONFIG))
+        for key, (x, y) in enumerate(centres)
+    )
+    assert len(recognizer) > CONFIG.sweeps
+    for _ in range(20):
+        pose = SE2(*rng.uniform((20.0, 20.0, -np.pi), (120.0, 120.0, np.pi)).tolist())
+        found = recognizer.recognize(observe(other, pose, 15.0, rng, sigma=0.3, detection=0.8, clutter=0.1).xy)
+        assert found.verdict != "matched"
+        assert {"survey", "sweep"} <= {stage.name for stage in found.stages}
