@@ -22,8 +22,8 @@ from server.metrics import Metrics
 from server.routes import collections, pages, queries, submaps, system
 from server.schemas.common import Problem
 from server.settings import Settings
-from server.store import schema
 from server.store.database import Database
+from server.store.renewal import bring_up_to_date
 from server.threads import pin_threads
 from server.version import service_version
 
@@ -83,7 +83,7 @@ def create_app_from_env() -> FastAPI:
 async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     service: Service = app.state.service
     try:
-        await anyio.to_thread.run_sync(schema.upgrade, service.database)
+        await anyio.to_thread.run_sync(bring_up_to_date, service.database)
     except BaseException:
         service.database.dispose()
         raise

@@ -189,5 +189,8 @@ def _full(session: Session, row: CollectionRow) -> Collection:
         for extent in collections.extents(row.key)
     ]
     return Collection(
-        **_summary(row), config=row.config, extent=Extent(spatial=spatial, temporal=collections.interval(row.key))
+        # What a stored configuration does not name has its default: it is told whole.
+        **_summary(row),
+        config=Config().to_dict() | row.config,
+        extent=Extent(spatial=spatial, temporal=collections.interval(row.key)),
     )

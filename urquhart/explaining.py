@@ -21,7 +21,7 @@ from urquhart.stages import Stage
 
 REASONS: Final[Mapping[str, str]] = {
     "verified": "chance and every rival pose are ruled out",
-    "below_gate": "too little evidence: chance, or trees in rows, could bring this about",
+    "below_gate": "too little to rule out chance or trees in rows",
     "runner_up_too_close": "another pose explains the trees about as well",
     "verification_failed": "more trees speak against the pose than for it",
     "no_votes": "no submap has anything like these trees",

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from urquhart._kernel import kernel
-from urquhart.config import Config
+from urquhart.config import DESCRIPTION_VERSION, Config
 from urquhart.descriptor import describe_outlines
 from urquhart.landmarks import check_diameters, check_landmarks
 from urquhart.tessellation import Tessellation, tessellate
@@ -21,6 +21,11 @@ from urquhart.tessellation import Tessellation, tessellate
 _MAGIC: Final = b"URQF"
 _FORMAT: Final = 2
 _HEADER: Final = struct.Struct("<4sHH16s2d12I")
+
+FEATURES_VERSION: Final = 100 * DESCRIPTION_VERSION + _FORMAT
+"""A whole number that changes whenever stored features have to be made again."""
+HEAD: Final = 24
+"""Bytes of a packed features BLOB that `is_current` needs."""
 
 
 class FeaturesError(ValueError):
@@ -100,6 +105,11 @@ class Features:
             len(body),
         )
         return header + body + struct.pack("<I", zlib.crc32(body, zlib.crc32(header)))
+
+    @staticmethod
+    def is_current(head: bytes, fingerprint: str) -> bool:
+        """Whether a BLOB that begins with `head` is of this format and was made with this configuration."""
+        return head[:6] == struct.pack("<4sH", _MAGIC, _FORMAT) and head[8:HEAD] == fingerprint.encode("ascii")
 
     @staticmethod
     def unpack(blob: bytes) -> "Features":

@@ -4,14 +4,17 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.console import Console
 
 from server.catalog import Catalog
 from server.commands.failure import Failure
+from server.commands.index import progress_bar
 from server.commands.serve import settings_with
 from server.metrics import Metrics
 from server.settings import Settings
 from server.store.database import Database
 from server.store.integrity import Finding, findings
+from server.store.renewal import renew
 from server.store.schema import expected_revision, upgrade
 
 app = typer.Typer(help="Look after the database file.")
@@ -24,13 +27,22 @@ DatabaseOption = Annotated[
 
 @app.command("upgrade")
 def upgrade_database(database: DatabaseOption = None) -> None:
-    """Make the database, or bring it to the schema of this version. Nothing is lost."""
+    """Make the database, or bring it to the schema and features of this version. Nothing is lost.
+
+    Ended half-way, it goes on where it was the next time.
+    """
     store = _database(settings_with(database=database))
     try:
-        changed = upgrade(store)
+        changed, renewed = upgrade(store), 0
+        with progress_bar(Console(stderr=True)) as progress:
+            task = progress.add_task("features made anew", total=None)
+            for step in renew(store, all_rows=True):
+                renewed = step.made
+                progress.update(task, completed=step.done, total=step.total)
     finally:
         store.dispose()
-    typer.echo(f"{store.path}: schema {expected_revision()}{'' if changed else ', nothing to do'}")
+    features = f", features of {renewed} submaps made anew" if renewed else ""
+    typer.echo(f"{store.path}: schema {expected_revision()}{features or ('' if changed else ', nothing to do')}")
 
 
 @app.command("check")

@@ -19,7 +19,7 @@ from server.metrics import Metrics
 from server.schemas.queries import QueryAnswer, QueryInput
 from server.stem_maps.reader import StemMap, read_stem_map
 from server.stem_maps.stands import landmarks_of
-from server.store.schema import upgrade
+from server.store.renewal import bring_up_to_date
 
 
 def locate(
@@ -54,7 +54,7 @@ def locate(
     settings = settings_with(database=database)
     store = existing_database(settings)
     try:
-        upgrade(store)
+        bring_up_to_date(store)
         catalog = Catalog(store, Metrics())
         query = _query(observation, limit, seed, file, explain=explain or explain_svg is not None)
         to_draw = svg is not None or explain_svg is not None

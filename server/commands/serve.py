@@ -19,7 +19,7 @@ from server.app import create_app, create_app_from_env
 from server.commands.failure import Failure
 from server.settings import Settings
 from server.store.database import Database
-from server.store.schema import upgrade
+from server.store.renewal import bring_up_to_date
 
 
 def serve(
@@ -77,7 +77,7 @@ def settings_with(**given: Any) -> Settings:
 
 
 def open_database(settings: Settings) -> Database:
-    """The database of `settings`, brought to this version's schema.
+    """The database of `settings`, brought to this version's schema and features.
 
     Raises:
         DomainError: it is not a database of this service, of a newer version, cannot be read or written ...
@@ -86,7 +86,7 @@ def open_database(settings: Settings) -> Database:
         settings.database_path, busy_timeout=settings.busy_timeout, read_only=settings.database_read_only
     )
     try:
-        upgrade(database)
+        bring_up_to_date(database)
     except BaseException:
         database.dispose()
         raise

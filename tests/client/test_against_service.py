@@ -85,7 +85,7 @@ def test_answers_can_be_explained(client: Client) -> None:
 
 def test_rivals_of_a_row_of_trees(client: Client) -> None:
     rows = np.array([[2.5 * i, 2.5 * j] for i in range(9) for j in range(9)])
-    rows += np.random.default_rng(1).normal(0.0, 0.05, rows.shape)
+    rows += np.random.default_rng(1).normal(0.0, 0.02, rows.shape)
     client.put_collection("plots")
     client.put_submap("plots", "rows", xy=rows)
     result = client.query("plots", rows[[i for i in range(81) if i % 9 not in (0, 8)]])

@@ -25,7 +25,7 @@ from urquhart.simulation import observe, plantation
 PLOTS = "/v1/collections/plots"
 QUERIES = f"{PLOTS}/queries"
 JSON = {"Accept": "application/json"}
-ROWS = plantation(90.0, 90.0, np.random.default_rng(8), jitter=0.1, survival=0.95)
+ROWS = plantation(90.0, 90.0, np.random.default_rng(8), jitter=0.05, survival=0.97)
 STORED = observe(ROWS, SE2(45.0, 45.0, 0.3), 20.0, np.random.default_rng(1), sigma=0.1, detection=0.95)
 ASKED = observe(ROWS, SE2(46.0, 47.0, -2.0), 20.0, np.random.default_rng(2), sigma=0.1, detection=0.95)
 

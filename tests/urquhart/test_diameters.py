@@ -93,7 +93,7 @@ def test_shuffled_diameters_never_make_a_wrong_match() -> None:
 def test_diameters_tell_the_rows_of_a_plantation_apart() -> None:
     """In a near-perfect lattice positions leave it open which row is which; stems of two species do not."""
     rng = np.random.default_rng(8)
-    rows = plantation(120.0, 110.0, rng, jitter=0.1, survival=0.95)
+    rows = plantation(120.0, 110.0, rng, jitter=0.05, survival=0.97)
     ambiguous = matched = 0
     for seed in range(8):
         stored, asked, there, here = sightings(rows, seed, sigma=0.1)

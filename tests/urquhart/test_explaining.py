@@ -42,7 +42,6 @@ def explanation(
         ("a <b> & c",),
         "runner_up_too_close",
         6.9,
-        0.4,
         STAGES,
         findings,
         total,
@@ -66,7 +65,9 @@ def reasons_of(module: ModuleType) -> Iterator[str]:
     for node in ast.walk(ast.parse(inspect.getsource(module))):
         given: list[ast.expr] = []
         if isinstance(node, ast.FunctionDef) and node.name == "refusal":
-            given = [step.value for step in ast.walk(node) if isinstance(step, ast.Return) and step.value is not None]
+            returned = [step.value for step in ast.walk(node) if isinstance(step, ast.Return)]
+            for value in returned:
+                given += [value.body, value.orelse] if isinstance(value, ast.IfExp) else [value] if value else []
         elif isinstance(node, ast.Tuple | ast.Call):
             parts = node.elts if isinstance(node, ast.Tuple) else node.args
             if len(parts) > 1 and isinstance(parts[0], ast.Constant) and parts[0].value in verdicts:
@@ -104,7 +105,6 @@ def test_the_picture_tells_verdict_stages_and_findings() -> None:
         "0.80 ms",
         "landmarks\xa040, hull\xa0polygons\xa03",
         "gate 6.9",
-        "gate 0.4 each",
         "polygons: 1 submap",
         "20.0",
         "30 of 36 trees, 0.8 each",

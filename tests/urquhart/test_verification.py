@@ -118,8 +118,8 @@ def test_two_submaps_of_one_place_are_no_rivals() -> None:
     two, map_T_two = seen(SE2(260.0, 255.0, 0.0), 11, sigma=0.1)
     other, _ = seen(SE2(150.0, 120.0, 0.0), 12, sigma=0.1)
     first, second = map_T_one.inverse() @ map_T_query, map_T_two.inverse() @ map_T_query
-    assert same_place(one, first, two, second, REACH)
-    assert not same_place(one, first, other, second, REACH)
+    assert same_place(one, first, two, second, REACH, Config().margin)
+    assert not same_place(one, first, other, second, REACH, Config().margin)
 
 
 def test_rows_of_trees_have_strong_rivals_and_natural_forests_weak_ones() -> None:

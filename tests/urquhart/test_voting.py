@@ -5,7 +5,7 @@ from tests.urquhart import forests
 from urquhart import SE2, Config, describe
 from urquhart.collection_index import CollectionIndex
 from urquhart.quads import measure
-from urquhart.voting import Votes, align_outlines, vote_polygons, vote_quads
+from urquhart.voting import TURN, Votes, align_outlines, rank_turns, vote_polygons, vote_quads
 
 
 @pytest.mark.parametrize("count", range(3, 12))
@@ -68,3 +68,41 @@ def test_no_hits_no_votes(vote) -> None:  # type: ignore[no-untyped-def]
     votes = vote(collection(range(1)), forests.uniform(np.random.default_rng(50)) * 40.0)
     assert len(votes.keys) == 0
     assert votes.offsets.tolist() == [0]
+
+
+def test_turns_rank_the_submap_seen_again_and_its_rotation_first() -> None:
+    """Measured so loosely that no hit proves anything, quads still agree on submap and rotation."""
+    index = collection(range(30))
+    for seed in (0, 11, 29):
+        for turn in (-3.1, -0.4, 1.0, 3.0):
+            rng = np.random.default_rng(seed)
+            xy = forests.uniform(rng)
+            seen = SE2(40.0, -10.0, turn).inverse().apply(xy + rng.normal(0.0, 0.2, xy.shape))
+            query = describe(seen[rng.random(len(seen)) < 0.9], Config())
+            hits = index.quads.search(*measure(query.landmarks, query.tessellation.quads), 0.75, 10**6)
+            keys, rotations = rank_turns(hits, 0.75, 60, frozenset())
+            assert 5 < len(keys) == len(rotations) <= 60
+            assert keys[0] == seed
+            assert abs((rotations[0] - turn + np.pi) % (2.0 * np.pi) - np.pi) <= TURN
+            # A submap comes once for each of its peaks, and never twice for one.
+            assert len(set(zip(keys.tolist(), rotations.tolist(), strict=True))) == len(keys)
+            for key in set(keys.tolist()):
+                own = np.sort(rotations[keys == key])
+                assert (np.diff(np.append(own, own[0] + 2.0 * np.pi)) > 0.9 * TURN).all()
+
+            fewer = rank_turns(hits, 0.75, 5, frozenset())
+            np.testing.assert_array_equal(fewer[0], keys[:5])
+            np.testing.assert_array_equal(fewer[1], rotations[:5])
+            others, _ = rank_turns(hits, 0.75, 60, frozenset({seed}))
+            assert seed not in others
+
+
+def test_without_hits_or_with_none_asked_for_there_are_no_turns() -> None:
+    index = collection(range(3))
+    query = describe(forests.uniform(np.random.default_rng(1)), Config())
+    lengths, directions = measure(query.landmarks, query.tessellation.quads)
+    hits = index.quads.search(lengths, directions, 0.5, 10**6)
+    assert [len(found) for found in rank_turns(hits, 0.5, 0, frozenset())] == [0, 0]
+    assert [len(found) for found in rank_turns(hits, 0.5, 9, frozenset({0, 1, 2}))] == [0, 0]
+    none = index.quads.search(lengths * 100.0, directions, 0.01, 10**6)
+    assert [len(found) for found in rank_turns(none, 0.5, 9, frozenset())] == [0, 0]

@@ -25,8 +25,8 @@ def test_locate_asks_with_the_diameters_of_the_file(urquhart: Urquhart, indexed:
     )
     assert measured["submap_id"] == plain["submap_id"]
     assert measured["evidence"] > plain["evidence"] + 10.0
-    write_observation(tmp_path / "wide.csv", seen.xy, np.full(len(seen.xy), 3000.0))
-    refused(urquhart("locate", "wide.csv", *known), "wide.csv: tree value 30.0", "less than or equal to 20")
+    write_observation(tmp_path / "wide.csv", seen.xy, np.full(len(seen.xy), 2e6))
+    refused(urquhart("locate", "wide.csv", *known), "wide.csv: tree value 20000.0", "less than or equal to 10000")
 
 
 def test_locate_explains(urquhart: Urquhart, indexed: Path, observation: Path, tmp_path: Path) -> None:
@@ -57,7 +57,7 @@ def test_locate_explains_a_no(urquhart: Urquhart, indexed: Path, tmp_path: Path)
 
 def test_locate_tells_the_rivals_of_an_ambiguous_answer(urquhart: Urquhart, tmp_path: Path) -> None:
     rng = np.random.default_rng(8)
-    rows = plantation(90.0, 90.0, rng, jitter=0.1, survival=0.95)
+    rows = plantation(90.0, 90.0, rng, jitter=0.05, survival=0.97)
     write_observation(tmp_path / "rows.csv", observe(rows, SE2(45.0, 45.0, 0.3), 20.0, rng, sigma=0.1).xy)
     write_observation(tmp_path / "seen.csv", observe(rows, SE2(46.0, 47.0, -2.0), 20.0, rng, sigma=0.1).xy)
     assert urquhart("index", "rows.csv", "--collection", "c", "--radius", 30, "--spacing", 100).code == 0
