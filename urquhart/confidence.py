@@ -8,7 +8,9 @@ Rivals. A forest that repeats itself (rows of a plantation) gives wrong poses ev
 trees foresees. What a wrong pose can reach here is read off the data at hand: the best distinct pose among all
 hypotheses, and the best that shifting the match along the pattern, straight on or turned by quarters, brings up. In a
 natural forest these rivals explain nothing; in rows they come close, and closer the fewer trees there are to tell them
-apart: a lead counts by what it is more than `Config.margin` for each landmark of the overlap.
+apart: a lead counts by what it is more than `Config.margin` for each landmark of the overlap. Shifted by a row, fewer
+trees overlap, and a rival would have less evidence however alike the rows are: it is credited with what it cannot see
+at the rate at which it explains what it does see, or the corner of one orchard would pass for that of another.
 
 Confidence. Neither number is a probability as it stands: trees are not independent, and every level takes its best of
 many. Two straight lines make them into one, fitted to answers whose truth is known (`calibrate` in the benchmarks,
@@ -44,8 +46,6 @@ _SLACK: Final = 30.0
 _UNKNOWN: Final = -8.0
 """Log-odds below which a pose is as likely right as at this value: where noise is larger than anything foreseen, the
 evidence of right poses falls without end."""
-_BEYOND_DOUBT: Final = 1.5
-"""Evidence per landmark of the overlap that no shift of a plantation reaches (measured: 0.9 at most)."""
 
 
 def log_volume(submaps: int, query: Pattern) -> float:
@@ -83,7 +83,7 @@ def against_rival(verified: Verified, lead: float | None, margin: float) -> floa
     """Logarithm of the odds that a pose is right and not its best rival, over which it leads by `lead` of evidence."""
     if lead is None:
         return math.inf
-    return against_rival_by(lead, max(verified.query_overlap, verified.submap_overlap), margin)
+    return against_rival_by(lead, verified.overlap, margin)
 
 
 def against_rival_by(lead: float, overlap: int, margin: float) -> float:
@@ -93,7 +93,7 @@ def against_rival_by(lead: float, overlap: int, margin: float) -> float:
 
 def surely_behind(verified: Verified, odds: float, margin: float) -> float:
     """Evidence up to which a rival leaves the odds against it at `odds` (a logarithm) or better."""
-    return verified.evidence - odds / _RIVAL - margin * max(verified.query_overlap, verified.submap_overlap)
+    return verified.evidence - odds / _RIVAL - margin * verified.overlap
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,6 +123,11 @@ class Gates:
 def together(chance: float, rival: float) -> float:
     """Logarithm of the odds of being right from those against chance and against the best rival."""
     return -float(np.logaddexp(-chance, -rival))
+
+
+def credited(evidence: NDArray[np.float64], overlap: NDArray[np.float64], wanted: int) -> NDArray[np.float64]:
+    """Evidence of rivals as if `wanted` landmarks overlapped under them, not `overlap`, where those are fewer."""
+    return np.asarray(np.where(evidence > 0.0, evidence * np.maximum(wanted / np.maximum(overlap, 1.0), 1.0), evidence))
 
 
 def comparable(rival: Verified, best: Verified) -> bool:
@@ -161,40 +166,40 @@ def same_place(first: Pattern, first_pose: SE2, second: Pattern, second_pose: SE
     chained = verify(second, first, first_pose @ second_pose.inverse(), reach)
     if chained.evidence <= 0.0:
         return False
-    if chained.evidence > _BEYOND_DOUBT * max(chained.query_overlap, chained.submap_overlap):
-        return True
     least = surely_behind(chained, 0.0, margin) - _SLACK
     rivals = find_rivals(second, first, pose_row(chained.transform), reach, least)
-    lead = chained.evidence - rivals[:, 3].max(initial=-math.inf)
+    lead = chained.evidence - credited(rivals[:, 3], rivals[:, 5], chained.overlap).max(initial=-math.inf)
     return against_rival(chained, lead, margin) > 0.0
 
 
 def climb(
     query: Pattern, submap: Pattern, best: Verified, reach: float, odds: float, margin: float
-) -> tuple[Verified, list[Verified]]:
+) -> tuple[Verified, list[tuple[Verified, float]]]:
     """Change over to the best rival as long as one explains the data better; the best pose, and what rivals it.
 
     In rows of trees a hypothesis is easily one planting distance off: its rivals include the right pose. The rivals are
-    distinct and comparable, and leave the odds against them below `odds` (a logarithm); the strongest first.
+    distinct and comparable, each with the evidence it is credited with, and leave the odds against them below `odds`
+    (a logarithm); the strongest first.
     """
-    seen = [np.empty((0, 5))]
+    seen = [np.empty((0, 6))]
     while True:
         place = pose_row(best.transform)
         found = find_rivals(query, submap, place, reach, surely_behind(best, odds, margin) - _SLACK)
         seen.append(found)
         if found[:, 3].max(initial=-math.inf) <= best.evidence:
             break
-        seen.append(np.array([[*place, best.evidence, reach]]))
+        seen.append(np.array([[*place, best.evidence, reach, best.overlap]]))
         best = weigh_settled(query, submap, found[found[:, 3].argmax()])
     poses = np.concatenate(seen)
-    rivals: list[Verified] = []
+    poses[:, 3] = credited(poses[:, 3], poses[:, 5], best.overlap)
+    rivals: list[tuple[Verified, float]] = []
     for row in poses[np.argsort(-poses[:, 3], kind="stable")]:
         if row[3] <= surely_behind(best, odds, margin):
             break
         if distinct(row, place, submap.spacing, reach):
             rival = weigh_settled(query, submap, row)
             if comparable(rival, best):
-                rivals.append(rival)
+                rivals.append((rival, float(row[3])))
     return best, rivals
 
 

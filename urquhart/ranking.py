@@ -71,7 +71,7 @@ class Rival:
     Attributes:
         key: the submap, often the candidate's own.
         transform: `submap_T_query`, in the frames as posted.
-        evidence: log-likelihood ratio of the same place against chance.
+        evidence: log-likelihood ratio of the same place against chance, made up for trees that do not overlap there.
         inliers: one-to-one inliers under that pose.
     """
 
@@ -150,29 +150,29 @@ def make_finding(proposal: Proposal, query: Sighting, config: Config) -> Finding
     """A proposal as an explanation shows it."""
     v = proposal.verified
     odds = log_odds(v, query.pattern, query.volume)
-    overlap = max(v.query_overlap, v.submap_overlap)
+    overlap = v.overlap
     refused = refusal(v, odds, None, config)
     return Finding(proposal.level, proposal.key, proposal.votes, len(v.residuals), overlap, v.evidence, odds, refused)
 
 
 def make_rivals(
-    rivals: Iterable[tuple[int, Verified]],
+    rivals: Iterable[tuple[int, Verified, float]],
     best: Verified,
     query: Sighting,
     origin: Callable[[int], NDArray[np.float64]],
     config: Config,
 ) -> tuple[Rival, ...]:
-    """Those of `rivals` (submap, pose in centred frames) that `best` does not clearly lead, the strongest first.
+    """Those of `rivals` (submap, pose in centred frames, evidence) that `best` does not clearly lead, by strength.
 
     Args:
         origin: gives the origin of a submap's centred frame by its key.
     """
     behind = surely_behind(best, config.gate, config.margin)
-    close = [(key, rival) for key, rival in rivals if rival.evidence > max(behind, 0.0)]
-    close.sort(key=lambda found: -found[1].evidence)
+    close = [(key, rival, evidence) for key, rival, evidence in rivals if evidence > max(behind, 0.0)]
+    close.sort(key=lambda found: -found[2])
     return tuple(
-        Rival(key, _as_posted(rival.transform, origin(key), query), rival.evidence, len(rival.residuals))
-        for key, rival in close[:_RIVALS]
+        Rival(key, _as_posted(rival.transform, origin(key), query), evidence, len(rival.residuals))
+        for key, rival, evidence in close[:_RIVALS]
     )
 
 
@@ -202,7 +202,7 @@ def make_candidate(
         inlier_ratio=inliers / min(v.query_overlap, v.submap_overlap),
         rms=float(np.sqrt((v.residuals**2).mean())),
         overlap=v.query_overlap / len(features.landmarks),
-        overlap_count=max(v.query_overlap, v.submap_overlap),
+        overlap_count=v.overlap,
         evidence=v.evidence,
         log_odds=odds,
         lead=lead,

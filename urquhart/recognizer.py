@@ -19,7 +19,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from urquhart.collection_index import CollectionIndex
-from urquhart.confidence import against_chance, climb, comparable, log_odds, log_volume, same_place, surely_behind
+from urquhart.confidence import (
+    against_chance,
+    climb,
+    comparable,
+    credited,
+    log_odds,
+    log_volume,
+    same_place,
+    surely_behind,
+)
 from urquhart.config import Config
 from urquhart.features import Features, describe
 from urquhart.landmarks import LandmarkError
@@ -81,7 +90,7 @@ class _Standing:
 
     ranked: list[Proposal]
     lead: float | None
-    rivals: list[tuple[int, Verified]]
+    rivals: list[tuple[int, Verified, float]]
 
 
 class Recognizer:
@@ -240,21 +249,26 @@ class Recognizer:
             margin, sure = self.config.margin, 2.0 * self.config.gate
             best, rivals_here = climb(query.pattern, here, ranked[0].verified, reach, sure, margin)
             ranked[0] = replace(ranked[0], verified=best)
-            rivals = [(key, rival) for rival in rivals_here]
-            evidence = max((rival.evidence for rival in rivals_here), default=-math.inf)
+            rivals = [(key, rival, evidence) for rival, evidence in rivals_here]
+            strongest = max((evidence for _, evidence in rivals_here), default=-math.inf)
             # Only what could change the verdict is looked at: overlapping submaps of one place are many.
-            harmless = surely_behind(best, sure, margin)
-            for other in ranked[1:]:
-                if other.verified.evidence <= max(evidence, harmless):
+            for other, evidence in self._comparable(ranked[1:], best):
+                if evidence <= max(strongest, surely_behind(best, sure, margin)):
                     break
                 there = self._index.pattern(other.key)
-                if comparable(other.verified, best) and not same_place(
-                    here, best.transform, there, other.verified.transform, reach, margin
-                ):
-                    evidence = other.verified.evidence
-                    rivals.append((other.key, other.verified))
+                if not same_place(here, best.transform, there, other.verified.transform, reach, margin):
+                    strongest = evidence
+                    rivals.append((other.key, other.verified, evidence))
             counts["rivals"] = len(rivals)
-            return _Standing(ranked, best.evidence - evidence if rivals else None, rivals)
+            return _Standing(ranked, best.evidence - strongest if rivals else None, rivals)
+
+    def _comparable(self, others: list[Proposal], best: Verified) -> list[tuple[Proposal, float]]:
+        """Those of `others` that could rival `best`, with the evidence they are credited with, the strongest first."""
+        near = [other for other in others if comparable(other.verified, best)]
+        evidence = np.array([other.verified.evidence for other in near])
+        overlap = np.array([other.verified.overlap for other in near], np.float64)
+        given = credited(evidence, overlap, best.overlap).tolist()
+        return sorted(zip(near, given, strict=True), key=lambda pair: -pair[1])
 
 
 def warm_up(config: Config) -> None:

@@ -53,6 +53,7 @@ class Verified:
         residuals: (K,) float64, metres.
         query_overlap, submap_overlap: landmarks of each side inside the overlap of the footprints.
         noise: metres, the noise of one coordinate that explains the residuals best.
+        overlap: landmarks inside the overlap, of the side that has more there.
     """
 
     transform: SE2
@@ -64,6 +65,10 @@ class Verified:
     query_overlap: int
     submap_overlap: int
     noise: float
+
+    @property
+    def overlap(self) -> int:
+        return max(self.query_overlap, self.submap_overlap)
 
 
 def pattern(features: Features, reach: float) -> Pattern:
@@ -88,8 +93,8 @@ def verify_best(query: Pattern, submap: Pattern, starts: NDArray[np.float64], re
 
 
 def weigh_settled(query: Pattern, submap: Pattern, settled: NDArray[np.float64]) -> Verified:
-    """All that speaks for a pose as `settle` gives it, a row (5,)."""
-    x, y, yaw, _, reach = settled.tolist()
+    """All that speaks for a pose as `settle` gives it, a row (6,)."""
+    x, y, yaw, _, reach, _ = settled.tolist()
     return weigh_pose(query, submap, SE2(x, y, yaw), reach)
 
 
@@ -97,22 +102,24 @@ def weigh_settled(query: Pattern, submap: Pattern, settled: NDArray[np.float64])
 def settle(
     query: Pattern, submap: Pattern, starts: NDArray[np.float64], reach: float, least: float
 ) -> NDArray[np.float64]:
-    """Poses (S, 3) refined, with their evidence and the reach of their partners: rows of x, y, yaw, evidence, reach.
+    """Poses (S, 3) refined, rows (S, 6): x, y, yaw, evidence, reach of the partners, landmarks of the overlap.
 
+    The landmarks are those of the side that has more of them there.
     `least`: evidence that makes the second try, with partners farther away, worth its time.
     """
-    settled = np.empty((len(starts), 5))
+    settled = np.empty((len(starts), 6))
     wide = min(LOOSE * reach, _ROOM * query.spacing, _ROOM * submap.spacing)
     for k in range(len(starts)):
         x, y, yaw = refine(query.landmarks, submap, starts[k, 0], starts[k, 1], starts[k, 2], reach)
-        evidence = weigh(query, submap, x, y, yaw, reach)[0]
-        used = reach
+        evidence, _, _, _, _, seen, stored, _ = weigh(query, submap, x, y, yaw, reach)
+        overlap, used = max(seen, stored), reach
         if evidence > least and wide > reach:
             there = refine(query.landmarks, submap, x, y, yaw, wide)
-            loose = weigh(query, submap, there[0], there[1], there[2], wide)[0]
+            loose, _, _, _, _, seen, stored, _ = weigh(query, submap, there[0], there[1], there[2], wide)
             if loose > evidence:
-                (x, y, yaw), evidence, used = there, loose, wide
-        settled[k, 0], settled[k, 1], settled[k, 2], settled[k, 3], settled[k, 4] = x, y, yaw, evidence, used
+                (x, y, yaw), evidence, overlap, used = there, loose, max(seen, stored), wide
+        settled[k, 0], settled[k, 1], settled[k, 2] = x, y, yaw
+        settled[k, 3], settled[k, 4], settled[k, 5] = evidence, used, overlap
     return settled
 
 

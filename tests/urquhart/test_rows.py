@@ -106,7 +106,6 @@ def test_the_corner_of_an_orchard_is_not_taken_for_the_opposite_one(jitter: floa
     assert wrong_at_corners(jitter, here=True) == 0
 
 
-@pytest.mark.xfail(strict=True, reason="a pose in another submap may be one row off, and is not climbed like the first")
 def test_the_corner_of_a_tight_orchard_is_not_taken_for_the_opposite_one() -> None:
     assert wrong_at_corners(0.03, here=True) == 0
 
@@ -116,6 +115,5 @@ def test_a_corner_that_is_not_stored_is_not_taken_for_one_that_is(jitter: float)
     assert wrong_at_corners(jitter, here=False) == 0
 
 
-@pytest.mark.xfail(strict=True, reason="shifting a corner loses a row, which no other corner of the same planting does")
 def test_a_tight_corner_that_is_not_stored_is_not_taken_for_one_that_is() -> None:
     assert wrong_at_corners(0.03, here=False) == 0
