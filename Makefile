@@ -15,7 +15,7 @@ UV_COMPILE = $(UV) pip compile --quiet --universal --python-version 3.11 --gener
 	--no-emit-index-url --no-emit-find-links --custom-compile-command "make lock"
 
 .DEFAULT_GOAL := help
-.PHONY: help demo serve test lint bench bench-paper lock clean
+.PHONY: help demo serve test lint bench bench-paper bench-robust lock clean
 .DELETE_ON_ERROR:
 
 help: ## print every verb
@@ -40,6 +40,9 @@ bench: $(VENV)/dev.stamp ## measure describe, query and ingest on this machine
 
 bench-paper: $(VENV)/dev.stamp ## rerun the paper's experiments: tables, plots, docs/results.md
 	@$(BIN)/python -m benchmarks.paper $(ARGS)
+
+bench-robust: $(VENV)/dev.stamp ## how the default method holds: noise, plantations, real trees, its confidence
+	@$(BIN)/python -m benchmarks.robust $(ARGS)
 
 lock: ## resolve the lock files anew (needs uv)
 	@$(UV_COMPILE) pyproject.toml --output-file requirements.lock

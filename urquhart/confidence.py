@@ -27,17 +27,19 @@ from numpy.typing import NDArray
 
 from urquhart._kernel import kernel
 from urquhart.config import Config
-from urquhart.pairing import Pattern
+from urquhart.pairing import Pattern, count_inliers
 from urquhart.se2 import SE2
 from urquhart.verification import Verified, settle, verify, weigh_settled
 
 _QUARTERS: Final = 4
 _PEAKS: Final = 4
+_REFINED: Final = 8
+"""Shifts that are refined: those that bring most landmarks together."""
 _SAMPLED: Final = 500
 _SAME_TURN: Final = math.radians(6.0)
-_CHANCE: Final = (0.64, -3.1)
+_CHANCE: Final = (0.65, -3.5)
 """Odds against chance: their logarithm grows so much with the log-odds, and is nought where these are so much."""
-_RIVAL: Final = 0.35
+_RIVAL: Final = 0.3
 """Odds against a rival: their logarithm grows so much with the lead beyond what says nothing."""
 _COMPARABLE: Final = 0.5
 """A rival claims at least this share of the query's inliers."""
@@ -221,9 +223,10 @@ def find_rivals(
         for p in range(len(peaks)):
             starts[count, 0], starts[count, 1], starts[count, 2] = peaks[p, 0], peaks[p, 1], yaw
             count += 1
-    settled = settle(query, submap, starts, reach, least)
+    counted = count_inliers(query.landmarks, submap, starts[:count], reach)
+    settled = settle(query, submap, starts[np.argsort(-counted)[:_REFINED]], reach, least)
     kept = 0
-    for k in range(count):
+    for k in range(len(settled)):
         if distinct(settled[k], best, submap.spacing, reach):
             settled[kept] = settled[k]
             kept += 1

@@ -13,9 +13,9 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from benchmarks import record
 from benchmarks.machine import machine
 from benchmarks.markdown import FOLDER
+from benchmarks.page import write_page
 from benchmarks.paper import ablation, pr_curves, table1, table2, table3
 from benchmarks.paper.plots import PICTURES, SOURCES, draw
-from benchmarks.paper.report import write_report
 from benchmarks.pool import Pool
 
 EXPERIMENTS: Final[dict[str, Callable[..., dict[str, Any]]]] = {
@@ -57,7 +57,7 @@ def main(
     with Progress(*columns, TimeRemainingColumn(), console=console) as progress, Pool(workers, progress) as pool:
         for name in chosen:
             run_experiment(name, pool, folder, quick=quick, seed=seed)
-    console.print(f"report: {report(folder)}")
+    console.print(f"report: {write_page(folder)}")
 
 
 def run_experiment(name: str, pool: Pool, folder: Path, *, quick: bool, seed: int) -> None:
@@ -78,15 +78,6 @@ def draw_pictures(name: str, folder: Path) -> None:
     for picture in PICTURES:
         if path.exists() and SOURCES.get(picture, picture) == name:
             draw(picture, record.read(path), path.with_name(f"{picture}.svg"))
-
-
-def report(folder: Path) -> Path:
-    """Write results.md from the JSON files under `folder`; where it went."""
-    paths = {name: folder / FOLDER / f"{name}.json" for name in EXPERIMENTS}
-    results = {name: record.read(path) for name, path in paths.items() if path.exists()}
-    target = folder / "results.md"
-    target.write_text(write_report(results), encoding="utf-8")
-    return target
 
 
 if __name__ == "__main__":

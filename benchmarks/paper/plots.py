@@ -49,8 +49,13 @@ _STYLE: Final[dict[Any, Any]] = {
 
 def draw(name: str, figures: dict[str, Any], path: Path) -> None:
     """Draw the picture `name` of `PICTURES` to `path`."""
+    save(PICTURES[name], figures, path)
+
+
+def save(picture: Callable[[dict[str, Any]], Figure], figures: dict[str, Any], path: Path) -> None:
+    """Draw `figures` with `picture` in the style of all pictures, to `path`."""
     with matplotlib.rc_context(_STYLE):
-        figure = PICTURES[name](figures)
+        figure = picture(figures)
         path.parent.mkdir(parents=True, exist_ok=True)
         # Thousands of points are an image inside the SVG; this is its resolution.
         metadata = {"Date": None} if path.suffix == ".svg" else None

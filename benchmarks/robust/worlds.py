@@ -76,11 +76,20 @@ class World:
         self._grounds = np.array([place.ground for place in places])
         self._positions = np.array([(place.pose.x, place.pose.y) for place in places]).reshape(-1, 2)
 
-    def ask(self, xy: Points, ground: int | None, pose: SE2, diameters: Points | None = None) -> NDArray[Any]:
+    def ask(
+        self,
+        xy: Points,
+        ground: int | None,
+        pose: SE2,
+        diameters: Points | None = None,
+        *,
+        oracle: bool = True,
+    ) -> NDArray[Any]:
         """Look an observation up; a row of `ANSWER`.
 
         Args:
             ground, pose: where it was made (`map_T_query`); no ground where that is not in the collection.
+            oracle: whether to ask the oracle too.
         """
         row = np.zeros((), ANSWER)
         start = time.perf_counter()
@@ -98,7 +107,7 @@ class World:
             row["inliers"] = len(best.query_indices)
             if best.lead is not None:
                 row["lead"] = best.lead
-        if ground is not None:
+        if oracle and ground is not None:
             known = self._check(xy, ground, pose, diameters)
             row["alone"] = known is not None
             row["oracle"] = known is not None and not self._rivalled(known, found, ground, pose)

@@ -12,13 +12,13 @@ from rich.progress import Progress
 
 from benchmarks import record
 from benchmarks.markdown import FOLDER, WIDTH, bullets, prose, table
+from benchmarks.page import compose
 from benchmarks.paper import published
 from benchmarks.paper.__main__ import EXPERIMENTS, FULL, main
 from benchmarks.paper.attempts import MINIMA, Scoring, ask, attempt
 from benchmarks.paper.drive import LAPS, ROTATIONS, SENSOR, Drive, drive, path
 from benchmarks.paper.methods import Glarot, Li, Paper, Robust
 from benchmarks.paper.plots import PICTURES, SOURCES, draw
-from benchmarks.paper.report import write_report
 from benchmarks.paper.table1 import best_minimum, f1
 from benchmarks.paper.table2 import aligner, merge_track, summary
 from benchmarks.paper.table3 import slope
@@ -207,7 +207,7 @@ def committed() -> dict[str, dict[str, Any]]:
 
 
 def test_the_document_is_what_the_figures_say() -> None:
-    assert write_report(committed()) == (ROOT / FULL / "results.md").read_text(encoding="utf-8")
+    assert compose(ROOT / FULL) == (ROOT / FULL / "results.md").read_text(encoding="utf-8")
     for name in PICTURES:
         assert (RESULTS / f"{name}.svg").exists()
 
