@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 import urquhart
-from server.commands.demo.observations import RIGHT_DEGREES, RIGHT_METRES, Answer, Question, Stand, ask, judge
+from server.commands.demo.observations import HARD, RIGHT_DEGREES, RIGHT_METRES, Answer, Question, Stand, ask, judge
 from server.commands.demo.service import running_service
 from server.commands.failure import Failure
 from server.commands.index import ensure_collection, progress_bar, sentence
@@ -30,8 +30,17 @@ STANDS: Final = (
 )
 FOREIGN: Final = Stand("longleaf", sensor_range=40.0)
 FOREIGN_OBSERVATIONS: Final = 10
+HARD_OBSERVATIONS: Final = 10
 SHARE_RIGHT: Final = 0.95
-OUTPUT: Final = ("urquhart.db", "urquhart.db-wal", "urquhart.db-shm", "server.log", "match.svg", "tessellation.svg")
+OUTPUT: Final = (
+    "urquhart.db",
+    "urquhart.db-wal",
+    "urquhart.db-shm",
+    "server.log",
+    "match.svg",
+    "tessellation.svg",
+    "hard.svg",
+)
 
 
 def run(out: Path, data: Path, *, seed: int, observations: int, keep: bool) -> bool:
@@ -63,6 +72,8 @@ def run(out: Path, data: Path, *, seed: int, observations: int, keep: bool) -> b
             console.print(_table(answers))
             passed = _summary(answers, console)
             drawings = _draw(client, answers, out)
+            hard = [ask(STANDS[0], stem_maps[STANDS[0].name], rng, HARD) for _ in range(HARD_OBSERVATIONS)]
+            drawings += _compare(client, hard, seed, out, console)
     for path in drawings:
         console.print(f"drawn: {path}", highlight=False, soft_wrap=True)
     if keep:
@@ -138,6 +149,29 @@ def _draw(client: Client, answers: Sequence[Answer], out: Path) -> list[Path]:
             tessellation.write_text(client.tessellation_svg(COLLECTION, stored.best.submap_id), encoding="utf-8")
             return [match, tessellation]
     return []
+
+
+def _compare(client: Client, hard: Sequence[Question], seed: int, out: Path, console: Console) -> list[Path]:
+    """Ask hard questions of the paper's method and of the default; explain one that only the default answers."""
+    lost = []
+    found: dict[urquhart.Method, int] = {"paper": 0, "robust": 0}
+    for question in hard:
+        answers = {name: client.query(COLLECTION, question.xy, method=name, seed=seed, store=True) for name in found}
+        right = {name: judge(question, answer, 0.0).right for name, answer in answers.items()}
+        found = {name: count + right[name] for name, count in found.items()}
+        if right["robust"] and not right["paper"]:
+            lost.append(answers["robust"])
+    console.print(
+        f"the same at {HARD.sigma[0]:g} m and {HARD.detection[1]:.0%} seen: {found['robust']} of {len(hard)} right; by "
+        f"the paper's method {found['paper']}",
+        highlight=False,
+        soft_wrap=True,
+    )
+    if not lost or lost[0].id is None:
+        return []
+    path = out / "hard.svg"
+    path.write_text(client.explanation_svg(COLLECTION, lost[0].id), encoding="utf-8")
+    return [path]
 
 
 def _table(answers: Sequence[Answer]) -> Table:

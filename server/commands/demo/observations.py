@@ -57,11 +57,21 @@ class Answer:
     wrong: bool
 
 
-def ask(stand: Stand, stem_map: StemMap, rng: np.random.Generator) -> Question:
-    """An observation from a place in the stand that has trees around it: uniform position and heading.
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """Of an observation, from the one to the other: metres a coordinate is off, and the chance that a tree is seen."""
 
-    Each tree in range is seen with 90 to 95 % probability, and each coordinate is off by a Gaussian of 0.1 to 0.2 m.
-    """
+    sigma: tuple[float, float]
+    detection: tuple[float, float]
+
+
+USUAL: Final = Noise((0.1, 0.2), (0.90, 0.95))
+HARD: Final = Noise((0.3, 0.35), (0.75, 0.8))
+"""A polygon of the paper's needs each of its trees: here hardly one is whole."""
+
+
+def ask(stand: Stand, stem_map: StemMap, rng: np.random.Generator, noise: Noise = USUAL) -> Question:
+    """An observation from a place in the stand that has trees around it: uniform position and heading."""
     low, high = stem_map.xy.min(axis=0), stem_map.xy.max(axis=0)
     for _ in range(ATTEMPTS):
         x, y = rng.uniform(low, high)
@@ -73,8 +83,8 @@ def ask(stand: Stand, stem_map: StemMap, rng: np.random.Generator) -> Question:
                 pose,
                 stand.sensor_range,
                 rng,
-                sigma=float(rng.uniform(0.1, 0.2)),
-                detection=float(rng.uniform(0.90, 0.95)),
+                sigma=float(rng.uniform(*noise.sigma)),
+                detection=float(rng.uniform(*noise.detection)),
             )
             return Question(stand, seen.xy, pose)
     raise RuntimeError(f"{stand.name} has no place with {stand.minimum_trees} trees within {stand.sensor_range:g} m")
