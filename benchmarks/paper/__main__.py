@@ -1,24 +1,21 @@
 """`make bench-paper`: the paper's experiments, their pictures and the report."""
 
 import os
-import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import Annotated, Final
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from benchmarks import record
-from benchmarks.machine import machine
+from benchmarks.experiments import Experiment, choose, measure, progress_on
 from benchmarks.markdown import FOLDER
 from benchmarks.page import write_page
 from benchmarks.paper import ablation, pr_curves, table1, table2, table3
 from benchmarks.paper.plots import PICTURES, SOURCES, draw
 from benchmarks.pool import Pool
 
-EXPERIMENTS: Final[dict[str, Callable[..., dict[str, Any]]]] = {
+EXPERIMENTS: Final[dict[str, Experiment]] = {
     "table1": table1.run,
     "pr_curves": pr_curves.run,
     "ablation": ablation.run,
@@ -43,18 +40,14 @@ def main(
     ] = False,
 ) -> None:
     """Run the paper's experiments; write JSON, pictures and results.md, from these figures and those already there."""
-    chosen = only or list(EXPERIMENTS)
-    unknown = [name for name in chosen if name not in EXPERIMENTS]
-    if unknown:
-        raise typer.BadParameter(f"{unknown[0]!r} is none of {', '.join(EXPERIMENTS)}")
+    chosen = choose(only, EXPERIMENTS)
     folder = out or (QUICK if quick else FULL)
     if redraw:
         for name in chosen:
             draw_pictures(name, folder)
         chosen = []
     console = Console()
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, TimeRemainingColumn(), console=console) as progress, Pool(workers, progress) as pool:
+    with progress_on(console) as progress, Pool(workers, progress) as pool:
         for name in chosen:
             run_experiment(name, pool, folder, quick=quick, seed=seed)
     console.print(f"report: {write_page(folder)}")
@@ -62,13 +55,8 @@ def main(
 
 def run_experiment(name: str, pool: Pool, folder: Path, *, quick: bool, seed: int) -> None:
     """Run one experiment; write its JSON and its pictures under `folder`."""
-    started = time.perf_counter()
-    figures = EXPERIMENTS[name](pool, quick=quick, seed=seed)
-    command = (
-        f"python -m benchmarks.paper{' --quick' if quick else ''}{f' --seed {seed}' if seed else ''} --only {name}"
-    )
-    head = {"machine": machine(), "command": command, "seed": seed, "seconds": time.perf_counter() - started}
-    record.write(folder / FOLDER / f"{name}.json", head | figures)
+    figures = measure("benchmarks.paper", name, EXPERIMENTS[name], pool, quick=quick, seed=seed)
+    record.write(folder / FOLDER / f"{name}.json", figures)
     draw_pictures(name, folder)
 
 

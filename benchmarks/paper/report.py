@@ -1,15 +1,13 @@
 """docs/results.md, written from the JSON alone: our figures beside the letter's, what we chose, where we differ."""
 
 from collections.abc import Callable, Mapping
-from typing import Any, Final
+from typing import Final
 
-from benchmarks.machine import LIBRARIES
+from benchmarks.experiments import Figures, provenance
 from benchmarks.markdown import number, page, picture, prose, table
 from benchmarks.paper import choices, loops, merges
 from benchmarks.paper.plots import NAMES
 from benchmarks.paper.published import TABLE3
-
-Figures = dict[str, Any]
 
 
 def write_report(results: Mapping[str, Figures]) -> str:
@@ -18,17 +16,6 @@ def write_report(results: Mapping[str, Figures]) -> str:
 
 
 def _head(results: Mapping[str, Figures]) -> str:
-    machine = next(iter(results.values()))["machine"]
-    versions = ", ".join(f"{name} {machine['versions'][name]}" for name in LIBRARIES)
-    made = [
-        [
-            f"`results/{name}.json`",
-            f"`{figures['command']}`",
-            ", ".join(map(str, figures.get("seeds", [figures["seed"]]))),
-            number(figures["seconds"] / 60.0, 1),
-        ]
-        for name, figures in results.items()
-    ]
     return page(
         "# Results: the paper's experiments",
         prose(
@@ -40,10 +27,7 @@ def _head(results: Mapping[str, Figures]) -> str:
             version in two minutes. One configuration throughout, the defaults of `urquhart/config.py`: nothing is
             tuned to a cell or a map, and no method is told the noise or the share of trees seen."""
         ),
-        prose(
-            f"""Machine: {machine["processor"]}, {machine["cores"]} cores, Python {machine["python"]}, {versions}."""
-        ),
-        table(["figures", "made by", "seeds", "minutes"], made, words=2),
+        provenance(results),
     )
 
 

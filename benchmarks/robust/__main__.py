@@ -1,17 +1,15 @@
 """`make bench-robust`: how the default method holds, with one configuration for all of it."""
 
 import os
-import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import Annotated, Final
 
 import numpy as np
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from benchmarks import record
+from benchmarks.experiments import Experiment, choose, measure, progress_on
 from benchmarks.machine import machine
 from benchmarks.markdown import FOLDER
 from benchmarks.page import write_page
@@ -21,7 +19,7 @@ from benchmarks.robust import grid, rows, stands, table1
 from benchmarks.robust.plots import PICTURES
 from benchmarks.robust.reliability import reliability
 
-EXPERIMENTS: Final[dict[str, Callable[..., dict[str, Any]]]] = {
+EXPERIMENTS: Final[dict[str, Experiment]] = {
     "robust_table1": table1.run,
     "robust_grid": grid.run,
     "robust_rows": rows.run,
@@ -47,15 +45,11 @@ def main(
     ] = False,
 ) -> None:
     """Run the experiments; write JSON, pictures and the page, from these figures and those already there."""
-    chosen = [] if redraw else only or list(EXPERIMENTS)
-    unknown = [name for name in chosen if name not in EXPERIMENTS]
-    if unknown:
-        raise typer.BadParameter(f"{unknown[0]!r} is none of {', '.join(EXPERIMENTS)}")
+    chosen = [] if redraw else choose(only, EXPERIMENTS)
     folder = out or (QUICK if quick else FULL)
     answers = ANSWERS / ("quick" if quick else "full")
     console = Console()
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, TimeRemainingColumn(), console=console) as progress, Pool(workers, progress) as pool:
+    with progress_on(console) as progress, Pool(workers, progress) as pool:
         for name in chosen:
             run_experiment(name, pool, folder, answers, quick=quick, seed=seed)
     if not redraw:
@@ -69,15 +63,10 @@ def main(
 
 def run_experiment(name: str, pool: Pool, folder: Path, answers: Path, *, quick: bool, seed: int) -> None:
     """Run one experiment; write its JSON under `folder` and its single answers under `answers`."""
-    started = time.perf_counter()
-    figures = EXPERIMENTS[name](pool, quick=quick, seed=seed)
+    figures = measure("benchmarks.robust", name, EXPERIMENTS[name], pool, quick=quick, seed=seed)
     answers.mkdir(parents=True, exist_ok=True)
     np.save(answers / f"{name}.npy", figures.pop("answers"))
-    command = (
-        f"python -m benchmarks.robust{' --quick' if quick else ''}{f' --seed {seed}' if seed else ''} --only {name}"
-    )
-    head = {"machine": machine(), "command": command, "seed": seed, "seconds": time.perf_counter() - started}
-    record.write(folder / FOLDER / f"{name}.json", head | figures)
+    record.write(folder / FOLDER / f"{name}.json", figures)
 
 
 def judge(folder: Path, answers: Path) -> None:

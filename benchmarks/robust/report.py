@@ -1,17 +1,16 @@
 """What the page says of the default method, written from the JSON alone."""
 
 from collections.abc import Callable, Mapping
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
-from benchmarks.machine import LIBRARIES
+from benchmarks.experiments import Figures, provenance
 from benchmarks.markdown import number, page, picture, prose, table
 from benchmarks.robust.grid import CLUTTERS, DETECTIONS, SIGMAS
 from benchmarks.robust.plots import KINDS, NAMES, grid_rates
 from benchmarks.robust.table1 import PEERS
 
-Figures = dict[str, Any]
 SHORT: Final = 0.95
 """Recall over the oracle's below which a cell is named."""
 COUNTED: Final = 10
@@ -24,13 +23,6 @@ def write_report(results: Mapping[str, Figures]) -> str:
 
 
 def _head(results: Mapping[str, Figures]) -> str:
-    machine = next(iter(results.values()))["machine"]
-    versions = ", ".join(f"{name} {machine['versions'][name]}" for name in LIBRARIES)
-    made = [
-        [f"`results/{name}.json`", f"`{figures['command']}`", number(figures["seconds"] / 60.0, 1)]
-        for name, figures in results.items()
-        if figures["seconds"]
-    ]
     return page(
         "# Results: how the default method holds",
         prose(
@@ -42,8 +34,7 @@ def _head(results: Mapping[str, Figures]) -> str:
             database at all. The numbers of the confidence were fitted on other seeds (`python -m
             benchmarks.robust.calibrate`)."""
         ),
-        prose(f"Machine: {machine['processor']}, {machine['cores']} cores, Python {machine['python']}, {versions}."),
-        table(["figures", "made by", "minutes"], made, words=2),
+        provenance({name: figures for name, figures in results.items() if figures["seconds"]}),
     )
 
 
