@@ -20,6 +20,9 @@ CELL: Final = 1.0
 """Metres: side of a cell of the grid; with a tolerance of up to half of it a search meets two cells a side."""
 _BITS: Final = 12
 """Bits for each length in a cell code: 4096 cells of a metre."""
+_COMMON: Final = 64
+"""A query quad with more than this part of the hits that are kept is too common to be looked for: in rows of trees all
+quads are alike, and finding each in every row would take longer than everything else."""
 _FANOUT: Final = 4
 """A segment is merged with the one before it while that is less than this many times as large."""
 
@@ -123,7 +126,8 @@ class QuadIndex:
 
         Args:
             lengths, directions: (Q, 5) and (Q,), as `measure` gives them.
-            limit: most hits kept; past it those of the commonest query quads are left out.
+            limit: most hits kept; past it those of the commonest query quads are left out, and the commonest of all are
+                not even gathered.
         """
         parts = [
             find_quads(
@@ -137,6 +141,7 @@ class QuadIndex:
                 lengths,
                 directions,
                 tolerance,
+                max(limit // _COMMON, 1),
             )
             for s in self._segments
         ]
@@ -183,10 +188,14 @@ def find_quads(
     lengths: NDArray[np.float32],
     directions: NDArray[np.float32],
     tolerance: float,
+    most: int,
 ) -> tuple[
     NDArray[np.int32], NDArray[np.int64], NDArray[np.int32], NDArray[np.bool_], NDArray[np.float32], NDArray[np.float32]
 ]:
-    """Search one segment; see `QuadIndex.search` and `QuadHits`. Quads of submaps whose key is negative are skipped."""
+    """Search one segment; see `QuadIndex.search` and `QuadHits`. Quads of submaps whose key is negative are skipped.
+
+    A query quad with more than `most` hits is given up, hits and all.
+    """
     capacity, found = 1024, 0
     out_quad, out_key, out_ordinal = (
         np.empty(capacity, np.int32),
@@ -197,7 +206,10 @@ def find_quads(
     out_misfit = np.empty(capacity, np.float32)
     low, high, wanted = np.empty(5, np.int64), np.empty(5, np.int64), np.empty(5)
     for q in range(len(lengths)):
+        before = found
         for reading in range(2):
+            if found - before > most:
+                break
             for k in range(4):
                 wanted[k] = lengths[q, (k + 2 * reading) % 4]
             wanted[4] = lengths[q, 4]
@@ -206,6 +218,8 @@ def find_quads(
                 high[k] = int((wanted[k] + tolerance) / CELL)
             # The last length varies fastest in a code, so the cells of one row of it are one run of codes.
             for c0 in range(low[0], high[0] + 1):
+                if found - before > most:
+                    break
                 for c1 in range(low[1], high[1] + 1):
                     for c2 in range(low[2], high[2] + 1):
                         for c3 in range(low[3], high[3] + 1):
@@ -235,6 +249,8 @@ def find_quads(
                                     out_rotation[found], out_misfit[found] = turn, misfit
                                     found += 1
                                 at += 1
+        if found - before > most:
+            found = before
     return (
         out_quad[:found],
         out_key[:found],
