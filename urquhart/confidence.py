@@ -178,9 +178,9 @@ def climb(
     """Change over to the best rival as long as one explains the data better; the best pose, and what rivals it.
 
     In rows of trees a hypothesis is easily one planting distance off: its rivals include the right pose. The rivals are
-    distinct, each with the evidence it is credited with, and leave the odds against them below `odds` (a logarithm); the
-    strongest first. Nothing lies at two places of one submap: there a rival that claims other trees is one as well, but
-    is credited with nothing that it cannot see.
+    distinct, each with the evidence it is credited with, and leave the odds against them below `odds` (a logarithm);
+    the strongest first. Nothing lies at two places of one submap: there a rival that claims other trees is one as well,
+    but is credited with nothing that it cannot see.
     """
     seen = [np.empty((0, 6))]
     while True:

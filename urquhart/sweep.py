@@ -46,7 +46,7 @@ _LARGER: Final = 2.0
 @kernel
 def sees_ends(query: Pattern, submap: Pattern) -> bool:
     """Whether a sweep looks at every shift that leaves a fair part of the query in the submap, its ends included."""
-    return (submap.landmarks**2).sum(axis=1).max() <= _LARGER**2 * (query.landmarks**2).sum(axis=1).max()
+    return bool((submap.landmarks**2).sum(axis=1).max() <= _LARGER**2 * (query.landmarks**2).sum(axis=1).max())
 
 
 @kernel

@@ -128,7 +128,8 @@ def hexagonal(
     i, j = np.meshgrid(np.arange(int(width / spacing) + 1), np.arange(int(height / rise) + 1))
     points = np.column_stack([((i + 0.5 * (j % 2)) * spacing).ravel(), (j * rise).ravel()])
     points = points[rng.random(len(points)) < survival]
-    return points + rng.normal(0.0, jitter, points.shape)
+    trees: NDArray[np.float64] = points + rng.normal(0.0, jitter, points.shape)
+    return trees
 
 
 def thinned(
@@ -137,7 +138,8 @@ def thinned(
     """Rows of which every third was cut."""
     points = plantation(width, height, rng, spacing=(spacing, spacing), jitter=0.0, survival=survival)
     points = points[np.round(points[:, 1] / spacing) % 3 != 2]
-    return points + rng.normal(0.0, jitter, points.shape)
+    trees: NDArray[np.float64] = points + rng.normal(0.0, jitter, points.shape)
+    return trees
 
 
 @pytest.mark.parametrize("plant", [hexagonal, thinned])
