@@ -180,8 +180,9 @@ def climb(
     """Change over to the best rival as long as one explains the data better; the best pose, and what rivals it.
 
     In rows of trees a hypothesis is easily one planting distance off: its rivals include the right pose. The rivals are
-    distinct and comparable, each with the evidence it is credited with, and leave the odds against them below `odds`
-    (a logarithm); the strongest first.
+    distinct, each with the evidence it is credited with, and leave the odds against them below `odds` (a logarithm);
+    the strongest first. Nothing lies at two places of one submap: there a rival that claims other trees is one as well,
+    but is credited with nothing that it cannot see.
     """
     seen = [np.empty((0, 6))]
     while True:
@@ -192,17 +193,16 @@ def climb(
             break
         seen.append(np.array([[*place, best.evidence, reach, best.overlap]]))
         best = weigh_settled(query, submap, found[found[:, 3].argmax()])
-    poses = np.concatenate(seen)
-    poses[:, 3] = credited(poses[:, 3], poses[:, 5], best.overlap)
+    poses, behind = np.concatenate(seen), surely_behind(best, odds, margin)
+    given = credited(poses[:, 3], poses[:, 5], best.overlap)
     rivals: list[tuple[Verified, float]] = []
-    for row in poses[np.argsort(-poses[:, 3], kind="stable")]:
-        if row[3] <= surely_behind(best, odds, margin):
-            break
+    for row, evidence in zip(poses[given > behind], given[given > behind].tolist(), strict=True):
         if distinct(row, place, submap.spacing, reach):
             rival = weigh_settled(query, submap, row)
-            if comparable(rival, best):
-                rivals.append((rival, float(row[3])))
-    return best, rivals
+            counted = evidence if comparable(rival, best) else rival.evidence
+            if counted > behind:
+                rivals.append((rival, counted))
+    return best, sorted(rivals, key=lambda found: -found[1])
 
 
 @kernel

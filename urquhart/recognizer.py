@@ -54,6 +54,7 @@ from urquhart.ranking import (
 )
 from urquhart.se2 import SE2
 from urquhart.stages import Stage, Stages
+from urquhart.sweep import sees_ends
 from urquhart.verification import Verified, pattern, verify
 
 Method = Literal["robust", "paper"]
@@ -163,8 +164,9 @@ class Recognizer:
             standing = self._doubt(proposals, query, stages, found)
         else:
             standing = _Standing([], None, [])
-            # Polygons and quads choose among submaps; a single one is swept at once, which needs no choice.
-            if len(self) > 1:
+            # Polygons and quads choose among submaps; a single one is swept at once, which needs no choice, but for one
+            # so much larger than the query that a sweep would leave out its ends.
+            if len(self) > 1 or not all(sees_ends(query.pattern, self._index.pattern(key)) for key in self._index):
                 proposals = propose_by_polygons(self._index, query, stages)
                 standing = self._doubt(proposals, query, stages, found)
                 if not self._settled(standing, query):
@@ -276,8 +278,10 @@ def warm_up(config: Config) -> None:
     rng = np.random.default_rng(0)
     recognizer = Recognizer(config)
     here, elsewhere, unknown = (rng.uniform(-20.0, 20.0, (60, 2)) for _ in range(3))
+    # Only rows of trees have rivals to be looked at.
+    rows = 3.0 * np.stack(np.meshgrid(np.arange(8.0), np.arange(8.0)), axis=-1).reshape(-1, 2)
     features = [describe(here, config), Features.unpack(describe(here, config).pack()), describe(elsewhere, config)]
-    recognizer.add(enumerate(features))
-    for xy in (here, elsewhere, unknown):
+    recognizer.add(enumerate([*features, describe(rows, config)]))
+    for xy in (here, elsewhere, unknown, rows):
         recognizer.recognize(xy)
         recognizer.recognize(xy, method="paper")

@@ -39,6 +39,15 @@ _SIGMAS: Final = 3.7
 _BEYOND: Final = 0.7
 """Shifts longer than this share of both footprints' radii leave too small an overlap to be told from chance."""
 
+_LARGER: Final = 2.0
+"""Where a submap reaches so many times as far as the query, such shifts leave half of the query in it."""
+
+
+@kernel
+def sees_ends(query: Pattern, submap: Pattern) -> bool:
+    """Whether a sweep looks at every shift that leaves a fair part of the query in the submap, its ends included."""
+    return bool((submap.landmarks**2).sum(axis=1).max() <= _LARGER**2 * (query.landmarks**2).sum(axis=1).max())
+
 
 @kernel
 def sweep(query: Pattern, submap: Pattern, peaks: int) -> NDArray[np.float64]:

@@ -12,20 +12,21 @@ branch_labels = None
 depends_on = None
 
 _COLLECTIONS = sa.table("collections", sa.column("key", sa.Integer), sa.column("config", sa.JSON))
-_OLD_SHARE, _OLD_MARGIN = 0.4, 0.35
+_OLD_SHARE, _OLD_MARGIN, _OLD_SWEEPS, _MOST_SWEEPS = 0.4, 0.35, 16, 1000
 
 
 def upgrade() -> None:
-    """Forget what is no parameter any more, and the margin where nobody had chosen it.
+    """Forget what is no parameter any more, and the margin and the sweeps where nobody had chosen them.
 
-    It was a share of the evidence and is now evidence for each landmark. What a configuration does not name has its
-    default.
+    The margin was a share of the evidence and is now evidence for each landmark; sweeps were the submaps that are tried
+    and are now those that are verified. What a configuration does not name has its default.
     """
 
     def renewed(config: dict[str, Any]) -> dict[str, Any]:
         kept = {name: value for name, value in config.items() if name not in ("share", "pairs")}
-        if kept.get("margin") == _OLD_MARGIN:
-            del kept["margin"]
+        for name, old in (("margin", _OLD_MARGIN), ("sweeps", _OLD_SWEEPS)):
+            if kept.get(name) == old:
+                del kept[name]
         return kept
 
     _rewrite(renewed)
@@ -37,6 +38,7 @@ def downgrade() -> None:
         lambda config: (
             {name: value for name, value in config.items() if name != "survey"}
             | {"share": _OLD_SHARE, "margin": _OLD_MARGIN}
+            | {"sweeps": min(config.get("sweeps", _OLD_SWEEPS), _MOST_SWEEPS)}
         )
     )
     # Features may have been written in another format since: the next upgrade has to look at all of them.

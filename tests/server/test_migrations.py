@@ -30,6 +30,8 @@ OLD: dict[str, Any] = {
     **{"ransac_iterations": 40000, "correspondences": 4},
 }
 """A configuration as revision 0001 stored it."""
+KEPT = {name: value for name, value in OLD.items() if name not in ("share", "margin", "sweeps")}
+"""What of it is still chosen."""
 TO_FORMAT_1 = "UPDATE submaps SET features = CAST(substr(features, 1, 4) || x'0100' || substr(features, 7) AS BLOB)"
 
 
@@ -97,12 +99,10 @@ def test_a_database_of_the_first_revision_opens_and_answers(tmp_path: Path, capl
 @pytest.mark.parametrize(
     ("old", "new"),
     [
-        (OLD, {name: value for name, value in OLD.items() if name not in ("share", "margin")}),
-        (
-            OLD | {"margin": 0.5, "share": 0.1},
-            {name: v for name, v in OLD.items() if name != "share"} | {"margin": 0.5},
-        ),
-        (OLD | {"pairs": 48}, {name: value for name, value in OLD.items() if name not in ("share", "margin")}),
+        (OLD, KEPT),
+        (OLD | {"margin": 0.5, "share": 0.1}, KEPT | {"margin": 0.5}),
+        (OLD | {"sweeps": 8}, KEPT | {"sweeps": 8}),
+        (OLD | {"pairs": 48}, KEPT),
         ({"gate": 9.5}, {"gate": 9.5}),
         ({}, {}),
     ],
@@ -114,7 +114,7 @@ def test_configurations_up_and_down(tmp_path: Path, old: dict[str, Any], new: di
     assert Config.from_dict(config_in(database)) == Config.from_dict(new)
     assert schema.drift(database) == []
     schema.downgrade(database, "0001")
-    assert config_in(database) == new | {"share": 0.4, "margin": 0.35}
+    assert config_in(database) == {"sweeps": 16} | new | {"share": 0.4, "margin": 0.35}
     assert schema.current_revision(database) == "0001"
     assert schema.upgrade(database) is True
     assert config_in(database) == {name: value for name, value in new.items() if name != "margin"}
@@ -124,10 +124,11 @@ def test_configurations_up_and_down(tmp_path: Path, old: dict[str, Any], new: di
 def test_what_the_older_version_does_not_know_goes_with_the_downgrade(database: Database) -> None:
     assert bring_up_to_date(database) is False
     with TestClient(create_app(Settings(database=str(database.path)))) as client:
-        client.put(PLOTS, json={"config": {"margin": 1.0}}).raise_for_status()
+        client.put(PLOTS, json={"config": {"margin": 1.0, "sweeps": 5000}}).raise_for_status()
     assert marked(database)
     schema.downgrade(database, "0001")
     assert set(config_in(database)) == set(OLD)
+    assert config_in(database)["sweeps"] == 1000
     assert not marked(database)
 
 

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from urquhart import SE2, Config, Recognizer, describe
 from urquhart.pairing import Pattern
 from urquhart.simulation import Observation, bridson, observe, paper_forest
-from urquhart.sweep import find_peaks, glance, settle_peaks, sweep
+from urquhart.sweep import find_peaks, glance, sees_ends, settle_peaks, sweep
 from urquhart.verification import LOOSE, REACH, pattern
 from urquhart.voting import TURN
 
@@ -178,7 +178,6 @@ def test_a_large_collection_of_a_dense_forest_is_surveyed_where_polygons_and_qua
     surveyed, unsurveyed = Recognizer(CONFIG), Recognizer(Config(survey=0))
     for recognizer in (surveyed, unsurveyed):
         recognizer.add(enumerate(stored))
-    assert len(surveyed) > CONFIG.sweeps
     alone = 0
     for _ in range(20):
         pose = SE2(*rng.uniform((20.0, 20.0, -np.pi), (120.0, 120.0, np.pi)).tolist())
@@ -204,9 +203,35 @@ def test_what_is_not_stored_is_not_found_by_a_survey_either() -> None:
         (key, describe(observe(forest, SE2(x, y, 0.0), 15.0, rng, sigma=0.1).xy, CONFIG))
         for key, (x, y) in enumerate(centres)
     )
-    assert len(recognizer) > CONFIG.sweeps
     for _ in range(20):
         pose = SE2(*rng.uniform((20.0, 20.0, -np.pi), (120.0, 120.0, np.pi)).tolist())
         found = recognizer.recognize(observe(other, pose, 15.0, rng, sigma=0.3, detection=0.8, clutter=0.1).xy)
         assert found.verdict != "matched"
-        assert {"survey", "sweep"} <= {stage.name for stage in found.stages}
+        stages = {stage.name: stage.counts for stage in found.stages}
+        assert "sweep" in stages
+        # Too many submaps for every rotation of each: the quads chose, or there was nothing to choose.
+        assert stages["survey"]["places"] <= CONFIG.survey
+
+
+@pytest.mark.parametrize("length", [60.0, 120.0, 240.0])
+def test_the_end_of_a_single_long_submap_is_found(length: float) -> None:
+    """A sweep leaves out the ends of a footprint that is much longer than the query's; its features do not."""
+    rng = np.random.default_rng(4)
+    forest = paper_forest(rng, 600.0)
+    strip = forest[(np.abs(forest[:, 0] - 300.0) < length) & (np.abs(forest[:, 1] - 300.0) < 25.0)]
+    recognizer = Recognizer(CONFIG)
+    recognizer.add([(0, describe(strip, CONFIG))])
+    for yaw in (0.0, 1.0, 2.5, -2.0):
+        for x in (300.0 - 0.9 * length, 300.0, 300.0 + 0.9 * length):
+            pose = SE2(x, 300.0, yaw)
+            found = recognizer.recognize(observe(forest, pose, 25.0, rng, sigma=0.05, detection=0.95).xy)
+            assert found.verdict == "matched"
+            assert found.candidates[0].transform.distance(pose)[0] < 0.5
+
+
+def test_only_of_submaps_not_much_larger_than_the_query_a_sweep_sees_the_ends(forest: NDArray[np.float64]) -> None:
+    one, _, _ = two(forest, 1)
+    (small, _), (large, _) = laid(one), laid(observe(forest, SE2(200.0, 200.0, 0.0), 150.0, np.random.default_rng(0)))
+    assert sees_ends(small, small)
+    assert sees_ends(large, small)
+    assert not sees_ends(small, large)
