@@ -1,6 +1,7 @@
 """What the method found, as the service answers it: names for keys and positions, links, poses in the map."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 
 import urquhart
 from server import links
@@ -26,7 +27,7 @@ from urquhart import Candidate, Config, Finding, Rival, Stage
 def gates_answer(config: Config) -> Gates:
     """The gates that a configuration puts in force."""
     gates = urquhart.Gates.of(config)
-    return Gates(confidence=gates.confidence, log_odds=gates.log_odds, lead=gates.lead, lead_each=gates.lead_each)
+    return Gates(**asdict(gates))
 
 
 def stage_answers(stages: Sequence[Stage]) -> list[StageAnswer]:

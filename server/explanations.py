@@ -61,7 +61,8 @@ class Explained:
             gates = answer.gates
             subtitles.append(
                 f"It leads the best other pose by {answer.margin:.1f}; asked are {gates.lead:.1f} and "
-                f"{gates.lead_each:g} more for each tree of the overlap."
+                f"{gates.lead_each:g} more for each tree of the overlap, and {gates.lead_share:.0%} of the other's "
+                "evidence."
             )
         findings = None
         if answer.findings is not None:

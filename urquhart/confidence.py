@@ -33,14 +33,20 @@ from urquhart.verification import Verified, settle, verify, weigh_settled
 
 _QUARTERS: Final = 4
 _PEAKS: Final = 4
-_REFINED: Final = 8
-"""Shifts that are refined: those that bring most landmarks together."""
+"""Shifts for each quarter; twice as many in all are refined, those that bring most landmarks together."""
+_DEEP: Final = 16
+"""As many where trees stand in rows: the best rival may overlap less than many others do."""
+_IN_ROWS: Final = 0.25
+"""Share of the match's evidence that no rival of a natural forest has."""
 _SAMPLED: Final = 500
 _SAME_TURN: Final = math.radians(6.0)
 _CHANCE: Final = (0.65, -3.5)
 """Odds against chance: their logarithm grows so much with the log-odds, and is nought where these are so much."""
 _RIVAL: Final = 0.3
 """Odds against a rival: their logarithm grows so much with the lead beyond what says nothing."""
+_ALIKE: Final = 0.1
+"""Share of a rival's evidence that its defeat is discounted by: where trees stand to a few centimetres in their rows, a
+lane that is one row off costs it dear, and yet the next lane looks the same."""
 _COMPARABLE: Final = 0.5
 """A rival claims at least this share of the query's inliers."""
 _SLACK: Final = 30.0
@@ -85,17 +91,18 @@ def against_rival(verified: Verified, lead: float | None, margin: float) -> floa
     """Logarithm of the odds that a pose is right and not its best rival, over which it leads by `lead` of evidence."""
     if lead is None:
         return math.inf
-    return against_rival_by(lead, verified.overlap, margin)
+    return against_rival_by(verified.evidence, lead, verified.overlap, margin)
 
 
-def against_rival_by(lead: float, overlap: int, margin: float) -> float:
+def against_rival_by(evidence: float, lead: float, overlap: int, margin: float) -> float:
     """`against_rival` by numbers: `overlap` landmarks could have been inliers."""
-    return _RIVAL * (lead - margin * overlap)
+    return _RIVAL * (lead - margin * overlap - _ALIKE * max(evidence - lead, 0.0))
 
 
 def surely_behind(verified: Verified, odds: float, margin: float) -> float:
     """Evidence up to which a rival leaves the odds against it at `odds` (a logarithm) or better."""
-    return verified.evidence - odds / _RIVAL - margin * verified.overlap
+    behind = verified.evidence - odds / _RIVAL - margin * verified.overlap
+    return behind / (1.0 + _ALIKE) if behind > 0.0 else behind
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,20 +113,22 @@ class Gates:
         confidence: the least there may be.
         log_odds: the least that reach it where nothing rivals the pose.
         lead: the least evidence over the best rival that reaches it where chance is out of the question,
-        lead_each: and as much more for each landmark of the overlap.
+        lead_each: and as much more for each landmark of the overlap,
+        lead_share: and such a share of the rival's evidence, where it has any.
     """
 
     confidence: float
     log_odds: float
     lead: float
     lead_each: float
+    lead_share: float
 
     @staticmethod
     def of(config: Config) -> "Gates":
         """The gates that a configuration puts in force."""
         slope, even = _CHANCE
         sure = 1.0 / (1.0 + math.exp(-config.gate))
-        return Gates(sure, config.gate / slope + even, config.gate / _RIVAL, config.margin)
+        return Gates(sure, config.gate / slope + even, config.gate / _RIVAL, config.margin, _ALIKE)
 
 
 def together(chance: float, rival: float) -> float:
@@ -169,7 +178,7 @@ def same_place(first: Pattern, first_pose: SE2, second: Pattern, second_pose: SE
     if chained.evidence <= 0.0:
         return False
     least = surely_behind(chained, 0.0, margin) - _SLACK
-    rivals = find_rivals(second, first, pose_row(chained.transform), reach, least)
+    rivals = find_rivals(second, first, pose_row(chained.transform), reach, least, _PEAKS)
     lead = chained.evidence - credited(rivals[:, 3], rivals[:, 5], chained.overlap).max(initial=-math.inf)
     return against_rival(chained, lead, margin) > 0.0
 
@@ -187,13 +196,16 @@ def climb(
     seen = [np.empty((0, 6))]
     while True:
         place = pose_row(best.transform)
-        found = find_rivals(query, submap, place, reach, surely_behind(best, odds, margin) - _SLACK)
+        found = find_rivals(query, submap, place, reach, surely_behind(best, odds, margin) - _SLACK, _PEAKS)
         seen.append(found)
         if found[:, 3].max(initial=-math.inf) <= best.evidence:
             break
         seen.append(np.array([[*place, best.evidence, reach, best.overlap]]))
         best = weigh_settled(query, submap, found[found[:, 3].argmax()])
-    poses, behind = np.concatenate(seen), surely_behind(best, odds, margin)
+    behind = surely_behind(best, odds, margin)
+    if found[:, 3].max(initial=-math.inf) > _IN_ROWS * best.evidence:
+        seen.append(find_rivals(query, submap, place, reach, behind - _SLACK, _DEEP))
+    poses = np.concatenate(seen)
     given = credited(poses[:, 3], poses[:, 5], best.overlap)
     rivals: list[tuple[Verified, float]] = []
     for row, evidence in zip(poses[given > behind], given[given > behind].tolist(), strict=True):
@@ -207,7 +219,7 @@ def climb(
 
 @kernel
 def find_rivals(
-    query: Pattern, submap: Pattern, best: NDArray[np.float64], reach: float, least: float
+    query: Pattern, submap: Pattern, best: NDArray[np.float64], reach: float, least: float, peaks: int
 ) -> NDArray[np.float64]:
     """Poses in the same submap that shifting `best` (3,) along the pattern brings up, as `settle` gives them.
 
@@ -215,16 +227,16 @@ def find_rivals(
     a grid; its peaks are the shifts that put most trees onto trees. In a natural forest they are chance and weak.
     `least`: evidence that makes a second look at one, with partners farther away, worth its time.
     """
-    starts = np.empty((_QUARTERS * _PEAKS + 1, 3))
+    starts = np.empty((_QUARTERS * peaks + 1, 3))
     count = 0
     for quarter in range(_QUARTERS):
         yaw = best[2] + quarter * math.pi / 2.0
-        peaks = shift_peaks(query.landmarks, submap.landmarks, yaw, reach, _PEAKS + (quarter == 0))
-        for p in range(len(peaks)):
-            starts[count, 0], starts[count, 1], starts[count, 2] = peaks[p, 0], peaks[p, 1], yaw
+        shifts = shift_peaks(query.landmarks, submap.landmarks, yaw, reach, peaks + (quarter == 0))
+        for p in range(len(shifts)):
+            starts[count, 0], starts[count, 1], starts[count, 2] = shifts[p, 0], shifts[p, 1], yaw
             count += 1
     counted = count_inliers(query.landmarks, submap, starts[:count], reach)
-    settled = settle(query, submap, starts[np.argsort(-counted)[:_REFINED]], reach, least)
+    settled = settle(query, submap, starts[np.argsort(-counted)[: 2 * peaks]], reach, least)
     kept = 0
     for k in range(len(settled)):
         if distinct(settled[k], best, submap.spacing, reach):

@@ -16,7 +16,7 @@ from scipy.optimize import minimize
 
 from benchmarks.pool import Pool
 from benchmarks.robust import grid, rows, stands
-from urquhart import Config
+from urquhart import Config, Gates
 from urquhart.confidence import against_chance, against_rival_by, together
 
 SEED: Final = 1000
@@ -43,7 +43,9 @@ def fit(answers: NDArray[Any]) -> tuple[float, float, float, float]:
     known = answers[(answers["inliers"] > 0) & (answers["log_odds"] > _UNKNOWN)]
     odds, lead, trees = (known[name].astype(np.float64) for name in ("log_odds", "lead", "overlap"))
     right, rivalled = known["right"].astype(np.float64), np.isfinite(known["lead"])
-    lead = np.where(rivalled, lead, 0.0)
+    # What the rival explains itself is taken off as it is in force: with the margin it would not be told apart.
+    explained = np.maximum(known["evidence"] - known["lead"], 0.0)
+    lead = np.where(rivalled, lead - Gates.of(Config()).lead_share * explained, 0.0)
 
     def loss(guess: NDArray[np.float64]) -> float:
         chance = np.exp(guess[0]) * (odds - guess[1])
@@ -61,7 +63,7 @@ def logits(answers: NDArray[Any], margin: float) -> NDArray[np.float64]:
         [
             together(
                 against_chance(float(row["log_odds"])),
-                against_rival_by(float(row["lead"]), int(row["overlap"]), margin)
+                against_rival_by(float(row["evidence"]), float(row["lead"]), int(row["overlap"]), margin)
                 if np.isfinite(row["lead"])
                 else np.inf,
             )

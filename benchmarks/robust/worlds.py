@@ -145,9 +145,11 @@ class World:
         others = [(rival.key, rival.transform, rival.evidence) for rival in found.rivals]
         others += [(best.key, best.transform, best.evidence) for best in found.candidates]
         gates = Gates.of(self.recognizer.config)
-        least = known.evidence - gates.lead - gates.lead_each * known.overlap_count
+        needed = gates.lead + gates.lead_each * known.overlap_count
         return any(
-            evidence > least and not self._is_there(key, transform, ground, pose) for key, transform, evidence in others
+            known.evidence - evidence < needed + gates.lead_share * max(evidence, 0.0)
+            and not self._is_there(key, transform, ground, pose)
+            for key, transform, evidence in others
         )
 
 

@@ -15,8 +15,8 @@ def print_explanation(console: Console, answer: QueryAnswer) -> None:
     console.print(f"why: {sentence(answer.reason)}", highlight=False)
     if answer.margin is not None:
         console.print(
-            f"lead over the best other pose: {answer.margin:.1f}; asked are {gates.lead:.1f} and {gates.lead_each:g} "
-            "more for each tree of the overlap",
+            f"lead over the best other pose: {answer.margin:.1f}; asked are {gates.lead:.1f}, {gates.lead_each:g} "
+            f"more for each tree of the overlap, and {gates.lead_share:.0%} of the other's evidence",
             highlight=False,
             soft_wrap=True,
         )

@@ -164,7 +164,8 @@ class Gates(Answer):
     confidence: float = Field(description="The least.")
     log_odds: float = Field(description="The least that reach it where nothing rivals the pose.")
     lead: float = Field(description="The least lead over the best rival that reaches it,")
-    lead_each: float = Field(description="and as much more for each landmark of the overlap.")
+    lead_each: float = Field(description="and as much more for each landmark of the overlap,")
+    lead_share: float = Field(description="and such a share of the rival's evidence.")
 
 
 class StageAnswer(Answer):

@@ -105,6 +105,5 @@ def test_of_two_crossings_planted_alike_the_right_one_is_told(jitter: float, lea
     assert right >= least
 
 
-@pytest.mark.xfail(strict=True, reason="a lane is taken for as many independent trees as stand along it")
 def test_a_crossing_that_is_not_stored_is_not_taken_for_one_planted_alike() -> None:
     assert [at_crossings(jitter, here=False)[1] for jitter in (0.0, 0.03, 0.06)] == [0, 0, 0]

@@ -58,9 +58,13 @@ def test_below_the_floor_odds_against_chance_stay_what_they_are() -> None:
 
 def test_a_lead_counts_by_what_it_is_more_than_the_overlap_lets_expect() -> None:
     verified = pose_with(overlap=40)
-    expected = CONFIG.margin * 40
-    assert against_rival(verified, expected, CONFIG.margin) == pytest.approx(0.0)
-    worth = [against_rival(verified, lead, CONFIG.margin) for lead in (-20.0, 0.0, expected, 20.0, 60.0)]
+    # A rival with evidence of its own is discounted; one without is not.
+    alone = replace(verified, evidence=5.0)
+    assert against_rival(alone, CONFIG.margin * 40, CONFIG.margin) == pytest.approx(0.0)
+    assert against_rival(replace(verified, evidence=90.0), 20.0, CONFIG.margin) < against_rival(
+        alone, 20.0, CONFIG.margin
+    )
+    worth = [against_rival(verified, lead, CONFIG.margin) for lead in (-20.0, 0.0, 10.0, 20.0, 60.0)]
     assert worth == sorted(set(worth))
     # More trees in the overlap, of either side, and the same lead says less.
     assert against_rival(pose_with(overlap=80), 20.0, CONFIG.margin) < against_rival(verified, 20.0, CONFIG.margin)
@@ -100,9 +104,13 @@ def test_the_gates_named_are_the_gates_in_force(config: Config) -> None:
     assert refusal(verified, gates.log_odds - little, None, config) == "below_gate"
     assert confidence(verified, gates.log_odds, None, config) == pytest.approx(gates.confidence)
     # Far beyond chance the lead alone decides.
-    sure, lead = gates.log_odds + 1000.0, gates.lead + 40 * gates.lead_each
+    sure = gates.log_odds + 1000.0
+    needed = gates.lead + 40 * gates.lead_each
+    lead = needed + gates.lead_share * max(verified.evidence - needed, 0.0) / (1.0 + gates.lead_share)
     assert refusal(verified, sure, lead + little, config) is None
-    assert refusal(replace(verified, evidence=lead + 1.0), sure, lead - little, config) == "runner_up_too_close"
+    assert refusal(verified, sure, lead - little, config) is not None
+    close = replace(verified, evidence=lead + 50.0)
+    assert refusal(close, sure, lead - little, config) == "runner_up_too_close"
     assert confidence(verified, sure, lead, config) == pytest.approx(gates.confidence)
     # Neither is enough where both are just reached: one may be wrong in either way.
     assert refusal(verified, gates.log_odds, lead, config) is not None
@@ -174,7 +182,7 @@ def test_rivals_in_rows_are_distinct_places_that_explain_much() -> None:
     rows = plantation(80.0, 80.0, np.random.default_rng(7), jitter=0.05, survival=0.97)
     stand, _ = laid(rows, SE2(40.0, 40.0, 0.2), 8, 20.0)
     best = verify(stand, stand, SE2.identity(), REACH)
-    rivals = find_rivals(stand, stand, pose_row(best.transform), REACH, 0.0)
+    rivals = find_rivals(stand, stand, pose_row(best.transform), REACH, 0.0, 4)
     assert rivals.shape[1] == 6
     assert all(distinct(rival, pose_row(best.transform), stand.spacing, REACH) for rival in rivals)
     strongest = weigh_settled(stand, stand, rivals[rivals[:, 3].argmax()])

@@ -107,7 +107,7 @@ def at_corners(jitter: float, survival: float, *, here: bool) -> tuple[int, int]
 
 
 @pytest.mark.parametrize("survival", [1.0, 0.95])
-@pytest.mark.parametrize(("jitter", "least"), [(0.0, 0), (0.03, 1), (0.06, 18), (0.1, 20), (0.2, 22), (0.3, 22)])
+@pytest.mark.parametrize(("jitter", "least"), [(0.0, 0), (0.03, 0), (0.06, 18), (0.1, 20), (0.2, 22), (0.3, 22)])
 def test_the_corner_of_an_orchard_is_not_taken_for_the_opposite_one(jitter: float, least: int, survival: float) -> None:
     right, wrong = at_corners(jitter, survival, here=True)
     assert wrong == 0
@@ -143,7 +143,7 @@ def thinned(
 
 
 @pytest.mark.parametrize("plant", [hexagonal, thinned])
-@pytest.mark.parametrize(("jitter", "least"), [(0.0, 0), (0.03, 1), (0.06, 10)])
+@pytest.mark.parametrize(("jitter", "least"), [(0.0, 0), (0.03, 0), (0.06, 10)])
 def test_the_edge_of_a_stand_is_not_taken_for_another_edge(plant: Plant, jitter: float, least: int) -> None:
     right = 0
     for seed in range(15):

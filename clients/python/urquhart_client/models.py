@@ -135,12 +135,13 @@ class Finding(Model):
 
 class Gates(Model):
     """What a pose must pass: the least confidence; the log-odds, and the lead over a rival (`lead` and
-    `lead_each` for each landmark of the overlap), that reach it."""
+    `lead_each` for each landmark of the overlap, and `lead_share` of the rival's evidence), that reach it."""
 
     confidence: float
     log_odds: float
     lead: float
     lead_each: float
+    lead_share: float
 
 
 class QueryResult(Model):
