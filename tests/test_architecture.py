@@ -28,6 +28,7 @@ METHOD = [
         "proposing",
         "confidence",
         "ranking",
+        "doubt",
         "recognizer",
         "drawing",
         "explaining",

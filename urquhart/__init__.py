@@ -6,7 +6,7 @@ The file list is the method; `recognizer` is its one page:
     index, quad_index, collection_index                      what is near in a collection
     voting, matching, ransac, sweep, proposing               hypotheses
     pairing, diameters, verification                         all landmarks decide
-    confidence, ranking                                      chance, rivals, verdict
+    confidence, ranking, doubt                               chance, rivals, verdict
     explaining                                               why, in words and as a picture
     config, se2, stages                                      parameters, transforms, costs
     merging                                                  submaps into one map

@@ -3,17 +3,16 @@
     describe   landmarks -> tessellation -> polygons and quads     landmarks, tessellation, descriptor, quads, features
     propose    features -> near ones -> votes -> hypotheses        index, quad_index, voting, matching, sweep, proposing
     verify     each hypothesis against all landmarks               pairing, verification
-    doubt      what else would explain the data as well            confidence
+    doubt      what else would explain the data as well            confidence, doubt
     rank       candidates, verdict, reason                         ranking
 
 Polygons are asked first; quads where polygons do not settle it; where both find nothing, the query is turned and
 shifted over the few submaps that come closest.
 """
 
-import math
-from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass, replace
-from typing import Final, Literal
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,15 +20,11 @@ from numpy.typing import ArrayLike
 from urquhart.collection_index import CollectionIndex
 from urquhart.confidence import (
     against_chance,
-    climb,
-    comparable,
-    credited,
     log_odds,
     log_volume,
-    same_place,
-    surely_behind,
 )
 from urquhart.config import Config
+from urquhart.doubt import Standing, doubt
 from urquhart.features import Features, describe
 from urquhart.landmarks import LandmarkError
 from urquhart.proposing import (
@@ -45,22 +40,17 @@ from urquhart.ranking import (
     Finding,
     Rival,
     Verdict,
-    best_by_submap,
     decide,
     make_candidate,
-    make_finding,
     make_rivals,
     refusal,
 )
 from urquhart.se2 import SE2
 from urquhart.stages import Stage, Stages
 from urquhart.sweep import sees_ends
-from urquhart.verification import Verified, pattern, verify
+from urquhart.verification import pattern, verify
 
 Method = Literal["robust", "paper"]
-
-_HOPELESS: Final = -8.0
-"""Log-odds below which no pose is worth a search for its rivals: hardly one in ten is right."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,15 +73,6 @@ class Recognition:
     margin: float | None
     stages: tuple[Stage, ...]
     findings: tuple[Finding, ...]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Standing:
-    """Proposals best first, one a submap; the evidence by which the first leads; the poses it was compared with."""
-
-    ranked: list[Proposal]
-    lead: float | None
-    rivals: list[tuple[int, Verified, float]]
 
 
 class Recognizer:
@@ -161,20 +142,20 @@ class Recognizer:
 
         if method == "paper":
             proposals = propose_by_paper(self._index, query, rng or np.random.default_rng(0), stages)
-            standing = self._doubt(proposals, query, stages, found)
+            standing = doubt(self._index, query, proposals, stages, found)
         else:
-            standing = _Standing([], None, [])
+            standing = Standing([], None, [])
             # Polygons and quads choose among submaps; a single one is swept at once, which needs no choice, but for one
             # so much larger than the query that a sweep would leave out its ends.
             if len(self) > 1 or not all(sees_ends(query.pattern, self._index.pattern(key)) for key in self._index):
                 proposals = propose_by_polygons(self._index, query, stages)
-                standing = self._doubt(proposals, query, stages, found)
+                standing = doubt(self._index, query, proposals, stages, found)
                 if not self._settled(standing, query):
                     proposals = propose_by_quads(self._index, query, stages)
-                    standing = self._doubt(proposals, query, stages, found, standing.ranked)
+                    standing = doubt(self._index, query, proposals, stages, found, standing.ranked)
             if self._lost(standing.ranked, query):
                 proposals = propose_by_sweep(self._index, query, stages)
-                standing = self._doubt(proposals, query, stages, found, standing.ranked)
+                standing = doubt(self._index, query, proposals, stages, found, standing.ranked)
         return self._conclude(standing, query, limit, stages, found)
 
     def check(self, xy: ArrayLike, key: int, transform: SE2, *, diameters: ArrayLike | None = None) -> Recognition:
@@ -192,7 +173,7 @@ class Recognizer:
         start = SE2.shift(submap.origin).inverse() @ transform @ SE2.shift(query.features.origin)
         with stages.timed("verify given"):
             verified = verify(query.pattern, self._index.pattern(key), start, self._index.reach)
-        standing = self._doubt([Proposal(key, "given", 0, verified)], query, stages, found)
+        standing = doubt(self._index, query, [Proposal(key, "given", 0, verified)], stages, found)
         return self._conclude(standing, query, 1, stages, found)
 
     def _look(self, xy: ArrayLike, diameters: ArrayLike | None, excluded: frozenset[int], stages: Stages) -> Sighting:
@@ -203,12 +184,12 @@ class Recognizer:
         return Sighting(features, laid, excluded, log_volume(len(self), laid))
 
     def _conclude(
-        self, standing: _Standing, query: Sighting, limit: int, stages: Stages, found: list[Finding]
+        self, standing: Standing, query: Sighting, limit: int, stages: Stages, found: list[Finding]
     ) -> Recognition:
         ranked, lead, config = standing.ranked, standing.lead, self.config
         candidates = tuple(
-            make_candidate(proposal, self.features(proposal.key), query, lead if i == 0 else None, config)
-            for i, proposal in enumerate(ranked[:limit])
+            make_candidate(proposal, self.features(proposal.key), query, standing.lead_of(proposal), config)
+            for proposal in ranked[:limit]
         )
         verdict, reason = decide(candidates) if found else ("no_match", "no_votes")
         rivals: tuple[Rival, ...] = ()
@@ -218,7 +199,7 @@ class Recognizer:
             )
         return Recognition(verdict, reason, candidates, rivals, lead, stages.done(), tuple(found))
 
-    def _settled(self, standing: _Standing, query: Sighting) -> bool:
+    def _settled(self, standing: Standing, query: Sighting) -> bool:
         """Whether the first proposal is so sure that another level could not change the answer."""
         if not standing.ranked:
             return False
@@ -231,46 +212,6 @@ class Recognizer:
         return (
             not ranked or against_chance(log_odds(ranked[0].verified, query.pattern, query.volume)) < self.config.gate
         )
-
-    def _doubt(
-        self,
-        proposals: list[Proposal],
-        query: Sighting,
-        stages: Stages,
-        found: list[Finding],
-        earlier: Sequence[Proposal] = (),
-    ) -> _Standing:
-        """Rank what a level proposed together with what `earlier` ones did, and look for what rivals the first."""
-        with stages.timed("doubt") as counts:
-            counts["rivals"] = 0
-            found.extend(make_finding(proposal, query, self.config) for proposal in best_by_submap(proposals))
-            ranked, reach = best_by_submap([*earlier, *proposals]), self._index.reach
-            if not ranked or log_odds(ranked[0].verified, query.pattern, query.volume) < _HOPELESS:
-                return _Standing(ranked, None, [])
-            here, key = self._index.pattern(ranked[0].key), ranked[0].key
-            margin, sure = self.config.margin, 2.0 * self.config.gate
-            best, rivals_here = climb(query.pattern, here, ranked[0].verified, reach, sure, margin)
-            ranked[0] = replace(ranked[0], verified=best)
-            rivals = [(key, rival, evidence) for rival, evidence in rivals_here]
-            strongest = max((evidence for _, evidence in rivals_here), default=-math.inf)
-            # Only what could change the verdict is looked at: overlapping submaps of one place are many.
-            for other, evidence in self._comparable(ranked[1:], best):
-                if evidence <= max(strongest, surely_behind(best, sure, margin)):
-                    break
-                there = self._index.pattern(other.key)
-                if not same_place(here, best.transform, there, other.verified.transform, reach, margin):
-                    strongest = evidence
-                    rivals.append((other.key, other.verified, evidence))
-            counts["rivals"] = len(rivals)
-            return _Standing(ranked, best.evidence - strongest if rivals else None, rivals)
-
-    def _comparable(self, others: list[Proposal], best: Verified) -> list[tuple[Proposal, float]]:
-        """Those of `others` that could rival `best`, with the evidence they are credited with, the strongest first."""
-        near = [other for other in others if comparable(other.verified, best)]
-        evidence = np.array([other.verified.evidence for other in near])
-        overlap = np.array([other.verified.overlap for other in near], np.float64)
-        given = credited(evidence, overlap, best.overlap).tolist()
-        return sorted(zip(near, given, strict=True), key=lambda pair: -pair[1])
 
 
 def warm_up(config: Config) -> None:

@@ -192,3 +192,19 @@ def test_a_lane_between_two_stands_is_not_taken_for_their_outer_edges(jitter: fl
         poses = [SE2(0.0, 23.5, 1.0), SE2(102.0, 23.5, 2.0)]
         found, _ = ask(trees, poses, SE2(51.0, 23.5, float(rng.uniform(-3.0, 3.0))), 21.4, rng)
         assert found.verdict != "matched"
+
+
+def test_a_rival_among_the_candidates_has_no_confidence_of_its_own() -> None:
+    rng = np.random.default_rng(9)
+    trees = plantation(SIDE, SIDE, rng, jitter=0.02, survival=0.98)
+    recognizer, checked = stored(trees, CENTRES, 20.0, rng), 0
+    for _ in range(6):
+        found = recognizer.recognize(observe(trees, forests.pose(rng, 25.0, 65.0), 20.0, rng, sigma=0.05).xy)
+        if found.verdict == "ambiguous":
+            checked += 1
+            # They cannot all be right: what is said of each adds up to hardly more than one.
+            places = [CENTRES[candidate.key] @ candidate.transform for candidate in found.candidates]
+            apart = [place.distance(places[0])[0] > 1.0 for place in places]
+            others = [c.confidence for c, is_apart in zip(found.candidates, apart, strict=True) if is_apart]
+            assert all(confidence < 0.5 for confidence in others)
+    assert checked >= 4
