@@ -40,10 +40,13 @@ _IN_ROWS: Final = 0.25
 """Share of the match's evidence that no rival of a natural forest has."""
 _SAMPLED: Final = 500
 _SAME_TURN: Final = math.radians(6.0)
-_CHANCE: Final = (0.65, -3.5)
+_CHANCE: Final = (0.7, -1.5)
 """Odds against chance: their logarithm grows so much with the log-odds, and is nought where these are so much."""
-_RIVAL: Final = 0.3
-"""Odds against a rival: their logarithm grows so much with the lead beyond what says nothing."""
+_RIVAL: Final = (0.265, -5.4)
+"""Odds against a rival: their logarithm grows so much with the lead beyond what says nothing, and is nought where that
+is so much."""
+_LEAST: Final = -4.0
+"""Logarithm of the odds that a pose keeps however close its rivals: one of them all is right now and then."""
 _ALIKE: Final = 0.1
 """Share of a rival's evidence that its defeat is discounted by: where trees stand to a few centimetres in their rows, a
 lane that is one row off costs it dear, and yet the next lane looks the same."""
@@ -96,12 +99,14 @@ def against_rival(verified: Verified, lead: float | None, margin: float) -> floa
 
 def against_rival_by(evidence: float, lead: float, overlap: int, margin: float) -> float:
     """`against_rival` by numbers: `overlap` landmarks could have been inliers."""
-    return _RIVAL * (lead - margin * overlap - _ALIKE * max(evidence - lead, 0.0))
+    slope, even = _RIVAL
+    return max(slope * (lead - margin * overlap - _ALIKE * max(evidence - lead, 0.0) - even), _LEAST)
 
 
 def surely_behind(verified: Verified, odds: float, margin: float) -> float:
     """Evidence up to which a rival leaves the odds against it at `odds` (a logarithm) or better."""
-    behind = verified.evidence - odds / _RIVAL - margin * verified.overlap
+    slope, even = _RIVAL
+    behind = verified.evidence - margin * verified.overlap - even - odds / slope
     return behind / (1.0 + _ALIKE) if behind > 0.0 else behind
 
 
@@ -128,7 +133,8 @@ class Gates:
         """The gates that a configuration puts in force."""
         slope, even = _CHANCE
         sure = 1.0 / (1.0 + math.exp(-config.gate))
-        return Gates(sure, config.gate / slope + even, config.gate / _RIVAL, config.margin, _ALIKE)
+        steep, level = _RIVAL
+        return Gates(sure, config.gate / slope + even, config.gate / steep + level, config.margin, _ALIKE)
 
 
 def together(chance: float, rival: float) -> float:

@@ -20,7 +20,7 @@ from urquhart.voting import TURN, Votes, rank_turns, vote_polygons, vote_quads
 
 Level = Literal["polygons", "quads", "sweep", "paper", "given"]
 
-_PEAKS: Final = 10
+_PEAKS: Final = 8
 """Peaks of a sweep over all rotations that are refined;"""
 _FEWER: Final = 6
 """of one over a few;"""

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from urquhart._kernel import kernel
 from urquhart.pairing import Pattern, refine
 
-_CELL: Final = (0.5, 1.0)
+_CELL: Final = (0.5, 1.15)
 """Metres: finest and coarsest side of a cell."""
 _SHARE: Final = 0.17
 """Side of a cell as a share of the distance between trees."""

@@ -20,14 +20,16 @@ from urquhart import Config, Gates
 from urquhart.confidence import against_chance, against_rival_by, together
 
 SEED: Final = 1000
+_TOLD: Final = -25.0
+"""Lead beyond what says nothing; below it the confidence has a floor."""
 _UNKNOWN: Final = -8.0
 """Log-odds of the answers that are left out: nothing was compared for them."""
 
 
 def gather(pool: Pool, seed: int) -> dict[str, NDArray[Any]]:
     """Answers from each kind of forest."""
-    cells = [grid.Job(cell, seed, 80, 160) for cell in range(len(grid.CELLS))]
-    kinds = [rows.Job(kind, seed, 40, 120) for kind in range(len(rows.KINDS))]
+    cells = [grid.Job(cell, seed, 80, 800) for cell in range(len(grid.CELLS))]
+    kinds = [rows.Job(kind, seed, 60, 170) for kind in range(len(rows.KINDS))]
     real = [stands.Job(name, seed, 16) for name in stands.available()]
     return {
         "grid": np.concatenate(pool.map(grid.run_cell, cells, "extended grid")),
@@ -39,22 +41,26 @@ def gather(pool: Pool, seed: int) -> dict[str, NDArray[Any]]:
 
 
 def fit(answers: NDArray[Any]) -> tuple[float, float, float, float]:
-    """Slope and even point of the odds against chance, slope of those against a rival, and the margin."""
+    """Slope and even point of the odds against chance, and of those against a rival, by maximum likelihood."""
     known = answers[(answers["inliers"] > 0) & (answers["log_odds"] > _UNKNOWN)]
-    odds, lead, trees = (known[name].astype(np.float64) for name in ("log_odds", "lead", "overlap"))
-    right, rivalled = known["right"].astype(np.float64), np.isfinite(known["lead"])
-    # What the rival explains itself is taken off as it is in force: with the margin it would not be told apart.
-    explained = np.maximum(known["evidence"] - known["lead"], 0.0)
-    lead = np.where(rivalled, lead - Gates.of(Config()).lead_share * explained, 0.0)
+    rivalled, config = np.isfinite(known["lead"]), Config()
+    odds, right = known["log_odds"].astype(np.float64), known["right"].astype(np.float64)
+    share = Gates.of(config).lead_share
+    beyond = (
+        known["lead"] - config.margin * known["overlap"] - share * np.maximum(known["evidence"] - known["lead"], 0.0)
+    )
+    beyond = np.where(rivalled, beyond, 0.0)
+    # What is hopeless keeps a floor, and says nothing about the line above it.
+    told = ~rivalled | (beyond > _TOLD)
 
     def loss(guess: NDArray[np.float64]) -> float:
         chance = np.exp(guess[0]) * (odds - guess[1])
-        rival = np.where(rivalled, np.exp(guess[2]) * (lead - np.exp(guess[3]) * trees), 50.0)
+        rival = np.where(rivalled, np.exp(guess[2]) * (beyond - guess[3]), 50.0)
         total = -np.logaddexp(-chance, -rival)
-        return float((np.logaddexp(0.0, total) - right * total).sum())
+        return float((np.logaddexp(0.0, total) - right * total)[told].sum())
 
-    found = minimize(loss, [-0.5, -3.0, -1.0, -1.4], method="Nelder-Mead", options={"maxiter": 4000}).x
-    return float(np.exp(found[0])), float(found[1]), float(np.exp(found[2])), float(np.exp(found[3]))
+    found = minimize(loss, [-0.4, -2.0, -1.2, -5.0], method="Nelder-Mead", options={"maxiter": 4000}).x
+    return float(np.exp(found[0])), float(found[1]), float(np.exp(found[2])), float(found[3])
 
 
 def logits(answers: NDArray[Any], margin: float) -> NDArray[np.float64]:
@@ -81,9 +87,9 @@ def main(
     with Progress(console=console) as progress, Pool(workers, progress) as pool:
         kinds = gather(pool, seed)
     everything = np.concatenate(list(kinds.values()))
-    slope, even, rival, margin = fit(everything)
-    console.print(f"against chance: slope {slope:.3f}, even at {even:.2f}; against a rival: slope {rival:.3f}")
-    console.print(f"margin: {margin:.3f}")
+    slope, even, steep, level = fit(everything)
+    console.print(f"against chance: slope {slope:.3f}, even at {even:.2f}", highlight=False)
+    console.print(f"against a rival: slope {steep:.3f}, even at {level:.2f}", highlight=False)
     for name, answers in kinds.items():
         known = answers[answers["inliers"] > 0]
         logit = logits(known, Config().margin)
