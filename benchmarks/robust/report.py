@@ -31,8 +31,9 @@ def _head(results: Mapping[str, Figures]) -> str:
             forest it is in. The *oracle* is the same verification with the same gate, handed the true pose: what no
             search can beat. A match is *wrong* when the pose is not the true one (off by more than 1 m or 3 degrees; in
             the paper's own forests by more than the paper's bounds), and *false* when the place is not in the
-            database at all. The numbers of the confidence were fitted on other seeds (`python -m
-            benchmarks.robust.calibrate`)."""
+            database at all. The numbers of the confidence are fitted on
+            other forests (`python -m benchmarks.robust.calibrate`, other seeds), rounded within what two fits differ
+            by."""
         ),
         provenance({name: figures for name, figures in results.items() if figures["seconds"]}),
     )

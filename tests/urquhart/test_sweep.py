@@ -51,8 +51,10 @@ def test_the_true_pose_is_the_highest_peak(forest: NDArray[np.float64], noise: d
         here, there, truth = two(forest, seed, **noise)
         (submap, to_submap), (query, to_query) = laid(here), laid(there)
         peaks = sweep(query, submap, 8)
-        shift, turn = SE2(*peaks[0, :3].tolist()).distance(to_submap.inverse() @ truth @ to_query)
-        right += shift < 1.0 and turn < 0.05
+        # A peak is good to a cell and a step of the rotation; refined it is the pose.
+        [best] = settle_peaks(query, submap, peaks[:1], LOOSE * NEAR)
+        shift, turn = SE2(*best.tolist()).distance(to_submap.inverse() @ truth @ to_query)
+        right += shift < 0.5 and turn < 0.02
     assert right >= 5
 
 
