@@ -79,7 +79,7 @@ QUERY_ANSWER: dict[str, Any] = {
     "revision": 12,
     "landmarks": 88,
     "margin": 61.2,
-    "gates": {"confidence": 0.999, "log_odds": 7.1, "lead": 23.0, "lead_each": 0.25, "lead_share": 0.1},
+    "gates": {"confidence": 0.999, "log_odds": 8.4, "lead": 20.6, "lead_each": 0.25, "lead_share": 0.1},
     "candidates": [
         {
             "rank": 1,
