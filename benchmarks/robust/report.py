@@ -121,7 +121,8 @@ def grid_section(figures: Figures) -> str:
                 "none."
                 if not short
                 else "these. The true pose stands out too little there for the sweep to "
-                "propose it: of those refined, others had more landmarks together."
+                "propose it: of those refined, others had more landmarks together. Finer cells find more of them, at a "
+                "cost that every pair would pay."
             }"""
         ),
         table(["cell", "right", "oracle", "share"], short) if short else "",
