@@ -36,7 +36,7 @@ def loop_closure(figures: dict[str, Any]) -> Figure:
     for name in lines:
         left.plot(at, lines[name], marker="o", color=COLOURS[name], label=NAMES[name])
         right.plot(at, times[name], marker="o", color=COLOURS[name], label=NAMES[name])
-    left.set(ylabel="F1", ylim=(0.4, 1.02))
+    left.set(ylabel="F1", ylim=(0.3, 1.02))
     right.set(ylabel="milliseconds a pair, one core", yscale="log")
     right.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     for ax in (left, right):
