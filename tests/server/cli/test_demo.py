@@ -45,7 +45,14 @@ def start(tmp_path: Path) -> Iterator[Start]:
         command = [sys.executable, "-m", "server.cli", *(str(argument) for argument in arguments)]
         # A session of its own, as a terminal would give it: signals sent to it do not reach the tests.
         process = subprocess.Popen(
-            command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True
+            command,
+            cwd=tmp_path,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            start_new_session=True,
+            # A shell's background jobs hand on that SIGINT is ignored: a terminal's do not.
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
         )
         started.append(process)
         return process
