@@ -11,16 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, cKDTree
 
+from benchmarks.paper.tracks import BESIDE, SHIPPED
 from benchmarks.pool import Pool
 from benchmarks.robust.worlds import STRICT, Place, Points, World, gather, summarize
 from server.stem_maps.reader import read_stem_map
 from urquhart import SE2, Config, warm_up
 from urquhart.simulation import observe
 
-ROOT: Final = Path(__file__).resolve().parents[2]
-SHIPPED: Final = ROOT / "data" / "stem_maps"
-BESIDE: Final = ROOT.parent / "shared" / "data"
-"""Maps that the project may not ship; used where a checkout has them beside it."""
 STANDS: Final = {
     **{name: SHIPPED / f"{name}.csv" for name in ("lansing", "bei", "longleaf")},
     **{

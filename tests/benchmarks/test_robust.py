@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from benchmarks import record
 from benchmarks.markdown import FOLDER
 from benchmarks.paper.drive import CELLS
+from benchmarks.paper.tracks import BESIDE
 from benchmarks.robust import grid, rows, stands, table1
 from benchmarks.robust.__main__ import EXPERIMENTS, FULL, RELIABILITY, main
 from benchmarks.robust.plots import PICTURES
@@ -76,9 +77,7 @@ def test_real_stands_that_are_shipped_are_recognised() -> None:
         assert found["right"] >= 5
 
 
-@pytest.mark.skipif(
-    not (stands.BESIDE / "rioja").is_dir(), reason="the plots surveyed twice are not beside the checkout"
-)
+@pytest.mark.skipif(not (BESIDE / "rioja").is_dir(), reason="the plots surveyed twice are not beside the checkout")
 def test_plots_surveyed_twice_are_recognised_among_all_others() -> None:
     for with_diameters in (False, True):
         found = stands.run_plots(stands.Job("plots", SEED, 0), with_diameters=with_diameters)
