@@ -3,8 +3,8 @@
 The file list is the method; `recognizer` is its one page:
 
     landmarks, tessellation, descriptor, quads, features     what is known of one submap
-    index, quad_index, collection_index                      what is near in a collection
-    voting, matching, ransac, sweep, proposing               hypotheses
+    quad_table, polygon_index, segment, collection_index     what is near in a collection
+    consensus, voting, matching, ransac, sweep, proposing    hypotheses
     pairing, diameters, verification                         all landmarks decide
     confidence, ranking, doubt                               chance, rivals, verdict
     explaining                                               why, in words and as a picture
@@ -19,11 +19,11 @@ from urquhart.confidence import Gates
 from urquhart.config import Config, ConfigError
 from urquhart.drawing import draw_match, draw_tessellation
 from urquhart.features import Features, FeaturesError, describe
-from urquhart.index import IndexDamaged
 from urquhart.landmarks import LandmarkError
 from urquhart.ranking import Candidate, Finding, Rival, Verdict
 from urquhart.recognizer import Method, Recognition, Recognizer, warm_up
 from urquhart.se2 import SE2
+from urquhart.segment_file import SegmentDamaged
 from urquhart.stages import Stage
 from urquhart.tessellation import Tessellation
 
@@ -36,12 +36,12 @@ __all__ = [
     "FeaturesError",
     "Finding",
     "Gates",
-    "IndexDamaged",
     "LandmarkError",
     "Method",
     "Recognition",
     "Recognizer",
     "Rival",
+    "SegmentDamaged",
     "Stage",
     "Tessellation",
     "Verdict",

@@ -1,89 +1,148 @@
-"""Everything a look-up reads of one collection: features by key, polygons by vertex count, quads by length.
+"""Everything a look-up searches of one collection: segments of quads and polygons, and what lives in them.
 
-All of it is derived from landmarks and can be rebuilt at any time.
+An index never changes: adding and removing make another that shares all but the small segments. A search goes on
+undisturbed in the one that it began with. It is derived from features and can be rebuilt at any time.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from urquhart.config import Config
-from urquhart.descriptor import dimension
+from urquhart.consensus import Lot
 from urquhart.features import Features
-from urquhart.index import PolygonIndex
-from urquhart.pairing import Pattern
-from urquhart.quad_index import QuadIndex
-from urquhart.quads import measure
-from urquhart.verification import REACH, pattern
-from urquhart.voting import outlines
+from urquhart.polygon_index import Hits, search_partitions
+from urquhart.segment import Segment, merge_segments
+from urquhart.verification import REACH
+
+_FANOUT: Final = 4
+"""A segment in memory is merged with the one before it while that is less than this many times as large."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Part:
+    """A segment and what lives of it: (S,) uint8; `living` of them."""
+
+    segment: Segment
+    alive: NDArray[np.uint8]
+    living: int
+
+    @staticmethod
+    def of(segment: Segment) -> "Part":
+        """All of a segment."""
+        return Part(segment, np.ones(len(segment), np.uint8), len(segment))
+
+    def without(self, keys: NDArray[np.int64]) -> "Part":
+        """The same without submaps; keys that are not here are ignored."""
+        slots = self.segment.slots(keys)
+        slots = slots[slots >= 0]
+        if not self.alive[slots].any():
+            return self
+        alive = self.alive.copy()
+        alive[slots] = 0
+        return Part(self.segment, alive, int(np.count_nonzero(alive)))
+
+    def only(self, keys: NDArray[np.int64]) -> "Part":
+        """The same with no other submaps than those of `keys`."""
+        slots = self.segment.slots(keys)
+        alive = np.zeros_like(self.alive)
+        slots = slots[slots >= 0]
+        alive[slots] = self.alive[slots]
+        return Part(self.segment, alive, int(np.count_nonzero(alive)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class CollectionIndex:
-    """Features and indexes of one collection. Not safe for a change during a search; searches may run side by side."""
+    """Segments of one collection, the oldest first; each submap lives in one of them.
 
-    def __init__(self, config: Config) -> None:
-        self.config = config
-        self.reach = REACH * config.sigma
-        self.polygons = PolygonIndex(dimension(config.samples))
-        self.quads = QuadIndex()
-        self._features: dict[int, Features] = {}
+    Attributes:
+        config: of the method.
+        parts: segments from files first, then those in memory.
+    """
+
+    config: Config
+    parts: tuple[Part, ...] = ()
+    _count: int = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_count", sum(part.living for part in self.parts))
+
+    @property
+    def reach(self) -> float:
+        """Metres that a partner may be away in verification."""
+        return REACH * self.config.sigma
 
     def __len__(self) -> int:
-        return len(self._features)
+        return self._count
 
     def __contains__(self, key: int) -> bool:
-        return key in self._features
-
-    def features(self, key: int) -> Features:
-        """Features of a submap. Raises KeyError."""
-        return self._features[key]
+        wanted = np.array([key], np.int64)
+        return any(part.alive[slot] for part in self.parts for slot in part.segment.slots(wanted) if slot >= 0)
 
     def __iter__(self) -> Iterator[int]:
-        """Keys of all submaps, in the order in which they were added."""
-        return iter(self._features)
+        """Keys of all submaps."""
+        for part in self.parts:
+            yield from part.segment.keys[part.alive > 0].tolist()
 
-    def pattern(self, key: int) -> Pattern:
-        """A submap ready for verification. Raises KeyError."""
-        return pattern(self._features[key], self.reach)
-
-    def has_others(self, excluded: frozenset[int]) -> bool:
-        """Whether there is a submap that is not excluded."""
-        return len(self) > len(excluded) or any(key not in excluded for key in self._features)
-
-    def add(self, items: Iterable[tuple[int, Features]]) -> None:
-        """Add submaps by key; a key that is present is replaced. Many at once are far cheaper than one by one.
+    def with_changes(
+        self, added: Iterable[tuple[int, Features]] = (), removed: Iterable[int] = ()
+    ) -> "CollectionIndex":
+        """The index with submaps added, replaced where they were there, or removed; many at once are far cheaper.
 
         Raises:
-            ValueError: features made with another configuration; nothing is added.
+            ValueError: features made with another configuration.
         """
-        new = dict(items)
-        for key, features in new.items():
-            if features.fingerprint != self.config.fingerprint():
-                raise ValueError(f"features of submap {key} were made with another configuration: describe it again")
-        self.remove(new)
-        self._features.update(new)
-        self.quads.add((key, *measure(f.landmarks, f.tessellation.quads)) for key, f in new.items())
-        by_count: dict[int, list[tuple[int, Features]]] = {}
-        for key, features in new.items():
-            for count in np.unique(features.tessellation.vertex_counts()).tolist():
-                by_count.setdefault(count, []).append((key, features))
-        for count, members in by_count.items():
-            self._add_polygons(count, members)
+        new = dict(added)
+        segment = Segment.build(new.items(), self.config)
+        gone = np.array([*removed, *new], np.int64)
+        parts = [part.without(gone) for part in self.parts] if len(gone) else list(self.parts)
+        if len(segment):
+            parts.append(Part.of(segment))
+        return CollectionIndex(self.config, tuple(_tidied(parts)))
 
-    def remove(self, keys: Iterable[int]) -> None:
-        """Forget submaps; unknown keys are ignored."""
-        known = {key for key in keys if key in self._features}
-        if known:
-            self.polygons.remove(known)
-            self.quads.remove(known)
-            for key in known:
-                del self._features[key]
+    def narrowed(self, only: Collection[int] | None, excluded: Collection[int]) -> "CollectionIndex":
+        """The index as if it held nothing but `only`, where that is given, and nothing of `excluded`."""
+        if only is None and not excluded:
+            return self
+        parts = self.parts
+        if only is not None:
+            keys = np.fromiter(only, np.int64, len(only))
+            parts = tuple(part.only(keys) for part in parts)
+        if excluded:
+            keys = np.fromiter(excluded, np.int64, len(excluded))
+            parts = tuple(part.without(keys) for part in parts)
+        return CollectionIndex(self.config, parts)
 
-    def _add_polygons(self, count: int, members: list[tuple[int, Features]]) -> None:
-        parts = [(key, features, *outlines(features, count)) for key, features in members]
-        self.polygons.add(
-            np.concatenate([np.full(len(ordinals), key, np.int64) for key, _, ordinals, _ in parts]),
-            np.concatenate([ordinals for _, _, ordinals, _ in parts]),
-            np.concatenate([shapes for _, _, _, shapes in parts]).astype(np.float32),
-            np.concatenate([features.descriptors[ordinals] for _, features, ordinals, _ in parts]),
-        )
+    def lots(self) -> list[Lot]:
+        """The quads, ready to be searched."""
+        return [Lot(p.segment.quads, p.segment.scales, p.alive) for p in self.parts if p.living]
+
+    def search_polygons(
+        self, counts: NDArray[np.int32], descriptors: NDArray[np.float32], neighbours: int, window: int = 0
+    ) -> Iterator[Hits]:
+        """The nearest `neighbours` living polygons of each of the query's, by vertex count; see `search_partitions`."""
+        lots = [(p.segment.polygons, p.segment.keys, p.segment.units, p.alive) for p in self.parts if p.living]
+        return search_partitions(lots, counts, descriptors, neighbours=neighbours, window=window)
+
+    def keys_of(self, slots: NDArray[np.int64]) -> list[int]:
+        """Keys of slots that are numbered through all `lots`."""
+        keys = np.empty(len(slots), np.int64)
+        first = 0
+        for part in self.parts:
+            if part.living:
+                here = (slots >= first) & (slots < first + len(part.alive))
+                keys[here] = part.segment.keys[slots[here] - first]
+                first += len(part.alive)
+        return keys.tolist()
+
+
+def _tidied(parts: Sequence[Part]) -> list[Part]:
+    """Drop what is empty and merge small segments; those from files are left as they are."""
+    tidy = [part for part in parts if part.living or part.segment.file is not None]
+    while len(tidy) > 1 and tidy[-2].segment.file is None and tidy[-2].living < _FANOUT * tidy[-1].living:
+        last, before = tidy.pop(), tidy.pop()
+        tidy.append(Part.of(merge_segments([(before.segment, before.alive), (last.segment, last.alive)])))
+    return tidy

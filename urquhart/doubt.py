@@ -11,7 +11,6 @@ from typing import Final
 
 import numpy as np
 
-from urquhart.collection_index import CollectionIndex
 from urquhart.confidence import climb, comparable, credited, log_odds, same_place, surely_behind
 from urquhart.proposing import Proposal, Sighting
 from urquhart.ranking import Finding, best_by_submap, make_finding
@@ -50,7 +49,6 @@ class Standing:
 
 
 def doubt(
-    index: CollectionIndex,
     query: Sighting,
     proposals: list[Proposal],
     stages: Stages,
@@ -61,14 +59,15 @@ def doubt(
 
     What the level found is added to `found`.
     """
+    config = query.index.config
     with stages.timed("doubt") as counts:
         counts["rivals"] = 0
-        found.extend(make_finding(proposal, query, index.config) for proposal in best_by_submap(proposals))
-        ranked, reach = best_by_submap([*earlier, *proposals]), index.reach
+        found.extend(make_finding(proposal, query, config) for proposal in best_by_submap(proposals))
+        ranked, reach = best_by_submap([*earlier, *proposals]), query.index.reach
         if not ranked or log_odds(ranked[0].verified, query.pattern, query.volume) < _HOPELESS:
             return Standing(ranked, None, [])
-        here, key = index.pattern(ranked[0].key), ranked[0].key
-        margin, sure = index.config.margin, 2.0 * index.config.gate
+        here, key = query.submaps.pattern(ranked[0].key), ranked[0].key
+        margin, sure = config.margin, 2.0 * config.gate
         best, rivals_here = climb(query.pattern, here, ranked[0].verified, reach, sure, margin)
         ranked[0] = replace(ranked[0], verified=best)
         rivals = [(key, rival, evidence) for rival, evidence in rivals_here]
@@ -78,7 +77,7 @@ def doubt(
         for other, evidence in _comparable(ranked[1:], best):
             if evidence <= max(strongest, surely_behind(best, sure, margin)):
                 break
-            there = index.pattern(other.key)
+            there = query.submaps.pattern(other.key)
             if same_place(here, best.transform, there, other.verified.transform, reach, margin):
                 alike.add(other.key)
             else:

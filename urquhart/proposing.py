@@ -8,28 +8,35 @@ import numpy as np
 from numpy.typing import NDArray
 
 from urquhart.collection_index import CollectionIndex
+from urquhart.consensus import TURN, Consensus
 from urquhart.features import Features
 from urquhart.matching import match_landmarks
 from urquhart.pairing import Pattern
-from urquhart.quads import measure
 from urquhart.ransac import ransac
 from urquhart.stages import Stages
-from urquhart.sweep import glance, settle_peaks
-from urquhart.verification import LOOSE, Verified, best_hypotheses, verify, verify_best
-from urquhart.voting import TURN, Votes, rank_turns, vote_polygons, vote_quads
+from urquhart.submaps import Submaps
+from urquhart.sweep import glance
+from urquhart.verification import Verified, best_hypotheses, settle_rough, verify, verify_best, weigh_settled
+from urquhart.voting import Votes, vote_polygons
 
 Level = Literal["polygons", "quads", "sweep", "paper", "given"]
 
+TIGHT: Final = 2.0
+"""Usual errors of a coordinate that a length of a quad may be off by, and a polygon's vertex,"""
+WIDE: Final = 3.0
+"""and where nothing has been found so."""
+_POSES: Final = 4
+"""Distinct poses of a submap that quads propose,"""
+_SETTLED: Final = 2
+"""and those of them, or of the peaks of a sweep, that are verified."""
 _PEAKS: Final = 8
 """Peaks of a sweep over all rotations that are refined;"""
 _FEWER: Final = 6
-"""of one over a few;"""
-_SWEPT: Final = 2
-"""and those of them that are verified."""
+"""of one over a few."""
 _CIRCLE: Final = 12.0
 """A sweep under every rotation takes as long as so many near a single one."""
-_LOOSER: Final = 3.0
-"""Usual errors of a coordinate that a length of a quad may be off by in a survey."""
+_EACH: Final = 4
+"""Quad hits for each submap of a collection that are enough beside `Config.quad_hits`."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,116 +55,126 @@ class Sighting:
 
     Attributes:
         features, pattern: what is known of it, and the same laid out for verification.
-        excluded: submaps that are not considered.
+        index: what it is looked for in.
+        submaps: of the index, as far as the look-up has to do with them.
         volume: logarithm of the volume of all poses there are to choose from; see `confidence.log_volume`.
     """
 
     features: Features
     pattern: Pattern
-    excluded: frozenset[int]
+    index: CollectionIndex
+    submaps: Submaps
     volume: float
 
 
-def propose_by_polygons(index: CollectionIndex, query: Sighting, stages: Stages) -> list[Proposal]:
+def search_quads(query: Sighting, errors: float) -> Consensus:
+    """A search for the query's quads whose lengths may be off by so many usual errors of a coordinate."""
+    config, index = query.index.config, query.index
+    most = config.quad_hits + _EACH * len(index)
+    features = query.features
+    return Consensus(index.lots(), features.landmarks, features.tessellation.quads, errors * config.sigma, most)
+
+
+def propose_by_quads(query: Sighting, search: Consensus, share: float, count: int, stages: Stages) -> list[Proposal]:
+    """The `count` submaps in which quads agree best on a pose, when `share` of the query's have been looked for."""
+    with stages.timed("search quads") as counts:
+        before = search.hits
+        search.advance(share)
+        leaders = search.leaders(count, _POSES)
+        counts["hits"] = search.hits - before
+    with stages.timed("verify quads") as counts:
+        keys = query.index.keys_of(leaders.slots)
+        query.submaps.read(keys)
+        proposals = [
+            Proposal(key, "quads", votes, _settled(query, key, poses[~np.isnan(poses[:, 0])]))
+            for key, votes, poses in zip(keys, leaders.votes.tolist(), leaders.poses, strict=True)
+        ]
+        counts["candidates"] = len(proposals)
+    return proposals
+
+
+def propose_by_polygons(query: Sighting, stages: Stages) -> list[Proposal]:
     """Polygons with the same number of vertices and a near descriptor, each aligned into a transform."""
-    features, config = query.features, index.config
+    features, config = query.features, query.index.config
     with stages.timed("search polygons") as counts:
         vertex_counts = features.tessellation.vertex_counts()
-        found = list(index.polygons.search(vertex_counts, features.descriptors, neighbours=config.neighbours))
+        found = list(query.index.search_polygons(vertex_counts, features.descriptors, config.neighbours))
         counts["hits"] = sum(len(hits.keys) for hits in found)
     with stages.timed("vote polygons") as counts:
-        votes = vote_polygons(features, found, 2.0 * config.sigma, query.excluded)
+        votes = vote_polygons(features, found, TIGHT * config.sigma)
         counts["submaps"] = len(votes.keys)
-    return _verify(index, votes, "polygons", query, stages)
+    with stages.timed("verify polygons") as counts:
+        keys: NDArray[np.int64] = votes.keys[: config.candidates]
+        query.submaps.read(keys.tolist())
+        proposals = [_aligned(query, votes, i, key) for i, key in enumerate(keys.tolist())]
+        counts["candidates"] = len(keys)
+    return proposals
 
 
-def propose_by_quads(index: CollectionIndex, query: Sighting, stages: Stages) -> list[Proposal]:
-    """Quads whose five lengths agree within the tolerance, in the submaps where they agree on a rotation."""
-    features, config = query.features, index.config
-    tolerance = 2.0 * config.sigma
-    with stages.timed("search quads") as counts:
-        lengths, directions = measure(features.landmarks, features.tessellation.quads)
-        hits = index.quads.search(lengths, directions, tolerance, config.quad_hits)
-        counts["hits"] = len(hits.keys)
-    with stages.timed("vote quads") as counts:
-        votes = vote_quads(features, hits, index.features, tolerance, config.candidates, query.excluded)
-        counts["submaps"] = len(votes.keys)
-    return _verify(index, votes, "quads", query, stages)
-
-
-def propose_by_sweep(index: CollectionIndex, query: Sighting, stages: Stages) -> list[Proposal]:
+def propose_by_sweep(query: Sighting, search: Consensus | None, stages: Stages) -> list[Proposal]:
     """The query turned and shifted over submaps as a whole, where no feature of either is whole enough.
 
-    Over all of a small collection under every rotation; in a large one near the rotations that quads agree on when each
-    length may be off by more, which is no proof of anything but leaves few enough to try.
+    Over all of a small collection under every rotation; in a large one near the rotations that the quads of `search`
+    agree on, which is no proof of anything but leaves few enough to try.
     """
+    config = query.index.config
     with stages.timed("survey") as counts:
-        if len(index) * _CIRCLE <= index.config.survey:
-            places = [(key, 0.0, math.pi) for key in index if key not in query.excluded]
+        if search is None or is_small(query.index):
+            places = [(key, 0.0, math.pi) for key in query.index]
         else:
-            places = _survey(index, query)
+            slots, rotations = search.turns(config.survey)
+            places = [(key, yaw, TURN) for key, yaw in zip(query.index.keys_of(slots), rotations.tolist(), strict=True)]
+        query.submaps.read(key for key, _, _ in places)
         counts["places"] = len(places)
     with stages.timed("sweep") as counts:
         swept = []
         for key, yaw, half in places:
-            peaks = glance(query.pattern, index.pattern(key), _PEAKS if half == math.pi else _FEWER, yaw, half)
+            submap = query.submaps.pattern(key)
+            peaks = glance(query.pattern, submap, _PEAKS if half == math.pi else _FEWER, yaw, half)
             if len(peaks):
                 swept.append((key, peaks))
         # What stands out by the landmarks as a whole is judged by itself: the votes do not count any more.
         swept.sort(key=lambda found: -found[1][0, 3])
         counts["peaks"] = sum(len(peaks) for _, peaks in swept)
     with stages.timed("verify sweep") as counts:
-        proposals = []
-        for key, peaks in swept[: index.config.sweeps]:
-            laid = index.pattern(key)
-            # Peaks are good to a cell: their partners are sought far away first.
-            settled = settle_peaks(query.pattern, laid, peaks, LOOSE * index.reach)
-            starts = best_hypotheses(query.pattern, laid, settled, index.reach, _SWEPT)
-            best = verify_best(query.pattern, laid, starts, index.reach)
-            proposals.append(Proposal(key, "sweep", len(peaks), best))
+        proposals = [
+            Proposal(key, "sweep", len(peaks), _settled(query, key, np.ascontiguousarray(peaks[:, :3])))
+            for key, peaks in swept[: config.sweeps]
+        ]
         counts["candidates"] = len(proposals)
     return proposals
 
 
-def _survey(index: CollectionIndex, query: Sighting) -> list[tuple[int, float, float]]:
-    """Submaps, each with a rotation to look about, as loosely measured quads have it; the likeliest first."""
-    features, config = query.features, index.config
-    tolerance = _LOOSER * config.sigma
-    hits = index.quads.search(*measure(features.landmarks, features.tessellation.quads), tolerance, config.quad_hits)
-    keys, rotations = rank_turns(hits, tolerance, config.survey, query.excluded)
-    return [(key, yaw, TURN) for key, yaw in zip(keys.tolist(), rotations.tolist(), strict=True)]
+def is_small(index: CollectionIndex) -> bool:
+    """Whether every submap can be swept under every rotation in the time that a survey may take."""
+    return len(index) * _CIRCLE <= index.config.survey
 
 
-def propose_by_paper(
-    index: CollectionIndex, query: Sighting, rng: np.random.Generator, stages: Stages
-) -> list[Proposal]:
+def propose_by_paper(query: Sighting, rng: np.random.Generator, stages: Stages) -> list[Proposal]:
     """The paper's chain; its pose is then verified like any other, because a vote never accepts itself."""
-    features, config = query.features, index.config
+    features, config = query.features, query.index.config
     with stages.timed("search polygons") as counts:
-        found = index.polygons.search(
-            features.tessellation.vertex_counts(),
-            features.descriptors,
-            neighbours=config.neighbours,
-            window=config.vertex_window,
+        found = query.index.search_polygons(
+            features.tessellation.vertex_counts(), features.descriptors, config.neighbours, config.vertex_window
         )
         near = [hits.keys[hits.distances < config.tau**2] for hits in found]
         keys, votes = np.unique(np.concatenate([np.empty(0, np.int64), *near]), return_counts=True)
         counts["submaps"] = len(keys)
     proposals = []
     with stages.timed("match and verify") as counts:
-        ranking = np.argsort(-votes, kind="stable").tolist()
-        chosen = [i for i in ranking if int(keys[i]) not in query.excluded][: config.candidates]
+        chosen = np.argsort(-votes, kind="stable")[: config.candidates].tolist()
         counts["candidates"] = len(chosen)
+        query.submaps.read(keys[chosen].tolist())
         for i in chosen:
-            verified = _paper_pose(index, int(keys[i]), query, rng)
+            verified = _paper_pose(query, int(keys[i]), rng)
             if verified is not None:
                 proposals.append(Proposal(int(keys[i]), "paper", int(votes[i]), verified))
         counts["poses"] = len(proposals)
     return proposals
 
 
-def _paper_pose(index: CollectionIndex, key: int, query: Sighting, rng: np.random.Generator) -> Verified | None:
-    config, submap = index.config, index.features(key)
+def _paper_pose(query: Sighting, key: int, rng: np.random.Generator) -> Verified | None:
+    config, submap = query.index.config, query.submaps.features(key)
     first, second = match_landmarks(query.features, submap, config, rng)
     if len(first) < config.correspondences:
         return None
@@ -169,20 +186,20 @@ def _paper_pose(index: CollectionIndex, key: int, query: Sighting, rng: np.rando
         ratio=config.ransac_ratio,
         iterations=config.ransac_iterations,
     )
-    return None if consensus is None else verify(query.pattern, index.pattern(key), consensus.transform, index.reach)
+    if consensus is None:
+        return None
+    return verify(query.pattern, query.submaps.pattern(key), consensus.transform, query.index.reach)
 
 
-def _verify(index: CollectionIndex, votes: Votes, level: Level, query: Sighting, stages: Stages) -> list[Proposal]:
-    proposals = []
-    with stages.timed(f"verify {level}") as counts:
-        keys: NDArray[np.int64] = votes.keys[: index.config.candidates]
-        tried = 0
-        for i, key in enumerate(keys.tolist()):
-            submap = index.pattern(key)
-            hypotheses = votes.hypotheses(i)[: index.config.hypotheses]
-            tried += len(hypotheses)
-            starts = best_hypotheses(query.pattern, submap, hypotheses, index.reach, 1)
-            verified = verify_best(query.pattern, submap, starts, index.reach)
-            proposals.append(Proposal(key, level, int(votes.counts[i]), verified))
-        counts["candidates"], counts["hypotheses"] = len(keys), tried
-    return proposals
+def _settled(query: Sighting, key: int, poses: NDArray[np.float64]) -> Verified:
+    """The best of rough `poses` (P, 3) in one submap, verified."""
+    submap = query.submaps.pattern(key)
+    return weigh_settled(query.pattern, submap, settle_rough(query.pattern, submap, poses, query.index.reach, _SETTLED))
+
+
+def _aligned(query: Sighting, votes: Votes, i: int, key: int) -> Proposal:
+    """The best of the transforms that polygons voted for in submap `votes.keys[i]`, verified."""
+    submap, reach = query.submaps.pattern(key), query.index.reach
+    hypotheses = votes.hypotheses(i)[: query.index.config.hypotheses]
+    starts = best_hypotheses(query.pattern, submap, hypotheses, reach, 1)
+    return Proposal(key, "polygons", int(votes.counts[i]), verify_best(query.pattern, submap, starts, reach))

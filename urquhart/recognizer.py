@@ -1,18 +1,18 @@
 """The whole method: where in this collection was this observation made?
 
     describe   landmarks -> tessellation -> polygons and quads     landmarks, tessellation, descriptor, quads, features
-    propose    features -> near ones -> votes -> hypotheses        index, quad_index, voting, matching, sweep, proposing
+    propose    features -> near ones -> votes -> hypotheses        segment, consensus, voting, sweep, proposing
     verify     each hypothesis against all landmarks               pairing, verification
     doubt      what else would explain the data as well            confidence, doubt
     rank       candidates, verdict, reason                         ranking
 
-Polygons are asked first; quads where polygons do not settle it; where both find nothing, the query is turned and
-shifted over the few submaps that come closest.
+Quads are asked first, the rarest half of them before all; polygons where that does not settle it; where both find
+nothing, quads with a wider tolerance, and at last the query is turned and shifted over the submaps that come closest.
 """
 
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,12 +28,16 @@ from urquhart.doubt import Standing, doubt
 from urquhart.features import Features, describe
 from urquhart.landmarks import LandmarkError
 from urquhart.proposing import (
+    TIGHT,
+    WIDE,
     Proposal,
     Sighting,
+    is_small,
     propose_by_paper,
     propose_by_polygons,
     propose_by_quads,
     propose_by_sweep,
+    search_quads,
 )
 from urquhart.ranking import (
     Candidate,
@@ -47,10 +51,16 @@ from urquhart.ranking import (
 )
 from urquhart.se2 import SE2
 from urquhart.stages import Stage, Stages
+from urquhart.submaps import Memory, Source, Submaps
 from urquhart.sweep import sees_ends
 from urquhart.verification import pattern, verify
 
 Method = Literal["robust", "paper"]
+
+_HALF: Final = 0.5
+"""Share of a query's quads, the rarest, that mostly settle it,"""
+_FIRST: Final = 4
+"""and submaps that are verified then at least."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,36 +86,41 @@ class Recognition:
 
 
 class Recognizer:
-    """Submaps of one collection, and the look-up in them.
+    """Submaps of one collection, and the look-up in them. A look-up sees the collection as it was when it began."""
 
-    Not safe for `add` or `remove` during a `recognize`; any number of `recognize` may run side by side.
-    """
-
-    def __init__(self, config: Config) -> None:
+    def __init__(self, config: Config, index: CollectionIndex | None = None, source: Source | None = None) -> None:
+        """Start empty, or with an `index` over submaps whose features are in `source`; by default in memory."""
         self.config = config
-        self._index = CollectionIndex(config)
+        self.index = CollectionIndex(config) if index is None else index
+        self._source = Memory() if source is None else source
 
     def __len__(self) -> int:
-        return len(self._index)
+        return len(self.index)
 
     def __contains__(self, key: int) -> bool:
-        return key in self._index
+        return key in self.index
 
     def features(self, key: int) -> Features:
         """Features of a submap. Raises KeyError."""
-        return self._index.features(key)
+        return self._source.read((key,))[key]
 
     def add(self, items: Iterable[tuple[int, Features]]) -> None:
         """Add submaps by key; a key that is present is replaced. Many at once are far cheaper than one by one.
 
         Raises:
             ValueError: features made with another configuration; nothing is added.
+            TypeError: the features are kept elsewhere.
         """
-        self._index.add(items)
+        new = dict(items)
+        index = self.index.with_changes(new.items())
+        self._memory().keep(new)
+        self.index = index
 
     def remove(self, keys: Iterable[int]) -> None:
-        """Forget submaps; unknown keys are ignored."""
-        self._index.remove(keys)
+        """Forget submaps; unknown keys are ignored. Raises TypeError: the features are kept elsewhere."""
+        gone = list(keys)
+        self.index = self.index.with_changes(removed=gone)
+        self._memory().forget(gone)
 
     def recognize(
         self,
@@ -115,6 +130,7 @@ class Recognizer:
         limit: int = 5,
         method: Method = "robust",
         exclude: Collection[int] = (),
+        only: Collection[int] | None = None,
         rng: np.random.Generator | None = None,
     ) -> Recognition:
         """Look an observation up.
@@ -124,38 +140,27 @@ class Recognizer:
             diameters: (N,), stem diameters in any unit, NaN where not known; they count where a submap has them too.
             limit: most candidates returned.
             exclude: keys of submaps that are not to be considered.
+            only: keys of those that are; all by default.
             rng: randomness of the paper's method (sampling, RANSAC); a fixed seed by default.
 
         Raises:
             LandmarkError: for input that is wrong. Too few landmarks, or all on one line, is normal life for a robot
                 and answered with `no_match` and the reason.
         """
-        stages, excluded, found = Stages(), frozenset(exclude), list[Finding]()
+        stages, found = Stages(), list[Finding]()
         try:
-            query = self._look(xy, diameters, excluded, stages)
+            query = self._look(xy, diameters, stages, exclude, only)
         except LandmarkError as error:
             if error.code not in ("too_few", "collinear"):
                 raise
             return Recognition("no_match", f"{error.code}_landmarks", (), (), None, stages.done(), ())
-        if not self._index.has_others(excluded):
+        if not len(query.index):
             return Recognition("no_match", "empty_collection", (), (), None, stages.done(), ())
-
         if method == "paper":
-            proposals = propose_by_paper(self._index, query, rng or np.random.default_rng(0), stages)
-            standing = doubt(self._index, query, proposals, stages, found)
+            proposals = propose_by_paper(query, rng or np.random.default_rng(0), stages)
+            standing = doubt(query, proposals, stages, found)
         else:
-            standing = Standing([], None, [])
-            # Polygons and quads choose among submaps; a single one is swept at once, which needs no choice, but for one
-            # so much larger than the query that a sweep would leave out its ends.
-            if len(self) > 1 or not all(sees_ends(query.pattern, self._index.pattern(key)) for key in self._index):
-                proposals = propose_by_polygons(self._index, query, stages)
-                standing = doubt(self._index, query, proposals, stages, found)
-                if not self._settled(standing, query):
-                    proposals = propose_by_quads(self._index, query, stages)
-                    standing = doubt(self._index, query, proposals, stages, found, standing.ranked)
-            if self._lost(standing.ranked, query):
-                proposals = propose_by_sweep(self._index, query, stages)
-                standing = doubt(self._index, query, proposals, stages, found, standing.ranked)
+            standing = self._search(query, limit, stages, found)
         return self._conclude(standing, query, limit, stages, found)
 
     def check(self, xy: ArrayLike, key: int, transform: SE2, *, diameters: ArrayLike | None = None) -> Recognition:
@@ -169,33 +174,70 @@ class Recognizer:
             LandmarkError: for input that cannot be described.
         """
         stages, found = Stages(), list[Finding]()
-        query, submap = self._look(xy, diameters, frozenset(), stages), self._index.features(key)
-        start = SE2.shift(submap.origin).inverse() @ transform @ SE2.shift(query.features.origin)
+        query = self._look(xy, diameters, stages)
+        start = SE2.shift(query.submaps.features(key).origin).inverse() @ transform @ SE2.shift(query.features.origin)
         with stages.timed("verify given"):
-            verified = verify(query.pattern, self._index.pattern(key), start, self._index.reach)
-        standing = doubt(self._index, query, [Proposal(key, "given", 0, verified)], stages, found)
+            verified = verify(query.pattern, query.submaps.pattern(key), start, query.index.reach)
+        standing = doubt(query, [Proposal(key, "given", 0, verified)], stages, found)
         return self._conclude(standing, query, 1, stages, found)
 
-    def _look(self, xy: ArrayLike, diameters: ArrayLike | None, excluded: frozenset[int], stages: Stages) -> Sighting:
+    def _search(self, query: Sighting, limit: int, stages: Stages, found: list[Finding]) -> Standing:
+        """The levels in the order of their cost, until one leaves nothing to doubt."""
+        standing, wide = Standing([], None, []), None
+        # Quads and polygons choose among submaps; a single one is swept at once, which needs no choice, but for one so
+        # much larger than the query that a sweep would leave out its ends.
+        if len(query.index) > 1 or not sees_ends(query.pattern, query.submaps.pattern(next(iter(query.index)))):
+            tight = search_quads(query, TIGHT)
+            for share, count in ((_HALF, max(limit, _FIRST)), (1.0, self.config.candidates)):
+                proposals = propose_by_quads(query, tight, share, count, stages)
+                standing = doubt(query, proposals, stages, found, standing.ranked)
+                if self._settled(standing, query):
+                    return standing
+            proposals = propose_by_polygons(query, stages)
+            standing = doubt(query, proposals, stages, found, standing.ranked)
+            if self._lost(standing.ranked, query) and not is_small(query.index):
+                wide = search_quads(query, WIDE)
+                proposals = propose_by_quads(query, wide, 1.0, self.config.candidates, stages)
+                standing = doubt(query, proposals, stages, found, standing.ranked)
+        if self._lost(standing.ranked, query):
+            proposals = propose_by_sweep(query, wide, stages)
+            standing = doubt(query, proposals, stages, found, standing.ranked)
+        return standing
+
+    def _look(
+        self,
+        xy: ArrayLike,
+        diameters: ArrayLike | None,
+        stages: Stages,
+        exclude: Collection[int] = (),
+        only: Collection[int] | None = None,
+    ) -> Sighting:
+        index = self.index
         with stages.timed("describe") as counts:
             features = describe(xy, self.config, diameters)
             counts.update(features.counts())
-            laid = pattern(features, self._index.reach)
-        return Sighting(features, laid, excluded, log_volume(len(self), laid))
+            laid = pattern(features, index.reach)
+        index = index.narrowed(only, exclude)
+        return Sighting(features, laid, index, Submaps(self._source, index.reach), log_volume(len(index), laid))
+
+    def _memory(self) -> Memory:
+        if not isinstance(self._source, Memory):
+            raise TypeError("the features of these submaps are kept elsewhere")
+        return self._source
 
     def _conclude(
         self, standing: Standing, query: Sighting, limit: int, stages: Stages, found: list[Finding]
     ) -> Recognition:
         ranked, lead, config = standing.ranked, standing.lead, self.config
         candidates = tuple(
-            make_candidate(proposal, self.features(proposal.key), query, standing.lead_of(proposal), config)
+            make_candidate(proposal, query.submaps.features(proposal.key), query, standing.lead_of(proposal), config)
             for proposal in ranked[:limit]
         )
         verdict, reason = decide(candidates) if found else ("no_match", "no_votes")
         rivals: tuple[Rival, ...] = ()
         if ranked:
             rivals = make_rivals(
-                standing.rivals, ranked[0].verified, query, lambda key: self.features(key).origin, config
+                standing.rivals, ranked[0].verified, query, lambda key: query.submaps.features(key).origin, config
             )
         return Recognition(verdict, reason, candidates, rivals, lead, stages.done(), tuple(found))
 

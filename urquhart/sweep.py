@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from urquhart._kernel import kernel
-from urquhart.pairing import Pattern, refine
+from urquhart.pairing import Pattern
 
 _CELL: Final = (0.5, 1.15)
 """Metres: finest and coarsest side of a cell."""
@@ -66,17 +66,6 @@ def glance(query: Pattern, submap: Pattern, peaks: int, yaw: float, half: float)
     spacing = max(query.spacing, submap.spacing)
     cell = min(max(_SHARE * spacing, _CELL[0]), _CELL[1])
     return find_peaks(query.landmarks, submap.landmarks, cell, peaks, yaw, half)
-
-
-@kernel
-def settle_peaks(query: Pattern, submap: Pattern, peaks: NDArray[np.float64], reach: float) -> NDArray[np.float64]:
-    """Poses (P, 3) of `peaks` (P, 4), each refined with partners up to `reach` metres away."""
-    settled = np.empty((len(peaks), 3))
-    for p in range(len(peaks)):
-        settled[p, 0], settled[p, 1], settled[p, 2] = refine(
-            query.landmarks, submap, peaks[p, 0], peaks[p, 1], peaks[p, 2], reach
-        )
-    return settled
 
 
 @kernel

@@ -92,6 +92,24 @@ def verify_best(query: Pattern, submap: Pattern, starts: NDArray[np.float64], re
     return weigh_settled(query, submap, settled[settled[:, 3].argmax()])
 
 
+@kernel
+def settle_rough(
+    query: Pattern, submap: Pattern, starts: NDArray[np.float64], reach: float, count: int
+) -> NDArray[np.float64]:
+    """The best row (6,), as `settle` gives it, of poses `starts` (S, 3), S > 0, that are good to a metre or two.
+
+    Partners are sought far away first; the `count` poses that then bring most landmarks together are settled.
+    """
+    near = np.empty_like(starts)
+    for k in range(len(starts)):
+        near[k, 0], near[k, 1], near[k, 2] = refine(
+            query.landmarks, submap, starts[k, 0], starts[k, 1], starts[k, 2], LOOSE * reach
+        )
+    scores = count_inliers(query.landmarks, submap, near, reach)
+    settled = settle(query, submap, near[np.argsort(-scores, kind="mergesort")[:count]], reach, 0.0)
+    return settled[settled[:, 3].argmax()]
+
+
 def weigh_settled(query: Pattern, submap: Pattern, settled: NDArray[np.float64]) -> Verified:
     """All that speaks for a pose as `settle` gives it, a row (6,)."""
     x, y, yaw, _, reach, _ = settled.tolist()

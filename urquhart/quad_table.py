@@ -1,0 +1,198 @@
+"""Quads of many submaps in one table, eight bytes each, sorted by what they look like.
+
+A quad is found by its five lengths: they are counted in steps of 0.1 m, and eight steps make the side of a cell of a
+grid in five dimensions. The table holds the cells that have quads, ascending, and for each quad one word:
+
+    bits  0-14   place in the cell, three for each length
+    bits 15-22   direction of the diagonal, 256ths of a turn
+    bits 23-38   where its centre lies in the submap, eight bits for each coordinate
+    bits 39-62   slot of the submap
+
+Direction and centre make every hit a pose. A quad can be read from either end of its diagonal; it is kept in the one
+reading whose first side is no shorter than the third.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from urquhart._kernel import kernel
+
+STEP: Final = 0.1
+"""Metres: what lengths are counted in."""
+SIDE: Final = 8
+"""Steps along the side of a cell."""
+MOST_SLOTS: Final = 1 << 24
+"""Submaps that one table can tell apart."""
+_BITS: Final = 12
+_LAST: Final = (1 << _BITS) - 1
+TURNS: Final = 256
+"""Directions that are told apart."""
+HALF: Final = 128
+"""Steps of a centre's coordinate on either side of the submap's origin."""
+_NEAR: Final = 0.5
+"""Metres: step of a centre's coordinate; larger where a submap is too large for it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class QuadTable:
+    """Quads sorted by cell; never changed once made.
+
+    Attributes:
+        codes: (C,) int64, the cells that hold quads, ascending.
+        starts: (C + 1,) int64, where each cell's quads begin.
+        words: (Q,) uint64, see the head of this file.
+    """
+
+    codes: NDArray[np.int64]
+    starts: NDArray[np.int64]
+    words: NDArray[np.uint64]
+
+    def __len__(self) -> int:
+        return len(self.words)
+
+
+def centre_scale(landmarks: NDArray[np.float64]) -> float:
+    """Metres in one step of a quad's centre, for landmarks (N, 2) in their centred frame."""
+    return max(_NEAR, float(np.abs(landmarks).max(initial=0.0)) / (HALF - 1))
+
+
+def build_table(submaps: Sequence[tuple[NDArray[np.float64], NDArray[np.int32], float]]) -> QuadTable:
+    """The table of submaps, slots in their order: landmarks (N, 2), metres, centred; quads (Q, 4); `centre_scale`."""
+    total = sum(len(quads) for _, quads, _ in submaps)
+    codes, words = np.empty(total, np.int64), np.empty(total, np.uint64)
+    at = 0
+    for slot, (landmarks, quads, scale) in enumerate(submaps):
+        pack_quads(landmarks, quads, scale, slot, codes[at : at + len(quads)], words[at : at + len(quads)])
+        at += len(quads)
+    order = np.argsort(codes, kind="stable")
+    unique, first = np.unique(codes[order], return_index=True)
+    return QuadTable(unique, np.append(first, total).astype(np.int64), words[order])
+
+
+def merge_tables(tables: Sequence[tuple[QuadTable, NDArray[np.int32]]], empty: Any = np.empty) -> QuadTable:
+    """One table of several, in one pass over their cells.
+
+    Args:
+        tables: each with the new slot of each of its slots, (S,) int32, -1 for those that are left out.
+        empty: makes the arrays, called as `numpy.empty`: the words of a large table may be a file's.
+    """
+    codes = np.unique(np.concatenate([np.empty(0, np.int64), *(table.codes for table, _ in tables)]))
+    counts = np.zeros(len(codes) + 1, np.int64)
+    for table, slots in tables:
+        count_living(codes, table.codes, table.starts, table.words, slots, counts)
+    kept = counts[1:] > 0
+    starts = np.concatenate([np.zeros(1, np.int64), np.cumsum(counts[1:][kept])])
+    codes = codes[kept]
+    words = empty(int(starts[-1]), np.uint64)
+    cursor = starts[:-1].copy()
+    for table, slots in tables:
+        copy_living(codes, table.codes, table.starts, table.words, slots, cursor, words)
+    return QuadTable(codes, starts, words)
+
+
+@kernel
+def cell_code(cells: NDArray[np.int64]) -> int:
+    """The code of a cell (5,): codes of cells along the last length follow each other."""
+    code = np.int64(0)
+    for k in range(5):
+        code = (code << _BITS) | min(cells[k], _LAST)
+    return code
+
+
+@kernel
+def measure_quads(
+    landmarks: NDArray[np.float64], quads: NDArray[np.int32]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Lengths (Q, 5), metres; directions (Q,), turns from 0 to 1; centres (Q, 2), metres, as a table has them.
+
+    Four sides, then the diagonal from the first landmark to the third, which gives the direction; read from the end of
+    the diagonal that makes the first side no shorter than the third.
+    """
+    lengths, directions, centres = np.empty((len(quads), 5)), np.empty(len(quads)), np.empty((len(quads), 2))
+    sides = np.empty(4)
+    for q in range(len(quads)):
+        x = y = 0.0
+        for k in range(4):
+            a, b = quads[q, k], quads[q, (k + 1) % 4]
+            sides[k] = math.hypot(landmarks[b, 0] - landmarks[a, 0], landmarks[b, 1] - landmarks[a, 1])
+            x += 0.25 * landmarks[a, 0]
+            y += 0.25 * landmarks[a, 1]
+        turned = 2 if sides[0] < sides[2] else 0
+        for k in range(4):
+            lengths[q, k] = sides[(k + turned) % 4]
+        a, b = quads[q, turned], quads[q, 2 - turned]
+        dx, dy = landmarks[b, 0] - landmarks[a, 0], landmarks[b, 1] - landmarks[a, 1]
+        lengths[q, 4], directions[q] = math.hypot(dx, dy), (math.atan2(dy, dx) / (2.0 * math.pi)) % 1.0
+        centres[q, 0], centres[q, 1] = x, y
+    return lengths, directions, centres
+
+
+@kernel
+def pack_quads(
+    landmarks: NDArray[np.float64],
+    quads: NDArray[np.int32],
+    scale: float,
+    slot: int,
+    codes: NDArray[np.int64],
+    words: NDArray[np.uint64],
+) -> None:
+    """Fill `codes` (Q,) and `words` (Q,) for one submap."""
+    lengths, directions, centres = measure_quads(landmarks, quads)
+    cells = np.empty(5, np.int64)
+    for q in range(len(quads)):
+        word = np.int64(slot) << 39
+        for k in range(5):
+            steps = np.int64(lengths[q, k] / STEP + 0.5)
+            cells[k] = steps // SIDE
+            word |= (steps % SIDE) << (3 * k)
+        word |= (np.int64(directions[q] * TURNS + 0.5) & (TURNS - 1)) << 15
+        for k in range(2):
+            word |= min(max(np.int64(math.floor(centres[q, k] / scale + 0.5)) + HALF, 0), 2 * HALF - 1) << (23 + 8 * k)
+        codes[q], words[q] = cell_code(cells), np.uint64(word)
+
+
+@kernel
+def count_living(
+    union: NDArray[np.int64],
+    codes: NDArray[np.int64],
+    starts: NDArray[np.int64],
+    words: NDArray[np.uint64],
+    slots: NDArray[np.int32],
+    counts: NDArray[np.int64],
+) -> None:
+    """Add to `counts` (U + 1,), after its first, how many quads of each cell of `union` (U,) have a new slot."""
+    at = 0
+    for c in range(len(codes)):
+        while union[at] < codes[c]:
+            at += 1
+        for e in range(starts[c], starts[c + 1]):
+            counts[at + 1] += slots[np.int64(words[e] >> np.uint64(39))] >= 0
+
+
+@kernel
+def copy_living(
+    union: NDArray[np.int64],
+    codes: NDArray[np.int64],
+    starts: NDArray[np.int64],
+    words: NDArray[np.uint64],
+    slots: NDArray[np.int32],
+    cursor: NDArray[np.int64],
+    out: NDArray[np.uint64],
+) -> None:
+    """Copy the quads that have a new slot to `out`, each cell's from `cursor` (U,) on, which is moved along."""
+    at, below = 0, np.uint64((1 << 39) - 1)
+    for c in range(len(codes)):
+        while at < len(union) and union[at] < codes[c]:
+            at += 1
+        if at == len(union) or union[at] != codes[c]:
+            continue  # a cell whose quads are all left out
+        for e in range(starts[c], starts[c + 1]):
+            slot = slots[np.int64(words[e] >> np.uint64(39))]
+            if slot >= 0:
+                out[cursor[at]] = (words[e] & below) | (np.uint64(slot) << np.uint64(39))
+                cursor[at] += 1

@@ -1,0 +1,62 @@
+"""Features of submaps, wherever they are kept, read when a look-up first asks for them."""
+
+from collections.abc import Collection, Iterable, Mapping
+from typing import Protocol
+
+from urquhart.features import Features
+from urquhart.pairing import Pattern
+from urquhart.verification import pattern
+
+
+class Source(Protocol):
+    """Where features are kept."""
+
+    def read(self, keys: Collection[int]) -> Mapping[int, Features]:
+        """Features of submaps by key. Raises KeyError for one that is not there."""
+        ...
+
+
+class Memory:
+    """Features kept in memory."""
+
+    def __init__(self) -> None:
+        self._features: dict[int, Features] = {}
+
+    def read(self, keys: Collection[int]) -> Mapping[int, Features]:
+        """Features of submaps by key. Raises KeyError."""
+        return {key: self._features[key] for key in keys}
+
+    def keep(self, items: Mapping[int, Features]) -> None:
+        """Add submaps, or put others in their place."""
+        self._features.update(items)
+
+    def forget(self, keys: Iterable[int]) -> None:
+        """Drop submaps; unknown keys are ignored."""
+        for key in keys:
+            self._features.pop(key, None)
+
+
+class Submaps:
+    """The submaps that one look-up has to do with: read once, laid out once."""
+
+    def __init__(self, source: Source, reach: float) -> None:
+        self._source, self._reach = source, reach
+        self._features: dict[int, Features] = {}
+        self._patterns: dict[int, Pattern] = {}
+
+    def read(self, keys: Iterable[int]) -> None:
+        """Read many at once, which is far cheaper than one by one. Raises KeyError."""
+        missing = [key for key in keys if key not in self._features]
+        if missing:
+            self._features.update(self._source.read(missing))
+
+    def features(self, key: int) -> Features:
+        """Features of a submap. Raises KeyError."""
+        self.read((key,))
+        return self._features[key]
+
+    def pattern(self, key: int) -> Pattern:
+        """A submap ready for verification. Raises KeyError."""
+        if key not in self._patterns:
+            self._patterns[key] = pattern(self.features(key), self._reach)
+        return self._patterns[key]
