@@ -37,7 +37,7 @@ class Config:
     hypotheses: int = _parameter(32, 1, 10_000, "transforms tried for each of them")
     survey: int = _parameter(400, 0, 100_000, "rotations of submaps a query is swept over where nothing else finds it")
     sweeps: int = _parameter(64, 0, 10_000, "submaps of these that are verified")
-    quad_hits: int = _parameter(200_000, 1_000, 100_000_000, "most quad hits kept; the commonest go first")
+    quad_hits: int = _parameter(200_000, 1_000, 100_000_000, "quad hits, beside four a submap, that are enough")
     sigma: float = _parameter(0.25, 0.01, 0.25, "metres; usual error of one coordinate between two sightings of a tree")
 
     gate: float = _parameter(

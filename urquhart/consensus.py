@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from urquhart._kernel import kernel
 from urquhart.quad_table import HALF, SIDE, STEP, TURNS, QuadTable, cell_code, measure_quads
 
-_CHUNK: Final = 8
+_CHUNK: Final = 32
 """Query quads looked for before their hits are compared."""
 _SEEN: Final = 0.2
 """Share of a query's quads that are found under the right pose, roughly; it only shifts what a hit is worth."""
@@ -269,8 +269,8 @@ def gather(
                 wanted[k] = lengths[q, (k + 2 * reading) % 4]
             wanted[4] = lengths[q, 4]
             for k in range(5):
-                lowest = max(np.int64(math.ceil((wanted[k] - tolerance) / STEP)), 0)
-                highest = np.int64(math.floor((wanted[k] + tolerance) / STEP))
+                lowest = max(math.ceil((wanted[k] - tolerance) / STEP), 0)
+                highest = math.floor((wanted[k] + tolerance) / STEP)
                 low[k], high[k] = lowest // SIDE, highest // SIDE
                 for c in range(low[k], high[k] + 1):
                     masks[k, c - low[k]] = places(lowest - SIDE * c, highest - SIDE * c)
@@ -413,7 +413,7 @@ def agree(
     yaw = (a + 0.5 * apart) * (2.0 * math.pi / TURNS)
     c, s = math.cos(yaw), math.sin(yaw)
     dx, dy = c * vx - s * vy - ux, s * vx + c * vy - uy
-    return dx * dx + dy * dy <= (slack + _BEND * here) ** 2
+    return bool(dx * dx + dy * dy <= (slack + _BEND * here) ** 2)
 
 
 @kernel

@@ -25,9 +25,9 @@ TIGHT: Final = 2.0
 """Usual errors of a coordinate that a length of a quad may be off by, and a polygon's vertex,"""
 WIDE: Final = 3.0
 """and where nothing has been found so."""
-_POSES: Final = 4
+_POSES: Final = 8
 """Distinct poses of a submap that quads propose,"""
-_SETTLED: Final = 2
+_SETTLED: Final = 4
 """and those of them, or of the peaks of a sweep, that are verified."""
 _PEAKS: Final = 8
 """Peaks of a sweep over all rotations that are refined;"""
@@ -35,6 +35,9 @@ _FEWER: Final = 6
 """of one over a few."""
 _CIRCLE: Final = 12.0
 """A sweep under every rotation takes as long as so many near a single one."""
+_REACHED: Final = 0.02
+"""Least share of a collection that a survey must reach to be worth its time: in a larger one the right place, where
+neither polygons nor quads find it, is hardly ever among the first few hundred."""
 _EACH: Final = 4
 """Quad hits for each submap of a collection that are enough beside `Config.quad_hits`."""
 
@@ -143,6 +146,11 @@ def propose_by_sweep(query: Sighting, search: Consensus | None, stages: Stages) 
         ]
         counts["candidates"] = len(proposals)
     return proposals
+
+
+def is_large(index: CollectionIndex) -> bool:
+    """Whether a survey would reach too few of the submaps."""
+    return len(index) * _REACHED > index.config.survey
 
 
 def is_small(index: CollectionIndex) -> bool:

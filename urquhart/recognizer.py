@@ -32,6 +32,7 @@ from urquhart.proposing import (
     WIDE,
     Proposal,
     Sighting,
+    is_large,
     is_small,
     propose_by_paper,
     propose_by_polygons,
@@ -199,7 +200,7 @@ class Recognizer:
                 wide = search_quads(query, WIDE)
                 proposals = propose_by_quads(query, wide, 1.0, self.config.candidates, stages)
                 standing = doubt(query, proposals, stages, found, standing.ranked)
-        if self._lost(standing.ranked, query):
+        if self._lost(standing.ranked, query) and not is_large(query.index):
             proposals = propose_by_sweep(query, wide, stages)
             standing = doubt(query, proposals, stages, found, standing.ranked)
         return standing
@@ -264,7 +265,9 @@ def warm_up(config: Config) -> None:
     # Only rows of trees have rivals to be looked at.
     rows = 3.0 * np.stack(np.meshgrid(np.arange(8.0), np.arange(8.0)), axis=-1).reshape(-1, 2)
     features = [describe(here, config), Features.unpack(describe(here, config).pack()), describe(elsewhere, config)]
-    recognizer.add(enumerate([*features, describe(rows, config)]))
+    # The second segment is merged with the first.
+    recognizer.add(enumerate(features))
+    recognizer.add([(len(features), describe(rows, config))])
     for xy in (here, elsewhere, unknown, rows):
         recognizer.recognize(xy)
         recognizer.recognize(xy, method="paper")

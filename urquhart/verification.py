@@ -107,7 +107,8 @@ def settle_rough(
         )
     scores = count_inliers(query.landmarks, submap, near, reach)
     settled = settle(query, submap, near[np.argsort(-scores, kind="mergesort")[:count]], reach, 0.0)
-    return settled[settled[:, 3].argmax()]
+    best: NDArray[np.float64] = settled[settled[:, 3].argmax()]
+    return best
 
 
 def weigh_settled(query: Pattern, submap: Pattern, settled: NDArray[np.float64]) -> Verified:
