@@ -1,0 +1,75 @@
+"""What a table of quads says, read by means that share no code with it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tests.urquhart import forests
+from urquhart import Config, Features, describe
+from urquhart.consensus import Lot
+from urquhart.quad_table import QuadTable, build_table, centre_scale
+from urquhart.simulation import bridson
+
+
+@dataclass(frozen=True, eq=False)
+class Decoded:
+    """Words of a table in the order they lie in.
+
+    Attributes:
+        steps: (Q, 5) int64, lengths in steps of 0.1 m.
+        turns: (Q,) int64, directions in 256ths of a turn.
+        centres: (Q, 2) int64, centres in steps, which may be negative.
+        slots: (Q,) int64.
+    """
+
+    steps: NDArray[np.int64]
+    turns: NDArray[np.int64]
+    centres: NDArray[np.int64]
+    slots: NDArray[np.int64]
+
+    def rows(self) -> list[tuple[int, ...]]:
+        """Everything that is told of each quad, sorted."""
+        columns = np.column_stack([self.steps, self.turns, self.centres, self.slots])
+        return sorted(map(tuple, columns.tolist()))
+
+
+def decode(table: QuadTable) -> Decoded:
+    """Read every word bit by bit, as the head of the module that writes them describes it."""
+    words = [int(word) for word in table.words]
+    cells = np.repeat(table.codes, np.diff(table.starts.astype(np.int64))).tolist()
+    steps = [
+        [8 * ((cell >> 12 * (4 - k)) & 0xFFF) + ((word >> 3 * k) & 7) for k in range(5)]
+        for cell, word in zip(cells, words, strict=True)
+    ]
+    return Decoded(
+        np.array(steps, np.int64).reshape(-1, 5),
+        np.array([(word >> 15) & 0xFF for word in words], np.int64),
+        np.array([[((word >> 23) & 0xFF) - 128, ((word >> 31) & 0xFF) - 128] for word in words], np.int64).reshape(
+            -1, 2
+        ),
+        np.array([word >> 39 for word in words], np.int64),
+    )
+
+
+def described(seed: int, count: int = 60, side: float = 60.0) -> Features:
+    """A patch of natural forest."""
+    return describe(forests.uniform(np.random.default_rng(seed), count, side), Config())
+
+
+def stand(seed: int) -> Features:
+    """A dense stand, trees 4 m apart at the least: its quads resemble each other."""
+    return describe(bridson(50.0, 50.0, 4.0, np.random.default_rng(seed)), Config())
+
+
+def table_of(submaps: Sequence[Features]) -> QuadTable:
+    """The table of submaps, slots in their order."""
+    return build_table([(f.landmarks, f.tessellation.quads, centre_scale(f.landmarks)) for f in submaps])
+
+
+def lot_of(submaps: Sequence[Features], dead: Sequence[int] = ()) -> Lot:
+    """The same ready to be searched, but for the slots `dead`."""
+    alive = np.ones(len(submaps), np.uint8)
+    alive[list(dead)] = 0
+    return Lot(table_of(submaps), np.array([centre_scale(f.landmarks) for f in submaps], np.float32), alive)

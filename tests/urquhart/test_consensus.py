@@ -1,0 +1,308 @@
+"""The search through tables of quads: what it finds, what it passes over, and on which poses it agrees."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tests.urquhart import forests
+from tests.urquhart.tables import decode, described, lot_of, stand
+from urquhart import SE2, Config, Features, describe
+from urquhart.consensus import TURN, Consensus, Leaders, Lot
+from urquhart.quad_table import STEP, TURNS, measure_quads
+
+PLENTY = 10**9
+
+
+def search(lots: Sequence[Lot], query: Features, tolerance: float = 0.5, most: int = PLENTY) -> Consensus:
+    return Consensus(lots, query.landmarks, query.tessellation.quads, tolerance, most)
+
+
+def hits(found: Consensus) -> NDArray[np.float64]:
+    """Rows (H, 6), sorted: slot, query quad, turn, x, y, logarithm of the likelihood of the misfit."""
+    slots, quads, turns, xs, ys, _, fits, *_ = found._found
+    return ordered([column[: found.hits] for column in (slots, quads, turns, xs, ys, fits)])
+
+
+def ordered(columns: list[NDArray[np.generic]]) -> NDArray[np.float64]:
+    rows = np.column_stack(columns).astype(np.float64)
+    return rows[np.lexsort(rows.T[::-1])]
+
+
+def brute_force(lots: Sequence[Lot], query: Features, tolerance: float) -> NDArray[np.float64]:
+    """The same by comparing every quad with every one of the tables, from either end."""
+    lengths, directions, _ = measure_quads(query.landmarks, query.tessellation.quads)
+    query_turns = np.round(directions * TURNS).astype(np.int64)
+    found, first = [], 0
+    for lot in lots:
+        stored = decode(lot.table)
+        scales = lot.scales.astype(np.float64)[stored.slots]
+        for q in range(len(lengths)):
+            for reading in (0, 1):
+                wanted = np.append(np.roll(lengths[q, :4], -2 * reading), lengths[q, 4])
+                # Steps are whole: the tolerance ends at whole ones.
+                low, high = np.ceil((wanted - tolerance) / STEP), np.floor((wanted + tolerance) / STEP)
+                near = ((stored.steps >= low) & (stored.steps <= high)).all(axis=1) & (lot.alive[stored.slots] > 0)
+                misfit = ((stored.steps[near] * STEP - wanted) ** 2).sum(axis=1)
+                turns = (stored.turns[near] - query_turns[q] + TURNS // 2 * reading) % TURNS
+                centres = stored.centres[near] * scales[near, None]
+                which = np.full(len(turns), q)
+                fits = -misfit / (2.0 * (0.8 * tolerance) ** 2)
+                found.append(
+                    np.column_stack([stored.slots[near] + first, which, turns, centres.astype(np.float32), fits])
+                )
+        first += len(lot.alive)
+    return ordered(list(np.concatenate(found).T))
+
+
+def seen_again(rng: np.random.Generator, submap: Features, turn: float, sigma: float, missing: float) -> Features:
+    """What is described of a submap seen from elsewhere."""
+    noisy = submap.landmarks + rng.normal(0.0, sigma, submap.landmarks.shape)
+    seen = noisy[rng.random(len(noisy)) >= missing]
+    return describe(SE2(40.0, -10.0, turn).inverse().apply(seen), Config())
+
+
+def truth(turn: float, query: Features) -> SE2:
+    """`submap_T_query` of that, between centred frames."""
+    return SE2(40.0, -10.0, turn) @ SE2.shift(query.origin)
+
+
+def centred(pose: SE2, submap: Features, query: Features) -> SE2:
+    """A pose between frames as posted as one between centred frames."""
+    return SE2.shift(submap.origin).inverse() @ pose @ SE2.shift(query.origin)
+
+
+@pytest.mark.parametrize("tolerance", [0.1, 0.33, 0.5, 0.75])
+def test_finds_exactly_what_brute_force_finds(tolerance: float) -> None:
+    lots = [
+        lot_of([described(seed) for seed in range(12)], dead=[0, 5]),
+        lot_of([]),
+        lot_of([described(seed) for seed in range(20, 27)], dead=[6]),
+        lot_of([described(30)], dead=[0]),
+        lot_of([describe(forests.lattice(np.random.default_rng(2)), Config())]),
+    ]
+    for query in (
+        seen_again(np.random.default_rng(0), described(3), 2.0, 0.05, 0.1),
+        # Equilateral planting: every quad is read from both ends.
+        describe(forests.lattice(np.random.default_rng(3)), Config()),
+    ):
+        found = search(lots, query, tolerance)
+        found.advance()
+        got, expected = hits(found), brute_force(lots, query, tolerance)
+        assert len(got) == len(expected) == found.hits > 0
+        np.testing.assert_array_equal(got[:, :5], expected[:, :5])
+        np.testing.assert_allclose(got[:, 5], expected[:, 5], rtol=1e-5, atol=1e-6)
+        assert not {0, 5, 18, 19} & set(got[:, 0].tolist())
+
+
+def test_hits_find_room_however_many_there_are() -> None:
+    lots = [lot_of([stand(seed) for seed in range(30)]), lot_of([stand(seed) for seed in range(30, 40)])]
+    query = stand(7)
+    found = search(lots, query, 0.75)
+    room = len(found._found[0])
+    found.advance()
+    assert found.hits > 4 * room
+    expected = brute_force(lots, query, 0.75)
+    np.testing.assert_array_equal(hits(found)[:, :5], expected[:, :5])
+
+
+def test_a_quad_that_is_everywhere_is_passed_over() -> None:
+    """Of a place that is stored thirty times and one that is stored once, the second is looked for."""
+    rng = np.random.default_rng(0)
+    common, rare = forests.uniform(rng, 50, 50.0), forests.uniform(rng, 50, 50.0)
+    lots = [lot_of([describe(common, Config())] * 30 + [describe(rare, Config())])]
+    both = describe(np.concatenate([common, rare + 300.0]), Config())
+    for query, most, slots in (
+        (describe(common, Config()), 64 * 29, set()),
+        (describe(common, Config()), 64 * 200, set(range(30))),
+        (both, 64 * 29, {30}),
+    ):
+        found = search(lots, query, 0.1, most)
+        found.advance()
+        assert found.finished
+        best = found.leaders(31, 1)
+        assert set(best.slots[best.votes > 8].tolist()) == slots
+
+
+@pytest.mark.parametrize("most", [1_000, 3_000, 5_000])
+@pytest.mark.parametrize("parts", [1, 4])
+def test_so_many_hits_are_enough(most: int, parts: int) -> None:
+    submaps = [stand(seed) for seed in range(80)]
+    lots = [lot_of(submaps[part::parts]) for part in range(parts)]
+    query = stand(500)
+    unbounded = search(lots, query)
+    unbounded.advance()
+    bounded = search(lots, query, most=most)
+    bounded.advance()
+    assert bounded.finished
+    # What has been begun is finished: 32 quads, each with a 64th of the hits in each lot at the most.
+    assert 0 < bounded.hits <= (1.0 + 0.5 * parts) * most
+    assert bounded.hits < unbounded.hits
+    if most >= 3_000:
+        assert bounded.hits >= most
+    before = bounded.hits
+    bounded.advance()
+    assert bounded.hits == before
+
+
+def test_the_rarer_half_has_far_fewer_hits_and_mostly_says_enough() -> None:
+    submaps = [stand(seed) for seed in range(60)]
+    lots = [lot_of(submaps)]
+    first = 0
+    for seed in range(0, 60, 6):
+        query = seen_again(np.random.default_rng(seed), submaps[seed], 1.0, 0.2, 0.2)
+        found = search(lots, query)
+        found.advance(0.5)
+        half = found.hits
+        assert not found.finished
+        first += found.leaders(1, 1).slots[0] == seed
+        found.advance(0.5)
+        assert found.hits == half
+        found.advance(1.0)
+        assert found.finished
+        assert 0 < half < 0.7 * (found.hits - half)
+        assert found.leaders(1, 1).slots[0] == seed
+    assert first >= 9
+
+
+@pytest.mark.parametrize("seed", range(0, 30, 3))
+def test_the_submap_seen_again_leads_with_the_right_pose(seed: int) -> None:
+    submaps = [stand(key) for key in range(30)]
+    lots = [lot_of(submaps[:20]), lot_of(submaps[20:])]
+    for turn in (-3.1, -1.2, 0.0, 2.0):
+        query = seen_again(np.random.default_rng(seed), submaps[seed], turn, 0.2, 0.1)
+        found = search(lots, query)
+        found.advance()
+        best = found.leaders(5, 4)
+        assert best.slots[0] == seed
+        assert best.scores[0] > 1.5 * best.scores[1]
+        assert (np.diff(best.scores) <= 0.0).all()
+        assert best.votes[0] > 3
+        shift, off = SE2(*best.poses[0, 0].tolist()).distance(truth(turn, query))
+        assert shift < 2.0
+        assert off < 0.1
+
+
+def test_a_place_that_is_in_a_submap_twice_has_both_poses() -> None:
+    """Two blocks planted alike: hits of either agree among themselves, and both poses are told."""
+    rng = np.random.default_rng(4)
+    block = forests.uniform(rng, 50, 50.0)
+    motions = [SE2(-60.0, 0.0, 0.3), SE2(55.0, 20.0, -2.0)]
+    submap = describe(np.concatenate([motion.apply(block) for motion in motions]), Config())
+    query = describe(block + rng.normal(0.0, 0.1, block.shape), Config())
+    found = search([lot_of([described(0), submap])], query)
+    found.advance()
+    best = found.leaders(1, 6)
+    assert best.slots.tolist() == [1]
+    poses = [SE2(*row) for row in best.poses[0, :2].tolist()]
+    for motion in motions:
+        apart = [pose.distance(centred(motion, submap, query)) for pose in poses]
+        assert min(apart)[0] < 2.0
+        assert min(apart)[1] < 0.1
+
+
+def test_poses_of_a_slot_are_distinct_and_what_is_missing_comes_last() -> None:
+    found = search([lot_of([stand(key) for key in range(25)])], stand(3))
+    found.advance()
+    best = found.leaders(25, 8)
+    assert best.poses.shape == (25, 8, 3)
+    there = ~np.isnan(best.poses).any(axis=2)
+    np.testing.assert_array_equal(there, ~np.isnan(best.poses).all(axis=2))
+    assert there[:, 0].all()
+    assert (np.diff(there.astype(int), axis=1) <= 0).all()
+    for poses in best.poses:
+        rows = [SE2(*row) for row in poses[~np.isnan(poses[:, 0])].tolist()]
+        for i, pose in enumerate(rows):
+            for other in rows[:i]:
+                shift, turn = pose.distance(other)
+                assert shift > 0.1 or turn > 0.01
+    few = found.leaders(4, 2)
+    np.testing.assert_array_equal(few.slots, best.slots[:4])
+    np.testing.assert_array_equal(few.scores, best.scores[:4])
+    np.testing.assert_array_equal(few.poses, best.poses[:4, :2])
+
+
+def by_key(best: Leaders, keys: NDArray[np.int64]) -> dict[int, tuple[float, int, bytes]]:
+    return {
+        int(keys[slot]): (score, votes, poses.tobytes())
+        for slot, score, votes, poses in zip(
+            best.slots.tolist(), best.scores.tolist(), best.votes.tolist(), best.poses, strict=True
+        )
+    }
+
+
+@pytest.mark.parametrize("seed", [0, 8, 15])
+def test_how_submaps_are_divided_into_lots_is_no_matter(seed: int) -> None:
+    submaps = [stand(key) for key in range(24)]
+    rng = np.random.default_rng(seed)
+    query = seen_again(rng, submaps[seed], -1.0, 0.2, 0.1)
+    mixed = rng.permutation(24)
+    answers = []
+    for division in ([range(24)], [[k] for k in range(24)], [range(0, 24, 2), [], range(1, 24, 2)], [mixed.tolist()]):
+        lots = [lot_of([submaps[k] for k in keys]) for keys in division]
+        keys = np.array([k for part in division for k in part], np.int64)
+        found = search(lots, query)
+        found.advance()
+        answers.extend(by_key(found.leaders(count, 3), keys) for count in (24, 5))
+        again = search(lots, query)
+        again.advance(0.3)
+        again.advance()
+        assert by_key(again.leaders(24, 3), keys) == answers[-2]
+    assert len(answers[0]) > 20
+    for whole, few in zip(answers[::2], answers[1::2], strict=True):
+        assert whole == answers[0]
+        assert few == dict(list(answers[0].items())[:5])
+
+
+def test_turns_rank_the_submap_seen_again_and_its_rotation_first() -> None:
+    """Measured so loosely that no hit proves anything, quads still agree on submap and rotation."""
+    submaps = [stand(key) for key in range(30)]
+    for seed in (0, 11, 29):
+        for turn in (-3.1, -0.4, 1.0, 3.0):
+            query = seen_again(np.random.default_rng(seed), submaps[seed], turn, 0.2, 0.1)
+            found = search([lot_of(submaps[:10]), lot_of(submaps[10:])], query, 0.75)
+            found.advance()
+            slots, rotations = found.turns(60)
+            assert 5 < len(slots) == len(rotations) <= 60
+            assert slots[0] == seed
+            assert abs((rotations[0] - turn + np.pi) % (2.0 * np.pi) - np.pi) <= TURN
+            # A submap comes once for each of its peaks, and never twice for one.
+            assert len(set(zip(slots.tolist(), rotations.tolist(), strict=True))) == len(slots)
+            for slot in set(slots.tolist()):
+                own = np.sort(rotations[slots == slot])
+                assert (np.diff(np.append(own, own[0] + 2.0 * np.pi)) > 0.9 * TURN).all()
+
+            fewer = found.turns(5)
+            np.testing.assert_array_equal(fewer[0], slots[:5])
+            np.testing.assert_array_equal(fewer[1], rotations[:5])
+            others = search([lot_of(submaps, dead=[seed])], query, 0.75)
+            others.advance()
+            assert seed not in others.turns(60)[0]
+
+
+def test_where_nothing_is_found_there_are_neither_leaders_nor_turns() -> None:
+    query = described(1)
+    bare = describe(np.array([[0.0, 0.0], [5.0, 0.0], [0.0, 5.0]]), Config())
+    stretched = describe(query.landmarks * 40.0, Config())
+    lot = lot_of([described(key) for key in range(3)])
+    for found in (
+        search([], query),
+        search([lot_of([])], query),
+        search([lot_of([bare])], query),
+        search([lot_of([query, query], dead=[0, 1])], query),
+        search([lot], bare),
+        search([lot], stretched, 0.01),
+    ):
+        found.advance()
+        assert found.finished
+        assert found.hits == 0
+        best = found.leaders(5, 4)
+        assert (len(best.slots), len(best.scores), len(best.votes)) == (0, 0, 0)
+        assert best.poses.shape == (0, 4, 3)
+        assert [len(column) for column in found.turns(9)] == [0, 0]
+    found = search([lot], query)
+    assert len(found.leaders(5, 4).slots) == 0
+    found.advance()
+    assert [len(column) for column in found.turns(0)] == [0, 0]
+    assert len(found.leaders(0, 4).slots) == 0
