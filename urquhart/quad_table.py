@@ -44,12 +44,12 @@ class QuadTable:
 
     Attributes:
         codes: (C,) int64, the cells that hold quads, ascending.
-        starts: (C + 1,) int64, where each cell's quads begin.
+        starts: (C + 1,) uint32, where each cell's quads begin.
         words: (Q,) uint64, see the head of this file.
     """
 
     codes: NDArray[np.int64]
-    starts: NDArray[np.int64]
+    starts: NDArray[np.uint32]
     words: NDArray[np.uint64]
 
     def __len__(self) -> int:
@@ -71,7 +71,7 @@ def build_table(submaps: Sequence[tuple[NDArray[np.float64], NDArray[np.int32], 
         at += len(quads)
     order = np.argsort(codes, kind="stable")
     unique, first = np.unique(codes[order], return_index=True)
-    return QuadTable(unique, np.append(first, total).astype(np.int64), words[order])
+    return QuadTable(unique, np.append(first, total).astype(np.uint32), words[order])
 
 
 def merge_tables(tables: Sequence[tuple[QuadTable, NDArray[np.int32]]], empty: Any = np.empty) -> QuadTable:
@@ -80,19 +80,24 @@ def merge_tables(tables: Sequence[tuple[QuadTable, NDArray[np.int32]]], empty: A
     Args:
         tables: each with the new slot of each of its slots, (S,) int32, -1 for those that are left out.
         empty: makes the arrays, called as `numpy.empty`: the words of a large table may be a file's.
+
+    Raises:
+        ValueError: more quads than a table can count.
     """
     codes = np.unique(np.concatenate([np.empty(0, np.int64), *(table.codes for table, _ in tables)]))
     counts = np.zeros(len(codes) + 1, np.int64)
     for table, slots in tables:
         count_living(codes, table.codes, table.starts, table.words, slots, counts)
     kept = counts[1:] > 0
+    if counts.sum() >= 1 << 32:
+        raise ValueError(f"{counts.sum()} quads: a table holds fewer than 2 to the 32nd")
     starts = np.concatenate([np.zeros(1, np.int64), np.cumsum(counts[1:][kept])])
     codes = codes[kept]
     words = empty(int(starts[-1]), np.uint64)
     cursor = starts[:-1].copy()
     for table, slots in tables:
         copy_living(codes, table.codes, table.starts, table.words, slots, cursor, words)
-    return QuadTable(codes, starts, words)
+    return QuadTable(codes, starts.astype(np.uint32), words)
 
 
 @kernel
@@ -152,7 +157,8 @@ def pack_quads(
             word |= (steps % SIDE) << (3 * k)
         word |= (np.int64(directions[q] * TURNS + 0.5) & (TURNS - 1)) << 15
         for k in range(2):
-            word |= min(max(np.int64(math.floor(centres[q, k] / scale + 0.5)) + HALF, 0), 2 * HALF - 1) << (23 + 8 * k)
+            place = np.int64(math.floor(centres[q, k] / scale + 0.5)) + HALF
+            word |= np.int64(min(max(place, 0), 2 * HALF - 1)) << (23 + 8 * k)
         codes[q], words[q] = cell_code(cells), np.uint64(word)
 
 
@@ -160,7 +166,7 @@ def pack_quads(
 def count_living(
     union: NDArray[np.int64],
     codes: NDArray[np.int64],
-    starts: NDArray[np.int64],
+    starts: NDArray[np.uint32],
     words: NDArray[np.uint64],
     slots: NDArray[np.int32],
     counts: NDArray[np.int64],
@@ -178,7 +184,7 @@ def count_living(
 def copy_living(
     union: NDArray[np.int64],
     codes: NDArray[np.int64],
-    starts: NDArray[np.int64],
+    starts: NDArray[np.uint32],
     words: NDArray[np.uint64],
     slots: NDArray[np.int32],
     cursor: NDArray[np.int64],
