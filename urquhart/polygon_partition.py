@@ -163,7 +163,8 @@ def _lists_of_rows(lists: NDArray[np.int64], rows: int) -> NDArray[np.int32]:
     found = np.full(rows, -1, np.int32)
     for c in range(len(lists) - 1):
         first, last = lists[c], lists[c + 1]
-        if first < 0 or last > rows:
+        # Asked outright: the length of a range from one end of the integers to the other overflows.
+        if first < 0 or last > rows or last <= first:
             continue
         for row in range(first, last):
             if found[row] < 0:
