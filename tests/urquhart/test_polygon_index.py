@@ -269,6 +269,7 @@ def test_partitions_survive_a_file_and_refuse_other_arrays(
         np.save(tmp_path / f"{name}.npy", array)
     mapped = {name: np.load(tmp_path / f"{name}.npy", mmap_mode="c") for name in inverted.arrays()}
     assert same(Partition.of(5, mapped), inverted)
+    assert np.shares_memory(Partition.of(5, mapped).descriptors, mapped["descriptors"])
     ours = find([searched([Partition.of(5, mapped)], 1_000)], real[1][0], 9)
     theirs = find([searched([inverted], 1_000)], real[1][0], 9)
     np.testing.assert_array_equal(ours.distances, theirs.distances)
@@ -318,5 +319,7 @@ def test_nothing_to_search_or_too_little() -> None:
     assert merge_partitions([({}, whole(3))]) == {}
     with pytest.raises(ValueError, match="components"):
         find([few], query[0, :7], 3)
+    with pytest.raises(ValueError, match="marks"):
+        find([(few[0], few[1], few[2], np.ones(2, np.int64))], query[0], 3)  # type: ignore[list-item]
     with pytest.raises(ValueError, match="marks"):
         find([(few[0], few[1], few[2], np.ones(5, np.uint8))], query[0], 3)
