@@ -85,7 +85,8 @@ class Partition:
             KeyError: an array is missing.
             ValueError: an array of a wrong type or shape.
         """
-        return Partition(count, **{field.name: arrays[field.name] for field in fields(Partition)[1:]})
+        # A subclass such as `np.memmap` costs the compiler's dispatch far more time than a plain array.
+        return Partition(count, **{field.name: np.asarray(arrays[field.name]) for field in fields(Partition)[1:]})
 
     def rows(self) -> NDArray[np.float32]:
         """Descriptors (M, D) float32 row by row; NaN in rows that no list holds, which only damage brings about."""
@@ -127,6 +128,7 @@ def build_partitions(features: Sequence[Features], units: NDArray[np.float32]) -
     Raises:
         ValueError: not as many units as features, or one that is not positive.
     """
+    units = np.asarray(units, np.float32)
     if len(units) != len(features) or not np.all(units > 0.0):
         raise ValueError("each submap needs a positive unit")
     if not features:
@@ -163,7 +165,8 @@ def _lists_of_rows(lists: NDArray[np.int64], rows: int) -> NDArray[np.int32]:
     found = np.full(rows, -1, np.int32)
     for c in range(len(lists) - 1):
         first, last = lists[c], lists[c + 1]
-        if first < 0 or last > rows:
+        # Asked outright: the length of a range from one end of the integers to the other overflows.
+        if first < 0 or last > rows or last <= first:
             continue
         for row in range(first, last):
             if found[row] < 0:
