@@ -200,7 +200,7 @@ def _fill(count: int, inputs: list[_Input], coder: _Coder, listed: list[NDArray[
     merged = Partition(
         count,
         np.empty(rows, np.int32),
-        np.empty((rows, count, 2), np.int16),
+        np.empty((rows, 2 * count + 3), np.uint8),
         np.empty(rows * width, code),
         coder.low,
         coder.step,
@@ -245,14 +245,14 @@ def _place(
     lists_of_rows: NDArray[np.int32],
     slots: NDArray[np.int32],
     owners: NDArray[np.int32],
-    outlines: NDArray[np.int16],
+    outlines: NDArray[np.uint8],
     lists: NDArray[np.int64],
     ends: NDArray[np.int64],
     low: NDArray[np.float32],
     step: NDArray[np.float32],
     centroids: NDArray[np.float32],
     out_owners: NDArray[np.int32],
-    out_outlines: NDArray[np.int16],
+    out_outlines: NDArray[np.uint8],
     out_codes: NDArray[Any],
 ) -> None:
     width = len(low)
@@ -264,8 +264,8 @@ def _place(
         first, length, at = lists[c], lists[c + 1] - lists[c], ends[c]
         ends[c] += 1
         out_owners[at] = slots[owners[row]]
-        for v in range(outlines.shape[1]):
-            out_outlines[at, v, 0], out_outlines[at, v, 1] = outlines[row, v, 0], outlines[row, v, 1]
+        for b in range(outlines.shape[1]):
+            out_outlines[at, b] = outlines[row, b]
         for d in range(width):
             value = decoded[i, d]
             if len(centroids):

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from urquhart._kernel import kernel
-from urquhart.quad_table import HALF, SIDE, STEP, TURNS, cell_code
+from urquhart.quad_table import HALF, LAST, SIDE, STEP, TURNS, cell_code
 
 _SPREAD: Final = 0.8
 """Usual error of a length as a share of the tolerance."""
@@ -61,7 +61,7 @@ def with_room(hits: QuadHits) -> QuadHits:
 
 @kernel
 def count_neighbourhoods(
-    codes: NDArray[np.int64], starts: NDArray[np.uint32], lengths: NDArray[np.float64], counts: NDArray[np.int64]
+    codes: NDArray[np.uint32], starts: NDArray[np.uint32], lengths: NDArray[np.float64], counts: NDArray[np.int64]
 ) -> None:
     """Add to `counts` (Q,) how many quads lie in the cell of each query quad: enough to tell rare ones from common."""
     cells = np.empty(5, np.int64)
@@ -69,14 +69,14 @@ def count_neighbourhoods(
         for k in range(5):
             cells[k] = np.int64(lengths[q, k] / STEP + 0.5) // SIDE
         code = cell_code(cells)
-        at = np.searchsorted(codes, code)
+        at = np.searchsorted(codes, np.uint32(code))
         if at < len(codes) and codes[at] == code:
             counts[q] += np.int64(starts[at + 1]) - np.int64(starts[at])
 
 
 @kernel
 def gather(
-    codes: NDArray[np.int64],
+    codes: NDArray[np.uint32],
     starts: NDArray[np.uint32],
     words: NDArray[np.uint64],
     scales: NDArray[np.float32],
@@ -114,9 +114,11 @@ def gather(
             for k in range(5):
                 lowest = max(math.ceil((wanted[k] - tolerance) / STEP), 0)
                 highest = math.floor((wanted[k] + tolerance) / STEP)
-                low[k], high[k] = lowest // SIDE, highest // SIDE
+                low[k], high[k] = min(lowest // SIDE, LAST), min(highest // SIDE, LAST)
                 for c in range(low[k], high[k] + 1):
-                    masks[k, c - low[k]] = places(lowest - SIDE * c, highest - SIDE * c)
+                    masks[k, c - low[k]] = places(lowest - SIDE * c, highest - SIDE * c if c < LAST else SIDE)
+                if low[k] == LAST:
+                    masks[k, 0] = byte
             rows = np.int64(1)
             for k in range(4):
                 rows *= high[k] - low[k] + 1
@@ -131,12 +133,12 @@ def gather(
                 cells[4] = low[4]
                 begin = cell_code(cells)
                 end = begin + high[4] - low[4]
-                at = np.searchsorted(codes, begin)
+                at = np.searchsorted(codes, np.uint32(begin))
                 # The cells of a row follow each other.
                 while at < len(codes) and codes[at] <= end:
                     cells[4] = low[4] + codes[at] - begin
                     mask4 = masks[4, cells[4] - low[4]]
-                    for e in range(np.int64(starts[at]), min(np.int64(starts[at + 1]), size)):
+                    for e in range(int(starts[at]), min(int(starts[at + 1]), size)):
                         word = words[e]
                         allowed = (
                             (mask01 >> (word & six))
@@ -154,7 +156,8 @@ def gather(
                         misfit = 0.0
                         for k in range(5):
                             place = np.int64(word >> np.uint64(3 * k)) & (SIDE - 1)
-                            misfit += (STEP * (SIDE * cells[k] + place) - wanted[k]) ** 2
+                            if cells[k] < LAST:
+                                misfit += (STEP * (SIDE * cells[k] + place) - wanted[k]) ** 2
                         turn = np.int64((word >> np.uint64(15)) & byte) - directions[q] + (TURNS // 2) * reading
                         hits.slots[count], hits.quads[count], hits.turns[count] = first + slot, q, turn & (TURNS - 1)
                         hits.xs[count] = (np.int64((word >> np.uint64(23)) & byte) - HALF) * scales[slot]

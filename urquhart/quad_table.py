@@ -28,8 +28,9 @@ SIDE: Final = 8
 """Steps along the side of a cell."""
 MOST_SLOTS: Final = 1 << 24
 """Submaps that one table can tell apart."""
-_BITS: Final = 12
-_LAST: Final = (1 << _BITS) - 1
+_BITS: Final = 6
+LAST: Final = (1 << _BITS) - 1
+"""The last cell of a length: whatever is longer is in it, and its place there tells nothing."""
 TURNS: Final = 256
 """Directions that are told apart."""
 HALF: Final = 128
@@ -43,12 +44,12 @@ class QuadTable:
     """Quads sorted by cell; never changed once made.
 
     Attributes:
-        codes: (C,) int64, the cells that hold quads, ascending.
+        codes: (C,) uint32, the cells that hold quads, ascending.
         starts: (C + 1,) uint32, where each cell's quads begin.
         words: (Q,) uint64, see the head of this file.
     """
 
-    codes: NDArray[np.int64]
+    codes: NDArray[np.uint32]
     starts: NDArray[np.uint32]
     words: NDArray[np.uint64]
 
@@ -64,7 +65,7 @@ def centre_scale(landmarks: NDArray[np.float64]) -> float:
 def build_table(submaps: Sequence[tuple[NDArray[np.float64], NDArray[np.int32], float]]) -> QuadTable:
     """The table of submaps, slots in their order: landmarks (N, 2), metres, centred; quads (Q, 4); `centre_scale`."""
     total = sum(len(quads) for _, quads, _ in submaps)
-    codes, words = np.empty(total, np.int64), np.empty(total, np.uint64)
+    codes, words = np.empty(total, np.uint32), np.empty(total, np.uint64)
     at = 0
     for slot, (landmarks, quads, scale) in enumerate(submaps):
         pack_quads(landmarks, quads, scale, slot, codes[at : at + len(quads)], words[at : at + len(quads)])
@@ -84,7 +85,7 @@ def merge_tables(tables: Sequence[tuple[QuadTable, NDArray[np.int32]]], empty: A
     Raises:
         ValueError: more quads than a table can count.
     """
-    codes = np.unique(np.concatenate([np.empty(0, np.int64), *(table.codes for table, _ in tables)]))
+    codes = np.unique(np.concatenate([np.empty(0, np.uint32), *(table.codes for table, _ in tables)]))
     counts = np.zeros(len(codes) + 1, np.int64)
     for table, slots in tables:
         count_living(codes, table.codes, table.starts, table.words, slots, counts)
@@ -105,7 +106,7 @@ def cell_code(cells: NDArray[np.int64]) -> int:
     """The code of a cell (5,): codes of cells along the last length follow each other."""
     code = np.int64(0)
     for k in range(5):
-        code = (code << _BITS) | min(cells[k], _LAST)
+        code = (code << _BITS) | min(cells[k], LAST)
     return code
 
 
@@ -143,7 +144,7 @@ def pack_quads(
     quads: NDArray[np.int32],
     scale: float,
     slot: int,
-    codes: NDArray[np.int64],
+    codes: NDArray[np.uint32],
     words: NDArray[np.uint64],
 ) -> None:
     """Fill `codes` (Q,) and `words` (Q,) for one submap."""
@@ -159,13 +160,13 @@ def pack_quads(
         for k in range(2):
             place = np.int64(math.floor(centres[q, k] / scale + 0.5)) + HALF
             word |= np.int64(min(max(place, 0), 2 * HALF - 1)) << (23 + 8 * k)
-        codes[q], words[q] = cell_code(cells), np.uint64(word)
+        codes[q], words[q] = np.uint32(cell_code(cells)), np.uint64(word)
 
 
 @kernel
 def count_living(
-    union: NDArray[np.int64],
-    codes: NDArray[np.int64],
+    union: NDArray[np.uint32],
+    codes: NDArray[np.uint32],
     starts: NDArray[np.uint32],
     words: NDArray[np.uint64],
     slots: NDArray[np.int32],
@@ -182,8 +183,8 @@ def count_living(
 
 @kernel
 def copy_living(
-    union: NDArray[np.int64],
-    codes: NDArray[np.int64],
+    union: NDArray[np.uint32],
+    codes: NDArray[np.uint32],
     starts: NDArray[np.uint32],
     words: NDArray[np.uint64],
     slots: NDArray[np.int32],

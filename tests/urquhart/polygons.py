@@ -14,7 +14,7 @@ from urquhart.polygon_index import (
     merge_partitions,
     search_partitions,
 )
-from urquhart.polygon_partition import exact_partition
+from urquhart.polygon_partition import draw_outline, exact_partition, pack_outlines
 from urquhart.simulation import paper_forest
 
 D = 11
@@ -25,7 +25,7 @@ def random_partition(rng: np.random.Generator, rows: int, slots: int, count: int
     """Polygons with nothing but chance in them."""
     return exact_partition(
         rng.integers(0, slots, rows).astype(np.int32),
-        rng.integers(-9_000, 9_000, (rows, count, 2)).astype(np.int16),
+        packed(rng.uniform(-9.0, 9.0, (rows, count, 2))),
         rng.normal(0.0, 5.0, (rows, D)).astype(np.float32),
     )
 
@@ -65,8 +65,7 @@ def pentagons() -> tuple[Partition, Rows]:
     seen = np.concatenate([pentagons + rng.normal(0.0, 0.6, pentagons.shape) for _ in range(12)]).astype(np.float32)
     stored, queries = np.split(seen, [10 * len(pentagons)])
     owners = np.arange(len(stored), dtype=np.int32) % 1_000
-    outlines = rng.integers(-9_000, 9_000, (len(stored), 5, 2)).astype(np.int16)
-    return exact_partition(owners, outlines, stored), queries
+    return exact_partition(owners, packed(rng.uniform(-9.0, 9.0, (len(stored), 5, 2))), stored), queries
 
 
 def listed_pentagons(stored: Partition) -> Partition:
@@ -85,3 +84,18 @@ def small_submaps() -> list[Features]:
 def units(submaps: list[Features]) -> NDArray[np.float32]:
     """The unit of each submap's outlines, metres."""
     return np.array([np.abs(f.landmarks).max() / 32_000.0 for f in submaps], np.float32)
+
+
+def packed(outlines: NDArray[np.float64], unit: float = 0.001) -> NDArray[np.uint8]:
+    """Outlines (K, count, 2), metres, as a partition has them."""
+    kept, count, _ = outlines.shape
+    starts = np.arange(kept, dtype=np.int64) * count
+    return pack_outlines(outlines.reshape(-1, 2), starts, count, np.full(kept, unit, np.float32))
+
+
+def drawn(partition: Partition, units: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The outlines (M, count, 2) of a partition, metres; `units` (S,)."""
+    outlines = np.empty((len(partition), partition.count, 2), np.float32)
+    for row, owner in enumerate(partition.owners.tolist()):
+        draw_outline(partition.outlines[row], float(units[owner]), outlines[row])
+    return outlines

@@ -8,8 +8,10 @@ import pytest
 from tests.urquhart.polygons import (
     D,
     Rows,
+    drawn,
     find,
     listed_pentagons,
+    packed,
     pentagons,
     random_partition,
     same,
@@ -27,6 +29,7 @@ from urquhart.polygon_index import (
     merge_partitions,
     search_partitions,
 )
+from urquhart.polygon_partition import exact_partition
 
 
 @pytest.fixture(scope="module")
@@ -48,6 +51,7 @@ def test_a_build_holds_every_polygon_of_every_submap(submaps: list[Features]) ->
     partitions, unit = build_partitions(submaps, units(submaps)), units(submaps)
     assert sum(map(len, partitions.values())) == sum(len(f.tessellation) for f in submaps)
     for count, partition in partitions.items():
+        outlines = drawn(partition, unit)
         assert partition.count == count
         assert not partition.inverted
         at = 0
@@ -56,14 +60,30 @@ def test_a_build_holds_every_polygon_of_every_submap(submaps: list[Features]) ->
                 assert partition.owners[at] == slot
                 np.testing.assert_array_equal(partition.rows()[at], f.descriptors[i])
                 corners = f.landmarks[f.tessellation.polygon(i)]
-                np.testing.assert_allclose(partition.outlines[at] * unit[slot], corners, atol=0.6 * float(unit[slot]))
+                # Half of a 252nd of the longest way between two vertices.
+                assert (
+                    np.abs(outlines[at] - corners).max() <= np.abs(np.diff(corners, axis=0)).max() / 250.0 + unit[slot]
+                )
                 at += 1
         assert at == len(partition)
 
 
+@pytest.mark.parametrize("scale", [0.01, 1.0, 20.0, 300.0])
+@pytest.mark.parametrize("count", [3, 5, 30])
+def test_outlines_come_back_to_a_small_part_of_their_size(scale: float, count: int) -> None:
+    """Rounding does not add up from vertex to vertex."""
+    rng = np.random.default_rng(count)
+    outlines = scale * rng.normal(0.0, 0.3, (40, count, 2)).clip(-1.0, 1.0)
+    unit = max(0.01, scale / 16_000.0)
+    partition = exact_partition(np.zeros(40, np.int32), packed(outlines, unit), np.zeros((40, D), np.float32))
+    off = np.abs(drawn(partition, np.full(1, unit, np.float32)) - outlines).max(axis=(1, 2))
+    assert (off <= 1.1 * unit + np.abs(np.diff(outlines, axis=1)).max(axis=(1, 2)) / 250.0).all()
+
+
 def test_outlines_out_of_reach_of_their_unit_are_cut_off_and_bad_units_refused(submaps: list[Features]) -> None:
-    partitions = build_partitions(submaps, np.full(len(submaps), 1e-6, np.float32))
-    assert {abs(int(x)) for p in partitions.values() for x in p.outlines.ravel()} <= {*range(32_767), 32_767}
+    tiny = np.full(len(submaps), 1e-6, np.float32)
+    for partition in build_partitions(submaps, tiny).values():
+        assert np.abs(drawn(partition, tiny)).max() < 0.034
     assert build_partitions([], np.empty(0, np.float32)) == {}
     for bad in (np.zeros(len(submaps), np.float32), units(submaps)[:-1], np.full(len(submaps), np.nan, np.float32)):
         with pytest.raises(ValueError, match="unit"):
@@ -77,7 +97,7 @@ def test_finds_the_true_neighbours_over_all_segments() -> None:
     segments.insert(1, searched([], 4, 900))
     rows = np.concatenate([p.rows() for p in parts.values()])
     keys = np.concatenate([first + p.owners for first, p in parts.items()])
-    outlines = np.concatenate([p.outlines for p in parts.values()])
+    outlines = np.concatenate([drawn(p, np.full(50, 0.001, np.float32)) for p in parts.values()])
     queries = rng.normal(0.0, 5.0, (20, D)).astype(np.float32)
     [hits] = search_partitions(segments, np.full(20, 5, np.int32), queries, neighbours=9)
     assert hits.count == 5
@@ -88,7 +108,7 @@ def test_finds_the_true_neighbours_over_all_segments() -> None:
         mine = hits.rows == i
         np.testing.assert_allclose(hits.distances[mine], distances[nearest], rtol=1e-4)
         np.testing.assert_array_equal(hits.keys[mine], keys[nearest])
-        np.testing.assert_allclose(hits.outlines[mine], 0.001 * outlines[nearest], atol=1e-5)
+        np.testing.assert_allclose(hits.outlines[mine], outlines[nearest], atol=1e-5)
 
 
 def test_a_window_reaches_neighbouring_vertex_counts() -> None:

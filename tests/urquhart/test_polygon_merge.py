@@ -66,7 +66,7 @@ def test_merging_again_changes_no_code_and_takes_over_centroids(inverted: Partit
     rng = np.random.default_rng(3)
     fresh = inverted.rows()[::3] + rng.normal(0.0, 0.5, inverted.rows()[::3].shape).astype(np.float32)
     fresh[0] = 1e4
-    more = exact_partition(np.zeros(len(fresh), np.int32), np.zeros((len(fresh), 5, 2), np.int16), fresh)
+    more = exact_partition(np.zeros(len(fresh), np.int32), np.zeros((len(fresh), 13), np.uint8), fresh)
     parts = [({5: more}, np.array([1_000], np.int32)), ({5: inverted}, whole(1_000))]
     merged = merge_partitions(parts, exact_below=1_000)[5]
     assert same(merged, merge_partitions(parts, exact_below=1_000)[5])
@@ -94,7 +94,7 @@ def test_a_component_that_never_varies_is_no_trouble() -> None:
     rng = np.random.default_rng(4)
     rows = rng.normal(0.0, 5.0, (2_000, D)).astype(np.float32)
     rows[:, 3], rows[:, 4] = 0.0, 7.5
-    plain = exact_partition(np.zeros(2_000, np.int32), np.zeros((2_000, 5, 2), np.int16), rows)
+    plain = exact_partition(np.zeros(2_000, np.int32), np.zeros((2_000, 13), np.uint8), rows)
     merged = merge_partitions([({5: plain}, whole(1))], exact_below=100)[5]
     np.testing.assert_allclose(merged.rows()[:, 3:5], [[0.0, 7.5]] * 2_000, atol=1e-4)
     alike = exact_partition(plain.owners, plain.outlines, np.ones((2_000, D), np.float32))
