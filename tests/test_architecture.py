@@ -23,6 +23,7 @@ METHOD = [
         "features",
         "diameters",
     ),
+    *("polygon_scan", "polygon_partition", "polygon_merge", "polygon_index"),
     *("pairing", "verification", "index", "quad_index", "voting", "collection_index", "matching", "ransac", "sweep"),
     *(
         "proposing",

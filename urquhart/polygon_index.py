@@ -21,10 +21,11 @@ Searched = tuple[Mapping[int, Partition], NDArray[np.int64], NDArray[np.float32]
 """A segment as it is searched: partitions; key, unit (metres) and life (S,) of the submap in each slot."""
 
 _LEAST_PROBES: Final = 16
-_PROBED: Final = 16
-"""One list in so many is read: a fixed share keeps the recall while a partition grows,"""
+_PROBED: Final = 64
+"""One list in so many is read, or the least number if that is more: neighbours lie in few lists, and in hardly more as
+a partition grows,"""
 _BUDGET: Final = 60_000
-"""until it is so many rows for a polygon of the query: that bounds what a query costs."""
+"""but never more rows than this for a polygon of the query: that bounds what a query costs."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,7 +62,8 @@ def search_partitions(
         descriptors: (Q, D) float32.
 
     Raises:
-        ValueError: masks, keys and units of a segment of different lengths, or descriptors of another width.
+        ValueError: masks, keys and units of a segment of different lengths, masks of another type than bool and uint8,
+            or descriptors of another width.
     """
     living = [_alive(segment) for segment in segments]
     near = {count + offset for count in np.unique(counts).tolist() for offset in range(-window, window + 1)}
@@ -90,7 +92,8 @@ def search_partitions(
         for i in np.flatnonzero(occurs).tolist():
             partitions, owner_keys, units, _ = segments[i]
             p = partitions[count]
-            gather_places(found, i, p.owners, p.outlines, owner_keys, units, keys, outlines)
+            # A subclass such as `np.memmap` costs the compiler's dispatch far more time than a plain array.
+            gather_places(found, i, p.owners, p.outlines, np.asarray(owner_keys), np.asarray(units), keys, outlines)
         yield Hits(count, which, keys, outlines, near_by)
 
 
@@ -98,4 +101,6 @@ def _alive(segment: Searched) -> NDArray[np.uint8]:
     _, keys, units, alive = segment
     if not len(keys) == len(units) == len(alive):
         raise ValueError(f"{len(keys)} keys, {len(units)} units and {len(alive)} marks of one segment's submaps")
-    return alive.view(np.uint8)
+    if alive.dtype not in (np.bool_, np.uint8):
+        raise ValueError(f"marks of living submaps are bytes or truth values, not {alive.dtype}")
+    return np.asarray(alive).view(np.uint8)

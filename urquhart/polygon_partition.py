@@ -22,7 +22,9 @@ class Partition:
     Attributes:
         count: vertices of each polygon.
         owners: (M,) int32, slot of the submap in the segment.
-        outlines: (M, count, 2) int16, vertices, counter-clockwise, centred submap frame, in `units[owner]` metres.
+        outlines: (M, 2 * count + 3) uint8, vertices, counter-clockwise, centred submap frame, in `units[owner]` metres.
+            The first one, two bytes a coordinate; how many units a step is; then from each vertex to the next, one byte
+            a coordinate, in steps, made up for the rounding of those before. See `draw_outline`.
         descriptors: (M * D,) float32 (exact) or uint8 (inverted). List after list, and in a list of n rows n first
             components, then n second ones, and so on; `rows` gives them as rows.
         low, step: (D,) float32; a component is low + step * code + that of the list's centroid. Exact: 0 and 1.
@@ -32,7 +34,7 @@ class Partition:
 
     count: int
     owners: NDArray[np.int32]
-    outlines: NDArray[np.int16]
+    outlines: NDArray[np.uint8]
     descriptors: NDArray[Any]
     low: NDArray[np.float32]
     step: NDArray[np.float32]
@@ -44,7 +46,7 @@ class Partition:
         code = np.uint8 if listed else np.float32
         wanted: dict[str, tuple[Any, tuple[int, ...]]] = {
             "owners": (np.int32, (rows,)),
-            "outlines": (np.int16, (rows, self.count, 2)),
+            "outlines": (np.uint8, (rows, 2 * self.count + 3)),
             "descriptors": (code, (rows * width,)),
             "low": (np.float32, (width,)),
             "step": (np.float32, (width,)),
@@ -85,7 +87,8 @@ class Partition:
             KeyError: an array is missing.
             ValueError: an array of a wrong type or shape.
         """
-        return Partition(count, **{field.name: arrays[field.name] for field in fields(Partition)[1:]})
+        # A subclass such as `np.memmap` costs the compiler's dispatch far more time than a plain array.
+        return Partition(count, **{field.name: np.asarray(arrays[field.name]) for field in fields(Partition)[1:]})
 
     def rows(self) -> NDArray[np.float32]:
         """Descriptors (M, D) float32 row by row; NaN in rows that no list holds, which only damage brings about."""
@@ -101,12 +104,12 @@ class Partition:
 
 
 def exact_partition(
-    owners: NDArray[np.int32], outlines: NDArray[np.int16], descriptors: NDArray[np.float32]
+    owners: NDArray[np.int32], outlines: NDArray[np.uint8], descriptors: NDArray[np.float32]
 ) -> Partition:
-    """An exact partition of polygons given by rows: owners (M,), outlines (M, count, 2), descriptors (M, D)."""
+    """An exact partition of polygons given by rows: owners (M,), outlines (M, 2 * count + 3), descriptors (M, D)."""
     width = descriptors.shape[1]
     return Partition(
-        outlines.shape[1],
+        (outlines.shape[1] - 3) // 2,
         owners,
         outlines,
         np.ascontiguousarray(descriptors.T).ravel(),
@@ -127,6 +130,7 @@ def build_partitions(features: Sequence[Features], units: NDArray[np.float32]) -
     Raises:
         ValueError: not as many units as features, or one that is not positive.
     """
+    units = np.asarray(units, np.float32)
     if len(units) != len(features) or not np.all(units > 0.0):
         raise ValueError("each submap needs a positive unit")
     if not features:
@@ -140,22 +144,49 @@ def build_partitions(features: Sequence[Features], units: NDArray[np.float32]) -
     partitions = {}
     for count in np.unique(counts).tolist():
         chosen = np.flatnonzero(counts == count)
-        outlines = _outlines(points, starts[chosen], count, units[owners[chosen]])
+        outlines = pack_outlines(points, starts[chosen], count, units[owners[chosen]])
         partitions[count] = exact_partition(owners[chosen], outlines, descriptors[chosen])
     return partitions
 
 
 @kernel
-def _outlines(
+def pack_outlines(
     points: NDArray[np.float64], starts: NDArray[np.int64], count: int, units: NDArray[np.float32]
-) -> NDArray[np.int16]:
-    outlines = np.empty((len(starts), count, 2), np.int16)
+) -> NDArray[np.uint8]:
+    """Outlines as a partition has them; the `count` vertices of each begin at `starts` (K,) of `points` (V, 2)."""
+    outlines = np.empty((len(starts), 2 * count + 3), np.uint8)
+    wanted = np.empty((count, 2), np.int64)
     for i in range(len(starts)):
+        longest = 0
         for v in range(count):
             for k in range(2):
                 steps = np.round(points[starts[i] + v, k] / units[i])
-                outlines[i, v, k] = min(max(steps, -32_767.0), 32_767.0)
+                wanted[v, k] = np.int64(min(max(steps, -32_767.0), 32_767.0))
+                if v > 0:
+                    longest = max(longest, int(abs(wanted[v, k] - wanted[v - 1, k])))
+        # Rounding shifts a vertex by half a step at most, which the next one has to make up for.
+        step = int(min(max((longest + 125) // 126, 1), 255))
+        outlines[i, 4] = step
+        for k in range(2):
+            place = int(wanted[0, k])
+            outlines[i, 2 * k], outlines[i, 2 * k + 1] = place & 255, (place >> 8) & 255
+            for v in range(1, count):
+                moved = int(min(max(np.round((wanted[v, k] - place) / step), -127.0), 127.0))
+                place += moved * step
+                outlines[i, 2 * v + 3 + k] = moved & 255
     return outlines
+
+
+@kernel
+def draw_outline(packed: NDArray[np.uint8], unit: float, out: NDArray[np.float32]) -> None:
+    """Fill in the vertices `out` (count, 2), metres, of a packed outline (2 * count + 3,)."""
+    step = np.int64(packed[4])
+    for k in range(2):
+        place = ((np.int64(packed[2 * k + 1]) ^ 128) - 128) * 256 + np.int64(packed[2 * k])
+        out[0, k] = place * unit
+        for v in range(1, len(out)):
+            place += ((np.int64(packed[2 * v + 3 + k]) ^ 128) - 128) * step
+            out[v, k] = place * unit
 
 
 @kernel
@@ -163,7 +194,8 @@ def _lists_of_rows(lists: NDArray[np.int64], rows: int) -> NDArray[np.int32]:
     found = np.full(rows, -1, np.int32)
     for c in range(len(lists) - 1):
         first, last = lists[c], lists[c + 1]
-        if first < 0 or last > rows:
+        # Asked outright: the length of a range from one end of the integers to the other overflows.
+        if first < 0 or last > rows or last <= first:
             continue
         for row in range(first, last):
             if found[row] < 0:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from urquhart._kernel import kernel
+from urquhart.polygon_partition import draw_outline
 
 _BLOCK: Final = 512
 """Rows whose distances are added up at once: they stay in the nearest cache."""
@@ -202,7 +203,7 @@ def gather_places(
     places: NDArray[np.int64],
     segment: int,
     owners: NDArray[np.int32],
-    outlines: NDArray[np.int16],
+    outlines: NDArray[np.uint8],
     keys: NDArray[np.int64],
     units: NDArray[np.float32],
     out_keys: NDArray[np.int64],
@@ -215,6 +216,4 @@ def gather_places(
         row = places[i] & ((1 << _ROW_BITS) - 1)
         owner = owners[row]
         out_keys[i] = keys[owner]
-        for v in range(outlines.shape[1]):
-            out_outlines[i, v, 0] = outlines[row, v, 0] * units[owner]
-            out_outlines[i, v, 1] = outlines[row, v, 1] * units[owner]
+        draw_outline(outlines[row], units[owner], out_outlines[i])

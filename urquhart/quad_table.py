@@ -28,8 +28,9 @@ SIDE: Final = 8
 """Steps along the side of a cell."""
 MOST_SLOTS: Final = 1 << 24
 """Submaps that one table can tell apart."""
-_BITS: Final = 12
-_LAST: Final = (1 << _BITS) - 1
+_BITS: Final = 6
+LAST: Final = (1 << _BITS) - 1
+"""The last cell of a length: whatever is longer is in it, and its place there tells nothing."""
 TURNS: Final = 256
 """Directions that are told apart."""
 HALF: Final = 128
@@ -43,13 +44,13 @@ class QuadTable:
     """Quads sorted by cell; never changed once made.
 
     Attributes:
-        codes: (C,) int64, the cells that hold quads, ascending.
-        starts: (C + 1,) int64, where each cell's quads begin.
+        codes: (C,) uint32, the cells that hold quads, ascending.
+        starts: (C + 1,) uint32, where each cell's quads begin.
         words: (Q,) uint64, see the head of this file.
     """
 
-    codes: NDArray[np.int64]
-    starts: NDArray[np.int64]
+    codes: NDArray[np.uint32]
+    starts: NDArray[np.uint32]
     words: NDArray[np.uint64]
 
     def __len__(self) -> int:
@@ -64,14 +65,14 @@ def centre_scale(landmarks: NDArray[np.float64]) -> float:
 def build_table(submaps: Sequence[tuple[NDArray[np.float64], NDArray[np.int32], float]]) -> QuadTable:
     """The table of submaps, slots in their order: landmarks (N, 2), metres, centred; quads (Q, 4); `centre_scale`."""
     total = sum(len(quads) for _, quads, _ in submaps)
-    codes, words = np.empty(total, np.int64), np.empty(total, np.uint64)
+    codes, words = np.empty(total, np.uint32), np.empty(total, np.uint64)
     at = 0
     for slot, (landmarks, quads, scale) in enumerate(submaps):
         pack_quads(landmarks, quads, scale, slot, codes[at : at + len(quads)], words[at : at + len(quads)])
         at += len(quads)
     order = np.argsort(codes, kind="stable")
     unique, first = np.unique(codes[order], return_index=True)
-    return QuadTable(unique, np.append(first, total).astype(np.int64), words[order])
+    return QuadTable(unique, np.append(first, total).astype(np.uint32), words[order])
 
 
 def merge_tables(tables: Sequence[tuple[QuadTable, NDArray[np.int32]]], empty: Any = np.empty) -> QuadTable:
@@ -80,19 +81,24 @@ def merge_tables(tables: Sequence[tuple[QuadTable, NDArray[np.int32]]], empty: A
     Args:
         tables: each with the new slot of each of its slots, (S,) int32, -1 for those that are left out.
         empty: makes the arrays, called as `numpy.empty`: the words of a large table may be a file's.
+
+    Raises:
+        ValueError: more quads than a table can count.
     """
-    codes = np.unique(np.concatenate([np.empty(0, np.int64), *(table.codes for table, _ in tables)]))
+    codes = np.unique(np.concatenate([np.empty(0, np.uint32), *(table.codes for table, _ in tables)]))
     counts = np.zeros(len(codes) + 1, np.int64)
     for table, slots in tables:
         count_living(codes, table.codes, table.starts, table.words, slots, counts)
     kept = counts[1:] > 0
+    if counts.sum() >= 1 << 32:
+        raise ValueError(f"{counts.sum()} quads: a table holds fewer than 2 to the 32nd")
     starts = np.concatenate([np.zeros(1, np.int64), np.cumsum(counts[1:][kept])])
     codes = codes[kept]
     words = empty(int(starts[-1]), np.uint64)
     cursor = starts[:-1].copy()
     for table, slots in tables:
         copy_living(codes, table.codes, table.starts, table.words, slots, cursor, words)
-    return QuadTable(codes, starts, words)
+    return QuadTable(codes, starts.astype(np.uint32), words)
 
 
 @kernel
@@ -100,7 +106,7 @@ def cell_code(cells: NDArray[np.int64]) -> int:
     """The code of a cell (5,): codes of cells along the last length follow each other."""
     code = np.int64(0)
     for k in range(5):
-        code = (code << _BITS) | min(cells[k], _LAST)
+        code = (code << _BITS) | min(cells[k], LAST)
     return code
 
 
@@ -138,7 +144,7 @@ def pack_quads(
     quads: NDArray[np.int32],
     scale: float,
     slot: int,
-    codes: NDArray[np.int64],
+    codes: NDArray[np.uint32],
     words: NDArray[np.uint64],
 ) -> None:
     """Fill `codes` (Q,) and `words` (Q,) for one submap."""
@@ -152,15 +158,16 @@ def pack_quads(
             word |= (steps % SIDE) << (3 * k)
         word |= (np.int64(directions[q] * TURNS + 0.5) & (TURNS - 1)) << 15
         for k in range(2):
-            word |= min(max(np.int64(math.floor(centres[q, k] / scale + 0.5)) + HALF, 0), 2 * HALF - 1) << (23 + 8 * k)
-        codes[q], words[q] = cell_code(cells), np.uint64(word)
+            place = np.int64(math.floor(centres[q, k] / scale + 0.5)) + HALF
+            word |= np.int64(min(max(place, 0), 2 * HALF - 1)) << (23 + 8 * k)
+        codes[q], words[q] = np.uint32(cell_code(cells)), np.uint64(word)
 
 
 @kernel
 def count_living(
-    union: NDArray[np.int64],
-    codes: NDArray[np.int64],
-    starts: NDArray[np.int64],
+    union: NDArray[np.uint32],
+    codes: NDArray[np.uint32],
+    starts: NDArray[np.uint32],
     words: NDArray[np.uint64],
     slots: NDArray[np.int32],
     counts: NDArray[np.int64],
@@ -176,9 +183,9 @@ def count_living(
 
 @kernel
 def copy_living(
-    union: NDArray[np.int64],
-    codes: NDArray[np.int64],
-    starts: NDArray[np.int64],
+    union: NDArray[np.uint32],
+    codes: NDArray[np.uint32],
+    starts: NDArray[np.uint32],
     words: NDArray[np.uint64],
     slots: NDArray[np.int32],
     cursor: NDArray[np.int64],

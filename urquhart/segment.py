@@ -22,7 +22,8 @@ FORMAT: Final = 1
 """Raised whenever the same features give another segment than before; stored ones are then built anew."""
 _UNIT: Final = 0.01
 """Metres: what outlines are measured in; in more where a submap is too large for it."""
-_MOST_UNITS: Final = 32_767
+_MOST_UNITS: Final = 16_000
+"""Of them from the middle: from one vertex to the next there may be twice as many."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

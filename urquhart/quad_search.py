@@ -1,0 +1,193 @@
+"""The search for quads in one table: every cell that a query quad's lengths reach within the tolerance."""
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from urquhart._kernel import kernel
+from urquhart.quad_table import HALF, LAST, SIDE, STEP, TURNS, cell_code
+
+_SPREAD: Final = 0.8
+"""Usual error of a length as a share of the tolerance."""
+_FIRST: Final = 4096
+
+
+class QuadHits(NamedTuple):
+    """Quads found; a plain tuple of arrays, because that is what the compiler takes whole, with room for more.
+
+    Attributes:
+        slots: (H,) int32, the submap's slot, numbered through all tables.
+        quads: (H,) int32, the query's quad.
+        turns: (H,) int16, rotation from the query's to the submap's frame, 256ths of a turn.
+        xs, ys: (H,) float32, metres, centre of the submap's quad.
+        steps: (H,) float32, metres that these are good to.
+        fits: (H,) float32, logarithm of how likely the misfit of the lengths is.
+        earlier: (H,) int32, the hit of that slot before it, numbered from 1; 0 where there is none.
+        totals: (H,) float32, what it and all earlier hits that agree with it are worth.
+    """
+
+    slots: NDArray[np.int32]
+    quads: NDArray[np.int32]
+    turns: NDArray[np.int16]
+    xs: NDArray[np.float32]
+    ys: NDArray[np.float32]
+    steps: NDArray[np.float32]
+    fits: NDArray[np.float32]
+    earlier: NDArray[np.int32]
+    totals: NDArray[np.float32]
+
+
+def no_hits() -> QuadHits:
+    """Room for the first hits."""
+    return QuadHits(
+        slots=np.empty(_FIRST, np.int32),
+        quads=np.empty(_FIRST, np.int32),
+        turns=np.empty(_FIRST, np.int16),
+        xs=np.empty(_FIRST, np.float32),
+        ys=np.empty(_FIRST, np.float32),
+        steps=np.empty(_FIRST, np.float32),
+        fits=np.empty(_FIRST, np.float32),
+        earlier=np.empty(_FIRST, np.int32),
+        totals=np.empty(_FIRST, np.float32),
+    )
+
+
+def with_room(hits: QuadHits) -> QuadHits:
+    """The same hits with room for twice as many."""
+    return QuadHits(*(np.concatenate([column, np.empty_like(column)]) for column in hits))
+
+
+@kernel
+def count_neighbourhoods(
+    codes: NDArray[np.uint32], starts: NDArray[np.uint32], lengths: NDArray[np.float64], counts: NDArray[np.int64]
+) -> None:
+    """Add to `counts` (Q,) how many quads lie in the cell of each query quad: enough to tell rare ones from common."""
+    cells = np.empty(5, np.int64)
+    for q in range(len(lengths)):
+        for k in range(5):
+            cells[k] = np.int64(lengths[q, k] / STEP + 0.5) // SIDE
+        code = cell_code(cells)
+        at = np.searchsorted(codes, np.uint32(code))
+        if at < len(codes) and codes[at] == code:
+            counts[q] += np.int64(starts[at + 1]) - np.int64(starts[at])
+
+
+@kernel
+def gather(
+    codes: NDArray[np.uint32],
+    starts: NDArray[np.uint32],
+    words: NDArray[np.uint64],
+    scales: NDArray[np.float32],
+    alive: NDArray[np.uint8],
+    first: int,
+    lengths: NDArray[np.float64],
+    directions: NDArray[np.int64],
+    chunk: NDArray[np.int64],
+    done: int,
+    tolerance: float,
+    most: int,
+    hits: QuadHits,
+    count: int,
+) -> tuple[int, int]:
+    """Append the hits of the query quads `chunk[done:]` in one table; how many of the chunk are done, and hits.
+
+    Stops before a quad whose hits find no room. One with more than `most` hits has none.
+    """
+    capacity, size = len(hits.slots), len(words)
+    low, high = np.empty(5, np.int64), np.empty(5, np.int64)
+    wanted, cells = np.empty(5), np.empty(5, np.int64)
+    # Which places of a cell each length allows, by cell.
+    masks = np.empty((5, int(2.0 * tolerance / (STEP * SIDE)) + 3), np.uint64)
+    one, six, three, byte = np.uint64(1), np.uint64(63), np.uint64(7), np.uint64(255)
+    spread = 1.0 / (2.0 * (_SPREAD * tolerance) ** 2)
+    while done < len(chunk):
+        q = chunk[done]
+        before = count
+        for reading in range(2):
+            if reading == 1 and lengths[q, 0] - lengths[q, 2] > 2.0 * tolerance:
+                break
+            for k in range(4):
+                wanted[k] = lengths[q, (k + 2 * reading) % 4]
+            wanted[4] = lengths[q, 4]
+            for k in range(5):
+                lowest = max(math.ceil((wanted[k] - tolerance) / STEP), 0)
+                highest = math.floor((wanted[k] + tolerance) / STEP)
+                low[k], high[k] = min(lowest // SIDE, LAST), min(highest // SIDE, LAST)
+                for c in range(low[k], high[k] + 1):
+                    masks[k, c - low[k]] = places(lowest - SIDE * c, highest - SIDE * c if c < LAST else SIDE)
+                if low[k] == LAST:
+                    masks[k, 0] = byte
+            rows = np.int64(1)
+            for k in range(4):
+                rows *= high[k] - low[k] + 1
+            for row in range(rows):
+                rest = row
+                for k in range(4):
+                    wide = high[k] - low[k] + 1
+                    cells[k] = low[k] + rest % wide
+                    rest //= wide
+                mask01 = combined(masks[0, cells[0] - low[0]], masks[1, cells[1] - low[1]])
+                mask23 = combined(masks[2, cells[2] - low[2]], masks[3, cells[3] - low[3]])
+                cells[4] = low[4]
+                begin = cell_code(cells)
+                end = begin + high[4] - low[4]
+                at = np.searchsorted(codes, np.uint32(begin))
+                # The cells of a row follow each other.
+                while at < len(codes) and codes[at] <= end:
+                    cells[4] = low[4] + codes[at] - begin
+                    mask4 = masks[4, cells[4] - low[4]]
+                    for e in range(int(starts[at]), min(int(starts[at + 1]), size)):
+                        word = words[e]
+                        allowed = (
+                            (mask01 >> (word & six))
+                            & (mask23 >> ((word >> np.uint64(6)) & six))
+                            & (mask4 >> ((word >> np.uint64(12)) & three))
+                            & one
+                        )
+                        if allowed == 0:
+                            continue
+                        slot = np.int64(word >> np.uint64(39))
+                        if slot >= len(alive) or alive[slot] == 0:
+                            continue
+                        if count == capacity:
+                            return done, before
+                        misfit = 0.0
+                        for k in range(5):
+                            place = np.int64(word >> np.uint64(3 * k)) & (SIDE - 1)
+                            if cells[k] < LAST:
+                                misfit += (STEP * (SIDE * cells[k] + place) - wanted[k]) ** 2
+                        turn = np.int64((word >> np.uint64(15)) & byte) - directions[q] + (TURNS // 2) * reading
+                        hits.slots[count], hits.quads[count], hits.turns[count] = first + slot, q, turn & (TURNS - 1)
+                        hits.xs[count] = (np.int64((word >> np.uint64(23)) & byte) - HALF) * scales[slot]
+                        hits.ys[count] = (np.int64((word >> np.uint64(31)) & byte) - HALF) * scales[slot]
+                        hits.steps[count], hits.fits[count] = scales[slot], -spread * misfit
+                        count += 1
+                    at += 1
+                if count - before > most:
+                    break
+            if count - before > most:
+                count = before
+                break
+        done += 1
+    return done, count
+
+
+@kernel
+def places(lowest: int, highest: int) -> np.uint64:
+    """Mask of the places of a cell from `lowest` to `highest`."""
+    mask = np.uint64(0)
+    for r in range(max(lowest, 0), min(highest, SIDE - 1) + 1):
+        mask |= np.uint64(1) << np.uint64(r)
+    return mask
+
+
+@kernel
+def combined(first: np.uint64, second: np.uint64) -> np.uint64:
+    """Places of two lengths that two masks of eight bits allow, the first length's place lowest."""
+    mask = np.uint64(0)
+    for r in range(SIDE):
+        if (second >> np.uint64(r)) & np.uint64(1):
+            mask |= first << np.uint64(SIDE * r)
+    return mask
