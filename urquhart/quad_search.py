@@ -134,8 +134,8 @@ def gather(
                 begin = cell_code(cells)
                 end = begin + high[4] - low[4]
                 at = np.searchsorted(codes, np.uint32(begin))
-                # The cells of a row follow each other.
-                while at < len(codes) and codes[at] <= end:
+                # The cells of a row follow each other, unless the table is damaged.
+                while at < len(codes) and begin <= codes[at] <= end:
                     cells[4] = low[4] + codes[at] - begin
                     mask4 = masks[4, cells[4] - low[4]]
                     for e in range(int(starts[at]), min(int(starts[at + 1]), size)):

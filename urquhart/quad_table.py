@@ -107,7 +107,7 @@ def cell_code(cells: NDArray[np.int64]) -> int:
     code = np.int64(0)
     for k in range(5):
         code = (code << _BITS) | min(cells[k], LAST)
-    return code
+    return int(code)
 
 
 @kernel
@@ -159,7 +159,7 @@ def pack_quads(
         word |= (np.int64(directions[q] * TURNS + 0.5) & (TURNS - 1)) << 15
         for k in range(2):
             place = np.int64(math.floor(centres[q, k] / scale + 0.5)) + HALF
-            word |= np.int64(min(max(place, 0), 2 * HALF - 1)) << (23 + 8 * k)
+            word |= np.int64(min(max(int(place), 0), 2 * HALF - 1)) << (23 + 8 * k)
         codes[q], words[q] = np.uint32(cell_code(cells)), np.uint64(word)
 
 
@@ -172,13 +172,21 @@ def count_living(
     slots: NDArray[np.int32],
     counts: NDArray[np.int64],
 ) -> None:
-    """Add to `counts` (U + 1,), after its first, how many quads of each cell of `union` (U,) have a new slot."""
-    at = 0
+    """Add to `counts` (U + 1,), after its first, how many quads of each cell of `union` (U,) have a new slot.
+
+    In a damaged table cells out of order, quads of several cells and slots that are not there are left out.
+    """
+    at = read = 0
     for c in range(len(codes)):
+        begin, end = max(int(starts[c]), read), min(int(starts[c + 1]), len(words))
+        read = max(read, end)
         while union[at] < codes[c]:
             at += 1
-        for e in range(starts[c], starts[c + 1]):
-            counts[at + 1] += slots[np.int64(words[e] >> np.uint64(39))] >= 0
+        if union[at] != codes[c]:
+            continue
+        for e in range(begin, end):
+            slot = np.int64(words[e] >> np.uint64(39))
+            counts[at + 1] += slot < len(slots) and slots[slot] >= 0
 
 
 @kernel
@@ -191,15 +199,17 @@ def copy_living(
     cursor: NDArray[np.int64],
     out: NDArray[np.uint64],
 ) -> None:
-    """Copy the quads that have a new slot to `out`, each cell's from `cursor` (U,) on, which is moved along."""
-    at, below = 0, np.uint64((1 << 39) - 1)
+    """Copy the quads that `count_living` counted to `out`, each cell's from `cursor` (U,) on, which is moved along."""
+    at, read, below = 0, 0, np.uint64((1 << 39) - 1)
     for c in range(len(codes)):
+        begin, end = max(int(starts[c]), read), min(int(starts[c + 1]), len(words))
+        read = max(read, end)
         while at < len(union) and union[at] < codes[c]:
             at += 1
         if at == len(union) or union[at] != codes[c]:
             continue  # a cell whose quads are all left out
-        for e in range(starts[c], starts[c + 1]):
-            slot = slots[np.int64(words[e] >> np.uint64(39))]
-            if slot >= 0:
-                out[cursor[at]] = (words[e] & below) | (np.uint64(slot) << np.uint64(39))
+        for e in range(begin, end):
+            slot = np.int64(words[e] >> np.uint64(39))
+            if slot < len(slots) and slots[slot] >= 0:
+                out[cursor[at]] = (words[e] & below) | (np.uint64(slots[slot]) << np.uint64(39))
                 cursor[at] += 1

@@ -18,12 +18,14 @@ class Decoded:
     """Words of a table in the order they lie in.
 
     Attributes:
-        steps: (Q, 5) int64, lengths in steps of 0.1 m.
+        cells: (Q, 5) int64, lengths in steps of 0.8 m; 63 for whatever is longer.
+        steps: (Q, 5) int64, lengths in steps of 0.1 m, where they are no longer than that.
         turns: (Q,) int64, directions in 256ths of a turn.
         centres: (Q, 2) int64, centres in steps, which may be negative.
         slots: (Q,) int64.
     """
 
+    cells: NDArray[np.int64]
     steps: NDArray[np.int64]
     turns: NDArray[np.int64]
     centres: NDArray[np.int64]
@@ -31,20 +33,23 @@ class Decoded:
 
     def rows(self) -> list[tuple[int, ...]]:
         """Everything that is told of each quad, sorted."""
-        columns = np.column_stack([self.steps, self.turns, self.centres, self.slots])
+        columns = np.column_stack([self.cells, self.steps, self.turns, self.centres, self.slots])
         return sorted(map(tuple, columns.tolist()))
 
 
 def decode(table: QuadTable) -> Decoded:
     """Read every word bit by bit, as the head of the module that writes them describes it."""
     words = [int(word) for word in table.words]
-    cells = np.repeat(table.codes, np.diff(table.starts.astype(np.int64))).tolist()
-    steps = [
-        [8 * ((cell >> 12 * (4 - k)) & 0xFFF) + ((word >> 3 * k) & 7) for k in range(5)]
-        for cell, word in zip(cells, words, strict=True)
+    codes = [
+        code
+        for code, begin, end in zip(table.codes.tolist(), table.starts[:-1], table.starts[1:], strict=True)
+        for _ in range(int(begin), int(end))
     ]
+    cells = np.array([[(code >> 6 * (4 - k)) & 63 for k in range(5)] for code in codes], np.int64).reshape(-1, 5)
+    places = np.array([[(word >> 3 * k) & 7 for k in range(5)] for word in words], np.int64).reshape(-1, 5)
     return Decoded(
-        np.array(steps, np.int64).reshape(-1, 5),
+        cells,
+        8 * cells + places,
         np.array([(word >> 15) & 0xFF for word in words], np.int64),
         np.array([[((word >> 23) & 0xFF) - 128, ((word >> 31) & 0xFF) - 128] for word in words], np.int64).reshape(
             -1, 2

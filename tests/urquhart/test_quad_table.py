@@ -9,7 +9,17 @@ from numpy.typing import DTypeLike, NDArray
 from tests.urquhart import forests
 from tests.urquhart.tables import Decoded, decode, described, table_of
 from urquhart import SE2, Config, Features, describe
-from urquhart.quad_table import HALF, STEP, TURNS, QuadTable, build_table, centre_scale, measure_quads, merge_tables
+from urquhart.quad_table import (
+    HALF,
+    LAST,
+    STEP,
+    TURNS,
+    QuadTable,
+    build_table,
+    centre_scale,
+    measure_quads,
+    merge_tables,
+)
 
 
 def by_hand(landmarks: NDArray[np.float64], quad: list[int]) -> tuple[list[float], float, NDArray[np.float64]]:
@@ -33,7 +43,7 @@ def off_by(turns: NDArray[np.int64], radians: NDArray[np.float64]) -> NDArray[np
 def in_table_order(features: Features, slot: int, decoded: Decoded) -> list[tuple[int, int]]:
     """Pairs (word, quad) of one submap: words of a slot lie by cell, quads of a cell in their own order."""
     lengths, _, _ = measure_quads(features.landmarks, features.tessellation.quads)
-    cells = (lengths / STEP + 0.5).astype(np.int64) // 8
+    cells = np.minimum((lengths / STEP + 0.5).astype(np.int64) // 8, LAST)
     return list(zip(np.flatnonzero(decoded.slots == slot).tolist(), np.lexsort(cells.T[::-1]).tolist(), strict=True))
 
 
@@ -74,7 +84,7 @@ def test_neither_the_order_of_landmarks_nor_the_end_a_quad_is_read_from_matters(
 
     # Described anew from another order, the triangles are the same and so are the quads.
     again = decode(table_of([describe(xy[order], Config())]))
-    assert sorted(again.steps.tolist()) == sorted(row[:5] for row in map(list, plain))
+    assert sorted(again.steps.tolist()) == sorted(row[5:10] for row in map(list, plain))
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -109,29 +119,26 @@ def test_a_direction_just_below_a_whole_turn_is_none() -> None:
         assert decoded.turns.tolist() == [turn]
 
 
-@pytest.mark.parametrize("size", [300.0, 1_500.0, 2_900.0])
-def test_in_a_huge_submap_centres_are_coarser_and_lengths_are_not(size: float) -> None:
-    """Half a step of 0.1 m up to sides of three kilometres."""
+@pytest.mark.parametrize("size", [300.0, 3_000.0, 1e6, 1e9])
+def test_in_a_huge_submap_centres_are_coarser_and_long_sides_are_in_the_last_cell(size: float) -> None:
     rng = np.random.default_rng(5)
-    features = describe(rng.uniform(-0.5 * size, 0.5 * size, (12, 2)), Config())
-    scale = centre_scale(features.landmarks)
-    assert scale == pytest.approx(np.abs(features.landmarks).max() / (HALF - 1))
-    assert scale > 0.5
-    decoded = decode(table_of([features]))
-    assert decoded.steps.max() * STEP > 0.4 * size
-    for word, quad in in_table_order(features, 0, decoded):
-        lengths, _, centre = by_hand(features.landmarks, features.tessellation.quads[quad].tolist())
-        assert np.abs(decoded.steps[word] * STEP - lengths).max() <= 0.5 * STEP + 1e-6
-        assert np.abs(decoded.centres[word] * scale - centre).max() <= 0.5 * scale + 1e-6
-
-
-@pytest.mark.parametrize("size", [1e4, 1e6, 1e9])
-def test_sides_beyond_all_cells_are_kept_in_the_last(size: float) -> None:
-    corners = size * np.array([[-1.0, 0.0], [0.1, -1.0], [1.0, 0.0], [-0.1, 0.5]])
-    table = build_table([(corners, np.array([[0, 1, 2, 3]], np.int32), centre_scale(corners))])
-    assert table.codes.tolist() == [(1 << 60) - 1]
-    assert decode(table).slots.tolist() == [0]
-    assert decode(table).turns.tolist() == [0]
+    near = rng.uniform(-15.0, 15.0, (8, 2))
+    corners = np.concatenate([near, size * np.array([[-1.0, 0.0], [0.1, -1.0], [1.0, 0.0], [-0.1, 0.5]])])
+    quads = np.array([[0, 1, 2, 3], [2, 4, 6, 7], [8, 9, 10, 11], [0, 8, 1, 9], [5, 6, 10, 7]], np.int32)
+    scale = centre_scale(corners)
+    assert scale == size / (HALF - 1) > 0.5
+    table = build_table([(corners, quads, scale)])
+    decoded = decode(table)
+    order = np.lexsort(np.minimum((measure_quads(corners, quads)[0] / STEP + 0.5) // 8, LAST).T[::-1])
+    for word, quad in enumerate(quads[order].tolist()):
+        lengths, direction, centre = by_hand(corners, quad)
+        short = np.array(lengths) < LAST * 8 * STEP - 0.5 * STEP
+        assert (decoded.cells[word] < LAST).tolist() == short.tolist()
+        assert np.abs(decoded.steps[word] * STEP - lengths)[short].max(initial=0.0) <= 0.5 * STEP + 1e-9
+        assert off_by(decoded.turns[[word]], np.array([direction]))[0] <= 0.5 + 1e-6
+        assert np.abs(decoded.centres[word] * scale - centre).max() <= 0.5 * scale + 1e-9 * size
+    assert table.codes[-1] == (1 << 30) - 1
+    assert (decoded.cells < LAST).any()
 
 
 def test_a_centre_outside_what_a_coordinate_holds_stays_at_its_rim() -> None:
