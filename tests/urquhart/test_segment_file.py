@@ -75,7 +75,11 @@ def test_a_file_without_arrays_is_a_file(tmp_path: Path) -> None:
 
 
 def test_arrays_are_aligned_plain_and_kept_in_the_order_of_memory(tmp_path: Path) -> None:
-    named = {"odd": np.arange(13, dtype=np.uint8), "turned": np.arange(12).reshape(3, 4).T, "some": np.arange(20)[::3]}
+    named: dict[str, NDArray[Any]] = {
+        "odd": np.arange(13, dtype=np.uint8),
+        "turned": np.arange(12).reshape(3, 4).T,
+        "some": np.arange(20)[::3],
+    }
     write(tmp_path / "a", named)
     opened = SegmentFile.open(tmp_path / "a")
     same(opened, named)
