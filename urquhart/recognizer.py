@@ -112,16 +112,16 @@ class Recognizer:
             ValueError: features made with another configuration; nothing is added.
             TypeError: the features are kept elsewhere.
         """
-        new = dict(items)
+        memory, new = self._memory(), dict(items)
         index = self.index.with_changes(new.items())
-        self._memory().keep(new)
+        memory.keep(new)
         self.index = index
 
     def remove(self, keys: Iterable[int]) -> None:
         """Forget submaps; unknown keys are ignored. Raises TypeError: the features are kept elsewhere."""
-        gone = list(keys)
+        memory, gone = self._memory(), list(keys)
         self.index = self.index.with_changes(removed=gone)
-        self._memory().forget(gone)
+        memory.forget(gone)
 
     def recognize(
         self,

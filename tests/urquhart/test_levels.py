@@ -1,0 +1,162 @@
+"""In which order a look-up tries what, how far it goes, and what it is told to look at."""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from tests.urquhart.contents import CONFIG, FOREST, over, place
+from urquhart import SE2, Config, Recognition, Recognizer, describe
+from urquhart.collection_index import CollectionIndex
+from urquhart.simulation import bridson, observe, paper_forest
+
+PLACES = {key: place(key) for key in range(36)}
+MANY = {key: place(key % 36, key // 36) for key in range(72)}
+QUADS = ["search quads", "verify quads", "doubt"]
+POLYGONS = ["search polygons", "vote polygons", "verify polygons", "doubt"]
+SWEEP = ["survey", "sweep", "verify sweep", "doubt"]
+
+
+def recognizer(config: Config = CONFIG, count: int = 36) -> Recognizer:
+    features = {key: MANY[key] for key in range(count)}
+    return over(CollectionIndex(config).with_changes(features.items()), features)
+
+
+def names(found: Recognition) -> list[str]:
+    return [stage.name for stage in found.stages]
+
+
+def here(seed: int = 0, **noise: float) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+    rng = np.random.default_rng(seed)
+    return observe(FOREST, SE2(150.0, 150.0, 1.0), 36.0, rng, **noise).xy
+
+
+def nowhere(seed: int) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+    rng = np.random.default_rng(1_000 + seed)
+    return observe(paper_forest(rng, 200.0), SE2(100.0, 100.0, 1.0), 36.0, rng, sigma=0.1).xy
+
+
+def test_the_rarest_quads_come_first_and_mostly_settle_it() -> None:
+    found = recognizer().recognize(here(sigma=0.1, detection=0.9), limit=3)
+    assert names(found) == ["describe", *QUADS]
+    assert found.verdict == "matched"
+    assert found.candidates[0].level == "quads"
+    searched, verified = found.stages[1].counts, found.stages[2].counts
+    assert searched["hits"] > 0
+    # As many as are asked for, and four at the least.
+    assert verified["candidates"] == 4
+    assert len(found.candidates) == 3
+
+
+def dense() -> tuple[Recognizer, np.ndarray[tuple[int, ...], np.dtype[np.float64]]]:
+    """Sixty submaps of a stand in which quads resemble each other, and what is seen there."""
+    rng = np.random.default_rng(0)
+    trees = bridson(200.0, 200.0, 4.0, rng)
+    trees += rng.normal(0.0, 0.4, trees.shape)
+    recognizer = Recognizer(CONFIG)
+    recognizer.add(
+        (key, describe(observe(trees, SE2(x, y, 0.1 * key), 25.0, rng, sigma=0.05).xy, CONFIG))
+        for key, (x, y) in enumerate(rng.uniform(25.0, 175.0, (60, 2)).tolist())
+    )
+    return recognizer, observe(trees, SE2(100.0, 90.0, 2.0), 25.0, rng, sigma=0.1, detection=0.9).xy
+
+
+DENSE, SEEN = dense()
+
+
+@pytest.mark.parametrize("limit", [1, 5, 20, 50])
+def test_as_many_candidates_as_are_asked_for_although_it_stops_early(limit: int) -> None:
+    found = DENSE.recognize(SEEN, limit=limit)
+    assert found.verdict == "matched"
+    assert names(found) == ["describe", *QUADS]
+    assert found.stages[2].counts["candidates"] == max(limit, 4)
+    assert len(found.candidates) == limit
+    assert len({candidate.key for candidate in found.candidates}) == limit
+    evidence = [candidate.evidence for candidate in found.candidates]
+    assert evidence == sorted(evidence, reverse=True)
+    assert found.candidates[0].key == DENSE.recognize(SEEN).candidates[0].key
+
+
+def test_there_are_no_more_candidates_than_submaps_in_which_anything_was_found() -> None:
+    found = recognizer(count=72).recognize(here(sigma=0.1, detection=0.9), limit=72)
+    assert found.verdict == "matched"
+    assert 4 < len(found.candidates) == found.stages[2].counts["candidates"] < 72
+    assert len({candidate.key for candidate in found.candidates}) == len(found.candidates)
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("count", [20, 72])
+def test_for_a_place_that_is_not_there_every_level_is_tried_once_and_none_without_bounds(seed: int, count: int) -> None:
+    config = Config(survey=200, sweeps=16, candidates=10)
+    found = recognizer(config, count).recognize(nowhere(seed))
+    assert found.verdict == "no_match"
+    assert names(found) == ["describe", *QUADS, *QUADS, *POLYGONS, *QUADS, *SWEEP]
+    total = Counter[str]()
+    for stage in found.stages:
+        for what, number in stage.counts.items():
+            total[f"{stage.name}: {what}"] += number
+    # Three searches, each for as many hits as are enough and those of the last few quads.
+    assert total["search quads: hits"] <= 3 * 1.5 * (config.quad_hits + 4 * count)
+    assert total["verify quads: candidates"] <= 5 + 2 * 10
+    assert total["verify polygons: candidates"] <= 10
+    assert total["survey: places"] <= config.survey
+    assert total["sweep: peaks"] <= 8 * total["survey: places"]
+    assert total["verify sweep: candidates"] <= 16
+
+
+def test_where_every_submap_can_be_swept_quads_are_not_measured_loosely() -> None:
+    found = recognizer(count=20).recognize(nowhere(0))
+    assert names(found) == ["describe", *QUADS, *QUADS, *POLYGONS, *SWEEP]
+    assert [stage.counts for stage in found.stages if stage.name == "survey"] == [{"places": 20}]
+
+
+def test_in_a_collection_that_a_survey_hardly_reaches_there_is_none() -> None:
+    found = recognizer(Config(survey=1), 72).recognize(nowhere(0))
+    assert names(found) == ["describe", *QUADS, *QUADS, *POLYGONS, *QUADS]
+    assert found.verdict == "no_match"
+
+
+def test_a_single_submap_is_swept_at_once() -> None:
+    found = recognizer(count=36).recognize(here(sigma=0.1), only=[14])
+    assert names(found) == ["describe", *SWEEP]
+    assert [candidate.key for candidate in found.candidates] == [14]
+
+
+def test_only_what_is_asked_for_is_looked_at() -> None:
+    everything = recognizer(count=72)
+    seen = here(sigma=0.1, detection=0.9)
+    right = [c.key for c in everything.recognize(seen, limit=72).candidates if c.refused is None]
+    assert len(right) > 3
+    wrong = sorted({*range(72)} - {*right})
+    for key in right:
+        found = everything.recognize(seen, only=[key, *wrong[:10], 99], limit=72)
+        assert found.verdict == "matched"
+        assert found.candidates[0].key == key
+        assert {c.key for c in found.candidates} <= {key, *wrong[:10]}
+        assert {f.key for f in found.findings} <= {key, *wrong[:10]}
+    best = right[0]
+    found = everything.recognize(seen, exclude=[best, 99], limit=72)
+    assert found.candidates[0].key == right[1]
+    assert best not in {f.key for f in found.findings}
+    both = everything.recognize(seen, only=right, exclude=right[:2], limit=72)
+    assert {c.key for c in both.candidates} == {*right[2:]}
+    assert len(everything) == 72
+
+
+@pytest.mark.parametrize(
+    ("only", "exclude"), [([], []), ([99], []), ([3], [3]), (None, range(36)), (range(9), range(9))]
+)
+def test_where_nothing_is_left_to_look_at_the_collection_is_empty(
+    only: list[int] | range | None, exclude: list[int] | range
+) -> None:
+    found = recognizer().recognize(here(), only=only, exclude=exclude)
+    assert (found.verdict, found.reason) == ("no_match", "empty_collection")
+    assert names(found) == ["describe"]
+
+
+@pytest.mark.parametrize("only", [[14, 15], range(36)])
+def test_the_paper_looks_at_nothing_else_either(only: list[int] | range) -> None:
+    found = recognizer().recognize(here(), only=only, exclude=[15], method="paper", limit=72)
+    assert names(found) == ["describe", "search polygons", "match and verify", "doubt"]
+    assert found.verdict == "matched"
+    assert {c.key for c in found.candidates} <= {*only} - {15}
