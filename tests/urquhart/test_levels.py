@@ -8,6 +8,7 @@ import pytest
 from tests.urquhart.contents import CONFIG, FOREST, over, place
 from urquhart import SE2, Config, Recognition, Recognizer, describe
 from urquhart.collection_index import CollectionIndex
+from urquhart.consensus import Consensus
 from urquhart.simulation import bridson, observe, paper_forest
 
 PLACES = {key: place(key) for key in range(36)}
@@ -108,6 +109,27 @@ def test_where_every_submap_can_be_swept_quads_are_not_measured_loosely() -> Non
     found = recognizer(count=20).recognize(nowhere(0))
     assert names(found) == ["describe", *QUADS, *QUADS, *POLYGONS, *SWEEP]
     assert [stage.counts for stage in found.stages if stage.name == "survey"] == [{"places": 20}]
+
+
+@pytest.mark.parametrize("level", ["polygons", "sweep"])
+def test_a_level_answers_where_those_before_it_have_nothing_to_say(level: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def search_only(_query: object, search: Consensus, *_: object) -> list[object]:
+        search.advance()
+        return []
+
+    def nothing(*_: object) -> list[object]:
+        return []
+
+    monkeypatch.setattr("urquhart.recognizer.propose_by_quads", search_only)
+    if level == "sweep":
+        monkeypatch.setattr("urquhart.recognizer.propose_by_polygons", nothing)
+    for count in (20, 36):
+        found = recognizer(count=count).recognize(here(sigma=0.1, detection=0.9))
+        assert found.verdict == "matched"
+        assert found.candidates[0].level == level
+        best = found.candidates[0]
+        true = SE2(60.0 + 36.0 * (best.key % 6), 60.0 + 36.0 * (best.key // 6), 0.4 * best.key)
+        assert (true @ best.transform).distance(SE2(150.0, 150.0, 1.0))[0] < 0.5
 
 
 def test_in_a_collection_that_a_survey_hardly_reaches_there_is_none() -> None:

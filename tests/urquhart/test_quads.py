@@ -1,107 +1,92 @@
+"""Quads are all pairs of Delaunay triangles with a common edge, but for slivers, and outlive other trees."""
+
+from collections.abc import Callable
+from itertools import combinations
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.spatial import Delaunay
 
 from tests.urquhart import forests
 from urquhart import Config, Features, describe
-from urquhart.quad_index import STEP, QuadHits, QuadIndex
-from urquhart.quads import align_quads, measure
+from urquhart.quads import quads_of
 
-Measured = tuple[NDArray[np.float32], NDArray[np.float32]]
-
-
-def described(seed: int) -> Features:
-    return describe(forests.uniform(np.random.default_rng(seed), 60, 60.0), Config())
+Shapes = set[tuple[frozenset[int], frozenset[int]]]
+"""Quads by their shared edge and their four landmarks."""
 
 
-def measured(features: Features) -> Measured:
-    return measure(features.landmarks, features.tessellation.quads)
+def shapes(quads: NDArray[np.int32]) -> Shapes:
+    return {(frozenset((a, c)), frozenset((a, b, c, d))) for a, b, c, d in quads.tolist()}
 
 
-def brute_force(stored: dict[int, Measured], query: Measured, tolerance: float) -> set[tuple[int, int, int, bool]]:
-    found = set()
-    for key, (lengths, _) in stored.items():
-        kept = np.round(lengths / STEP) * STEP
-        for q, wanted in enumerate(query[0]):
-            for turned in (False, True):
-                reading = wanted[[2, 3, 0, 1, 4]] if turned else wanted
-                for ordinal in np.flatnonzero((np.abs(kept - reading) <= tolerance).all(axis=1)).tolist():
-                    found.add((q, key, ordinal, turned))
-    return found
+def by_pairs(landmarks: NDArray[np.float64], triangles: list[list[int]]) -> Shapes:
+    """The same from every pair of triangles, but for those with a side of more than four median ones."""
+    sides = [[float(np.linalg.norm(landmarks[t[k]] - landmarks[t[k - 1]])) for k in range(3)] for t in triangles]
+    limit = 4.0 * float(np.median(sides))
+    kept = [frozenset(t) for t, lengths in zip(triangles, sides, strict=True) if max(lengths) <= limit]
+    return {(a & b, a | b) for a, b in combinations(kept, 2) if len(a & b) == 2}
 
 
-def as_set(hits: QuadHits) -> set[tuple[int, int, int, bool]]:
-    return set(zip(hits.quads.tolist(), hits.keys.tolist(), hits.ordinals.tolist(), hits.turned.tolist(), strict=True))
+def described(seed: int, count: int = 60) -> Features:
+    return describe(forests.uniform(np.random.default_rng(seed), count, 60.0), Config())
 
 
-@pytest.mark.parametrize("tolerance", [0.1, 0.3, 0.5])
-def test_finds_exactly_what_brute_force_finds(tolerance: float) -> None:
-    stored = {key: measured(described(key)) for key in range(25)}
-    index = QuadIndex()
-    for key, values in stored.items():
-        index.add([(key, *values)])
-    seen = described(7).landmarks
-    query = measured(describe(seen + np.random.default_rng(0).normal(0.0, 0.05, seen.shape), Config()))
-    hits = index.search(*query, tolerance, 10**9)
-    expected = brute_force(stored, query, tolerance)
-    # float32 and whole centimetres: a length that lies on the tolerance to the last digit may fall either way.
-    assert len(as_set(hits) ^ expected) <= 2 + len(expected) // 1000
-    assert len(hits.quads) == len(as_set(hits))
-    assert len(hits.quads) > 0
+@pytest.mark.parametrize("make", [forests.uniform, forests.clustered, forests.grid, forests.ring])
+def test_they_are_all_pairs_of_triangles_with_a_common_edge(
+    make: Callable[[np.random.Generator], forests.Points],
+) -> None:
+    for seed in range(8):
+        features = describe(make(np.random.default_rng(seed)), Config())
+        quads = features.tessellation.quads
+        found = shapes(quads)
+        assert len(found) == len(quads) > 0
+        assert found == by_pairs(features.landmarks, features.tessellation.triangles.tolist())
 
 
-def test_removed_submaps_are_never_found_and_go_with_the_next_merge() -> None:
-    index = QuadIndex()
-    total = 0
-    for key in range(30):
-        index.add([(key, *measured(described(key)))])
-        total += len(described(key).tessellation.quads)
-    assert len(index) == total
-    assert index.remove({3, 4, 5, 99}) == 3
-    query = measured(described(4))
-    assert not {3, 4, 5} & set(index.search(*query, 0.5, 10**9).keys.tolist())
-    index.add([(key, *measured(described(key))) for key in range(100, 140)])
-    assert len(index) < total + sum(len(described(key).tessellation.quads) for key in range(100, 140))
-    assert not {3, 4, 5} & set(index.search(*query, 0.5, 10**9).keys.tolist())
+@pytest.mark.parametrize("seed", range(8))
+def test_a_quad_runs_counter_clockwise_from_an_end_of_the_shared_edge(seed: int) -> None:
+    features = described(seed)
+    triangles = {frozenset(t) for t in Delaunay(features.landmarks).simplices.tolist()}
+    for quad in features.tessellation.quads:
+        x, y = features.landmarks[quad].T
+        assert np.dot(x, np.roll(y, -1)) > np.dot(y, np.roll(x, -1))
+        a, b, c, d = quad.tolist()
+        assert {frozenset((a, b, c)), frozenset((a, c, d))} <= triangles
 
 
-def test_past_the_limit_the_commonest_shapes_go_first() -> None:
-    index = QuadIndex()
-    index.add([(key, *measured(described(key))) for key in range(20)])
-    query = measured(described(0))
-    every = index.search(*query, 0.5, 10**9)
-    few = index.search(*query, 0.5, 50)
-    assert len(few.quads) == 50 < len(every.quads)
-    commonness = np.bincount(every.quads, minlength=len(query[0]))
-    assert commonness[few.quads].max() <= np.sort(commonness[every.quads])[50]
+@pytest.mark.parametrize("seed", range(8))
+def test_a_quad_outlives_every_landmark_that_is_not_its_own(seed: int) -> None:
+    features = described(seed)
+    triangles = features.tessellation.triangles.tolist()
+    gone = int(np.random.default_rng(seed).integers(60))
+    kept = np.delete(np.arange(60), gone)
+    left = describe(features.landmarks[kept], Config())
+    lengths = [np.linalg.norm(left.landmarks[t] - left.landmarks[np.roll(t, 1)], axis=1) for t in
+               left.tessellation.triangles]  # fmt: skip
+    limit = 4.0 * np.median(lengths)
+    still = {(frozenset(kept[list(e)]), frozenset(kept[list(q)])) for e, q in shapes(left.tessellation.quads)}
+    assert by_pairs(features.landmarks, triangles) == shapes(features.tessellation.quads)
+    lost = {(edge, quad) for edge, quad in shapes(features.tessellation.quads) - still if gone not in quad}
+    # But for what is a sliver by now: the median side is another.
+    for edge, quad in lost:
+        sides = [np.linalg.norm(features.landmarks[i] - features.landmarks[j]) for i, j in combinations(quad, 2)]
+        assert max(sides) > limit, (edge, quad)
+    assert len(lost) < 5 < len(still)
 
 
-def test_an_empty_index_finds_nothing() -> None:
-    assert len(QuadIndex().search(*measured(described(0)), 0.5, 100).quads) == 0
+def test_slivers_along_the_hull_are_left_out() -> None:
+    """A far tree makes triangles with sides of many times the usual."""
+    landmarks = np.concatenate([forests.uniform(np.random.default_rng(0), 40, 40.0), [[400.0, 20.0]]])
+    quads = describe(landmarks, Config()).tessellation.quads
+    assert len(quads) > 20
+    assert 40 not in quads
 
 
-@pytest.mark.parametrize("seed", range(10))
-def test_a_hit_is_a_full_transform(seed: int) -> None:
-    """Every quad of a moved copy finds itself, with the rotation and the alignment of the motion."""
-    rng = np.random.default_rng(seed)
-    original = described(seed)
-    motion = forests.pose(rng, -30.0, 30.0)
-    moved = describe(motion.apply(original.landmarks), Config())
-    index = QuadIndex()
-    index.add([(1, *measured(moved))])
-    hits = index.search(*measured(original), 0.02, 10**9)
-    transforms, misfit = align_quads(
-        original.landmarks,
-        original.tessellation.quads,
-        moved.landmarks,
-        moved.tessellation.quads,
-        hits.quads,
-        hits.ordinals,
-        hits.turned,
-    )
-    right = misfit < 0.02
-    assert len(set(hits.quads[right].tolist())) == len(original.tessellation.quads)
-    turn = (transforms[right, 2] - motion.yaw + np.pi) % (2.0 * np.pi) - np.pi
-    assert np.abs(turn).max() < 1e-6
-    free = (hits.rotations[right] - motion.yaw + np.pi) % (2.0 * np.pi) - np.pi
-    assert np.abs(free).max() < 1e-3
+def test_too_few_triangles_make_none() -> None:
+    triangle, none = np.array([[0, 1, 2]], np.int32), np.full((1, 3), -1, np.int32)
+    landmarks = np.array([[0.0, 0.0], [4.0, 0.0], [0.0, 3.0], [5.0, 5.0]])
+    assert quads_of(landmarks, triangle, none).shape == (0, 4)
+    two = np.array([[0, 1, 2], [1, 3, 2]], np.int32)
+    [quad] = quads_of(landmarks, two, np.array([[1, -1, -1], [-1, 0, -1]], np.int32)).tolist()
+    assert quad == [1, 3, 2, 0]

@@ -267,9 +267,13 @@ def test_landmarks_in_map_coordinates_change_nothing() -> None:
 
 WARM = """
 import sys
+import tempfile
+from pathlib import Path
 import numpy as np
 from numba.core.dispatcher import Dispatcher
 from urquhart import SE2, Config, Features, Recognizer, describe, warm_up
+from urquhart.collection_index import CollectionIndex, Part
+from urquhart.segment import merge_segments
 from urquhart.simulation import observe, paper_forest, plantation
 
 def compiled():
@@ -291,6 +295,18 @@ for trees, radius in ((plantation(90.0, 90.0, rng), 20.0), (paper_forest(rng, 25
         for method in ("robust", "paper"):
             recognizer.recognize(xy, method=method, exclude=[3])
             recognizer.recognize(xy.tolist(), method=method)
+    # What is mapped from a file is no other type to the compiler.
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "a.segment"
+        parts = recognizer.index.parts
+        mapped = merge_segments([(part.segment, part.alive) for part in parts], path)
+        index = CollectionIndex(Config(), (Part.of(mapped),)).with_changes(removed=[5])
+        stored = Recognizer(Config(), index, recognizer._source)
+        for sigma in (0.05, 2.0):
+            xy = observe(trees, SE2(middle, middle, 1.0), radius, rng, sigma=sigma, detection=0.8).xy
+            for method in ("robust", "paper"):
+                stored.recognize(xy, method=method, only=range(9))
+        merge_segments([(mapped, index.parts[0].alive)], path)
 print({name: (before.get(name), count) for name, count in compiled().items() if before.get(name) != count})
 """
 

@@ -1,6 +1,7 @@
 """The sweep finds a pattern when no feature of it is whole."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,11 +9,11 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from urquhart import SE2, Config, Recognizer, describe
+from urquhart.consensus import TURN, Consensus
 from urquhart.pairing import Pattern
 from urquhart.simulation import Observation, bridson, observe, paper_forest
-from urquhart.sweep import find_peaks, glance, sees_ends, settle_peaks, sweep
-from urquhart.verification import LOOSE, REACH, pattern
-from urquhart.voting import TURN
+from urquhart.sweep import find_peaks, glance, sees_ends, sweep
+from urquhart.verification import REACH, pattern, settle_rough
 
 CONFIG = Config()
 NEAR = REACH * CONFIG.sigma
@@ -52,8 +53,8 @@ def test_the_true_pose_is_the_highest_peak(forest: NDArray[np.float64], noise: d
         (submap, to_submap), (query, to_query) = laid(here), laid(there)
         peaks = sweep(query, submap, 8)
         # A peak is good to a cell and a step of the rotation; refined it is the pose.
-        [best] = settle_peaks(query, submap, peaks[:1], LOOSE * NEAR)
-        shift, turn = SE2(*best.tolist()).distance(to_submap.inverse() @ truth @ to_query)
+        best = settle_rough(query, submap, peaks[:1, :3].copy(), NEAR, 1)
+        shift, turn = SE2(*best[:3].tolist()).distance(to_submap.inverse() @ truth @ to_query)
         right += shift < 0.5 and turn < 0.02
     assert right >= 5
 
@@ -95,20 +96,13 @@ def test_settled_peaks_are_nearer_to_the_truth(forest: NDArray[np.float64]) -> N
         (submap, to_submap), (query, to_query) = laid(here), laid(there)
         wanted = to_submap.inverse() @ truth @ to_query
         peaks = sweep(query, submap, 6)
-        settled = settle_peaks(query, submap, peaks, LOOSE * NEAR)
-        assert settled.shape == (len(peaks), 3)
-        rough, fine = SE2(*peaks[0, :3].tolist()).distance(wanted), SE2(*settled[0].tolist()).distance(wanted)
+        rough = SE2(*peaks[0, :3].tolist()).distance(wanted)
+        fine = SE2(*settle_rough(query, submap, peaks[:1, :3].copy(), NEAR, 1)[:3].tolist()).distance(wanted)
         if rough[0] < 1.5:
             before.append(rough)
             after.append(fine)
     assert len(after) >= 6
     assert (np.median(after, axis=0) < 0.6 * np.median(before, axis=0)).all()
-
-
-def test_no_peak_is_settled_into_no_pose(forest: NDArray[np.float64]) -> None:
-    here, there, _ = two(forest, 0)
-    (submap, _), (query, _) = laid(here), laid(there)
-    assert settle_peaks(query, submap, np.empty((0, 4)), NEAR).shape == (0, 3)
 
 
 @pytest.mark.parametrize(("far", "long"), [(1e3, 1), (1e3, 40), (1e5, 3)])
@@ -166,8 +160,10 @@ def test_a_stand_half_seen_on_both_sides_is_recognised_by_it(forest: NDArray[np.
     assert "sweep" in levels
 
 
-def test_a_large_collection_of_a_dense_forest_is_surveyed_where_polygons_and_quads_find_nothing() -> None:
-    """Trees 3 m apart, seen with an error of 0.3 m and a fifth of them not at all: hardly a feature is whole."""
+def test_in_a_dense_forest_hardly_a_polygon_is_whole_but_quads_and_surveys_find_the_place(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Trees 3 m apart, seen with an error of 0.3 m and a fifth of them not at all, in a large collection."""
     rng = np.random.default_rng(1)
     trees = bridson(140.0, 140.0, 2.2, rng)
     trees += rng.normal(0.0, 0.6, trees.shape)
@@ -176,25 +172,39 @@ def test_a_large_collection_of_a_dense_forest_is_surveyed_where_polygons_and_qua
         SE2(x, y, float(rng.uniform(-np.pi, np.pi)))
         for x, y in itertools.product(np.arange(15.0, 126.0, 12.0).tolist(), repeat=2)
     ]
-    stored = [describe(observe(trees, pose, 15.0, rng, sigma=0.1, detection=0.95).xy, CONFIG) for pose in centres]
-    surveyed, unsurveyed = Recognizer(CONFIG), Recognizer(Config(survey=0))
-    for recognizer in (surveyed, unsurveyed):
-        recognizer.add(enumerate(stored))
-    alone = 0
-    for _ in range(20):
-        pose = SE2(*rng.uniform((20.0, 20.0, -np.pi), (120.0, 120.0, np.pi)).tolist())
-        seen = observe(trees, pose, 15.0, rng, sigma=0.3, detection=0.8, clutter=0.1)
-        found, without = surveyed.recognize(seen.xy), unsurveyed.recognize(seen.xy)
-        for answer in (found, without):
-            if answer.verdict == "matched":
-                best = answer.candidates[0]
+    recognizer = Recognizer(CONFIG)
+    recognizer.add(
+        (key, describe(observe(trees, pose, 15.0, rng, sigma=0.1, detection=0.95).xy, CONFIG))
+        for key, pose in enumerate(centres)
+    )
+    poses = [SE2(*rng.uniform((20.0, 20.0, -np.pi), (120.0, 120.0, np.pi)).tolist()) for _ in range(20)]
+    seen = [observe(trees, pose, 15.0, rng, sigma=0.3, detection=0.8, clutter=0.1).xy for pose in poses]
+
+    def levels() -> list[str]:
+        right: list[str] = []
+        for pose, xy in zip(poses, seen, strict=True):
+            found = recognizer.recognize(xy)
+            if found.verdict == "matched":
+                best = found.candidates[0]
                 shift, turn = (centres[best.key] @ best.transform).distance(pose)
                 assert shift < 1.0
                 assert turn < 0.05
-        if found.verdict == "matched" and without.verdict != "matched":
-            assert found.candidates[0].level == "sweep"
-            alone += 1
-    assert alone >= 4
+                right.append(best.level)
+        return right
+
+    assert levels().count("quads") >= 16
+
+    def search_only(_query: object, search: Consensus, *_: object) -> list[object]:
+        search.advance()
+        return []
+
+    # As if no pose of theirs were any good, only the rotations that they agree on.
+    monkeypatch.setattr("urquhart.recognizer.propose_by_quads", search_only)
+    without = levels()
+    assert without.count("sweep") >= 4
+    monkeypatch.setattr(recognizer, "config", Config(survey=0))
+    monkeypatch.setattr(recognizer, "index", replace(recognizer.index, config=Config(survey=0)))
+    assert levels() == [level for level in without if level != "sweep"]
 
 
 def test_what_is_not_stored_is_not_found_by_a_survey_either() -> None:

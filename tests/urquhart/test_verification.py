@@ -9,7 +9,7 @@ from urquhart.confidence import climb, distinct, log_odds, log_volume, pose_row,
 from urquhart.pairing import Pattern, lay_out, nearest, pair_up
 from urquhart.se2 import covariance
 from urquhart.simulation import observe, paper_forest, plantation
-from urquhart.verification import LOOSE, best_hypotheses, pattern, verify, weigh_pose
+from urquhart.verification import LOOSE, best_hypotheses, pattern, settle_rough, verify, weigh_pose, weigh_settled
 
 REACH = 0.75
 FOREST = paper_forest(np.random.default_rng(0), side=500.0)
@@ -62,6 +62,29 @@ def test_a_rough_start_is_refined_to_the_truth(seed: int) -> None:
     assert len(found.query) > 25
     assert len(found.query) <= min(found.query_overlap, found.submap_overlap)
     assert found.residuals.max() <= LOOSE * REACH
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_of_rough_poses_the_right_one_is_settled_even_from_more_than_a_metre_away(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    submap, map_T_submap = seen(SE2(250.0, 250.0, 0.0), seed, sigma=0.1, detection=0.9)
+    query, map_T_query = seen(SE2(258.0, 246.0, rng.uniform(-3.0, 3.0)), seed + 100, sigma=0.1, detection=0.9)
+    truth = map_T_submap.inverse() @ map_T_query
+    bearing = rng.uniform(-3.0, 3.0)
+    rough = [truth.x + 1.2 * np.cos(bearing), truth.y + 1.2 * np.sin(bearing), truth.yaw + rng.uniform(-0.02, 0.02)]
+    wrong = rng.uniform((-30.0, -30.0, -3.0), (30.0, 30.0, 3.0), (7, 3))
+    starts = np.insert(wrong, int(rng.integers(8)), rough, axis=0)
+    before = starts.copy()
+    for count in (1, 4, 99):
+        best = settle_rough(query, submap, starts, REACH, count)
+        assert best.shape == (6,)
+        shift, turn = SE2(*best[:3].tolist()).distance(truth)
+        assert shift < 0.15
+        assert turn < 0.005
+        assert weigh_settled(query, submap, best).evidence == pytest.approx(best[3])
+    np.testing.assert_array_equal(starts, before)
+    alone = settle_rough(query, submap, wrong[:1], REACH, 4)
+    assert alone[3] < best[3]
 
 
 def test_evidence_separates_the_right_pose_from_the_best_of_many_wrong_ones() -> None:
