@@ -179,5 +179,5 @@ def sync_folder(folder: Path) -> None:
 def _checksum(array: NDArray[Any]) -> int:
     checksum, flat = 0, array.reshape(-1).view(np.uint8)
     for start in range(0, len(flat), _AT_ONCE):
-        checksum = zlib.crc32(flat[start : start + _AT_ONCE], checksum)
+        checksum = zlib.crc32(flat[start : start + _AT_ONCE].data, checksum)
     return checksum
