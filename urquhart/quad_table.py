@@ -104,10 +104,10 @@ def merge_tables(tables: Sequence[tuple[QuadTable, NDArray[np.int32]]], empty: A
 @kernel
 def cell_code(cells: NDArray[np.int64]) -> int:
     """The code of a cell (5,): codes of cells along the last length follow each other."""
-    code = np.int64(0)
+    code = 0
     for k in range(5):
-        code = (code << _BITS) | min(cells[k], LAST)
-    return int(code)
+        code = (code << _BITS) | int(min(cells[k], LAST))
+    return code
 
 
 @kernel
@@ -158,8 +158,8 @@ def pack_quads(
             word |= (steps % SIDE) << (3 * k)
         word |= (np.int64(directions[q] * TURNS + 0.5) & (TURNS - 1)) << 15
         for k in range(2):
-            place = np.int64(math.floor(centres[q, k] / scale + 0.5)) + HALF
-            word |= np.int64(min(max(int(place), 0), 2 * HALF - 1)) << (23 + 8 * k)
+            place = math.floor(centres[q, k] / scale + 0.5) + HALF
+            word |= min(max(place, 0), 2 * HALF - 1) << (23 + 8 * k)
         codes[q], words[q] = np.uint32(cell_code(cells)), np.uint64(word)
 
 

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tests.urquhart import forests
-from urquhart import Config, Features, describe
-from urquhart.consensus import Lot
+from urquhart import SE2, Config, Features, describe
+from urquhart.consensus import Consensus, Lot
 from urquhart.quad_table import QuadTable, build_table, centre_scale
 from urquhart.simulation import bridson
 
@@ -68,6 +68,23 @@ def stand(seed: int) -> Features:
     return describe(bridson(50.0, 50.0, 4.0, np.random.default_rng(seed)), Config())
 
 
+def sparse(seed: int) -> Features:
+    """A thin forest, with sides longer than those that are told apart."""
+    return describe(forests.uniform(np.random.default_rng(seed), 60, 330.0), Config())
+
+
+def seen_again(rng: np.random.Generator, submap: Features, turn: float, sigma: float, missing: float) -> Features:
+    """What is described of a submap seen from elsewhere."""
+    noisy = submap.landmarks + rng.normal(0.0, sigma, submap.landmarks.shape)
+    seen = noisy[rng.random(len(noisy)) >= missing]
+    return describe(SE2(40.0, -10.0, turn).inverse().apply(seen), Config())
+
+
+def truth(turn: float, query: Features) -> SE2:
+    """`submap_T_query` of that, between centred frames."""
+    return SE2(40.0, -10.0, turn) @ SE2.shift(query.origin)
+
+
 def table_of(submaps: Sequence[Features]) -> QuadTable:
     """The table of submaps, slots in their order."""
     return build_table([(f.landmarks, f.tessellation.quads, centre_scale(f.landmarks)) for f in submaps])
@@ -78,3 +95,8 @@ def lot_of(submaps: Sequence[Features], dead: Sequence[int] = ()) -> Lot:
     alive = np.ones(len(submaps), np.uint8)
     alive[list(dead)] = 0
     return Lot(table_of(submaps), np.array([centre_scale(f.landmarks) for f in submaps], np.float32), alive)
+
+
+def search(lots: Sequence[Lot], query: Features, tolerance: float = 0.5, most: int = 10**9) -> Consensus:
+    """A search for the query's quads, by default for all that there are."""
+    return Consensus(lots, query.landmarks, query.tessellation.quads, tolerance, most)

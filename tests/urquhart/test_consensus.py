@@ -7,16 +7,10 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.urquhart import forests
-from tests.urquhart.tables import decode, described, lot_of, stand
+from tests.urquhart.tables import decode, described, lot_of, search, seen_again, sparse, stand, truth
 from urquhart import SE2, Config, Features, describe
-from urquhart.consensus import TURN, Consensus, Leaders, Lot
+from urquhart.consensus import Consensus, Leaders, Lot
 from urquhart.quad_table import LAST, STEP, TURNS, measure_quads
-
-PLENTY = 10**9
-
-
-def search(lots: Sequence[Lot], query: Features, tolerance: float = 0.5, most: int = PLENTY) -> Consensus:
-    return Consensus(lots, query.landmarks, query.tessellation.quads, tolerance, most)
 
 
 def hits(found: Consensus) -> NDArray[np.float64]:
@@ -57,22 +51,6 @@ def brute_force(lots: Sequence[Lot], query: Features, tolerance: float) -> NDArr
                 )
         first += len(lot.alive)
     return ordered(list(np.concatenate(found).T))
-
-
-def sparse(seed: int) -> Features:
-    return describe(forests.uniform(np.random.default_rng(seed), 60, 330.0), Config())
-
-
-def seen_again(rng: np.random.Generator, submap: Features, turn: float, sigma: float, missing: float) -> Features:
-    """What is described of a submap seen from elsewhere."""
-    noisy = submap.landmarks + rng.normal(0.0, sigma, submap.landmarks.shape)
-    seen = noisy[rng.random(len(noisy)) >= missing]
-    return describe(SE2(40.0, -10.0, turn).inverse().apply(seen), Config())
-
-
-def truth(turn: float, query: Features) -> SE2:
-    """`submap_T_query` of that, between centred frames."""
-    return SE2(40.0, -10.0, turn) @ SE2.shift(query.origin)
 
 
 def centred(pose: SE2, submap: Features, query: Features) -> SE2:
@@ -261,32 +239,6 @@ def test_how_submaps_are_divided_into_lots_is_no_matter(seed: int) -> None:
     for whole, few in zip(answers[::2], answers[1::2], strict=True):
         assert whole == answers[0]
         assert few == dict(list(answers[0].items())[:5])
-
-
-def test_turns_rank_the_submap_seen_again_and_its_rotation_first() -> None:
-    """Measured so loosely that no hit proves anything, quads still agree on submap and rotation."""
-    submaps = [stand(key) for key in range(30)]
-    for seed in (0, 11, 29):
-        for turn in (-3.1, -0.4, 1.0, 3.0):
-            query = seen_again(np.random.default_rng(seed), submaps[seed], turn, 0.2, 0.1)
-            found = search([lot_of(submaps[:10]), lot_of(submaps[10:])], query, 0.75)
-            found.advance()
-            slots, rotations = found.turns(60)
-            assert 5 < len(slots) == len(rotations) <= 60
-            assert slots[0] == seed
-            assert abs((rotations[0] - turn + np.pi) % (2.0 * np.pi) - np.pi) <= TURN
-            # A submap comes once for each of its peaks, and never twice for one.
-            assert len(set(zip(slots.tolist(), rotations.tolist(), strict=True))) == len(slots)
-            for slot in set(slots.tolist()):
-                own = np.sort(rotations[slots == slot])
-                assert (np.diff(np.append(own, own[0] + 2.0 * np.pi)) > 0.9 * TURN).all()
-
-            fewer = found.turns(5)
-            np.testing.assert_array_equal(fewer[0], slots[:5])
-            np.testing.assert_array_equal(fewer[1], rotations[:5])
-            others = search([lot_of(submaps, dead=[seed])], query, 0.75)
-            others.advance()
-            assert seed not in others.turns(60)[0]
 
 
 def test_where_nothing_is_found_there_are_neither_leaders_nor_turns() -> None:

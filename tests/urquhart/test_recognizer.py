@@ -1,6 +1,3 @@
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
@@ -263,54 +260,3 @@ def test_landmarks_in_map_coordinates_change_nothing() -> None:
     np.testing.assert_array_equal(plain.query_indices, far.query_indices)
     np.testing.assert_allclose(plain.residuals, far.residuals, atol=1e-6)
     assert (far.transform @ SE2.shift(offset)).distance(plain.transform)[0] < 1e-6
-
-
-WARM = """
-import sys
-import tempfile
-from pathlib import Path
-import numpy as np
-from numba.core.dispatcher import Dispatcher
-from urquhart import SE2, Config, Features, Recognizer, describe, warm_up
-from urquhart.collection_index import CollectionIndex, Part
-from urquhart.segment import merge_segments
-from urquhart.simulation import observe, paper_forest, plantation
-
-def compiled():
-    modules = [m for name, m in list(sys.modules.items()) if name.startswith("urquhart")]
-    kernels = {id(k): k for m in modules for k in vars(m).values() if isinstance(k, Dispatcher)}
-    return {k.__name__: len(k.signatures) for k in kernels.values() if k.__module__ != "urquhart.simulation"}
-
-warm_up(Config())
-before = compiled()
-rng = np.random.default_rng(0)
-for trees, radius in ((plantation(90.0, 90.0, rng), 20.0), (paper_forest(rng, 250.0), 40.0)):
-    middle = float(np.median(trees))
-    recognizer = Recognizer(Config())
-    for key in range(12):
-        features = describe(observe(trees, SE2(middle + key, middle, 0.0), radius, rng).xy, Config())
-        recognizer.add([(key, Features.unpack(features.pack()) if key % 2 else features)])
-    for sigma in (0.05, 0.3, 2.0):
-        xy = observe(trees, SE2(middle, middle, 1.0), radius, rng, sigma=sigma, detection=0.8).xy
-        for method in ("robust", "paper"):
-            recognizer.recognize(xy, method=method, exclude=[3])
-            recognizer.recognize(xy.tolist(), method=method)
-    # What is mapped from a file is no other type to the compiler.
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "a.segment"
-        parts = recognizer.index.parts
-        mapped = merge_segments([(part.segment, part.alive) for part in parts], path)
-        index = CollectionIndex(Config(), (Part.of(mapped),)).with_changes(removed=[5])
-        stored = Recognizer(Config(), index, recognizer._source)
-        for sigma in (0.05, 2.0):
-            xy = observe(trees, SE2(middle, middle, 1.0), radius, rng, sigma=sigma, detection=0.8).xy
-            for method in ("robust", "paper"):
-                stored.recognize(xy, method=method, only=range(9))
-        merge_segments([(mapped, index.parts[0].alive)], path)
-print({name: (before.get(name), count) for name, count in compiled().items() if before.get(name) != count})
-"""
-
-
-def test_after_the_warm_up_no_query_waits_for_the_compiler() -> None:
-    done = subprocess.run([sys.executable, "-c", WARM], capture_output=True, text=True, check=True, timeout=240)
-    assert done.stdout.strip() == "{}"
