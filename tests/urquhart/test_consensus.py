@@ -10,7 +10,7 @@ from tests.urquhart import forests
 from tests.urquhart.tables import decode, described, lot_of, search, seen_again, sparse, stand, truth
 from urquhart import SE2, Config, Features, describe
 from urquhart.consensus import Consensus, Leaders, Lot
-from urquhart.quad_table import LAST, STEP, TURNS, measure_quads
+from urquhart.quad_table import LAST, STEP, TURNS, build_table, measure_quads
 
 
 def hits(found: Consensus) -> NDArray[np.float64]:
@@ -167,6 +167,20 @@ def test_the_submap_seen_again_leads_with_the_right_pose(seed: int) -> None:
         shift, off = SE2(*best.poses[0, 0].tolist()).distance(truth(turn, query))
         assert shift < 2.0
         assert off < 0.1
+
+
+def test_hits_of_one_quad_do_not_vote_for_each_other() -> None:
+    """However often a quad is found at one place, it has been seen once."""
+    features = described(0)
+    [quad] = features.tessellation.quads[:1]
+    table = build_table([(features.landmarks, np.repeat(quad[None], 5, axis=0), 0.5)])
+    lot = Lot(table, np.full(1, 0.5, np.float32), np.ones(1, np.uint8))
+    found = Consensus([lot], features.landmarks, quad[None], 0.1, 10**9)
+    found.advance()
+    assert found.hits == 5
+    best = found.leaders(1, 1)
+    assert best.votes.tolist() == [1]
+    assert np.abs(best.poses[0, 0]).max() < 0.5
 
 
 def test_a_place_that_is_in_a_submap_twice_has_both_poses() -> None:

@@ -110,6 +110,23 @@ def test_a_file_appears_when_it_is_complete_and_not_before(tmp_path: Path) -> No
     assert path.exists()
 
 
+def test_a_file_is_on_the_disk_before_it_has_its_name_and_its_name_before_it_is_done(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, synced = tmp_path / "a.segment", list[tuple[str, bool]]()
+    sync = os.fsync
+
+    def noted(descriptor: int) -> None:
+        synced.append((Path(f"/proc/self/fd/{descriptor}").resolve().name, path.exists()))
+        sync(descriptor)
+
+    monkeypatch.setattr(os, "fsync", noted)
+    write(path, {"x": np.arange(5)})
+    assert [there for _, there in synced] == [False, True]
+    assert synced[0][0].startswith("a.segment.")
+    assert synced[1][0] == tmp_path.name
+
+
 @pytest.mark.parametrize("there", [False, True])
 def test_when_writing_fails_nothing_is_left_and_what_was_there_stays(tmp_path: Path, there: bool) -> None:
     path = tmp_path / "a.segment"
