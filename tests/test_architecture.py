@@ -23,8 +23,9 @@ METHOD = [
         "features",
         "diameters",
     ),
-    *("polygon_scan", "polygon_partition", "polygon_merge", "polygon_index"),
-    *("pairing", "verification", "index", "quad_index", "voting", "collection_index", "matching", "ransac", "sweep"),
+    *("pairing", "verification", "polygon_partition", "polygon_scan", "polygon_merge", "polygon_index", "voting"),
+    *("quad_table", "quad_search", "quad_votes", "consensus", "segment_file", "segment", "submaps", "collection_index"),
+    *("matching", "ransac", "sweep"),
     *(
         "proposing",
         "confidence",

@@ -92,8 +92,14 @@ class Recognizer:
     def __init__(self, config: Config, index: CollectionIndex | None = None, source: Source | None = None) -> None:
         """Start empty, or with an `index` over submaps whose features are in `source`; by default in memory."""
         self.config = config
-        self.index = CollectionIndex(config) if index is None else index
-        self._source = Memory() if source is None else source
+        # One pair, replaced as one: a look-up in another thread must not get the index of one state and the features of
+        # another.
+        self._held = (CollectionIndex(config) if index is None else index, Memory() if source is None else source)
+
+    @property
+    def index(self) -> CollectionIndex:
+        """What is searched."""
+        return self._held[0]
 
     def __len__(self) -> int:
         return len(self.index)
@@ -103,7 +109,7 @@ class Recognizer:
 
     def features(self, key: int) -> Features:
         """Features of a submap. Raises KeyError."""
-        return self._source.read((key,))[key]
+        return self._held[1].read((key,))[key]
 
     def add(self, items: Iterable[tuple[int, Features]]) -> None:
         """Add submaps by key; a key that is present is replaced. Many at once are far cheaper than one by one.
@@ -113,15 +119,12 @@ class Recognizer:
             TypeError: the features are kept elsewhere.
         """
         memory, new = self._memory(), dict(items)
-        index = self.index.with_changes(new.items())
-        memory.keep(new)
-        self.index = index
+        self._held = (self.index.with_changes(new.items()), memory.with_changes(new, ()))
 
     def remove(self, keys: Iterable[int]) -> None:
         """Forget submaps; unknown keys are ignored. Raises TypeError: the features are kept elsewhere."""
         memory, gone = self._memory(), list(keys)
-        self.index = self.index.with_changes(removed=gone)
-        memory.forget(gone)
+        self._held = (self.index.with_changes(removed=gone), memory.with_changes({}, gone))
 
     def recognize(
         self,
@@ -213,18 +216,19 @@ class Recognizer:
         exclude: Collection[int] = (),
         only: Collection[int] | None = None,
     ) -> Sighting:
-        index = self.index
+        index, source = self._held
         with stages.timed("describe") as counts:
             features = describe(xy, self.config, diameters)
             counts.update(features.counts())
             laid = pattern(features, index.reach)
         index = index.narrowed(only, exclude)
-        return Sighting(features, laid, index, Submaps(self._source, index.reach), log_volume(len(index), laid))
+        return Sighting(features, laid, index, Submaps(source, index.reach), log_volume(len(index), laid))
 
     def _memory(self) -> Memory:
-        if not isinstance(self._source, Memory):
+        source = self._held[1]
+        if not isinstance(source, Memory):
             raise TypeError("the features of these submaps are kept elsewhere")
-        return self._source
+        return source
 
     def _conclude(
         self, standing: Standing, query: Sighting, limit: int, stages: Stages, found: list[Finding]

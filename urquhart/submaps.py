@@ -17,23 +17,19 @@ class Source(Protocol):
 
 
 class Memory:
-    """Features kept in memory."""
+    """Features kept in memory; changes make another, so that a look-up goes on with what it began with."""
 
-    def __init__(self) -> None:
-        self._features: dict[int, Features] = {}
+    def __init__(self, features: Mapping[int, Features] | None = None) -> None:
+        self._features = dict(features or {})
 
     def read(self, keys: Collection[int]) -> Mapping[int, Features]:
         """Features of submaps by key. Raises KeyError."""
         return {key: self._features[key] for key in keys}
 
-    def keep(self, items: Mapping[int, Features]) -> None:
-        """Add submaps, or put others in their place."""
-        self._features.update(items)
-
-    def forget(self, keys: Iterable[int]) -> None:
-        """Drop submaps; unknown keys are ignored."""
-        for key in keys:
-            self._features.pop(key, None)
+    def with_changes(self, added: Mapping[int, Features], removed: Collection[int]) -> "Memory":
+        """The same with submaps added or replaced, and without others; unknown keys are ignored."""
+        gone = frozenset(removed)
+        return Memory({key: known for key, known in self._features.items() if key not in gone} | dict(added))
 
 
 class Submaps:

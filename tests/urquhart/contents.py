@@ -57,9 +57,7 @@ def of_segments(segments: Iterable[Segment], config: Config = CONFIG) -> Collect
 
 def over(index: CollectionIndex, features: dict[int, Features]) -> Recognizer:
     """A recognizer over an index, with features kept elsewhere."""
-    source = Memory()
-    source.keep(features)
-    return Recognizer(index.config, index, source)
+    return Recognizer(index.config, index, Memory(features))
 
 
 def outline(found: Recognition) -> tuple[object, ...]:

@@ -53,15 +53,15 @@ def test_what_is_not_there_is_a_key_error_and_what_was_read_stays() -> None:
     assert submaps.features(1) is PLACES[1]
 
 
-def test_memory_keeps_replaces_and_forgets() -> None:
-    memory = Memory()
-    memory.keep({1: PLACES[1], 2: PLACES[2]})
-    memory.keep({2: PLACES[3]})
-    assert memory.read([2, 1]) == {2: PLACES[3], 1: PLACES[1]}
-    memory.forget([1, 77])
+def test_memory_keeps_replaces_and_forgets_and_what_was_begun_with_stays() -> None:
+    first = Memory({1: PLACES[1], 2: PLACES[2]})
+    second = first.with_changes({2: PLACES[3]}, [])
+    assert second.read([2, 1]) == {2: PLACES[3], 1: PLACES[1]}
+    third = second.with_changes({}, [1, 77])
     with pytest.raises(KeyError):
-        memory.read([1])
-    assert memory.read([2]) == {2: PLACES[3]}
+        third.read([1])
+    assert third.read([2]) == {2: PLACES[3]}
+    assert first.read([2, 1]) == {2: PLACES[2], 1: PLACES[1]}
 
 
 def test_a_look_up_reads_each_submap_once_and_in_few_batches() -> None:

@@ -39,7 +39,7 @@ for trees, radius in ((plantation(90.0, 90.0, rng), 20.0), (paper_forest(rng, 25
         parts = recognizer.index.parts
         mapped = merge_segments([(part.segment, part.alive) for part in parts], path)
         index = CollectionIndex(Config(), (Part.of(mapped),)).with_changes(removed=[5])
-        stored = Recognizer(Config(), index, recognizer._source)
+        stored = Recognizer(Config(), index, recognizer._held[1])
         for sigma in (0.05, 2.0):
             xy = observe(trees, SE2(middle, middle, 1.0), radius, rng, sigma=sigma, detection=0.8).xy
             for method in ("robust", "paper"):
