@@ -10,15 +10,19 @@ a common one. Quads are looked for in the order of their rarity: the rarer half 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from urquhart.quad_search import count_neighbourhoods, gather, no_hits, with_room
+from urquhart.quad_search import HIT, count_neighbourhoods, gather
 from urquhart.quad_table import TURNS, QuadTable, measure_quads
-from urquhart.quad_votes import TURN_BINS, fit_poses, rank_turns, vote
+from urquhart.quad_votes import STANDING, TURN_BINS, fit_poses, rank_turns, tally, vote
 
+_FIRST: Final = 4096
+"""Hits that there is room for at first,"""
+_MANY: Final = 1 << 18
+"""and those up to which room is made for four times as many."""
 _CHUNK: Final = 32
 """Query quads looked for before their hits are compared."""
 _SEEN: Final = 0.2
@@ -92,11 +96,10 @@ class Consensus:
         self._order = np.argsort(rarity, kind="stable")
         self._looked = self.hits = self._listed = 0
         self._weights, self._shares = np.zeros(len(quads)), np.zeros(len(quads))
-        self._found = no_hits()
+        self._found, self._totals = np.empty(_FIRST, HIT), np.empty(_FIRST, np.float32)
         slots = sum(len(lot.alive) for lot in lots)
-        # Zeros cost nothing until they are touched: hits are numbered from 1 here.
-        self._latest, self._best, self._scores = np.zeros(slots, np.int32), np.zeros(slots, np.int32), np.zeros(slots)
-        self._listed_slots = np.empty(slots, np.int32)
+        # Zeros cost nothing until they are touched.
+        self._standings, self._listed_slots = np.zeros(slots, STANDING), np.empty(slots, np.int32)
 
     @property
     def finished(self) -> bool:
@@ -118,13 +121,13 @@ class Consensus:
     def leaders(self, count: int, poses: int) -> Leaders:
         """The `count` submaps with the best score, with up to `poses` distinct poses each."""
         listed = self._listed_slots[: self._listed]
-        scores = self._scores[listed]
+        scores = self._standings["score"][listed]
         if len(listed) > count:
             chosen = np.argpartition(-scores, count)[:count]
             listed, scores = listed[chosen], scores[chosen]
         order = np.lexsort((listed, -scores))
         listed, scores = listed[order], scores[order]
-        votes, rows = fit_poses(listed, poses, self._latest, self._best, self._found, self._centres, self._weights)
+        votes, rows = fit_poses(listed, poses, self._standings, self._found, self._totals, self._centres, self._weights)
         return Leaders(listed.astype(np.int64), scores, votes, rows)
 
     def turns(self, count: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
@@ -134,7 +137,7 @@ class Consensus:
         peak of its votes; `TURN` is how far a peak may be off.
         """
         slots, peaks, weights = rank_turns(
-            self._listed_slots[: self._listed], count, self._latest, self._found, self._shares
+            self._listed_slots[: self._listed], count, self._standings, self._found, self._shares
         )
         order = np.lexsort((slots, -weights))
         return slots[order].astype(np.int64), np.asarray(peaks[order] * (2.0 * np.pi / TURN_BINS), np.float64)
@@ -159,23 +162,29 @@ class Consensus:
                 self.hits,
             )
             if done < len(chunk):
-                self._found = with_room(self._found)
+                self._found = _with_room(self._found)
+        if len(self._totals) < len(self._found):
+            self._totals = np.concatenate([self._totals, np.empty(len(self._found) - len(self._totals), np.float32)])
 
     def _vote(self, before: int, chunk: NDArray[np.int64]) -> None:
-        quads = self._found.quads[before : self.hits]
-        found = np.bincount(quads, minlength=len(self._weights))[chunk]
-        likely = np.bincount(quads, np.exp(self._found.fits[before : self.hits]), len(self._weights))[chunk]
-        self._weights[chunk] = np.log(_SEEN * self._living / (_AGREE * (found + 1.0)))
-        self._shares[chunk] = 1.0 / (likely + 0.1)
+        found, likely = tally(before, self.hits, self._found, len(self._weights))
+        self._weights[chunk] = np.log(_SEEN * self._living / (_AGREE * (found[chunk] + 1.0)))
+        self._shares[chunk] = 1.0 / (likely[chunk] + 0.1)
         self._listed = vote(
             before,
             self.hits,
             self._found,
             self._centres,
             self._weights,
-            self._latest,
-            self._best,
-            self._scores,
+            self._totals,
+            self._standings,
             self._listed_slots,
             self._listed,
         )
+
+
+def _with_room(hits: NDArray[Any]) -> NDArray[Any]:
+    """The same hits with room for more."""
+    larger = np.empty((4 if len(hits) < _MANY else 2) * len(hits), hits.dtype)
+    larger[: len(hits)] = hits
+    return larger

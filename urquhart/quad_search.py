@@ -1,7 +1,7 @@
 """The search for quads in one table: every cell that a query quad's lengths reach within the tolerance."""
 
 import math
-from typing import Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,52 +11,30 @@ from urquhart.quad_table import HALF, LAST, SIDE, STEP, TURNS, cell_code
 
 _SPREAD: Final = 0.8
 """Usual error of a length as a share of the tolerance."""
-_FIRST: Final = 4096
 
 
-class QuadHits(NamedTuple):
-    """Quads found; a plain tuple of arrays, because that is what the compiler takes whole, with room for more.
+HIT: Final = np.dtype(
+    [
+        ("slot", np.int32),
+        ("quad", np.int32),
+        ("turn", np.int32),
+        ("earlier", np.int32),
+        ("x", np.float32),
+        ("y", np.float32),
+        ("step", np.float32),
+        ("fit", np.float32),
+    ]
+)
+"""A quad found; half a line of the processor's cache, because hits are looked at one by one and anywhere.
 
-    Attributes:
-        slots: (H,) int32, the submap's slot, numbered through all tables.
-        quads: (H,) int32, the query's quad.
-        turns: (H,) int16, rotation from the query's to the submap's frame, 256ths of a turn.
-        xs, ys: (H,) float32, metres, centre of the submap's quad.
-        steps: (H,) float32, metres that these are good to.
-        fits: (H,) float32, logarithm of how likely the misfit of the lengths is.
-        earlier: (H,) int32, the hit of that slot before it, numbered from 1; 0 where there is none.
-        totals: (H,) float32, what it and all earlier hits that agree with it are worth.
-    """
-
-    slots: NDArray[np.int32]
-    quads: NDArray[np.int32]
-    turns: NDArray[np.int16]
-    xs: NDArray[np.float32]
-    ys: NDArray[np.float32]
-    steps: NDArray[np.float32]
-    fits: NDArray[np.float32]
-    earlier: NDArray[np.int32]
-    totals: NDArray[np.float32]
-
-
-def no_hits() -> QuadHits:
-    """Room for the first hits."""
-    return QuadHits(
-        slots=np.empty(_FIRST, np.int32),
-        quads=np.empty(_FIRST, np.int32),
-        turns=np.empty(_FIRST, np.int16),
-        xs=np.empty(_FIRST, np.float32),
-        ys=np.empty(_FIRST, np.float32),
-        steps=np.empty(_FIRST, np.float32),
-        fits=np.empty(_FIRST, np.float32),
-        earlier=np.empty(_FIRST, np.int32),
-        totals=np.empty(_FIRST, np.float32),
-    )
-
-
-def with_room(hits: QuadHits) -> QuadHits:
-    """The same hits with room for twice as many."""
-    return QuadHits(*(np.concatenate([column, np.empty_like(column)]) for column in hits))
+slot        the submap's, numbered through all tables
+quad        the query's
+turn        rotation from the query's to the submap's frame, 256ths of a turn
+earlier     the hit of that slot before it, numbered from 1; 0 where there is none
+x, y        metres, centre of the submap's quad
+step        metres that these are good to
+fit         logarithm of how likely the misfit of the lengths is
+"""
 
 
 @kernel
@@ -88,14 +66,14 @@ def gather(
     done: int,
     tolerance: float,
     most: int,
-    hits: QuadHits,
+    hits: NDArray[Any],
     count: int,
 ) -> tuple[int, int]:
     """Append the hits of the query quads `chunk[done:]` in one table; how many of the chunk are done, and hits.
 
     Stops before a quad whose hits find no room. One with more than `most` hits has none.
     """
-    capacity, size = len(hits.slots), len(words)
+    capacity, size = len(hits), len(words)
     low, high = np.empty(5, np.int64), np.empty(5, np.int64)
     wanted, cells = np.empty(5), np.empty(5, np.int64)
     # Which places of a cell each length allows, by cell.
@@ -159,10 +137,10 @@ def gather(
                             if cells[k] < LAST:
                                 misfit += (STEP * (SIDE * cells[k] + place) - wanted[k]) ** 2
                         turn = np.int64((word >> np.uint64(15)) & byte) - directions[q] + (TURNS // 2) * reading
-                        hits.slots[count], hits.quads[count], hits.turns[count] = first + slot, q, turn & (TURNS - 1)
-                        hits.xs[count] = (np.int64((word >> np.uint64(23)) & byte) - HALF) * scales[slot]
-                        hits.ys[count] = (np.int64((word >> np.uint64(31)) & byte) - HALF) * scales[slot]
-                        hits.steps[count], hits.fits[count] = scales[slot], -spread * misfit
+                        hits[count].slot, hits[count].quad, hits[count].turn = first + slot, q, turn & (TURNS - 1)
+                        hits[count].x = (np.int64((word >> np.uint64(23)) & byte) - HALF) * scales[slot]
+                        hits[count].y = (np.int64((word >> np.uint64(31)) & byte) - HALF) * scales[slot]
+                        hits[count].step, hits[count].fit = scales[slot], -spread * misfit
                         count += 1
                     at += 1
                 if count - before > most:

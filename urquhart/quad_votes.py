@@ -1,13 +1,12 @@
 """Hits of quads compared with each other: which agree on a pose, and on which."""
 
 import math
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from urquhart._kernel import kernel
-from urquhart.quad_search import QuadHits
 from urquhart.quad_table import TURNS
 
 _TURN: Final = 10
@@ -16,6 +15,8 @@ _STRETCH: Final = 1.2
 """Metres that the distance between two quads may differ by."""
 _BEND: Final = 0.22
 """Share of that distance that the second may lie beside where the first has it."""
+_AHEAD: Final = 64
+"""Hits whose slots are fetched from memory together."""
 _WALK: Final = 48
 """Earlier hits of a submap that one is compared with."""
 _LEVER: Final = 4.0
@@ -25,56 +26,77 @@ _DEEP: Final = 1024
 TURN_BINS: Final = 30
 """Bins of rotation; a vote is shared between the two nearest, so that no border splits a true peak."""
 
+STANDING: Final = np.dtype([("latest", np.int32), ("best", np.int32), ("score", np.float64)])
+"""Of a slot: its latest hit and the one that most agrees with, numbered from 1; what that and the others are worth."""
+
+
+@kernel
+def tally(before: int, count: int, hits: NDArray[Any], quads: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """How many of the hits `before` to `count` each of the query's quads (Q,) has, and the sum of their likelihoods."""
+    found, likely = np.zeros(quads), np.zeros(quads)
+    for h in range(before, count):
+        found[hits[h].quad] += 1.0
+        likely[hits[h].quad] += math.exp(hits[h].fit)
+    return found, likely
+
 
 @kernel
 def vote(
     before: int,
     count: int,
-    hits: QuadHits,
+    hits: NDArray[Any],
     centres: NDArray[np.float64],
     weights: NDArray[np.float64],
-    latest: NDArray[np.int32],
-    best: NDArray[np.int32],
-    scores: NDArray[np.float64],
+    totals: NDArray[np.float32],
+    standings: NDArray[Any],
     listed_slots: NDArray[np.int32],
     listed: int,
 ) -> int:
     """Compare the hits `before` to `count` with earlier ones of their slots; the new number of slots listed."""
+    touched = 0
     for h in range(before, count):
-        slot = hits.slots[h]
-        total = max(weights[hits.quads[h]] + hits.fits[h], 0.0)
-        other, walked = latest[slot] - 1, 0
+        if (h - before) % _AHEAD == 0:
+            # Slots and their latest hits lie anywhere in memory: asked for together, they come together.
+            last = min(h + _AHEAD, count)
+            for k in range(h, last):
+                touched += standings[hits[k].slot].latest
+            for k in range(h, last):
+                touched += hits[max(standings[hits[k].slot].latest - 1, 0)].turn
+        slot = hits[h].slot
+        total = max(weights[hits[h].quad] + hits[h].fit, 0.0)
+        other, walked = standings[slot].latest - 1, 0
         while other >= 0 and walked < _WALK:
             if agree(h, other, hits, centres):
-                total += max(weights[hits.quads[other]] + hits.fits[other], 0.0)
-            other = hits.earlier[other] - 1
+                total += max(weights[hits[other].quad] + hits[other].fit, 0.0)
+            other = hits[other].earlier - 1
             walked += 1
-        hits.earlier[h], latest[slot], hits.totals[h] = latest[slot], h + 1, total
-        if best[slot] == 0:
+        hits[h].earlier, standings[slot].latest, totals[h] = standings[slot].latest, h + 1, total
+        if standings[slot].best == 0:
             listed_slots[listed] = slot
             listed += 1
-        if best[slot] == 0 or total > scores[slot]:
-            scores[slot], best[slot] = total, h + 1
-    return listed
+        if standings[slot].best == 0 or total > standings[slot].score:
+            standings[slot].score, standings[slot].best = total, h + 1
+    # `touched` is never negative: only so are its loads not left out.
+    return listed if touched >= 0 else -1
 
 
 @kernel
 def agree(
     first: int,
     second: int,
-    hits: QuadHits,
+    hits: NDArray[Any],
     centres: NDArray[np.float64],
 ) -> bool:
     """Whether hits of two quads in one slot put the query in about the same place, turned about the same way."""
-    q, r = hits.quads[first], hits.quads[second]
-    a, b = np.int64(hits.turns[first]), np.int64(hits.turns[second])
+    q, r = hits[first].quad, hits[second].quad
+    a, b = np.int64(hits[first].turn), np.int64(hits[second].turn)
     apart = ((b - a + TURNS // 2) & (TURNS - 1)) - TURNS // 2
     if q == r or abs(apart) > _TURN:
         return False
-    ux, uy = hits.xs[second] - hits.xs[first], hits.ys[second] - hits.ys[first]
+    ux, uy = hits[second].x - hits[first].x, hits[second].y - hits[first].y
     vx, vy = centres[r, 0] - centres[q, 0], centres[r, 1] - centres[q, 1]
     here = math.sqrt(vx * vx + vy * vy)
-    slack = _STRETCH + hits.steps[first]
+    slack = _STRETCH + hits[first].step
     if abs(math.sqrt(ux * ux + uy * uy) - here) > slack:
         return False
     yaw = (a + 0.5 * apart) * (2.0 * math.pi / TURNS)
@@ -87,9 +109,9 @@ def agree(
 def fit_poses(
     chosen: NDArray[np.int32],
     count: int,
-    latest: NDArray[np.int32],
-    best: NDArray[np.int32],
-    hits: QuadHits,
+    standings: NDArray[Any],
+    hits: NDArray[Any],
+    totals: NDArray[np.float32],
     centres: NDArray[np.float64],
     weights: NDArray[np.float64],
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
@@ -102,16 +124,16 @@ def fit_poses(
     picked = np.empty(count, np.int64)
     for i in range(len(chosen)):
         picks = 0
-        pick = best[chosen[i]] - 1
+        pick = standings[chosen[i]].best - 1
         while picks < count and pick >= 0:
             total = px = py = ux = uy = dot = cross = 0.0
             other, walked, agreeing = pick, 0, 0
             while other >= 0 and walked <= _WALK:
                 if other == pick or agree(pick, other, hits, centres):
-                    w = max(weights[hits.quads[other]] + hits.fits[other], 0.1)
-                    yaw = hits.turns[other] * (2.0 * math.pi / TURNS)
-                    qx, qy = centres[hits.quads[other], 0], centres[hits.quads[other], 1]
-                    sx, sy = hits.xs[other], hits.ys[other]
+                    w = max(weights[hits[other].quad] + hits[other].fit, 0.1)
+                    yaw = hits[other].turn * (2.0 * math.pi / TURNS)
+                    qx, qy = centres[hits[other].quad, 0], centres[hits[other].quad, 1]
+                    sx, sy = hits[other].x, hits[other].y
                     total += w
                     px += w * qx
                     py += w * qy
@@ -120,7 +142,7 @@ def fit_poses(
                     dot += w * (qx * sx + qy * sy + _LEVER * _LEVER * math.cos(yaw))
                     cross += w * (qx * sy - qy * sx + _LEVER * _LEVER * math.sin(yaw))
                     agreeing += 1
-                other = hits.earlier[other] - 1
+                other = hits[other].earlier - 1
                 walked += 1
             px, py, ux, uy = px / total, py / total, ux / total, uy / total
             yaw = math.atan2(cross - total * (px * uy - py * ux), dot - total * (px * ux + py * uy))
@@ -130,17 +152,17 @@ def fit_poses(
                 votes[i] = agreeing
             picked[picks] = pick
             picks += 1
-            pick, other, walked = -1, latest[chosen[i]] - 1, 0
+            pick, other, walked = -1, standings[chosen[i]].latest - 1, 0
             while other >= 0 and walked < _DEEP:
-                if pick < 0 or hits.totals[other] > hits.totals[pick]:
+                if pick < 0 or totals[other] > totals[pick]:
                     new = True
                     for p in range(picks):
-                        same = hits.quads[other] == hits.quads[picked[p]] and hits.slots[other] == hits.slots[picked[p]]
+                        same = hits[other].quad == hits[picked[p]].quad and hits[other].slot == hits[picked[p]].slot
                         if other == picked[p] or (not same and agree(picked[p], other, hits, centres)):
                             new = False
                     if new:
                         pick = other
-                other = hits.earlier[other] - 1
+                other = hits[other].earlier - 1
                 walked += 1
     return votes, poses
 
@@ -149,8 +171,8 @@ def fit_poses(
 def rank_turns(
     listed: NDArray[np.int32],
     count: int,
-    latest: NDArray[np.int32],
-    hits: QuadHits,
+    standings: NDArray[Any],
+    hits: NDArray[Any],
     shares: NDArray[np.float64],
 ) -> tuple[NDArray[np.int32], NDArray[np.int64], NDArray[np.float64]]:
     """The `count` heaviest peaks of rotation among slots `listed`: slots (K,), bins (K,) and weights (K,)."""
@@ -160,14 +182,14 @@ def rank_turns(
     found = 0
     for i in range(len(listed)):
         table[:] = 0.0
-        h = latest[listed[i]] - 1
+        h = standings[listed[i]].latest - 1
         while h >= 0:
-            place = hits.turns[h] * (TURN_BINS / TURNS)
+            place = hits[h].turn * (TURN_BINS / TURNS)
             below = int(place)
-            weight = math.exp(hits.fits[h]) * shares[hits.quads[h]]
+            weight = math.exp(hits[h].fit) * shares[hits[h].quad]
             table[below] += weight * (below + 1 - place)
             table[(below + 1) % TURN_BINS] += weight * (place - below)
-            h = hits.earlier[h] - 1
+            h = hits[h].earlier - 1
         for b in range(TURN_BINS):
             weight = table[b]
             if weight <= 0.0 or weight < table[b - 1] or weight <= table[(b + 1) % TURN_BINS]:

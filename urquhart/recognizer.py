@@ -62,6 +62,8 @@ _HALF: Final = 0.5
 """Share of a query's quads, the rarest, that mostly settle it,"""
 _FIRST: Final = 4
 """and submaps that are verified then at least."""
+_MOST: Final = 0.7
+"""Share of them that settles most of what is left, where lengths may be off by more."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -201,8 +203,11 @@ class Recognizer:
             standing = doubt(query, proposals, stages, found, standing.ranked)
             if self._lost(standing.ranked, query) and not is_small(query.index):
                 wide = search_quads(query, WIDE)
-                proposals = propose_by_quads(query, wide, 1.0, self.config.candidates, stages)
-                standing = doubt(query, proposals, stages, found, standing.ranked)
+                for share in (_MOST, 1.0):
+                    proposals = propose_by_quads(query, wide, share, self.config.candidates, stages)
+                    standing = doubt(query, proposals, stages, found, standing.ranked)
+                    if self._settled(standing, query):
+                        return standing
         if self._lost(standing.ranked, query) and not is_large(query.index):
             proposals = propose_by_sweep(query, wide, stages)
             standing = doubt(query, proposals, stages, found, standing.ranked)

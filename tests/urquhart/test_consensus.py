@@ -15,8 +15,8 @@ from urquhart.quad_table import LAST, STEP, TURNS, build_table, measure_quads
 
 def hits(found: Consensus) -> NDArray[np.float64]:
     """Rows (H, 6), sorted: slot, query quad, turn, x, y, logarithm of the likelihood of the misfit."""
-    slots, quads, turns, xs, ys, _, fits, *_ = found._found
-    return ordered([column[: found.hits] for column in (slots, quads, turns, xs, ys, fits)])
+    kept = found._found[: found.hits]
+    return ordered([kept[name] for name in ("slot", "quad", "turn", "x", "y", "fit")])
 
 
 def ordered(columns: list[NDArray[np.generic]]) -> NDArray[np.float64]:
@@ -87,7 +87,7 @@ def test_hits_find_room_however_many_there_are() -> None:
     lots = [lot_of([stand(seed) for seed in range(30)]), lot_of([stand(seed) for seed in range(30, 40)])]
     query = stand(7)
     found = search(lots, query, 0.75)
-    room = len(found._found[0])
+    room = len(found._found)
     found.advance()
     assert found.hits > 4 * room
     expected = brute_force(lots, query, 0.75)

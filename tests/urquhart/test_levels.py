@@ -91,14 +91,14 @@ def test_for_a_place_that_is_not_there_every_level_is_tried_once_and_none_withou
     config = Config(survey=200, sweeps=16, candidates=10)
     found = recognizer(config, count).recognize(nowhere(seed))
     assert found.verdict == "no_match"
-    assert names(found) == ["describe", *QUADS, *QUADS, *POLYGONS, *QUADS, *SWEEP]
+    assert names(found) == ["describe", *QUADS, *QUADS, *POLYGONS, *QUADS, *QUADS, *SWEEP]
     total = Counter[str]()
     for stage in found.stages:
         for what, number in stage.counts.items():
             total[f"{stage.name}: {what}"] += number
     # Three searches, each for as many hits as are enough and those of the last few quads.
     assert total["search quads: hits"] <= 3 * 1.5 * (config.quad_hits + 4 * count)
-    assert total["verify quads: candidates"] <= 5 + 2 * 10
+    assert total["verify quads: candidates"] <= 5 + 3 * 10
     assert total["verify polygons: candidates"] <= 10
     assert total["survey: places"] <= config.survey
     assert total["sweep: peaks"] <= 8 * total["survey: places"]
@@ -134,7 +134,7 @@ def test_a_level_answers_where_those_before_it_have_nothing_to_say(level: str, m
 
 def test_in_a_collection_that_a_survey_hardly_reaches_there_is_none() -> None:
     found = recognizer(Config(survey=1), 72).recognize(nowhere(0))
-    assert names(found) == ["describe", *QUADS, *QUADS, *POLYGONS, *QUADS]
+    assert names(found) == ["describe", *QUADS, *QUADS, *POLYGONS, *QUADS, *QUADS]
     assert found.verdict == "no_match"
 
 
