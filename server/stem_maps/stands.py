@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from server.ingest import Refusal, ingest_many
+from server.batches import Refusal
+from server.ingest import ingest_many
 from server.schemas.common import MapPose, check_id
 from server.schemas.submaps import Landmark, NamedSubmap
 from server.settings import Limits
