@@ -16,7 +16,7 @@ from pydantic import ValidationError
 
 import urquhart
 from server.derive import config_of
-from server.errors import DomainError, InvalidField, MalformedBody, TooLarge
+from server.errors import DomainError, InvalidField, MalformedBody
 from server.prepare import Prepared
 from server.registry import get_collection
 from server.schemas.pointers import field_problems
@@ -140,10 +140,8 @@ def line_of(submap: NamedSubmap) -> bytes:
     return orjson.dumps(submap.model_dump(exclude_unset=True), option=orjson.OPT_UTC_Z)
 
 
-def read_line(line: bytes, limits: Limits) -> NamedSubmap:
-    """The submap of one line of NDJSON. Raises MalformedBody, InvalidField and TooLarge."""
-    if len(line) > limits.body_bytes:
-        raise TooLarge("body_bytes", limits.body_bytes, len(line), "Cut the submap into smaller ones.")
+def read_line(line: bytes) -> NamedSubmap:
+    """The submap of one line of NDJSON. Raises MalformedBody and InvalidField."""
     try:
         members = orjson.loads(line)
     except orjson.JSONDecodeError as error:
@@ -156,7 +154,7 @@ def read_line(line: bytes, limits: Limits) -> NamedSubmap:
 
 def _invalid(error: ValidationError) -> InvalidField:
     found = field_problems([{**one, "loc": ("body", *one["loc"])} for one in error.errors(include_url=False)])
-    more = "" if len(found) == 1 else f" (and {len(found) - 1} more things are wrong)"
+    more = "" if len(found) == 1 else f" (and {len(found) - 1} more {'is' if len(found) == 2 else 'are'} wrong)"
     return InvalidField(f"{found[0]['detail']}{more}", code=found[0]["code"], pointer=found[0]["pointer"])
 
 
@@ -173,7 +171,7 @@ def _describe_lines(
         if not line or line.isspace():
             continue
         try:
-            submaps.append((position, read_line(line, limits)))
+            submaps.append((position, read_line(line)))
         except DomainError as error:
             refused.append(Refusal(_id_in(line, error), error, position))
     return _describe(database, collection_id, limits, submaps, refused)

@@ -122,7 +122,7 @@ class Workers:
             self._busy.release()
 
     def _map(self, work: Work[_Given, _Task, _Result], source: "_Source[_Given]") -> Iterator[_Result]:
-        done: dict[int, _Result] = {}
+        done: dict[int, tuple[Any, Exception | None]] = {}
         next_out = self._sequence
         while True:
             self._receive(done, next_out, timeout=0.0)
@@ -137,7 +137,10 @@ class Workers:
             if next_out < self._sequence:
                 while next_out not in done:
                     self._receive(done, next_out)
-                yield done.pop(next_out)
+                result, error = done.pop(next_out)
+                if error is not None:
+                    raise error
+                yield result
                 next_out += 1
             elif found := source.take():
                 yield self._here(work, found[0])
@@ -184,11 +187,8 @@ class Workers:
                 worker.ready = True
                 continue
             worker.tasks.discard(sequence)
-            if sequence < first:
-                continue
-            if error is not None:
-                raise error
-            done[sequence] = result
+            if sequence >= first:
+                done[sequence] = (result, error)
 
     def _send(self, worker: _Worker, message: object) -> None:
         try:
