@@ -16,9 +16,9 @@ from server.metrics import Metrics
 from server.prepare import check_landmark_count, invalid_landmarks
 from server.schemas.queries import QueryAnswer, QueryInput, QueryLinks
 from server.settings import Limits
-from server.store.codec import unpack_diameters, unpack_ids, unpack_positions
+from server.store.codec import position_names, unpack_diameters, unpack_ids, unpack_positions
 from server.store.database import Database
-from server.store.submaps import Submaps
+from server.store.submaps import FoundSubmap, Submaps
 from server.store.tables import CollectionRow, SubmapRow
 from server.stored_queries import keep
 from server.threads import pin_threads
@@ -39,7 +39,7 @@ class Observation:
     stamp: datetime | None
 
     def names(self) -> list[str]:
-        return self.ids if self.ids is not None else [str(i) for i in range(len(self.xy))]
+        return self.ids if self.ids is not None else position_names(len(self.xy))
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,7 +143,7 @@ def _stored_observation(row: SubmapRow, body: QueryInput) -> Observation:
 
 
 def _answer(
-    view: View, body: QueryInput, asked: Observation, found: Recognition, rows: dict[int, SubmapRow]
+    view: View, body: QueryInput, asked: Observation, found: Recognition, rows: dict[int, FoundSubmap]
 ) -> QueryAnswer:
     collection_id, submaps = view.collection.id, Submaps(view.session, view.collection.key)
     # What is kept is kept whole: a stored answer can always be explained.
