@@ -79,7 +79,8 @@ def main(
     )
     console.print(
         f"the same query, 20 cm and 90 % seen: library {http.library:.2f} ms, over HTTP {http.http:.2f} ms, "
-        f"which adds {http.added:.2f} ms; answers of {http.answer_bytes / 1000.0:.1f} kB, {http.agreed} of {http.asked} agree"
+        f"which adds {http.added:.2f} ms; answers of {http.answer_bytes / 1000.0:.1f} kB, "
+        f"{http.agreed} of {http.asked} agree"
     )
     if stored is not None:
         console.print(
