@@ -22,7 +22,7 @@ from server.schemas.queries import (
     StageAnswer,
 )
 from server.store.codec import unpack_ids
-from server.store.submaps import FoundSubmap
+from server.store.found import FoundSubmap
 from urquhart import Candidate, Config, Finding, Rival, Stage
 
 _INLIERS = TypeAdapter(list[Inlier])

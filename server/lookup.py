@@ -18,7 +18,8 @@ from server.schemas.queries import QueryAnswer, QueryInput, QueryLinks
 from server.settings import Limits
 from server.store.codec import position_names, unpack_diameters, unpack_ids, unpack_positions
 from server.store.database import Database
-from server.store.submaps import FoundSubmap, Submaps
+from server.store.found import FoundSubmap, found_submaps
+from server.store.submaps import Submaps
 from server.store.tables import CollectionRow, SubmapRow
 from server.stored_queries import keep
 from server.threads import pin_threads
@@ -118,7 +119,7 @@ def look_up(
         except LandmarkError as error:
             raise invalid_landmarks(error, body) from error
         keys = {candidate.key for candidate in found.candidates} | {rival.key for rival in found.rivals[:1]}
-        rows = submaps.by_keys(keys, landmarks=to_draw)
+        rows = found_submaps(view.session, view.collection.key, keys, landmarks=to_draw)
         answer = _answer(view, body, asked, found, rows)
         landmarks = {row.id: unpack_positions(row.landmarks) for row in rows.values()} if to_draw else {}
     metrics.verdicts.labels(answer.verdict).inc()

@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from typing import Any, TypeVar
 
-from sqlalchemy import Select, bindparam, delete, insert, select, update
+from sqlalchemy import Select, delete, insert, select, update
 from sqlalchemy.orm import Session, undefer
 
 from server.store.tables import DeletionRow, SubmapRow
@@ -92,22 +92,6 @@ class StoredFeatures:
 
 
 @dataclass(frozen=True, slots=True)
-class FoundSubmap:
-    """What an answer tells of a submap that was found; `landmarks` are empty where they were not read."""
-
-    key: int
-    id: str
-    session: str | None
-    stamp: datetime | None
-    frame_id: str | None
-    landmark_count: int
-    content_revision: int
-    landmark_ids: bytes | None
-    place: Place | None
-    landmarks: bytes
-
-
-@dataclass(frozen=True, slots=True)
 class SubmapFilter:
     """Which submaps of a collection: all that is given must hold."""
 
@@ -167,16 +151,6 @@ class Submaps:
                 SubmapRow.collection_key == self._collection_key, SubmapRow.key.in_(some)
             )
             found.update({row.key: row.id for row in self._session.execute(query)})
-        return found
-
-    def by_keys(self, keys: Collection[int], *, landmarks: bool) -> dict[int, FoundSubmap]:
-        """What is told of submaps, with their landmarks if asked, by key."""
-        query, found = _FOUND_WHOLE if landmarks else _FOUND, dict[int, FoundSubmap]()
-        for some in _batches(list(keys)):
-            given = {"collection": self._collection_key, "keys": some}
-            for row in self._session.connection().execute(query, given):
-                place = None if row.map_frame_id is None else Place(*row[_HEAD : _HEAD + len(Place.__slots__)])
-                found[row.key] = FoundSubmap(*(*row[:_HEAD], place, row.landmarks if landmarks else b""))
         return found
 
     def insert(self, records: Sequence[SubmapRecord], revision: int) -> None:
@@ -265,13 +239,6 @@ class Submaps:
         self._session.execute(statement.values(**values), execution_options={"synchronize_session": False})
 
 
-# Every query reads its candidates: columns, not objects, and a statement that is put together once.
-_COLUMNS = SubmapRow.__table__.c
-_HEAD = len(FoundSubmap.__slots__) - 2
-_FOUND = select(*(_COLUMNS[name] for name in (*FoundSubmap.__slots__[:_HEAD], *Place.__slots__))).where(
-    _COLUMNS.collection_key == bindparam("collection"), _COLUMNS.key.in_(bindparam("keys", expanding=True))
-)
-_FOUND_WHOLE = _FOUND.add_columns(_COLUMNS.landmarks)
 _LANDMARKS = (undefer(SubmapRow.landmarks), undefer(SubmapRow.landmark_ids), undefer(SubmapRow.attributes))
 
 
