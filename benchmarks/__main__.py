@@ -13,6 +13,7 @@ from rich.table import Table
 
 from benchmarks.everyday import Forest, QueryCost, build, describe_cost, ingest_rate, query_cost
 from benchmarks.machine import machine
+from benchmarks.service import bulk_rate, http_cost
 from urquhart import Config, warm_up
 
 SETTINGS = {"20 cm, 90 % seen": (0.2, 0.9), "40 cm, 80 % seen": (0.4, 0.8)}
@@ -21,13 +22,14 @@ SETTINGS = {"20 cm, 90 % seen": (0.2, 0.9), "40 cm, 80 % seen": (0.4, 0.8)}
 def main(
     side: Annotated[float, typer.Option(help="Side of the simulated forest, metres.")] = 1500.0,
     seed: Annotated[int, typer.Option(help="Of all randomness.")] = 0,
+    bulk: Annotated[int, typer.Option(min=0, help="Submaps to store with all processes; 0 leaves it out.")] = 20_000,
     out: Annotated[Path, typer.Option(help="Where the figures go as JSON.")] = Path("benchmark-output/everyday.json"),
 ) -> None:
     """Measure describe, query and ingest for 100-landmark observations; print tables and write the figures as JSON."""
     rng = np.random.default_rng(seed)
     console = Console()
     with Progress(console=console, transient=True) as progress:
-        task = progress.add_task("compiling", total=7)
+        task = progress.add_task("compiling", total=9)
         warm_up(Config())
         progress.update(task, description="describing", advance=1)
         description = describe_cost(rng)
@@ -42,8 +44,12 @@ def main(
         queries["not in the database, 20 cm, 90 %"] = query_cost(
             recognizer, forest, rng, sigma=0.2, detection=0.9, foreign=foreign
         )
+        progress.update(task, description="asking over HTTP", advance=1)
+        http = http_cost(recognizer, forest, rng, sigma=0.2, detection=0.9)
         progress.update(task, description="storing", advance=1)
         rate, size = ingest_rate(forest)
+        progress.update(task, description="storing with all processes", advance=1)
+        stored = bulk_rate(forest, bulk) if bulk else None
         progress.advance(task)
 
     count = len(forest.submaps)
@@ -56,7 +62,9 @@ def main(
         "describe_submaps_per_second": count / describing,
         "index_submaps_per_second": count / indexing,
         "queries": {name: asdict(cost) for name, cost in queries.items()},
+        "http_ms": asdict(http),
         "ingest_submaps_per_second": rate,
+        "bulk": None if stored is None else asdict(stored),
         "database_bytes_per_submap": size,
     }
     out.parent.mkdir(parents=True, exist_ok=True)
@@ -69,6 +77,16 @@ def main(
         f"describe {count / describing:,.0f} submaps/s and index {count / indexing:,.0f} submaps/s on one core; "
         f"store {rate:,.0f} submaps/s with description, {size / 1000.0:.1f} kB each on disk"
     )
+    console.print(
+        f"the same query, 20 cm and 90 % seen: library {http.library:.2f} ms, over HTTP {http.http:.2f} ms, "
+        f"which adds {http.added:.2f} ms; answers of {http.answer_bytes / 1000.0:.1f} kB, "
+        f"{http.agreed} of {http.asked} agree"
+    )
+    if stored is not None:
+        console.print(
+            f"store {stored.submaps:,} submaps with {stored.processes} processes: {stored.overall:,.0f} submaps/s, "
+            f"{stored.sustained:,.0f} in the second half"
+        )
     console.print(f"figures: {out}")
 
 

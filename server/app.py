@@ -28,7 +28,8 @@ from server.threads import pin_threads
 from server.version import service_version
 
 _log = logging.getLogger(__name__)
-_ROUTERS = (pages.router, system.router, collections.router, submaps.router, queries.router)
+# The framework tries route after route: what is asked most and matters most comes first.
+_ROUTERS = (queries.router, submaps.router, collections.router, system.router, pages.router)
 _TAGS = [
     {"name": "collections", "description": "Submaps that share a configuration."},
     {"name": "submaps", "description": "Tree positions in one rigid frame, the unit that is stored and found."},

@@ -1,10 +1,21 @@
 """What can go wrong, in the words of the domain; `problems.py` alone knows which HTTP status each becomes."""
 
 from collections.abc import Sequence
+from typing import Any, Self
 
 
 class DomainError(Exception):
     """Base of all errors that are meant for the caller; `str(error)` is a sentence that says what to do."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickled without calling `__init__` again, whose arguments are not those of the base: errors of other
+        processes arrive as they were.
+        """
+        return type(self)._again, (self.args,), self.__dict__
+
+    @classmethod
+    def _again(cls, args: tuple[Any, ...]) -> Self:
+        return cls.__new__(cls, *args)
 
 
 class NotFound(DomainError):
@@ -85,6 +96,10 @@ class NotReady(DomainError):
     def __init__(self, check: str, detail: str) -> None:
         super().__init__(f"The check {check} is not passed yet: {detail}.")
         self.check = check
+
+
+class WorkerLost(DomainError):
+    """A process that worked for this one ended before it was done."""
 
 
 class StorageError(DomainError):

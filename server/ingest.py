@@ -5,16 +5,18 @@ looks again at what is there and at the preconditions.
 """
 
 from collections.abc import Iterable, Iterator
+from contextlib import closing, nullcontext
 from dataclasses import dataclass, field
-from itertools import islice
-from typing import Literal
+from typing import Literal, TypeVar
 
 from sqlalchemy.orm import Session
 
+from server import batches
+from server.batches import Described, Refusal
 from server.derive import config_of
-from server.errors import Conflict, DomainError, NotFound
+from server.errors import Conflict, NotFound
 from server.preconditions import ANYTHING, Preconditions
-from server.prepare import Prepared, check_properties, content_etag, place_from
+from server.prepare import Prepared, check_properties, content_etag, place_from, settle
 from server.registry import get_collection
 from server.schemas.submaps import NamedSubmap, SubmapInput, SubmapPatch
 from server.settings import Limits
@@ -24,8 +26,10 @@ from server.store.database import Database
 from server.store.submaps import Identity, SubmapRecord, Submaps, stored_place
 from server.store.tables import CollectionRow
 from server.threads import pin_threads
-from urquhart import Config
+from server.workers import Work, Workers
 
+_Given = TypeVar("_Given")
+_Task = TypeVar("_Task")
 Outcome = Literal["created", "replaced", "unchanged"]
 
 
@@ -37,14 +41,6 @@ class Receipt:
     etag: str
     revision: int
     counts: dict[str, int]
-
-
-@dataclass(frozen=True, slots=True)
-class Refusal:
-    """A submap that was not stored, and why."""
-
-    submap_id: str
-    error: DomainError
 
 
 @dataclass(slots=True)
@@ -88,10 +84,10 @@ def put(
     if not prepared.has_features(known):
         prepared.describe(config)
     with database.write() as session:
-        collection = _same_collection(session, collection)
+        collection = _same_collection(session, collection_id, collection.key)
         known = Submaps(session, collection.key).identities([submap_id]).get(submap_id)
         preconditions.check(known.etag if known else None)
-        return _store(session, collection, [(known, prepared)], config)[0]
+        return _store(session, collection, [(known, prepared.record(known, config))])[0]
 
 
 def patch(
@@ -154,60 +150,83 @@ def ingest_many(
     *,
     batch_size: int = 500,
     limits: Limits | None = None,
+    workers: Workers | None = None,
 ) -> Iterator[BatchResult]:
     """Store many submaps, a transaction for each batch; yields what became of each batch once it is durable.
 
     A submap that cannot be used is reported in `refused` and does not stop the others. An id that is there already is
-    replaced; of an id that comes twice in a batch, the last stands. Raises NotFound and StorageError.
+    replaced; of an id that comes twice in a batch, the last stands. While a batch is written, the next ones are
+    described by `workers` (of `batches.describers`; without it a pool for this call, a process for each core), which
+    are started when the work goes on for more than a second.
+
+    Raises NotFound, StorageError and WorkerLost; what was yielded is stored.
     """
     limits = limits or Limits()
+    work = batches.of_submaps(database, collection_id, limits)
+    return _ingest(database, collection_id, work, batches.cut(submaps, batch_size, batches.weigh_submap), workers)
+
+
+def ingest_lines(
+    database: Database,
+    collection_id: str,
+    lines: Iterable[bytes],
+    *,
+    batch_size: int = 500,
+    limits: Limits | None = None,
+    workers: Workers | None = None,
+) -> Iterator[BatchResult]:
+    """Store submaps that come as lines of NDJSON, each the body of a PUT with the submap's `id`; as `ingest_many`.
+
+    Lines are read where they are described, which is the fastest way in. Empty ones are passed over.
+    """
+    limits = limits or Limits()
+    work = batches.of_lines(database, collection_id, limits)
+    return _ingest(database, collection_id, work, batches.cut(lines, batch_size, len), workers)
+
+
+def _ingest(
+    database: Database,
+    collection_id: str,
+    work: Work[_Given, _Task, Described],
+    given: Iterable[_Given],
+    workers: Workers | None,
+) -> Iterator[BatchResult]:
     pin_threads()
-    rows = iter(submaps)
-    while batch := list(islice(rows, batch_size)):
-        yield _ingest_batch(database, collection_id, batch, limits)
+    with (
+        nullcontext(workers) if workers is not None else batches.describers() as pool,
+        closing(pool.map(work, given)) as results,
+    ):
+        for described in results:
+            yield _write(database, collection_id, described)
 
 
-def _ingest_batch(database: Database, collection_id: str, batch: list[NamedSubmap], limits: Limits) -> BatchResult:
-    result = BatchResult()
-    latest: dict[str, Prepared] = {}
-    with database.read() as session:
-        collection = get_collection(session, collection_id)
-        known = Submaps(session, collection.key).identities({submap.id for submap in batch})
-    config = config_of(collection)
-    for submap in batch:
-        try:
-            prepared = Prepared(submap.id, submap, limits)
-            if not prepared.has_features(known.get(submap.id)):
-                prepared.describe(config)
-        except DomainError as error:
-            result.refused.append(Refusal(submap.id, error))
-            continue
-        if latest.pop(submap.id, None) is not None:
-            result.replaced += 1
-        latest[submap.id] = prepared
-        result.landmarks += submap.landmark_count
+def _write(database: Database, collection_id: str, batch: Described) -> BatchResult:
+    result = BatchResult(replaced=batch.superseded, refused=batch.refused, landmarks=batch.landmarks)
     with database.write() as session:
-        collection = _same_collection(session, collection)
-        known = Submaps(session, collection.key).identities(latest)
-        receipts = _store(session, collection, [(known.get(name), new) for name, new in latest.items()], config)
+        collection = _same_collection(session, collection_id, batch.collection_key)
+        known = Submaps(session, collection.key).identities([record.id for record in batch.records])
+        receipts = _store(session, collection, [(known.get(record.id), record) for record in batch.records])
         result.revision = max((receipt.revision for receipt in receipts), default=collection.revision)
     for receipt in receipts:
         setattr(result, receipt.outcome, getattr(result, receipt.outcome) + 1)
     return result
 
 
-def _same_collection(session: Session, before: CollectionRow) -> CollectionRow:
-    now = get_collection(session, before.id)
-    if now.key != before.key:
-        raise Conflict(f"The collection {before.id!r} was deleted and made again meanwhile; send the submap again.")
+def _same_collection(session: Session, collection_id: str, key: int) -> CollectionRow:
+    now = get_collection(session, collection_id)
+    if now.key != key:
+        raise Conflict(f"The collection {collection_id!r} was deleted and made again meanwhile; send the submap again.")
     return now
 
 
 def _store(
-    session: Session, collection: CollectionRow, pairs: list[tuple[Identity | None, Prepared]], config: Config
+    session: Session, collection: CollectionRow, pairs: list[tuple[Identity | None, SubmapRecord]]
 ) -> list[Receipt]:
     """Write what differs from what is known, under one new revision."""
-    changes = [(known, new.record(known, config)) for known, new in pairs if known is None or known.etag != new.etag]
+    config = config_of(collection)
+    changes = [
+        (known, settle(record, known, config)) for known, record in pairs if known is None or known.etag != record.etag
+    ]
     revision = collection.revision
     if changes:
         replaced = [known for known, _ in changes if known is not None]

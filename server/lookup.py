@@ -16,8 +16,9 @@ from server.metrics import Metrics
 from server.prepare import check_landmark_count, invalid_landmarks
 from server.schemas.queries import QueryAnswer, QueryInput, QueryLinks
 from server.settings import Limits
-from server.store.codec import unpack_diameters, unpack_ids, unpack_positions
+from server.store.codec import position_names, unpack_diameters, unpack_ids, unpack_positions
 from server.store.database import Database
+from server.store.found import FoundSubmap, found_submaps
 from server.store.submaps import Submaps
 from server.store.tables import CollectionRow, SubmapRow
 from server.stored_queries import keep
@@ -39,7 +40,7 @@ class Observation:
     stamp: datetime | None
 
     def names(self) -> list[str]:
-        return self.ids if self.ids is not None else [str(i) for i in range(len(self.xy))]
+        return self.ids if self.ids is not None else position_names(len(self.xy))
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +119,7 @@ def look_up(
         except LandmarkError as error:
             raise invalid_landmarks(error, body) from error
         keys = {candidate.key for candidate in found.candidates} | {rival.key for rival in found.rivals[:1]}
-        rows = submaps.by_keys(keys, landmarks=to_draw)
+        rows = found_submaps(view.session, view.collection.key, keys, landmarks=to_draw)
         answer = _answer(view, body, asked, found, rows)
         landmarks = {row.id: unpack_positions(row.landmarks) for row in rows.values()} if to_draw else {}
     metrics.verdicts.labels(answer.verdict).inc()
@@ -143,7 +144,7 @@ def _stored_observation(row: SubmapRow, body: QueryInput) -> Observation:
 
 
 def _answer(
-    view: View, body: QueryInput, asked: Observation, found: Recognition, rows: dict[int, SubmapRow]
+    view: View, body: QueryInput, asked: Observation, found: Recognition, rows: dict[int, FoundSubmap]
 ) -> QueryAnswer:
     collection_id, submaps = view.collection.id, Submaps(view.session, view.collection.key)
     # What is kept is kept whole: a stored answer can always be explained.

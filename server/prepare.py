@@ -1,5 +1,6 @@
 """A posted submap made ready for the store: checked against the limits, hashed, described."""
 
+from dataclasses import replace
 from datetime import datetime
 from typing import Any
 
@@ -12,7 +13,14 @@ from server.errors import InvalidLandmarks, TooLarge
 from server.schemas.common import MapPose
 from server.schemas.submaps import LandmarkBody, SubmapInput
 from server.settings import Limits
-from server.store.codec import digest, pack_json, pack_positions, unpack_attributes
+from server.store.codec import (
+    digest,
+    pack_json,
+    pack_positions,
+    unpack_attributes,
+    unpack_diameters,
+    unpack_positions,
+)
 from server.store.submaps import Identity, Place, SubmapRecord
 from urquhart import SE2, Config, Features, LandmarkError
 
@@ -30,8 +38,7 @@ class Prepared:
         self._place = place_from(body.map_pose, self._xy)
         self._landmarks = pack_positions(self._xy)
         self._ids = pack_json(body.landmark_ids())
-        self._known = body.attributes() or {}
-        self._attributes = pack_json(self._known or None)
+        self._attributes = pack_json(body.attributes())
         self._features: Features | None = None
         self.landmarks_hash = digest(self._landmarks)
         self.etag = content_etag(
@@ -56,11 +63,7 @@ class Prepared:
 
     def has_features(self, known: Identity | None) -> bool:
         """Whether what is there has the same positions and diameters, and with them the same features."""
-        return (
-            known is not None
-            and known.landmarks_hash == self.landmarks_hash
-            and unpack_attributes(known.attributes).get("dbh") == self._known.get("dbh")
-        )
+        return known is not None and _same_trees(known, self.landmarks_hash, self._attributes)
 
     def record(self, known: Identity | None, config: Config) -> SubmapRecord:
         """What to store, given what is known to be there: features are made only for landmarks that are new."""
@@ -87,6 +90,27 @@ class Prepared:
             attributes=self._attributes,
             features=features,
         )
+
+
+def settle(record: SubmapRecord, known: Identity | None, config: Config) -> SubmapRecord:
+    """A record that was made earlier, made to fit what is known to be there by now.
+
+    Features are left out where they are there, and made where another write took them away meanwhile.
+    """
+    if known is not None and _same_trees(known, record.landmarks_hash, record.attributes):
+        return replace(record, counts=known.counts, polygon_count=known.polygon_count, features=None)
+    if record.features is not None:
+        return record
+    made = urquhart.describe(np.array(unpack_positions(record.landmarks)), config, unpack_diameters(record.attributes))
+    return replace(record, counts=made.counts(), polygon_count=len(made.tessellation), features=made.pack())
+
+
+def _same_trees(known: Identity, landmarks_hash: str, attributes: bytes | None) -> bool:
+    if known.landmarks_hash != landmarks_hash:
+        return False
+    return known.attributes == attributes or (
+        unpack_attributes(known.attributes).get("dbh") == unpack_attributes(attributes).get("dbh")
+    )
 
 
 def check_landmark_count(body: LandmarkBody, limits: Limits) -> None:

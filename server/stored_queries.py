@@ -21,6 +21,7 @@ from server.settings import Limits
 from server.store.codec import pack_json, pack_positions, unpack_positions
 from server.store.collections import Collections
 from server.store.database import Database
+from server.store.found import found_submaps
 from server.store.queries import Queries
 from server.store.submaps import Submaps
 from server.store.tables import CollectionRow, QueryRow
@@ -113,7 +114,7 @@ def stored_match(database: Database, collection_id: str, query_id: str, rank: in
         if not 1 <= rank <= len(answer.candidates):
             raise NotFound(f"candidate of query {query_id!r} with rank", str(rank))
         candidate = _unpack(stored.candidates[rank - 1])
-        row = Submaps(session, collection.key).by_keys([candidate.key], landmarks=True).get(candidate.key)
+        row = found_submaps(session, collection.key, [candidate.key], landmarks=True).get(candidate.key)
         if row is None or row.content_revision > answer.revision:
             what = "deleted" if row is None else "given other landmarks"
             raise Gone(

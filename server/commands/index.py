@@ -19,6 +19,7 @@ from rich.progress import (
 from rich.text import Text
 
 import urquhart
+from server.batches import describers
 from server.commands.failure import Failure
 from server.commands.serve import open_database, settings_with
 from server.registry import ensure
@@ -40,6 +41,10 @@ def index(
     database: Annotated[
         Path | None,
         typer.Option(help="The SQLite file. (default: URQUHART_DATABASE or urquhart.db)", show_default=False),
+    ] = None,
+    processes: Annotated[
+        int | None,
+        typer.Option(min=1, max=256, help="Processes that describe submaps. (default: one a core)", show_default=False),
     ] = None,
 ) -> None:
     """Cut stem maps into overlapping submaps and store them.
@@ -68,7 +73,7 @@ def index(
         ensure_collection(store, collection)
         with console.status("loading the kernels"):  # compiled at the first use, which is no part of the rate
             urquhart.describe(np.random.default_rng(0).uniform(0.0, 50.0, (30, 2)), urquhart.Config())
-        with progress_bar(console) as progress:
+        with describers(processes) as workers, progress_bar(console) as progress:
             for path, stem_map, stand in zip(files, stem_maps, stands, strict=True):
                 task = progress.add_task(path.name, total=len(stand.discs))
                 try:
@@ -80,6 +85,7 @@ def index(
                             stand,
                             limits=settings.limits,
                             advance=partial(progress.advance, task),
+                            workers=workers,
                         )
                     )
                 except StandError as error:

@@ -35,13 +35,14 @@ class Service:
     readiness: Readiness
 
 
-def get_service(request: Request) -> Service:
+# Not `async` for what they wait for: the framework would send a plain function to a thread and back.
+async def get_service(request: Request) -> Service:
     """The service that the app was built with."""
     service: Service = request.app.state.service
     return service
 
 
-def get_preconditions(
+async def get_preconditions(
     if_match: Annotated[str | None, Header(description="Only if the entity tag is this one; * for any.")] = None,
     if_none_match: Annotated[str | None, Header(description="Only if it is not this one; * for nothing there.")] = None,
 ) -> Preconditions:

@@ -13,7 +13,7 @@ from starlette.responses import Response
 from starlette.types import Scope
 
 from server import errors
-from server.http.pointers import field_problems
+from server.schemas.pointers import field_problems
 
 MEDIA_TYPE = "application/problem+json"
 _log = logging.getLogger("server")

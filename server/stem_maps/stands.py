@@ -6,15 +6,19 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+import orjson
+from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from server.ingest import Refusal, ingest_many
+from server.batches import Refusal
+from server.ingest import ingest_lines
 from server.schemas.common import MapPose, check_id
-from server.schemas.submaps import Landmark, NamedSubmap
+from server.schemas.submaps import Landmark
 from server.settings import Limits
-from server.stem_maps.discs import Cut, Disc, cut
+from server.stem_maps.discs import Cut, cut
 from server.stem_maps.reader import StemMap
 from server.store.database import Database
+from server.workers import Workers
 
 BATCH = 200
 
@@ -49,18 +53,20 @@ def store_stand(
     *,
     limits: Limits,
     advance: Callable[[int], None] | None = None,
+    workers: Workers | None = None,
 ) -> StandReport:
     """Store the discs of `stand`, which `stem_map` was cut into, in a collection that exists.
 
-    `advance` is told how many more submaps are durable, batch by batch.
+    `advance` is told how many more submaps are durable, batch by batch; `workers` are as in `ingest_lines`.
 
     Raises:
-        StandError: the map's name or a tree's id or species is not one that a submap can have.
-        DomainError: what `ingest_many` raises; the batches before are stored.
+        StandError: a tree's id or species is not one that a landmark can have; nothing is stored.
+        DomainError: what `ingest_lines` raises; the batches before are stored.
     """
     report = StandReport(stem_map.name, stand)
     began = time.perf_counter()
-    for batch in ingest_many(database, collection, submaps_of(stem_map, stand), batch_size=BATCH, limits=limits):
+    lines = lines_of(stem_map, stand)
+    for batch in ingest_lines(database, collection, lines, batch_size=BATCH, limits=limits, workers=workers):
         report.created += batch.created
         report.replaced += batch.replaced
         report.unchanged += batch.unchanged
@@ -87,38 +93,40 @@ def cut_stand(stem_map: StemMap, radius: float, spacing: float, limits: Limits) 
     return cut(stem_map, radius, spacing, maximum_trees=limits.landmarks)
 
 
-def submaps_of(stem_map: StemMap, stand: Cut) -> Iterator[NamedSubmap]:
-    """The discs as submaps: each in its own frame, with the trees' ids and what else is known of them.
+def lines_of(stem_map: StemMap, stand: Cut) -> Iterator[bytes]:
+    """The discs as lines of NDJSON: each in its own frame, with the trees' ids and what else is known of them.
 
     Raises:
-        StandError: a tree's id or species is not one that a landmark can have.
+        StandError: a tree's id or species is not one that a landmark can have; before the first line.
     """
+    known = _known(stem_map, np.unique(np.concatenate([disc.tree_indices for disc in stand.discs])))
+    bare = stem_map.dbh_cm is None and stem_map.height_m is None and stem_map.species is None
     for disc in stand.discs:
-        try:
-            yield NamedSubmap(
-                id=disc.submap_id,
-                frame_id=disc.submap_id,
-                # The frame was cut out of the map: its pose there is exact.
-                map_pose=MapPose(
-                    frame_id=stem_map.name, x=disc.centre[0], y=disc.centre[1], yaw=0.0, covariance=[0.0] * 9
-                ),
-                **_landmarks(stem_map, disc),
-            )
-        except ValidationError as error:
-            first = error.errors()[0]
-            raise StandError(
-                f"{stem_map.name}: tree value {first['input']!r}: {first['msg'].removeprefix('Value error, ')}"
-            ) from error
+        trees = disc.tree_indices.tolist()
+        landmarks: dict[str, Any]
+        if bare:
+            landmarks = {"xy": np.ascontiguousarray(disc.xy), "ids": [stem_map.ids[tree] for tree in trees]}
+        else:
+            positions = zip(trees, disc.xy.tolist(), strict=True)
+            landmarks = {"landmarks": [{**known[tree], "x": x, "y": y} for tree, (x, y) in positions]}
+        # The frame was cut out of the map: its pose there is exact.
+        pose = MapPose(frame_id=stem_map.name, x=disc.centre[0], y=disc.centre[1], yaw=0.0, covariance=[0.0] * 9)
+        submap = {"id": disc.submap_id, "frame_id": disc.submap_id, "map_pose": pose.model_dump(), **landmarks}
+        yield orjson.dumps(submap, option=orjson.OPT_SERIALIZE_NUMPY)
 
 
-def _landmarks(stem_map: StemMap, disc: Disc) -> dict[str, Any]:
-    trees = disc.tree_indices.tolist()
-    ids = [stem_map.ids[tree] for tree in trees]
-    if stem_map.dbh_cm is None and stem_map.height_m is None and stem_map.species is None:
-        return {"xy": [tuple(point) for point in disc.xy.tolist()], "ids": ids}
-    return {
-        "landmarks": [_landmark(stem_map, tree, x, y) for tree, (x, y) in zip(trees, disc.xy.tolist(), strict=True)]
-    }
+def _known(stem_map: StemMap, trees: NDArray[np.int64]) -> dict[int, dict[str, Any]]:
+    """What is known of trees besides their position, checked once for all the discs that they are in."""
+    try:
+        return {
+            tree: _landmark(stem_map, tree, 0.0, 0.0).model_dump(exclude_unset=True, exclude={"x", "y"})
+            for tree in trees.tolist()
+        }
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise StandError(
+            f"{stem_map.name}: tree value {first['input']!r}: {first['msg'].removeprefix('Value error, ')}"
+        ) from error
 
 
 def landmarks_of(stem_map: StemMap) -> list[Landmark]:

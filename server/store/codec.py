@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 _STEMS: Final = (1e-4, 1e4)
 """Metres. Stems beyond, which an older version let in, count as not known: float32 may not hold them."""
 
+_NAMES: Final = [str(i) for i in range(1000)]
+"""Made once: each answer names landmarks of several submaps."""
+
 
 def pack_positions(xy: NDArray[np.float64]) -> bytes:
     """(N, 2) float64, metres, as little-endian bytes, row by row."""
@@ -26,10 +29,15 @@ def pack_json(value: object | None) -> bytes | None:
     return None if value is None else orjson.dumps(value)
 
 
+def position_names(count: int) -> list[str]:
+    """The default ids of landmarks: their positions."""
+    return _NAMES[:count] if count <= len(_NAMES) else [str(i) for i in range(count)]
+
+
 def unpack_ids(blob: bytes | None, count: int) -> list[str]:
     """Landmark ids by position; without a blob the positions themselves."""
     if blob is None:
-        return [str(i) for i in range(count)]
+        return position_names(count)
     return [str(name) for name in orjson.loads(blob)]
 
 

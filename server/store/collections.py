@@ -5,10 +5,13 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import delete, func, select, update
+from sqlalchemy import bindparam, delete, func, select, update
 from sqlalchemy.orm import Session
 
 from server.store.tables import CollectionRow, SubmapRow
+
+# Every request begins with it: put together once.
+_BY_ID = select(CollectionRow).where(CollectionRow.id == bindparam("id"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +33,7 @@ class Collections:
 
     def get(self, collection_id: str) -> CollectionRow | None:
         """The collection of that id, or None."""
-        return self._session.scalar(select(CollectionRow).where(CollectionRow.id == collection_id))
+        return self._session.scalar(_BY_ID, {"id": collection_id})
 
     def page(self, *, after_key: int = 0, limit: int) -> Sequence[CollectionRow]:
         """Up to `limit` collections in the order they were made, beginning after a key."""

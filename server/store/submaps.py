@@ -153,15 +153,6 @@ class Submaps:
             found.update({row.key: row.id for row in self._session.execute(query)})
         return found
 
-    def by_keys(self, keys: Collection[int], *, landmarks: bool) -> dict[int, SubmapRow]:
-        """Submaps with their landmark ids, and with their landmarks if asked, by key."""
-        loaded = _LANDMARKS if landmarks else (undefer(SubmapRow.landmark_ids),)
-        found: dict[int, SubmapRow] = {}
-        for some in _batches(list(keys)):
-            query = self._all().where(SubmapRow.key.in_(some)).options(*loaded)
-            found.update({row.key: row for row in self._session.scalars(query)})
-        return found
-
     def insert(self, records: Sequence[SubmapRecord], revision: int) -> None:
         """Add submaps that are not there yet."""
         now = datetime.now(UTC)

@@ -32,7 +32,12 @@ class Instant(types.TypeDecorator[datetime]):
         return None if value is None else (value - _EPOCH) // timedelta(microseconds=1)
 
     def process_result_value(self, value: Any, dialect: Dialect) -> datetime | None:
-        return None if value is None else _EPOCH + timedelta(microseconds=value)
+        return read_instant(value)
+
+
+def read_instant(value: int | None) -> datetime | None:
+    """The moment that an `Instant` was stored as."""
+    return None if value is None else _EPOCH + timedelta(microseconds=value)
 
 
 class Table(DeclarativeBase):

@@ -10,11 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import ArrayLike
 
+from server.batches import read_line
 from server.schemas.common import check_id
 from server.settings import Limits
 from server.stem_maps.discs import MERGE_DISTANCE, MINIMUM_TREES, CuttingError, cut, merge
 from server.stem_maps.reader import StemMap, StemMapError, read_stem_map
-from server.stem_maps.stands import StandError, cut_stand, submaps_of
+from server.stem_maps.stands import StandError, cut_stand, lines_of
 
 STEM_MAPS = Path(__file__).parents[2] / "data" / "stem_maps"
 
@@ -243,7 +244,8 @@ def test_discs_become_submaps_with_their_pose_and_what_is_known(tmp_path: Path) 
     )
     stem_map = read_stem_map(write(tmp_path / "plot.csv", text))
     stand_cut = cut_stand(stem_map, 100.0, 50.0, Limits())
-    (submap,) = submaps_of(stem_map, stand_cut)
+    (line,) = lines_of(stem_map, stand_cut)
+    submap = read_line(line)
     assert submap.id == submap.frame_id == "plot-0-0"
     assert submap.map_pose is not None
     assert (submap.map_pose.frame_id, submap.map_pose.yaw) == ("plot", 0.0)
@@ -262,4 +264,4 @@ def test_names_that_a_submap_cannot_have_are_refused() -> None:
         cut_stand(stand(points, name="plot 7"), 30.0, 30.0, Limits())
     stem_map = StemMap("plot", ("a" * 200, *(str(i) for i in range(19))), points)
     with pytest.raises(StandError, match="plot: tree value 'aaa"):
-        list(submaps_of(stem_map, cut_stand(stem_map, 30.0, 30.0, Limits())))
+        list(lines_of(stem_map, cut_stand(stem_map, 30.0, 30.0, Limits())))

@@ -1,0 +1,175 @@
+"""What the service adds: the same queries in the library and over HTTP in turn, and bulk ingest with its processes."""
+
+import http.client
+import json
+import re
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+from typing import Final
+from urllib.parse import urlsplit
+
+import numpy as np
+import orjson
+
+from benchmarks.everyday import Forest
+from server import ingest, registry
+from server.batches import describers
+from server.schemas.collections import CollectionPut
+from server.store import schema
+from server.store.database import Database
+from urquhart import Recognizer
+
+COLLECTION: Final = "bench"
+_SERVING: Final = re.compile(r"serving on (http://\S+)")
+_PATIENCE: Final = 120.0
+
+
+@dataclass(frozen=True, slots=True)
+class HttpCost:
+    """Medians over queries that were asked both ways, one after the other, milliseconds.
+
+    Attributes:
+        library: `Recognizer.recognize` in this process.
+        http: from the first byte sent to the last one received, on one connection to a server on this machine.
+        added: of the differences, query by query.
+        answer_bytes: of an answer.
+        agreed: queries with the same verdict and best submap both ways, of `asked`.
+    """
+
+    library: float
+    http: float
+    added: float
+    answer_bytes: float
+    agreed: int
+    asked: int
+
+
+@dataclass(frozen=True, slots=True)
+class BulkRate:
+    """Submaps a second into a file: of all that were stored, and of the second half, when the processes are there."""
+
+    submaps: int
+    processes: int
+    overall: float
+    sustained: float
+
+
+def http_cost(
+    recognizer: Recognizer,
+    forest: Forest,
+    rng: np.random.Generator,
+    *,
+    sigma: float,
+    detection: float,
+    asked: int = 300,
+) -> HttpCost:
+    """Ask `recognizer`, which holds `forest`, and a server that holds it, with observations of the forest."""
+    library, over_http, sizes, agreed = [], [], [], 0
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "bench.db"
+        with _database(path) as database:
+            for _ in ingest.ingest_lines(database, COLLECTION, _lines(forest, len(forest.submaps))):
+                pass
+        with _served(path) as connection:
+            for number in range(asked + 20):
+                _, xy = forest.look(rng, sigma, detection)
+                body = json.dumps({"xy": xy.tolist()}).encode()
+                began = time.perf_counter()
+                found = recognizer.recognize(xy)
+                between = time.perf_counter()
+                raw = _post(connection, f"/v1/collections/{COLLECTION}/queries", body)
+                ended = time.perf_counter()
+                if number < 20:
+                    continue  # the first ones find nothing in any cache
+                library.append((between - began) * 1e3)
+                over_http.append((ended - between) * 1e3)
+                sizes.append(len(raw))
+                answer = json.loads(raw)
+                best = [int(one["submap_id"]) for one in answer["candidates"][:1]]
+                there = [candidate.key for candidate in found.candidates[:1]]
+                agreed += (answer["verdict"], best) == (found.verdict, there)
+    added = median(b - a for a, b in zip(library, over_http, strict=True))
+    return HttpCost(median(library), median(over_http), added, median(sizes), agreed, asked)
+
+
+def bulk_rate(forest: Forest, submaps: int, processes: int | None = None) -> BulkRate:
+    """Store NDJSON of `submaps` submaps, those of the forest over and over, each time a little to the side."""
+    with tempfile.TemporaryDirectory() as folder, _database(Path(folder) / "bench.db") as database:
+        with describers(processes) as workers:
+            stored, half = 0, (0, 0.0)
+            began = time.perf_counter()
+            for batch in ingest.ingest_lines(database, COLLECTION, _lines(forest, submaps), workers=workers):
+                stored += batch.created
+                if not half[0] and 2 * stored >= submaps:
+                    half = stored, time.perf_counter()
+            ended = time.perf_counter()
+        return BulkRate(stored, workers.processes, stored / (ended - began), (stored - half[0]) / (ended - half[1]))
+
+
+def _lines(forest: Forest, submaps: int) -> Iterator[bytes]:
+    for number in range(submaps):
+        turn, index = divmod(number, len(forest.submaps))
+        xy = forest.submaps[index] + 0.01 * turn
+        yield orjson.dumps({"id": str(number), "xy": xy}, option=orjson.OPT_SERIALIZE_NUMPY)
+
+
+@contextmanager
+def _database(path: Path) -> Iterator[Database]:
+    database = Database(path)
+    try:
+        schema.upgrade(database)
+        registry.ensure(database, COLLECTION, CollectionPut())
+        yield database
+    finally:
+        database.dispose()
+
+
+@contextmanager
+def _served(path: Path) -> Iterator[http.client.HTTPConnection]:
+    """A connection to a server that is ready, in a process of its own."""
+    command = [sys.executable, "-m", "server.cli", "serve", "--port", "0", "--database", str(path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            said = _SERVING.search(process.stdout.readline())
+            if said is None:
+                raise RuntimeError("the server did not start")
+            address = urlsplit(said.group(1))
+            connection = http.client.HTTPConnection(str(address.hostname), address.port, timeout=_PATIENCE)
+            connection.connect()
+            # Else the kernel waits for an acknowledgement between the head of a request and its body.
+            connection.sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            _wait_until_ready(connection)
+            yield connection
+            connection.close()
+        finally:
+            process.terminate()
+
+
+def _wait_until_ready(connection: http.client.HTTPConnection) -> None:
+    deadline = time.monotonic() + _PATIENCE
+    while time.monotonic() < deadline:
+        connection.request("GET", "/readyz")
+        response = connection.getresponse()
+        response.read()
+        if response.status == 200:
+            return
+        time.sleep(0.1)
+    raise RuntimeError("the server did not become ready")
+
+
+def _post(connection: http.client.HTTPConnection, path: str, body: bytes) -> bytes:
+    connection.request("POST", path, body, {"Content-Type": "application/json"})
+    response = connection.getresponse()
+    raw = response.read()
+    if response.status != 200:
+        raise RuntimeError(f"the server answered {response.status}: {raw[:200]!r}")
+    return raw

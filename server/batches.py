@@ -1,0 +1,225 @@
+"""Submaps by the hundred: cut into batches, read and described, in this process or in another.
+
+Models are slow to send from process to process, JSON is not: a batch travels as the lines of NDJSON that it came in or
+could have come in, and what comes back is ready to be written.
+"""
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Final, Generic, TypeVar
+
+import numpy as np
+import orjson
+from pydantic import ValidationError
+
+import urquhart
+from server.derive import config_of
+from server.errors import DomainError, InvalidField, MalformedBody
+from server.prepare import Prepared
+from server.registry import get_collection
+from server.schemas.pointers import field_problems
+from server.schemas.submaps import NamedSubmap
+from server.settings import Limits
+from server.store.database import Database
+from server.store.submaps import SubmapRecord, Submaps
+from server.threads import pin_threads
+from server.workers import PATIENCE, Work, Workers
+from urquhart import Config
+
+_Item = TypeVar("_Item")
+_MOST_BYTES: Final = 4 * 1024 * 1024
+"""Of a batch, about: submaps of thousands of landmarks come in smaller ones, a few of which fit into memory."""
+_LANDMARK_BYTES: Final = 40
+
+
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """A submap that was not stored, and why.
+
+    Attributes:
+        submap_id: None where not even that could be read.
+        error: what is wrong with it.
+        position: in what was given, from 0.
+    """
+
+    submap_id: str | None
+    error: DomainError
+    position: int
+
+
+@dataclass(frozen=True, slots=True)
+class Batch(Generic[_Item]):
+    """Some of what was given; `first` is the position of the first."""
+
+    first: int
+    items: list[_Item]
+
+
+@dataclass(slots=True)
+class Described:
+    """A batch that is ready to be written.
+
+    Attributes:
+        collection_key: the collection that it was described for.
+        records: what is to be stored, an id once.
+        superseded: how many were left out, because the same id came again later in the batch.
+        landmarks: of all that can be used.
+        refused: what cannot be used.
+    """
+
+    collection_key: int
+    records: list[SubmapRecord]
+    superseded: int
+    landmarks: int
+    refused: list[Refusal]
+
+
+@dataclass(frozen=True, slots=True)
+class _Task:
+    path: Path
+    collection_id: str
+    limits: Limits
+    first: int
+    lines: list[bytes]
+
+
+def describers(processes: int | None = None, *, patience: float = PATIENCE) -> Workers:
+    """Processes that describe batches: as many as there are cores, or 1 for this process alone.
+
+    `patience`: seconds of work before processes are started.
+    """
+    return Workers(processes, warm_up=_warm_up, patience=patience)
+
+
+def of_submaps(database: Database, collection_id: str, limits: Limits) -> Work[Batch[NamedSubmap], _Task, Described]:
+    """How batches of submaps are described for a collection. The work raises NotFound and StorageError."""
+
+    def here(batch: Batch[NamedSubmap]) -> Described:
+        return _describe(database, collection_id, limits, list(enumerate(batch.items, start=batch.first)), [])
+
+    def pack(batch: Batch[NamedSubmap]) -> _Task:
+        return _Task(database.path, collection_id, limits, batch.first, [line_of(submap) for submap in batch.items])
+
+    return Work(here, pack, _describe_there)
+
+
+def of_lines(database: Database, collection_id: str, limits: Limits) -> Work[Batch[bytes], _Task, Described]:
+    """How batches of NDJSON lines are described for a collection. The work raises NotFound and StorageError."""
+
+    def here(batch: Batch[bytes]) -> Described:
+        return _describe_lines(database, collection_id, limits, batch.first, batch.items)
+
+    def pack(batch: Batch[bytes]) -> _Task:
+        return _Task(database.path, collection_id, limits, batch.first, batch.items)
+
+    return Work(here, pack, _describe_there)
+
+
+def cut(items: Iterable[_Item], most: int, weigh: Callable[[_Item], int]) -> Iterator[Batch[_Item]]:
+    """Batches of up to `most` items, or fewer of such that weigh a lot of bytes."""
+    first, batch, weight = 0, list[_Item](), 0
+    for item in items:
+        batch.append(item)
+        weight += weigh(item)
+        if len(batch) >= most or weight >= _MOST_BYTES:
+            yield Batch(first, batch)
+            first, batch, weight = first + len(batch), [], 0
+    if batch:
+        yield Batch(first, batch)
+
+
+def weigh_submap(submap: NamedSubmap) -> int:
+    """Bytes that a submap takes as JSON, about."""
+    return submap.landmark_count * _LANDMARK_BYTES
+
+
+def line_of(submap: NamedSubmap) -> bytes:
+    """A submap as a line of NDJSON, which is read as one of the same content."""
+    return orjson.dumps(submap.model_dump(exclude_unset=True), option=orjson.OPT_UTC_Z)
+
+
+def read_line(line: bytes) -> NamedSubmap:
+    """The submap of one line of NDJSON. Raises MalformedBody and InvalidField."""
+    try:
+        members = orjson.loads(line)
+    except orjson.JSONDecodeError as error:
+        raise MalformedBody(f"The line is not JSON: {error.msg.split(': line')[0]} (column {error.colno}).") from error
+    try:
+        return NamedSubmap.model_validate(members)
+    except ValidationError as error:
+        raise _invalid(error) from error
+
+
+def _invalid(error: ValidationError) -> InvalidField:
+    found = field_problems([{**one, "loc": ("body", *one["loc"])} for one in error.errors(include_url=False)])
+    more = "" if len(found) == 1 else f" (and {len(found) - 1} more {'is' if len(found) == 2 else 'are'} wrong)"
+    return InvalidField(f"{found[0]['detail']}{more}", code=found[0]["code"], pointer=found[0]["pointer"])
+
+
+def _describe_there(task: _Task) -> Described:
+    return _describe_lines(_opened(task.path), task.collection_id, task.limits, task.first, task.lines)
+
+
+def _describe_lines(
+    database: Database, collection_id: str, limits: Limits, first: int, lines: Iterable[bytes]
+) -> Described:
+    submaps: list[tuple[int, NamedSubmap]] = []
+    refused: list[Refusal] = []
+    for position, line in enumerate(lines, start=first):
+        if not line or line.isspace():
+            continue
+        try:
+            submaps.append((position, read_line(line)))
+        except DomainError as error:
+            refused.append(Refusal(_id_in(line, error), error, position))
+    return _describe(database, collection_id, limits, submaps, refused)
+
+
+def _describe(
+    database: Database,
+    collection_id: str,
+    limits: Limits,
+    submaps: list[tuple[int, NamedSubmap]],
+    refused: list[Refusal],
+) -> Described:
+    """What can be used of some submaps, with features but for those that are there already with the same trees."""
+    with database.read() as session:
+        collection = get_collection(session, collection_id)
+        known = Submaps(session, collection.key).identities({submap.id for _, submap in submaps})
+    config = config_of(collection)
+    latest: dict[str, SubmapRecord] = {}
+    described = Described(collection.key, [], 0, 0, refused)
+    for position, submap in submaps:
+        try:
+            record = Prepared(submap.id, submap, limits).record(known.get(submap.id), config)
+        except DomainError as error:
+            refused.append(Refusal(submap.id, error, position))
+            continue
+        described.superseded += latest.pop(submap.id, None) is not None
+        latest[submap.id] = record
+        described.landmarks += submap.landmark_count
+    described.records = list(latest.values())
+    refused.sort(key=lambda one: one.position)
+    return described
+
+
+def _id_in(line: bytes, error: DomainError) -> str | None:
+    """The id of a line that is JSON but no submap, for the report."""
+    if isinstance(error, InvalidField):
+        members = orjson.loads(line)
+        if isinstance(members, dict) and isinstance(members.get("id"), str):
+            return str(members["id"])
+    return None
+
+
+@cache
+def _opened(path: Path) -> Database:
+    """The database of a worker, which only reads it; it is closed when the process ends."""
+    return Database(path)
+
+
+def _warm_up() -> None:
+    pin_threads()
+    urquhart.describe(np.random.default_rng(0).uniform(0.0, 50.0, (30, 2)), Config())

@@ -1,0 +1,290 @@
+"""Processes that compute for this one: started when they are worth it, gone when it is.
+
+Starting a process costs seconds, most of them to load what it computes with. So work begins in this process, and only
+when it has gone on for a while are others started beside it; what is short never waits for them.
+"""
+
+import contextlib
+import multiprocessing
+import os
+import pickle
+import queue
+import signal
+import threading
+import time
+import traceback
+from collections.abc import Callable, Generator, Iterable, Iterator
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection, wait
+from multiprocessing.context import SpawnProcess
+from types import TracebackType
+from typing import Any, Final, Generic, Self, TypeVar
+
+from server.errors import WorkerLost
+
+_Given = TypeVar("_Given")
+_Task = TypeVar("_Task")
+_Result = TypeVar("_Result")
+_THREADS: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+_AHEAD: Final = 2
+"""Tasks at each process: one that is worked at, and one so that it need not wait for the next."""
+PATIENCE: Final = 1.0
+"""Seconds of work before processes are started."""
+
+
+@dataclass(frozen=True, slots=True)
+class Work(Generic[_Given, _Task, _Result]):
+    """How something that is given becomes a result, in this process or in another.
+
+    Attributes:
+        here: makes the result in this process.
+        pack: what is sent to another process.
+        there: makes the result of what was sent; a function that the other process can import.
+    """
+
+    here: Callable[[_Given], _Result]
+    pack: Callable[[_Given], _Task]
+    there: Callable[[_Task], _Result]
+
+
+@dataclass(slots=True)
+class _Worker:
+    process: SpawnProcess
+    connection: Connection
+    ready: bool = False
+    tasks: set[int] = field(default_factory=set)
+
+
+class Workers:
+    """A pool of processes, to be shared by all that needs one; closed, it can be used again.
+
+    Processes are spawned, not forked: a program that uses them must be importable, its work behind
+    `if __name__ == "__main__"`. They end with this process, even when it is killed.
+    """
+
+    def __init__(
+        self, processes: int | None = None, *, warm_up: Callable[[], object], patience: float = PATIENCE
+    ) -> None:
+        """Start nothing yet.
+
+        Args:
+            processes: how many compute; None for one a core; 1 for this process alone.
+            warm_up: called in each process before its first task, to load what it needs.
+            patience: seconds of work before processes are started.
+        """
+        self.processes = processes if processes is not None else _cores()
+        self._warm_up = warm_up
+        self._patience = patience
+        self._spent = 0.0
+        self._workers: list[_Worker] = []
+        self._sequence = 0
+        self._busy = threading.Lock()
+
+    def __enter__(self) -> Self:
+        """The pool."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close the pool."""
+        self.close()
+
+    @property
+    def pids(self) -> list[int]:
+        """Of the processes that were started."""
+        return [worker.process.pid for worker in self._workers if worker.process.pid is not None]
+
+    def close(self) -> None:
+        """End the processes, whatever they are at. Nothing may be under way in `map`."""
+        workers, self._workers = self._workers, []
+        for worker in workers:
+            worker.process.terminate()
+            worker.connection.close()
+        for worker in workers:
+            worker.process.join()
+            worker.process.close()
+
+    def map(self, work: Work[_Given, _Task, _Result], given: Iterable[_Given]) -> Generator[_Result, None, None]:
+        """Results in the order of what is given, of which no more than a few are taken in advance.
+
+        Where `given` ends with an exception, it is raised after the results of all before it. While another thread has
+        the processes, everything is done in this one.
+
+        Raises WorkerLost when a process ends before its time, and what `work` raises.
+        """
+        if self.processes == 1 or not self._busy.acquire(blocking=False):
+            yield from map(work.here, given)
+            return
+        try:
+            yield from self._map(work, _Source(given))
+        finally:
+            self._busy.release()
+
+    def _map(self, work: Work[_Given, _Task, _Result], source: "_Source[_Given]") -> Iterator[_Result]:
+        done: dict[int, tuple[Any, Exception | None]] = {}
+        next_out = self._sequence
+        while True:
+            self._receive(done, next_out, timeout=0.0)
+            while self._sequence - next_out < _AHEAD * self.processes:
+                idle = self._idle()
+                found = source.take() if idle is not None else None
+                if idle is None or found is None:
+                    break
+                idle.tasks.add(self._sequence)
+                self._sequence += 1
+                self._send(idle, (self._sequence - 1, work.there, work.pack(found[0])))
+            if next_out < self._sequence:
+                while next_out not in done:
+                    self._receive(done, next_out)
+                result, error = done.pop(next_out)
+                if error is not None:
+                    raise error
+                yield result
+                next_out += 1
+            elif found := source.take():
+                yield self._here(work, found[0])
+            else:
+                source.check()
+                return
+
+    def _here(self, work: Work[_Given, _Task, _Result], given: _Given) -> _Result:
+        began = time.perf_counter()
+        result = work.here(given)
+        self._spent += time.perf_counter() - began
+        if not self._workers and self._spent >= self._patience:
+            self._start()
+        return result
+
+    def _start(self) -> None:
+        context = multiprocessing.get_context("spawn")
+        with _one_thread_each():
+            for number in range(self.processes):
+                ours, theirs = context.Pipe()
+                process = context.Process(
+                    target=_work, args=(theirs, self._warm_up), name=f"worker-{number}", daemon=True
+                )
+                process.start()
+                theirs.close()  # the only other end is the worker's: when either is gone, the other is told
+                self._workers.append(_Worker(process, ours))
+
+    def _idle(self) -> _Worker | None:
+        """The process with the least to do, None where each has enough or none is ready."""
+        free = [worker for worker in self._workers if worker.ready and len(worker.tasks) < _AHEAD]
+        return min(free, key=lambda worker: len(worker.tasks), default=None)
+
+    def _receive(self, done: dict[int, Any], first: int, timeout: float | None = None) -> None:
+        """Wait for processes and take what they have; results of before `first` belong to a map that was given up."""
+        by_connection = {worker.connection: worker for worker in self._workers}
+        for connection in wait(list(by_connection), timeout):
+            assert isinstance(connection, Connection)
+            worker = by_connection[connection]
+            try:
+                sequence, result, error = connection.recv()
+            except (EOFError, OSError) as gone:
+                raise self._lost(worker) from gone
+            if sequence is None:
+                worker.ready = True
+                continue
+            worker.tasks.discard(sequence)
+            if sequence >= first:
+                done[sequence] = (result, error)
+
+    def _send(self, worker: _Worker, message: object) -> None:
+        try:
+            worker.connection.send(message)
+        except OSError as gone:
+            raise self._lost(worker) from gone
+
+    def _lost(self, worker: _Worker) -> WorkerLost:
+        worker.process.join()
+        code = worker.process.exitcode or 0
+        how = f"was ended by signal {-code}" if code < 0 else f"ended with exit code {code}"
+        name = worker.process.name
+        self.close()
+        return WorkerLost(
+            f"The process {name}, one of {self.processes} at work, {how}; is memory short? What was reported as done "
+            "is done; do the rest again, perhaps with fewer processes."
+        )
+
+
+class _Source(Generic[_Given]):
+    """An iterator whose exception is kept until what came before it is done."""
+
+    def __init__(self, given: Iterable[_Given]) -> None:
+        self._iterator = iter(given)
+        self._error: Exception | None = None
+        self._ended = False
+
+    def take(self) -> tuple[_Given] | None:
+        """The next one, or None."""
+        if self._ended:
+            return None
+        try:
+            return (next(self._iterator),)
+        except StopIteration:
+            pass
+        except Exception as error:  # noqa: BLE001  raised by `check`, once its time has come
+            self._error = error
+        self._ended = True
+        return None
+
+    def check(self) -> None:
+        """Raise what ended the iterator before its time."""
+        if self._error is not None:
+            raise self._error
+
+
+@contextlib.contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Libraries size their thread pools when they are loaded: new processes must find the limit in place."""
+    before = {name: os.environ.get(name) for name in _THREADS}
+    os.environ.update(dict.fromkeys(_THREADS, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _work(connection: Connection, warm_up: Callable[[], object]) -> None:
+    """A worker's life. Tasks are read by a thread of their own: a sender never waits for one that waits for it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all of a terminal; the parent ends its workers
+    tasks: queue.SimpleQueue[Any] = queue.SimpleQueue()
+    threading.Thread(target=_read, args=(connection, tasks), daemon=True).start()
+    warm_up()
+    connection.send((None, None, None))
+    while True:
+        sequence, function, task = tasks.get()
+        result, failure = None, None
+        try:
+            result = function(task)
+        except Exception as error:  # noqa: BLE001  raised in the parent
+            failure = _portable(error)
+        connection.send((sequence, result, failure))
+
+
+def _portable(error: Exception) -> Exception:
+    """The error, as one that arrives, with the place where it was raised."""
+    told = "in a worker process:\n" + traceback.format_exc()
+    try:
+        pickle.loads(pickle.dumps(error))
+    except Exception:  # noqa: BLE001  whatever an exception's own pickling raises
+        error = RuntimeError(f"{type(error).__name__}: {error}")
+    error.add_note(told)
+    return error
+
+
+def _read(connection: Connection, tasks: "queue.SimpleQueue[Any]") -> None:
+    while True:
+        try:
+            tasks.put(connection.recv())
+        except (EOFError, OSError):
+            os._exit(0)  # the parent is gone: nobody wants the result that is being made

@@ -1,0 +1,86 @@
+"""What worker processes do in the tests, and how they are waited for; light to load, so that they start at once."""
+
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from server.errors import TooLarge
+from server.workers import Work, Workers
+
+
+class Unsendable(Exception):
+    """Cannot be built from its own arguments."""
+
+    def __init__(self, one: str, two: str) -> None:
+        super().__init__(one + two)
+
+
+def load() -> None:
+    """Nothing to load."""
+
+
+def fail_to_load() -> None:
+    """A process that cannot begin."""
+    raise SystemExit(7)
+
+
+def square(number: int) -> tuple[int, int]:
+    """The square, and the process it was made in; 0 takes longer than the others."""
+    if number == 0:
+        time.sleep(0.3)
+    return number * number, os.getpid()
+
+
+def large(number: int) -> bytes:
+    """More than fits into a pipe."""
+    return bytes([number]) * 3_000_000
+
+
+def length(blob: bytes) -> bytes:
+    """A large one for a large one."""
+    return blob * 2
+
+
+def refuse(number: int) -> int:
+    """Refuses 3, and 5 in a way that cannot be sent."""
+    if number == 3:
+        raise TooLarge("landmarks", 3, number, "Take fewer.")
+    if number == 5:
+        raise Unsendable("five ", "is odd")
+    return number
+
+
+def hang(path: str) -> None:
+    """Say which process this is, and work for ever."""
+    Path(path).write_text(str(os.getpid()))
+    time.sleep(600)
+
+
+SQUARES: Work[int, int, tuple[int, int]] = Work(square, int, square)
+REFUSALS: Work[int, int, int] = Work(refuse, int, refuse)
+LARGE: Work[int, bytes, bytes] = Work(lambda number: length(large(number)), large, length)
+
+
+def until(condition: Callable[[], bool]) -> None:
+    """Wait for something, a minute at most."""
+    deadline = time.monotonic() + 60.0
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def start(workers: Workers) -> None:
+    """Wait until each of the processes works."""
+    until(lambda: {pid for _, pid in workers.map(SQUARES, [1, 1, 1, 1])} >= set(workers.pids) != set())
+
+
+def gone(pid: int) -> bool:
+    """Whether a process is no more."""
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return True
+    status = Path(f"/proc/{pid}/stat")
+    # One that has ended, and nobody has asked how.
+    return status.exists() and status.read_text().rpartition(")")[2].split()[0] == "Z"
