@@ -13,6 +13,7 @@ from server.catalog import Catalog, View
 from server.errors import InvalidField, NotFound, TooLarge
 from server.explanations import Explained
 from server.metrics import Metrics
+from server.narrowing import keys_excluded, keys_near
 from server.prepare import check_landmark_count, invalid_landmarks
 from server.schemas.queries import QueryAnswer, QueryInput, QueryLinks
 from server.settings import Limits
@@ -97,15 +98,17 @@ def look_up(
     pin_threads()
     with catalog.view(collection_id) as view:
         submaps = Submaps(view.session, view.collection.key)
-        excluded = set(submaps.keys(body.exclude.submap_ids).values()) if body.exclude.submap_ids else set()
+        row = None
         if body.submap_id is None:
             asked = Observation(body.positions(), body.diameters(), body.landmark_ids(), body.frame_id, body.stamp)
         else:
             row = submaps.get_whole(body.submap_id)
             if row is None:
                 raise NotFound("submap", body.submap_id)
-            excluded.add(row.key)
             asked = _stored_observation(row, body)
+        excluded = keys_excluded(submaps, body.exclude, asked.stamp)
+        if row is not None:
+            excluded.add(row.key)
         rng = None if body.seed is None else np.random.default_rng(body.seed)
         try:
             found = view.recognizer.recognize(
@@ -114,6 +117,7 @@ def look_up(
                 limit=body.limit,
                 method=body.method,
                 exclude=excluded,
+                only=keys_near(submaps, body.near),
                 rng=rng,
             )
         except LandmarkError as error:

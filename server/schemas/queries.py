@@ -10,6 +10,7 @@ from server.schemas.common import (
     Answer,
     Body,
     Label,
+    Metres,
     Point,
     PoseWithCovariance,
     ResourceId,
@@ -38,6 +39,24 @@ class Exclude(Body):
     submap_ids: Annotated[list[ResourceId], Field(fail_fast=True)] = Field(
         default_factory=list, description="Submaps to leave out; ids that are not there are passed over."
     )
+    session: Label | None = Field(
+        None, description="Leave out the submaps of this session; with `within_seconds` only those."
+    )
+    within_seconds: Annotated[float, Field(ge=0, le=1e9, allow_inf_nan=False)] | None = Field(
+        None,
+        description="Leave out submaps with a stamp at most so many seconds from the query's, which must have one.",
+    )
+
+
+class Near(Body):
+    """About where in a map the query is: only submaps that come near there are searched."""
+
+    frame_id: Label = Field("map", description="The map's frame, as in `map_pose`.")
+    x: Metres = Field(description="Metres, as in `map_pose`.")
+    y: Metres = Field(description="Metres, as in `map_pose`.")
+    radius: Annotated[float, Field(gt=0, le=1e9, allow_inf_nan=False)] = Field(
+        description="Metres: a submap's footprint must come as near as this along either axis."
+    )
 
 
 class QueryInput(LandmarkBody):
@@ -50,6 +69,12 @@ class QueryInput(LandmarkBody):
                 {
                     "landmarks": [{"x": x, "y": y, "dbh": d} for (x, y), d in zip(_XY, _DBH, strict=True)],
                     "explain": True,
+                },
+                {
+                    "xy": _XY,
+                    "stamp": "2026-05-04T10:00:00Z",
+                    "near": {"x": 120.0, "y": -40.0, "radius": 50.0},
+                    "exclude": {"session": "monday", "within_seconds": 60.0},
                 },
                 {"submap_id": "p7", "exclude": {"submap_ids": ["p6", "p8"]}, "store": True, "seed": 1},
             ]
@@ -72,6 +97,7 @@ class QueryInput(LandmarkBody):
     )
     frame_id: Label | None = Field(None, description="Name of the frame that the landmarks are in.")
     stamp: Stamp | None = Field(None, description="When it was observed: RFC 3339 with an offset.")
+    near: Near | None = Field(None, description="About where it was observed, if that is known.")
     exclude: Exclude = Field(default_factory=Exclude, description="What must not be found.")
 
     @model_validator(mode="after")

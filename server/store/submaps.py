@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from typing import Any, TypeVar
 
-from sqlalchemy import Select, delete, insert, select, update
+from sqlalchemy import ColumnElement, Select, delete, insert, select, update
 from sqlalchemy.orm import Session, undefer
 
 from server.store.tables import DeletionRow, SubmapRow
@@ -195,24 +195,14 @@ class Submaps:
 
     def page(self, chosen: SubmapFilter, *, after_key: int = 0, limit: int, landmarks: bool) -> Sequence[SubmapRow]:
         """Up to `limit` submaps in the order they were added, beginning after a key."""
-        query = self._all().where(SubmapRow.key > after_key).order_by(SubmapRow.key).limit(limit)
-        if chosen.session is not None:
-            query = query.where(SubmapRow.session == chosen.session)
-        if chosen.map_frame_id is not None:
-            query = query.where(SubmapRow.map_frame_id == chosen.map_frame_id)
-        if chosen.bbox is not None:
-            min_x, min_y, max_x, max_y = chosen.bbox
-            query = query.where(
-                SubmapRow.map_min_x <= max_x,
-                SubmapRow.map_max_x >= min_x,
-                SubmapRow.map_min_y <= max_y,
-                SubmapRow.map_max_y >= min_y,
-            )
-        if chosen.since is not None:
-            query = query.where(SubmapRow.stamp >= chosen.since)
-        if chosen.until is not None:
-            query = query.where(SubmapRow.stamp <= chosen.until)
+        query = self._all().where(*_conditions(chosen), SubmapRow.key > after_key)
+        query = query.order_by(SubmapRow.key).limit(limit)
         return self._session.scalars(query.options(*_LANDMARKS) if landmarks else query).all()
+
+    def matching(self, chosen: SubmapFilter) -> set[int]:
+        """Keys of the submaps that are chosen."""
+        query = select(SubmapRow.key).where(SubmapRow.collection_key == self._collection_key, *_conditions(chosen))
+        return set(self._session.scalars(query))
 
     def changed_since(self, revision: int, *, batch: int) -> Iterator[StoredFeatures]:
         """Features of the submaps whose landmarks changed after a revision, streamed."""
@@ -240,6 +230,27 @@ class Submaps:
 
 
 _LANDMARKS = (undefer(SubmapRow.landmarks), undefer(SubmapRow.landmark_ids), undefer(SubmapRow.attributes))
+
+
+def _conditions(chosen: SubmapFilter) -> list[ColumnElement[bool]]:
+    conditions: list[ColumnElement[bool]] = []
+    if chosen.session is not None:
+        conditions.append(SubmapRow.session == chosen.session)
+    if chosen.map_frame_id is not None:
+        conditions.append(SubmapRow.map_frame_id == chosen.map_frame_id)
+    if chosen.bbox is not None:
+        min_x, min_y, max_x, max_y = chosen.bbox
+        conditions += [
+            SubmapRow.map_min_x <= max_x,
+            SubmapRow.map_max_x >= min_x,
+            SubmapRow.map_min_y <= max_y,
+            SubmapRow.map_max_y >= min_y,
+        ]
+    if chosen.since is not None:
+        conditions.append(SubmapRow.stamp >= chosen.since)
+    if chosen.until is not None:
+        conditions.append(SubmapRow.stamp <= chosen.until)
+    return conditions
 
 
 def _batches(items: list[_T]) -> Iterator[list[_T]]:

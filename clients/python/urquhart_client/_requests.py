@@ -174,6 +174,7 @@ def post_query(
     explain: bool,
     frame_id: str | None,
     stamp: datetime | str | None,
+    near: Mapping[str, Any] | None,
     exclude: Mapping[str, Any] | None,
 ) -> Request[QueryResult]:
     """Ask where an observation was made."""
@@ -185,6 +186,7 @@ def post_query(
         explain=explain or None,
         frame_id=frame_id,
         stamp=rfc3339(stamp),
+        near=None if near is None else dict(near),
         exclude=None if exclude is None else dict(exclude),
     )
     return _with_body("POST", f"{_collection(collection)}/queries", body, model(QueryResult))

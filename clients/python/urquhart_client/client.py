@@ -235,6 +235,7 @@ class Client:
         explain: bool = False,
         frame_id: str | None = None,
         stamp: datetime | str | None = None,
+        near: Mapping[str, Any] | None = None,
         exclude: Mapping[str, Any] | None = None,
     ) -> QueryResult:
         """Ask where an observation was made.
@@ -250,7 +251,9 @@ class Client:
             seed: of the random choices, for the same answer again.
             store: keep the answer, under `result.id`, so that its drawing and explanation can be fetched.
             explain: answer what each level found in each submap, too (`result.findings`).
-            exclude: what must not be found, e.g. `{"submap_ids": [...]}`.
+            near: about where in a map it was made, `{"x": ..., "y": ..., "radius": ..., "frame_id": "map"}`, metres.
+            exclude: what must not be found, e.g. `{"submap_ids": [...]}`, `{"session": "monday"}`, or
+                `{"within_seconds": 60}` of `stamp`.
         """
         if submap_id is None:
             observation = _bodies.landmarks(xy, ids, dbh, landmarks)
@@ -259,7 +262,9 @@ class Client:
         else:
             raise ValueError("give either landmarks or submap_id, not both")
         return self._send(
-            _requests.post_query(collection, observation, limit, method, seed, store, explain, frame_id, stamp, exclude)
+            _requests.post_query(
+                collection, observation, limit, method, seed, store, explain, frame_id, stamp, near, exclude
+            )
         )
 
     def get_query(self, collection: str, query_id: str) -> QueryResult:
