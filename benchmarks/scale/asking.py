@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from benchmarks.scale.database import COLLECTION, index_of, opened
 from benchmarks.scale.job import Figures, Job, Steps, memory, spread
 from benchmarks.scale.observations import Observations
+from benchmarks.scale.parts import COMPARED
 from benchmarks.scale.simulate import SUBMAPS, WARMING
 from benchmarks.scale.world import KINDS
 from server.catalog import Catalog
@@ -86,7 +87,8 @@ def summarize(rows: list[dict[str, Any]], *, inside: bool) -> Figures:
     """What became of the queries, and their times.
 
     `recall` is the share whose first candidate is right, whatever the verdict; `wrong` and `false` count what was
-    reported as matched and is not so, `mistaken` names those queries.
+    reported as matched and is not so, `mistaken` names those queries. `first` is for the comparison with rivals, which
+    are asked no more than that.
     """
     verdicts = Counter(row["verdict"] for row in rows)
     matched = [row for row in rows if row["verdict"] == "matched"]
@@ -103,6 +105,14 @@ def summarize(rows: list[dict[str, Any]], *, inside: bool) -> Figures:
         "no_match": verdicts["no_match"],
         "mistaken": [[row["number"], row["submap"], row["confidence"]] for row in matched if not row["right"]],
         "milliseconds": spread([row["milliseconds"] for row in rows]),
+        "first": {str(count): _first(rows[:count]) for count in COMPARED if inside and count <= len(rows)},
         "stages": {name: median(values) for name, values in spent.items()},
         "reached": {name: len(values) / len(rows) for name, values in spent.items()},
+    }
+
+
+def _first(rows: list[dict[str, Any]]) -> Figures:
+    return {
+        "recall": sum(row["right"] for row in rows) / len(rows),
+        "milliseconds": spread([row["milliseconds"] for row in rows]),
     }

@@ -35,7 +35,7 @@ PARTS: Final = {
     "outside-20": Part("asking", ("ingest",), asked=1_000),
     "inside-40": Part("asking", ("ingest",), asked=1_000),
     "outside-40": Part("asking", ("ingest",), asked=1_000),
-    "threads": Part("threads", ("ingest",), asked=400),
+    "threads": Part("threads", ("ingest",), asked=200),
     "http": Part("service", ("ingest",), asked=200),
     "rival-quads": Part("rivals.compare", ("simulate",), largest=100_000, asked=200),
     "rival-triangles": Part("rivals.compare", ("simulate",), largest=100_000, asked=200),
@@ -44,6 +44,8 @@ PARTS: Final = {
 """In the order in which they are run."""
 
 RIVALS: Final = tuple(name for name in PARTS if name.startswith("rival-"))
+COMPARED: Final = tuple(sorted({PARTS[name].asked for name in RIVALS}))
+"""Queries that some rival is asked: the first of those from inside."""
 _QUICK: Final = 20
 
 

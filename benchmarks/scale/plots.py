@@ -33,9 +33,15 @@ def sizes_of(figures: dict[str, Any]) -> list[int]:
     return sorted(int(size) for size in figures["sizes"])
 
 
+def parts_of(figures: dict[str, Any], size: int) -> dict[str, Any]:
+    """Figures of a size by part, none where it was not measured."""
+    found: dict[str, Any] = figures["sizes"].get(str(size), {}).get("parts", {})
+    return found
+
+
 def series(figures: dict[str, Any], read: Read) -> tuple[list[int], list[float]]:
     """Sizes for which there is such a figure, and the figures."""
-    found = [(size, read(figures["sizes"][str(size)]["parts"])) for size in sizes_of(figures)]
+    found = [(size, read(parts_of(figures, size))) for size in sizes_of(figures)]
     known = [(size, value) for size, value in found if value is not None]
     return [size for size, _ in known], [value for _, value in known]
 

@@ -1,14 +1,15 @@
 """docs/scaling.md, written from the JSON alone."""
 
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
 from benchmarks.machine import LIBRARIES
 from benchmarks.markdown import bullets, number, page, picture, prose, table
 from benchmarks.scale.parts import RIVALS
-from benchmarks.scale.plots import RIVAL_NAMES, Read, series, short, sizes_of
+from benchmarks.scale.plots import RIVAL_NAMES, Read, parts_of, series, short, sizes_of
 from benchmarks.scale.requirements import ASKED_OF, CAUSES, REQUIREMENTS, look, per, resident
+from benchmarks.scale.rivals.report import rivals
 from benchmarks.scale.world import KINDS
 
 Figures = dict[str, Any]
@@ -24,7 +25,7 @@ def write_report(figures: Figures) -> str:
         _stages(figures),
         _cost(figures),
         _service(figures),
-        _rivals(figures),
+        rivals(figures),
     )
 
 
@@ -74,7 +75,7 @@ def _requirements(figures: Figures) -> str:
     for requirement in REQUIREMENTS:
         row = [requirement.name]
         for size in ASKED_OF:
-            parts = _parts(figures, size)
+            parts = parts_of(figures, size)
             met = requirement.met(parts, size)
             row += [
                 requirement.show_bound(size),
@@ -86,7 +87,7 @@ def _requirements(figures: Figures) -> str:
                 missed.append(f"{requirement.name}, {short(size)}: {cause}")
         rows.append(row)
     head = ["", *(entry for size in ASKED_OF for entry in (f"{short(size)}: asked", "measured", "met"))]
-    known = [size for size in ASKED_OF if _parts(figures, size)]
+    known = [size for size in ASKED_OF if parts_of(figures, size)]
     absent = [short(size) for size in ASKED_OF if size not in known]
     return page(
         "## What is asked of it",
@@ -117,7 +118,7 @@ def _queries(figures: Figures) -> str:
         columns += [("ambiguous", look(name, "ambiguous"), 0), ("no match", look(name, "no_match"), 0)]
         columns += [(f"{p}, ms", look(name, "milliseconds", p), 1) for p in ("p50", "p95", "p99")]
         tables.append(_by_size(figures, f"{kind}", columns))
-    parts = [_parts(figures, size) for size in sizes_of(figures)]
+    parts = [parts_of(figures, size) for size in sizes_of(figures)]
     wrong = sum(one[name]["wrong"] for one in parts for name in KINDS if name in one)
     false = sum(one[name]["false"] for one in parts for name in KINDS if name in one)
     asked = sum(one[name]["asked"] for one in parts for name in KINDS if name in one)
@@ -163,7 +164,7 @@ def slope(figures: Figures, read: Read) -> float | None:
 def _stages(figures: Figures) -> str:
     tables = []
     for name, kind in KINDS.items():
-        of_size = {size: _parts(figures, size).get(name, {}) for size in sizes_of(figures)}
+        of_size = {size: parts_of(figures, size).get(name, {}) for size in sizes_of(figures)}
         stages = dict.fromkeys(stage for one in of_size.values() for stage in one.get("stages", {}))
         rows = [
             [
@@ -245,68 +246,12 @@ def _service(figures: Figures) -> str:
     )
 
 
-def _rivals(figures: Figures) -> str:
-    rows = []
-    for size in sizes_of(figures):
-        parts = _parts(figures, size)
-        for name in RIVALS:
-            if name not in parts:
-                continue
-            for kind, found in parts[name]["kinds"].items():
-                rows.append(
-                    [
-                        f"{short(size)}: {RIVAL_NAMES[name]}, {KINDS[kind].setting}",
-                        number(found["listed"], 3),
-                        number(found["recall"], 3),
-                        number(parts[kind]["recall"], 3) if kind in parts else "-",
-                        number(found["search"]["p50"], 1),
-                        number(found["milliseconds"]["p50"], 1),
-                        number(found["milliseconds"]["p95"], 1),
-                        number(parts[kind]["milliseconds"]["p50"], 1) if kind in parts else "-",
-                        number(parts[name]["bytes"] / 1000.0, 1),
-                    ]
-                )
-    head = ["submaps: rival, setting", "listed", "right", "ours", "search, ms", "p50, ms", "p95, ms", "ours, p50", "kB"]
-    return page(
-        "## Other ways to search",
-        prose(
-            """On the same submaps and the first of the same queries; each rival names 24 submaps with 32 poses at most
-            in each, which are then verified as ours are, and the one with most evidence is its answer, so that only the
-            search differs. *Listed*: the submap nearest to the query is among the 24. *Right*: the answer is. *kB*:
-            what is searched, a submap. Ours is the recall and median over all queries of that kind, without excuses for
-            those that it goes on to sweep for."""
-        ),
-        table(head, rows),
-        bullets(_WHAT),
-        prose(_STOPS),
-    )
-
-
-_WHAT: Final = (
-    """FAISS over quads: the five lengths that our quad index has, range search with a ball of the volume of our box;
-    exact up to a million quads, inverted lists beyond (`IndexIVFFlat`, 16 of them looked into); a vote for each
-    hit.""",
-    """Hashed triangles: the sorted sides of Delaunay triangles, after the Stable Triangle Descriptor (Yuan et
-    al., 2023); a vote for each triangle with all three sides within our tolerance, mirror images left out.""",
-    """Every submap swept: our last resort over the whole database. Its time is that of one submap times their number:
-    what it takes at a thousand, it takes a thousand times at a million.""",
-)
-_STOPS: Final = """The first two stop at 100k: their tables are made in memory in one piece. A million submaps have
-about 200 million quads and 140 million triangles; with the arrays that they are sorted from that is more than 12 GB,
-half of it before anything is searched. The third stops at 1k, where a query takes seconds already."""
-
-
 def _by_size(figures: Figures, title: str, columns: list[tuple[str, Read, int]]) -> str:
     """A line for each figure, a column for each size."""
     sizes = sizes_of(figures)
-    rows = [[name, *(_show(read(_parts(figures, size)), digits) for size in sizes)] for name, read, digits in columns]
+    rows = [[name, *(_show(read(parts_of(figures, size)), digits) for size in sizes)] for name, read, digits in columns]
     return table([title, *(short(size) for size in sizes)], rows)
 
 
 def _show(value: float | None, digits: int) -> str:
     return "-" if value is None else f"{value:,.{digits}f}"
-
-
-def _parts(figures: Figures, size: int) -> Figures:
-    found: Figures = figures["sizes"].get(str(size), {}).get("parts", {})
-    return found

@@ -1,7 +1,7 @@
 """The paper's forest as large as a database needs it, in tiles, each made from a seed of its own when it is seen.
 
-A tree knows no neighbour in the next tile: the 7 m between trees are not kept across the seams. Three trees in a hundred
-stand near enough to one for that, and the noise of 3 m hides most of it.
+A tree knows no neighbour in the next tile: the 7 m between trees are not kept across the seams. Three trees in a
+hundred stand near enough to one for that, and the noise of 3 m hides most of it.
 """
 
 import math
@@ -129,10 +129,8 @@ class World:
 
     def _tiles_near(self, x: float, y: float) -> Iterator[tuple[int, int]]:
         reach = RADIUS + _STRAY
-        first, last = ((max(int((v + r) // self.tile), 0) for v in (x, y)) for r in (-reach, reach))
-        (west, south), (east, north) = tuple(first), tuple(last)
-        for i in range(west, east + 1):
-            for j in range(south, north + 1):
+        for i in range(max(int((x - reach) // self.tile), 0), int((x + reach) // self.tile) + 1):
+            for j in range(max(int((y - reach) // self.tile), 0), int((y + reach) // self.tile) + 1):
                 yield i, j
 
     def _grow(self, forest: int, i: int, j: int) -> NDArray[np.float64]:
