@@ -44,6 +44,8 @@ PARTS: Final = {
 """In the order in which they are run."""
 
 RIVALS: Final = tuple(name for name in PARTS if name.startswith("rival-"))
+EXACT_UP_TO: Final = SIZES[0]
+"""Submaps up to which FAISS compares with all; beyond, it has inverted lists."""
 COMPARED: Final = tuple(sorted({PARTS[name].asked for name in RIVALS}))
 """Queries that some rival is asked: the first of those from inside."""
 _QUICK: Final = 20

@@ -10,6 +10,7 @@ import faiss
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.scale.parts import EXACT_UP_TO
 from benchmarks.scale.rivals.rival import CONFIG, TOLERANCE, Described, Ranking, most
 from urquhart import Features
 from urquhart.quads import align_quads, measure
@@ -20,8 +21,6 @@ RADIUS: Final = 2.0 * TOLERANCE / _UNIT_BALL**0.2
 """Metres."""
 _TURNED: Final = [2, 3, 0, 1, 4]
 """The lengths of a quad read from its third landmark on."""
-_EXACT: Final = 1_000_000
-"""Quads up to which all are compared; beyond, inverted lists."""
 _PROBES: Final = 16
 """Lists looked into for each quad."""
 _TRAINED: Final = 64
@@ -54,7 +53,7 @@ class QuadRival:
         counts = np.array(self._counts)
         self._owner = np.repeat(np.arange(len(counts), dtype=np.int32), counts)
         self._starts = np.concatenate([[0], np.cumsum(counts)])
-        if len(lengths) <= _EXACT:
+        if len(counts) <= EXACT_UP_TO:
             self._index = faiss.IndexFlatL2(5)
         else:
             lists = 2 ** round(math.log2(4.0 * math.sqrt(len(lengths))))

@@ -9,7 +9,7 @@ from benchmarks.scale.world import KINDS
 
 _WHAT: Final = (
     """FAISS over quads: the five lengths that our quad index has, range search with a ball of the volume of our box;
-    exact up to a million quads, inverted lists beyond (`IndexIVFFlat`, 16 of them looked into); a vote for each
+    exact up to a thousand submaps, inverted lists beyond (`IndexIVFFlat`, 16 of them looked into); a vote for each
     hit.""",
     """Hashed triangles: the sorted sides of Delaunay triangles, after the Stable Triangle Descriptor (Yuan et
     al., 2023); a vote for each triangle with all three sides within our tolerance, mirror images left out.""",
