@@ -2,7 +2,6 @@
 
 import os
 import shutil
-import time
 from collections.abc import Callable
 from pathlib import Path
 from statistics import median
@@ -15,6 +14,7 @@ from benchmarks.machine import machine
 from benchmarks.markdown import FOLDER
 from benchmarks.paper.plots import save
 from benchmarks.scale.job import Figures, Job
+from benchmarks.scale.others import watched
 from benchmarks.scale.parts import PARTS, SIZES, asked
 from benchmarks.scale.plots import PICTURES
 from benchmarks.scale.report import write_report
@@ -82,10 +82,11 @@ def measure(
             continue
         typer.echo(f"{size:>9,} {name}")
         job = Job(name, size, str(room.absolute()), asked(name, size, quick), seed, workers)
-        started = time.perf_counter()
-        figures = middle([run(job) for _ in range(1 if quick else part.runs)])
-        record.write(_record(room, name), figures | {"spent_seconds": time.perf_counter() - started})
-        typer.echo(f"{size:>9,} {name}: {time.perf_counter() - started:.1f} s")
+        around: Figures = {}
+        with watched(around):
+            figures = middle([run(job) for _ in range(1 if quick else part.runs)])
+        record.write(_record(room, name), figures | around)
+        typer.echo(f"{size:>9,} {name}: {around['spent_seconds']:.1f} s, others on {around['others']:.1f} cores")
     return {name: record.read(_record(room, name)) for name in PARTS if _record(room, name).exists()}
 
 

@@ -1,6 +1,6 @@
 """docs/scaling.md, written from the JSON alone."""
 
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -13,6 +13,8 @@ from benchmarks.scale.rivals.report import rivals
 from benchmarks.scale.world import KINDS
 
 Figures = dict[str, Any]
+QUIET: Final = 0.1
+"""Cores that other programs may keep busy before the page says so."""
 
 
 def write_report(figures: Figures) -> str:
@@ -66,8 +68,24 @@ def _head(figures: Figures) -> str:
             for news included; queries run one at a time on one core."""
         ),
         prose("Machine: " + "; ".join(machines) + f". Made by `{figures['command']}`, seed {figures['seed']}."),
+        prose(_others(figures)),
         table(["submaps", "km", "landmarks each", "simulation, minutes", "everything, minutes"], rows),
     )
+
+
+def _others(figures: Figures) -> str:
+    """A warning, where the machine did something else besides."""
+    shares = {
+        f"{short(size)}: {name}": part.get("others", 0.0)
+        for size in sizes_of(figures)
+        for name, part in parts_of(figures, size).items()
+    }
+    disturbed = {name: share for name, share in shares.items() if share > QUIET}
+    if not disturbed:
+        return ""
+    worst = max(disturbed, key=lambda name: disturbed[name])
+    return f"""The machine did other work during {len(disturbed)} of {len(shares)} measurements, which kept up to
+        {disturbed[worst]:.1f} cores busy ({worst}): times are longer than they would have been."""
 
 
 def _requirements(figures: Figures) -> str:
@@ -233,6 +251,7 @@ def _service(figures: Figures) -> str:
         ("library, p50, ms", look("http", "library", "p50"), 2),
         ("over HTTP, p50, ms", look("http", "http", "p50"), 2),
         ("**added, ms**", look("http", "added"), 2),
+        ("of it a request that asks nothing (`/livez`), ms", look("http", "empty", "p50"), 2),
         ("other verdicts", look("http", "differing"), 0),
         ("one thread, queries a second", look("threads", "queries_per_second", "1"), 1),
         ("two threads, queries a second", look("threads", "queries_per_second", "2"), 1),

@@ -28,7 +28,7 @@ def run(job: Job) -> Figures:
     queries = Observations.load(job.room, "inside-20")
     pin_threads()
     warm_up(Config())
-    here, there = dict[int, float](), dict[int, float]()
+    here, there, nothing = dict[int, float](), dict[int, float](), list[float]()
     said, found = dict[int, str](), dict[int, str]()
     with (
         opened(job.database) as catalog,
@@ -36,6 +36,10 @@ def run(job: Job) -> Figures:
         httpx.Client(base_url=url, timeout=_TIMEOUT, headers={"Content-Type": "application/json"}) as client,
     ):
         steps = Steps("asked over HTTP", job.asked)
+        for _ in range(job.asked):
+            start = time.perf_counter()
+            client.get("/livez").raise_for_status()
+            nothing.append(1e3 * (time.perf_counter() - start))
         # The first turn is asked twice: what is counted is the second time.
         for first in [0, *range(0, job.asked, _TURN)]:
             turn = range(first, min(first + _TURN, job.asked))
@@ -54,6 +58,7 @@ def run(job: Job) -> Figures:
     return {
         "asked": job.asked,
         "library": spread(list(here.values())),
+        "empty": spread(nothing),
         "http": spread(list(there.values())),
         "added": median(there.values()) - median(here.values()),
         "differing": sum(said[number] != found[number] for number in found),

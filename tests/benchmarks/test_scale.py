@@ -160,6 +160,10 @@ def test_a_small_database_finds_what_is_in_it_and_nothing_else(figures: dict[str
     steps = ("open_seconds", "index_seconds", "first_query_seconds")
     assert sum(parts["start"][step] for step in steps) == pytest.approx(parts["start"]["ready_seconds"], rel=1e-3)
     assert parts["http"]["differing"] == 0
+    assert parts["http"]["http"]["p50"] > parts["http"]["empty"]["p50"] > 0.0
+    assert all(
+        part["spent_seconds"] > 0.0 and 0.0 <= part["others"] <= (os.cpu_count() or 1) for part in parts.values()
+    )
     assert parts["threads"]["speedup"] > 0.0
 
 
@@ -303,6 +307,15 @@ def test_the_slope_is_the_exponent_of_growth(figures: dict[str, Any]) -> None:
     assert slope(figures, look("inside-20", "milliseconds", "p50")) is None
     assert "### How steeply" in write_report(grown)
     assert "### How steeply" not in write_report(figures)
+
+
+def test_the_page_says_when_the_machine_was_busy(figures: dict[str, Any]) -> None:
+    other = copy.deepcopy(figures)
+    for part in other["sizes"][str(TINY)]["parts"].values():
+        part["others"] = 0.0
+    assert "did other work" not in write_report(other)
+    other["sizes"][str(TINY)]["parts"]["http"]["others"] = 1.25
+    assert "other work during 1 of" in " ".join(write_report(other).split())
 
 
 def test_figures_of_other_sizes_stay(tmp_path: Path, figures: dict[str, Any]) -> None:
