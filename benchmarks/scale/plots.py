@@ -11,8 +11,9 @@ from benchmarks.scale.parts import RIVALS
 from benchmarks.scale.requirements import look, per, resident
 from benchmarks.scale.world import KINDS
 
+OURS: Final = "#1a1a1a"
 COLOURS: Final = {
-    "inside-20": "#1a1a1a",
+    "inside-20": OURS,
     "outside-20": "#d55e00",
     "inside-40": "#0072b2",
     "outside-40": "#e69f00",
@@ -25,6 +26,7 @@ RIVAL_NAMES: Final = {
     "rival-triangles": "hashed triangles",
     "rival-sweep": "every submap swept",
 }
+_PLAIN: Final = FuncFormatter(lambda value, _: f"{value:g}")
 Read = Callable[[dict[str, Any]], float | None]
 
 
@@ -51,7 +53,7 @@ def recall(figures: dict[str, Any]) -> Figure:
     figure = Figure(figsize=(9.6, 3.8), layout="constrained")
     axes = figure.subplots(1, 2, sharey=True)
     for ax, kind in zip(axes, ("inside-20", "inside-40"), strict=True):
-        _line(ax, figures, look(kind, "recall"), "#1a1a1a", "this project")
+        _line(ax, figures, look(kind, "recall"), OURS, "this project")
         for name in RIVALS:
             _line(ax, figures, look(name, "kinds", kind, "recall"), COLOURS[name], RIVAL_NAMES[name])
         ax.set(title=str(KINDS[kind].setting), ylim=(-0.02, 1.02))
@@ -77,9 +79,9 @@ def latency(figures: dict[str, Any]) -> Figure:
     left.set(title="this project", ylabel="milliseconds: p50, dotted p95", yscale="log")
     right.set(title="20 cm, 90 %, inside: rivals, with our verification", yscale="log")
     for ax in (left, right):
-        ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        ax.legend(loc="upper left")
+        ax.legend(loc="best")
         _grow(ax, figures)
+    left.yaxis.set_major_formatter(_PLAIN)
     return figure
 
 
@@ -88,23 +90,25 @@ def cost(figures: dict[str, Any]) -> Figure:
     figure = Figure(figsize=(9.6, 6.0), layout="constrained")
     axes = figure.subplots(2, 2, sharex=True).ravel()
     _line(axes[0], figures, per(1e3, look("ingest", "database_bytes")), "#0072b2", "database")
-    _line(axes[0], figures, per(1e3, look("ingest", "index_bytes")), "#1a1a1a", "index")
+    _line(axes[0], figures, per(1e3, look("ingest", "index_bytes")), OURS, "index")
     for name in RIVALS[:2]:
         _line(axes[0], figures, per(1e3, look(name, "bytes")), COLOURS[name], RIVAL_NAMES[name])
     axes[0].set(title="a submap", ylabel="kB", ylim=(0.0, None))
-    _line(axes[1], figures, resident, "#1a1a1a", "resident")
+    _line(axes[1], figures, resident, OURS, "resident")
     for key, colour in (("own", "#0072b2"), ("files", "#009e73")):
         _line(axes[1], figures, per(1e3, look("inside-20", "memory", key)), colour, _MEMORY[key])
     axes[1].set(title="memory after the queries", ylabel="GB", yscale="log")
-    for key, colour in (("ready_seconds", "#1a1a1a"), ("index_seconds", "#0072b2"), ("kernels_seconds", "#009e73")):
+    for key, colour in (("ready_seconds", OURS), ("index_seconds", "#0072b2"), ("kernels_seconds", "#009e73")):
         _line(axes[2], figures, look("start", key), colour, _START[key])
     axes[2].set(title="start", ylabel="s", yscale="log")
-    _line(axes[3], figures, look("ingest", "submaps_per_second"), "#1a1a1a", "until a query finds them")
+    _line(axes[3], figures, look("ingest", "submaps_per_second"), OURS, "until a query finds them")
     axes[3].set(title="ingest", ylabel="submaps a second", ylim=(0.0, None))
     for ax in axes:
-        ax.legend()
+        ax.legend(loc="best")
         _grow(ax, figures)
-        ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        ax.yaxis.set_major_formatter(_PLAIN)
+        if ax.get_yscale() == "log":
+            ax.yaxis.set_minor_formatter(_PLAIN)
     return figure
 
 
@@ -119,7 +123,8 @@ _START: Final = {
 def _line(ax: Axes, figures: dict[str, Any], read: Read, colour: str, label: str | None, *, style: str = "-") -> None:
     sizes, values = series(figures, read)
     if sizes:
-        ax.plot(sizes, values, style, marker="o", color=colour, label=label)
+        # What this project does lies on top of what others do as well.
+        ax.plot(sizes, values, style, marker="o", color=colour, label=label, zorder=3 if colour == OURS else 2)
 
 
 def _grow(ax: Axes, figures: dict[str, Any]) -> None:
