@@ -15,7 +15,7 @@ UV_COMPILE = $(UV) pip compile --quiet --universal --python-version 3.11 --gener
 	--no-emit-index-url --no-emit-find-links --custom-compile-command "make lock"
 
 .DEFAULT_GOAL := help
-.PHONY: help demo serve test lint bench bench-paper bench-robust lock clean
+.PHONY: help demo serve test lint bench bench-paper bench-robust bench-scale lock clean
 .DELETE_ON_ERROR:
 
 help: ## print every verb
@@ -43,6 +43,9 @@ bench-paper: $(VENV)/dev.stamp ## rerun the paper's experiments: tables, plots, 
 
 bench-robust: $(VENV)/dev.stamp ## how the default method holds: noise, plantations, real trees, its confidence
 	@$(BIN)/python -m benchmarks.robust $(ARGS)
+
+bench-scale: $(VENV)/dev.stamp ## how the database grows to 100k submaps; ARGS="--max-n 1000000" for a million
+	@$(BIN)/python -m benchmarks.scale $(ARGS)
 
 lock: ## resolve the lock files anew (needs uv)
 	@$(UV_COMPILE) pyproject.toml --output-file requirements.lock

@@ -21,7 +21,19 @@ ROOT = Path(__file__).parents[1]
 LOCKS = ("requirements.lock", "requirements-build.lock", "requirements-dev.lock")
 PROJECT: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text())
 CLIENT: dict[str, Any] = tomllib.loads((ROOT / "clients" / "python" / "pyproject.toml").read_text())
-VERBS = {"help", "demo", "serve", "test", "lint", "bench", "bench-paper", "bench-robust", "lock", "clean"}
+VERBS = {
+    "help",
+    "demo",
+    "serve",
+    "test",
+    "lint",
+    "bench",
+    "bench-paper",
+    "bench-robust",
+    "bench-scale",
+    "lock",
+    "clean",
+}
 
 
 def read(name: str) -> str:

@@ -1,0 +1,87 @@
+"""The database under measurement: filled in one call, opened as the service opens it.
+
+Two functions know what a release may change: `store` how many submaps are stored at once, `index_bytes` what an index
+takes on the disk.
+"""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Final
+
+from benchmarks.scale.observations import Observations
+from server import ingest, registry
+from server.catalog import Catalog, View
+from server.metrics import Metrics
+from server.schemas.collections import CollectionPut
+from server.schemas.submaps import NamedSubmap
+from server.store import schema
+from server.store.database import Database
+from server.store.renewal import bring_up_to_date
+from server.store.submaps import Submaps
+
+COLLECTION: Final = "scale"
+_BATCH: Final = 500
+
+
+def store(path: Path, submaps: Observations, workers: int, done: Callable[[int], None]) -> int:
+    """Store all submaps in a new database, described and durable; how many processes did it.
+
+    Args:
+        workers: processes that may take part.
+        done: told now and then how many are stored.
+
+    Raises:
+        RuntimeError: a submap was refused.
+    """
+
+    def named() -> Iterator[NamedSubmap]:
+        for i in range(len(submaps)):
+            yield NamedSubmap(id=f"s{i}", xy=[tuple(point) for point in submaps.xy(i).tolist()])
+
+    database = Database(path)
+    try:
+        schema.upgrade(database)
+        registry.ensure(database, COLLECTION, CollectionPut())
+        stored = 0
+        for batch in ingest.ingest_many(database, COLLECTION, named(), batch_size=_BATCH):
+            if batch.refused:
+                raise RuntimeError(f"submap {batch.refused[0].submap_id} was refused: {batch.refused[0].error}")
+            stored += batch.submaps
+            done(stored)
+    finally:
+        database.dispose()
+    # One process describes and stores, however many may.
+    return min(workers, 1)
+
+
+def index_bytes(path: Path) -> int | None:
+    """Bytes of the index beside the database at `path`; None where it lies in memory only."""
+    return None
+
+
+def database_bytes(path: Path) -> int:
+    """Bytes of the database file and what SQLite keeps beside it."""
+    return sum(file.stat().st_size for file in files_of(path))
+
+
+def files_of(path: Path) -> list[Path]:
+    """The database file, its write-ahead log and that one's index, as far as they are there."""
+    beside = (path.with_name(path.name + end) for end in ("", "-wal", "-shm"))
+    return [file for file in beside if file.exists()]
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[Catalog]:
+    """The catalog of the database at `path`, which is there."""
+    database = Database(path)
+    try:
+        bring_up_to_date(database)
+        yield Catalog(database, Metrics())
+    finally:
+        database.dispose()
+
+
+def index_of(view: View, key: int) -> int:
+    """Which submap of the world a key of the collection is."""
+    return int(Submaps(view.session, view.collection.key).ids([key])[key].removeprefix("s"))

@@ -1,0 +1,34 @@
+"""Storing: every submap described, durable and found by a query."""
+
+import time
+
+from benchmarks.scale.asking import answer
+from benchmarks.scale.database import database_bytes, files_of, index_bytes, opened, store
+from benchmarks.scale.job import Figures, Job, Steps, memory
+from benchmarks.scale.observations import Observations
+from benchmarks.scale.simulate import SUBMAPS
+from urquhart import Config, warm_up
+
+
+def run(job: Job) -> Figures:
+    """Fill a new database; seconds until all is durable, and until the first query finds it; bytes on the disk."""
+    for file in files_of(job.database):
+        file.unlink()
+    submaps = Observations.load(job.room, SUBMAPS)
+    warm_up(Config())
+    begun = time.perf_counter()
+    processes = store(job.database, submaps, job.workers, Steps("stored", len(submaps)).done)
+    durable = time.perf_counter()
+    with opened(job.database) as catalog:
+        answer(catalog, submaps.xy(0))
+        searchable = time.perf_counter()
+    on_disk = index_bytes(job.database)
+    return {
+        "durable_seconds": durable - begun,
+        "searchable_seconds": searchable - durable,
+        "submaps_per_second": len(submaps) / (searchable - begun),
+        "processes": processes,
+        "database_bytes": database_bytes(job.database) / len(submaps),
+        "index_bytes": None if on_disk is None else on_disk / len(submaps),
+        "memory": memory(),
+    }

@@ -1,0 +1,44 @@
+"""No search at all: the query swept over every submap, under every rotation and shift."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.scale.rivals.rival import REACHED, Described, Ranking
+from urquhart import Features
+from urquhart.pairing import Pattern
+from urquhart.sweep import settle_peaks, sweep
+from urquhart.verification import LOOSE
+
+_PEAKS = 8
+
+
+class SweepRival:
+    """Every submap, ready to be swept over."""
+
+    refined = 2
+
+    def __init__(self) -> None:
+        self._patterns: list[Pattern] = []
+
+    def add(self, features: Features) -> None:
+        """Take the next submap in."""
+        self._patterns.append(Described.of(features).pattern)
+
+    def build(self) -> None:
+        """Nothing is made."""
+
+    def nbytes(self) -> int:
+        """Nothing is kept beside the submaps."""
+        return 0
+
+    def rank(self, query: Described, count: int) -> Ranking:
+        """By what stands out most in each."""
+        peaks = [sweep(query.pattern, submap, _PEAKS) for submap in self._patterns]
+        scores = np.array([found[0, 3] if len(found) else 0.0 for found in peaks])
+        chosen = np.argsort(-scores, kind="stable")[:count].astype(np.int64)
+        return Ranking(chosen, [peaks[k] for k in chosen.tolist()])
+
+    def poses(self, query: Described, ranking: Ranking, at: int, submap: Described) -> NDArray[np.float64]:
+        """The peaks, refined with partners farther away."""
+        found: NDArray[np.float64] = ranking.evidence[at]
+        return settle_peaks(query.pattern, submap.pattern, found, LOOSE * REACHED)

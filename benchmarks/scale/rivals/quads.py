@@ -1,0 +1,100 @@
+"""Quads by range search in FAISS: every one whose five lengths lie within a ball about a query's, a vote each.
+
+The ball has the volume of the box in which the method looks for the same quads, so both find about as many.
+"""
+
+import math
+from typing import Any, Final
+
+import faiss
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.scale.parts import EXACT_UP_TO
+from benchmarks.scale.rivals.rival import CONFIG, TOLERANCE, Described, Ranking, most
+from urquhart import Features
+from urquhart.quads import align_quads, measure
+
+_UNIT_BALL: Final = 8.0 * math.pi**2 / 15.0
+"""Volume of the unit ball in five dimensions."""
+RADIUS: Final = 2.0 * TOLERANCE / _UNIT_BALL**0.2
+"""Metres."""
+_TURNED: Final = [2, 3, 0, 1, 4]
+"""The lengths of a quad read from its third landmark on."""
+_PROBES: Final = 16
+"""Lists looked into for each quad."""
+_TRAINED: Final = 64
+"""Quads for each list that its centre is found with."""
+_CHUNK: Final = 2_000_000
+
+
+class QuadRival:
+    """FAISS over quads; one thread, as every look-up has."""
+
+    refined = 1
+
+    def __init__(self) -> None:
+        self._lengths: list[NDArray[np.float32]] = []
+        self._counts: list[int] = []
+        self._index: Any = None
+        self._owner = np.empty(0, np.int32)
+        self._starts = np.empty(0, np.int64)
+
+    def add(self, features: Features) -> None:
+        """Take the next submap in."""
+        lengths = measure(features.landmarks, features.tessellation.quads)[0]
+        self._lengths.append(lengths)
+        self._counts.append(len(lengths))
+
+    def build(self) -> None:
+        """Exact for few quads; for many about four lists for the root of their number, by k-means of a sample."""
+        lengths = np.concatenate(self._lengths)
+        self._lengths.clear()
+        counts = np.array(self._counts)
+        self._owner = np.repeat(np.arange(len(counts), dtype=np.int32), counts)
+        self._starts = np.concatenate([[0], np.cumsum(counts)])
+        if len(counts) <= EXACT_UP_TO:
+            self._index = faiss.IndexFlatL2(5)
+        else:
+            lists = 2 ** round(math.log2(4.0 * math.sqrt(len(lengths))))
+            self._index = faiss.IndexIVFFlat(faiss.IndexFlatL2(5), 5, lists)
+            sample = np.random.default_rng(0).choice(len(lengths), min(len(lengths), _TRAINED * lists), replace=False)
+            self._index.train(lengths[np.sort(sample)])
+            self._index.nprobe = _PROBES
+        for start in range(0, len(lengths), _CHUNK):
+            self._index.add(lengths[start : start + _CHUNK])
+        faiss.omp_set_num_threads(1)
+
+    def nbytes(self) -> int:
+        """Five lengths a quad, its submap, and in inverted lists its number."""
+        each = 20 + (8 if isinstance(self._index, faiss.IndexIVFFlat) else 0)
+        return each * int(self._index.ntotal) + self._owner.nbytes + self._starts.nbytes
+
+    def rank(self, query: Described, count: int) -> Ranking:
+        """Votes of all hits, both readings of each quad of the query."""
+        features = query.features
+        lengths = measure(features.landmarks, features.tessellation.quads)[0]
+        asked = np.concatenate([lengths, lengths[:, _TURNED]])
+        limits, _, found = self._index.range_search(asked, RADIUS**2)
+        asker = np.repeat(np.arange(len(asked)), np.diff(limits.astype(np.int64)))
+        owner = self._owner[found]
+        votes = np.bincount(owner, minlength=len(self._counts))
+        return Ranking(most(votes, count), (asker, found, owner))
+
+    def poses(self, query: Described, ranking: Ranking, at: int, submap: Described) -> NDArray[np.float64]:
+        """Each hit turns the query's quad onto the submap's; those that fit best."""
+        asker, found, owner = ranking.evidence
+        key = int(ranking.submaps[at])
+        hits = np.flatnonzero(owner == key)
+        theirs, ours = submap.features, query.features
+        quads = ours.tessellation.quads
+        transforms, misfit = align_quads(
+            ours.landmarks,
+            quads,
+            theirs.landmarks,
+            theirs.tessellation.quads,
+            (asker[hits] % len(quads)).astype(np.int32),
+            (found[hits] - self._starts[key]).astype(np.int32),
+            asker[hits] >= len(quads),
+        )
+        return transforms[np.argsort(misfit, kind="stable")[: CONFIG.hypotheses]]

@@ -1,0 +1,79 @@
+"""What is stored and what is asked, made before anything is timed and kept in files."""
+
+import time
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Final
+
+from rich.console import Console
+
+from benchmarks.experiments import progress_on
+from benchmarks.pool import Pool
+from benchmarks.scale.job import Figures, Job
+from benchmarks.scale.observations import Observations, join, write
+from benchmarks.scale.parts import asked
+from benchmarks.scale.world import KINDS, World
+
+SUBMAPS: Final = "submaps"
+WARMING: Final = 10
+"""Queries that are not counted: the last of each kind, asked first."""
+_MOST: Final = 20_000
+"""Submaps, or queries, that one process makes at a time."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """Submaps, or queries of a kind, from `first` on up to `last`, and the file they go to."""
+
+    submaps: int
+    seed: int
+    what: str
+    first: int
+    last: int
+    folder: Path
+    name: str
+
+
+def run(job: Job) -> Figures:
+    """Write the submaps and all queries; seconds and sizes."""
+    begun = time.perf_counter()
+    wanted = {SUBMAPS: job.submaps} | {kind: asked(kind, job.submaps, quick=False) + WARMING for kind in KINDS}
+    stretches = [
+        Stretch(job.submaps, job.seed, what, first, min(first + _band(job), count), job.room, f"{what}.{first}")
+        for what, count in wanted.items()
+        for first in range(0, count, _band(job))
+    ]
+    with progress_on(Console()) as progress, Pool(job.workers, progress) as pool:
+        pool.map(make, stretches, f"{job.submaps:,} submaps seen")
+    for what in wanted:
+        join(job.room, what, [stretch.name for stretch in stretches if stretch.what == what])
+    submaps = Observations.load(job.room, SUBMAPS)
+    world = World(job.submaps, job.seed)
+    return {
+        "seconds": time.perf_counter() - begun,
+        "landmarks": len(submaps.points) / len(submaps),
+        "sides": list(world.sides),
+    }
+
+
+def make(stretch: Stretch) -> None:
+    """Write one stretch."""
+    world = _world(stretch.submaps, stretch.seed)
+    numbers = range(stretch.first, stretch.last)
+    if stretch.what == SUBMAPS:
+        seen = [world.submap(index) for index in numbers]
+    else:
+        seen = [world.query(stretch.what, number) for number in numbers]
+    write(stretch.folder, stretch.name, seen)
+
+
+def _band(job: Job) -> int:
+    """Submaps of one stretch: whole rows of the grid, so that a process meets few tiles twice."""
+    columns = World(job.submaps, job.seed).columns
+    return max(1, _MOST // columns) * columns
+
+
+@lru_cache(maxsize=1)
+def _world(submaps: int, seed: int) -> World:
+    return World(submaps, seed)
