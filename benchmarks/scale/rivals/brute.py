@@ -5,8 +5,8 @@ from numpy.typing import NDArray
 
 from benchmarks.scale.rivals.rival import REACHED, Described, Ranking
 from urquhart import Features
-from urquhart.pairing import Pattern
-from urquhart.sweep import settle_peaks, sweep
+from urquhart.pairing import Pattern, refine
+from urquhart.sweep import sweep
 from urquhart.verification import LOOSE
 
 _PEAKS = 8
@@ -41,4 +41,5 @@ class SweepRival:
     def poses(self, query: Described, ranking: Ranking, at: int, submap: Described) -> NDArray[np.float64]:
         """The peaks, refined with partners farther away."""
         found: NDArray[np.float64] = ranking.evidence[at]
-        return settle_peaks(query.pattern, submap.pattern, found, LOOSE * REACHED)
+        landmarks = query.features.landmarks
+        return np.array([refine(landmarks, submap.pattern, x, y, yaw, LOOSE * REACHED) for x, y, yaw, _ in found])
