@@ -86,7 +86,7 @@ class _Task:
 
 
 def describers(processes: int | None = None, *, patience: float = PATIENCE) -> Workers:
-    """Processes that describe batches: as many as there are cores, or 1 for this process alone.
+    """Processes that describe batches, this one among them: by default as many as there are cores.
 
     `patience`: seconds of work before processes are started.
     """

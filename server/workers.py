@@ -1,18 +1,13 @@
 """Processes that compute for this one: started when they are worth it, gone when it is.
 
 Starting a process costs seconds, most of them to load what it computes with. So work begins in this process, and only
-when it has gone on for a while are others started beside it; what is short never waits for them.
+when it has gone on for a while are others started beside it; what is short never waits for them. This process goes on
+computing whenever it has nothing else to do.
 """
 
-import contextlib
-import multiprocessing
 import os
-import pickle
-import queue
-import signal
 import threading
 import time
-import traceback
 from collections.abc import Callable, Generator, Iterable, Iterator
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
@@ -21,11 +16,11 @@ from types import TracebackType
 from typing import Any, Final, Generic, Self, TypeVar
 
 from server.errors import WorkerLost
+from server.worker import attempt, start_worker
 
 _Given = TypeVar("_Given")
 _Task = TypeVar("_Task")
 _Result = TypeVar("_Result")
-_THREADS: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 _AHEAD: Final = 2
 """Tasks at each process: one that is worked at, and one so that it need not wait for the next."""
 PATIENCE: Final = 1.0
@@ -68,7 +63,7 @@ class Workers:
         """Start nothing yet.
 
         Args:
-            processes: how many compute; None for one a core; 1 for this process alone.
+            processes: how many compute, this one among them; None for one a core.
             warm_up: called in each process before its first task, to load what it needs.
             patience: seconds of work before processes are started.
         """
@@ -123,50 +118,45 @@ class Workers:
 
     def _map(self, work: Work[_Given, _Task, _Result], source: "_Source[_Given]") -> Iterator[_Result]:
         done: dict[int, tuple[Any, Exception | None]] = {}
-        next_out = self._sequence
+        following = self._sequence
         while True:
-            self._receive(done, next_out, timeout=0.0)
-            while self._sequence - next_out < _AHEAD * self.processes:
-                idle = self._idle()
-                found = source.take() if idle is not None else None
-                if idle is None or found is None:
-                    break
-                idle.tasks.add(self._sequence)
-                self._sequence += 1
-                self._send(idle, (self._sequence - 1, work.there, work.pack(found[0])))
-            if next_out < self._sequence:
-                while next_out not in done:
-                    self._receive(done, next_out)
-                result, error = done.pop(next_out)
+            self._receive(done, following, timeout=0.0)
+            room = self._sequence - following < _AHEAD * self.processes
+            idle = self._idle() if room else None
+            if idle is not None and (found := source.take()) is not None:
+                self._give(idle, work, found[0], done)
+            elif following in done:
+                result, error = done.pop(following)
                 if error is not None:
                     raise error
                 yield result
-                next_out += 1
-            elif found := source.take():
-                yield self._here(work, found[0])
+                following += 1
+            elif room and (found := source.take()) is not None:
+                done[self._sequence] = self._here(work, found[0])
+                self._sequence += 1
+            elif following < self._sequence:
+                self._receive(done, following)
             else:
                 source.check()
                 return
 
-    def _here(self, work: Work[_Given, _Task, _Result], given: _Given) -> _Result:
+    def _give(self, idle: _Worker, work: Work[_Given, _Task, _Result], given: _Given, done: dict[int, Any]) -> None:
+        task, error = attempt(work.pack, given)
+        if error is not None:
+            done[self._sequence] = None, error
+        else:
+            self._send(idle, (self._sequence, work.there, task))
+            idle.tasks.add(self._sequence)
+        self._sequence += 1
+
+    def _here(self, work: Work[_Given, _Task, _Result], given: _Given) -> tuple[_Result | None, Exception | None]:
         began = time.perf_counter()
-        result = work.here(given)
+        made = attempt(work.here, given)
         self._spent += time.perf_counter() - began
         if not self._workers and self._spent >= self._patience:
-            self._start()
-        return result
-
-    def _start(self) -> None:
-        context = multiprocessing.get_context("spawn")
-        with _one_thread_each():
-            for number in range(self.processes):
-                ours, theirs = context.Pipe()
-                process = context.Process(
-                    target=_work, args=(theirs, self._warm_up), name=f"worker-{number}", daemon=True
-                )
-                process.start()
-                theirs.close()  # the only other end is the worker's: when either is gone, the other is told
-                self._workers.append(_Worker(process, ours))
+            for number in range(1, self.processes):
+                self._workers.append(_Worker(*start_worker(f"worker-{number}", self._warm_up)))
+        return made
 
     def _idle(self) -> _Worker | None:
         """The process with the least to do, None where each has enough or none is ready."""
@@ -203,7 +193,7 @@ class Workers:
         name = worker.process.name
         self.close()
         return WorkerLost(
-            f"The process {name}, one of {self.processes} at work, {how}; is memory short? What was reported as done "
+            f"The process {name} of {self.processes} {how}; is memory short? What was reported as done "
             "is done; do the rest again, perhaps with fewer processes."
         )
 
@@ -235,56 +225,5 @@ class _Source(Generic[_Given]):
             raise self._error
 
 
-@contextlib.contextmanager
-def _one_thread_each() -> Iterator[None]:
-    """Libraries size their thread pools when they are loaded: new processes must find the limit in place."""
-    before = {name: os.environ.get(name) for name in _THREADS}
-    os.environ.update(dict.fromkeys(_THREADS, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
-
-
 def _cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def _work(connection: Connection, warm_up: Callable[[], object]) -> None:
-    """A worker's life. Tasks are read by a thread of their own: a sender never waits for one that waits for it."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all of a terminal; the parent ends its workers
-    tasks: queue.SimpleQueue[Any] = queue.SimpleQueue()
-    threading.Thread(target=_read, args=(connection, tasks), daemon=True).start()
-    warm_up()
-    connection.send((None, None, None))
-    while True:
-        sequence, function, task = tasks.get()
-        result, failure = None, None
-        try:
-            result = function(task)
-        except Exception as error:  # noqa: BLE001  raised in the parent
-            failure = _portable(error)
-        connection.send((sequence, result, failure))
-
-
-def _portable(error: Exception) -> Exception:
-    """The error, as one that arrives, with the place where it was raised."""
-    told = "in a worker process:\n" + traceback.format_exc()
-    try:
-        pickle.loads(pickle.dumps(error))
-    except Exception:  # noqa: BLE001  whatever an exception's own pickling raises
-        error = RuntimeError(f"{type(error).__name__}: {error}")
-    error.add_note(told)
-    return error
-
-
-def _read(connection: Connection, tasks: "queue.SimpleQueue[Any]") -> None:
-    while True:
-        try:
-            tasks.put(connection.recv())
-        except (EOFError, OSError):
-            os._exit(0)  # the parent is gone: nobody wants the result that is being made

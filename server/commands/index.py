@@ -44,7 +44,12 @@ def index(
     ] = None,
     processes: Annotated[
         int | None,
-        typer.Option(min=1, max=256, help="Processes that describe submaps. (default: one a core)", show_default=False),
+        typer.Option(
+            min=1,
+            max=256,
+            help="Processes that describe submaps, this one among them. (default: one a core)",
+            show_default=False,
+        ),
     ] = None,
 ) -> None:
     """Cut stem maps into overlapping submaps and store them.

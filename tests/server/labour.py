@@ -51,6 +51,11 @@ def refuse(number: int) -> int:
     return number
 
 
+def unsendable(number: int) -> Callable[[], int]:
+    """A result that cannot be sent."""
+    return lambda: number
+
+
 def hang(path: str) -> None:
     """Say which process this is, and work for ever."""
     Path(path).write_text(str(os.getpid()))
@@ -59,6 +64,7 @@ def hang(path: str) -> None:
 
 SQUARES: Work[int, int, tuple[int, int]] = Work(square, int, square)
 REFUSALS: Work[int, int, int] = Work(refuse, int, refuse)
+UNSENDABLE: Work[int, int, Callable[[], int]] = Work(unsendable, int, unsendable)
 LARGE: Work[int, bytes, bytes] = Work(lambda number: length(large(number)), large, length)
 
 

@@ -37,8 +37,8 @@ POSE = {"x": 1.5, "y": -2.25, "yaw": 0.1, "covariance": [0.1, 0, 0, 0, 0.1, 0, 0
 
 @pytest.fixture(scope="module")
 def pool() -> Iterator[Workers]:
-    """Two processes that describe from their start on."""
-    with describers(2, patience=0.0) as workers:
+    """Two processes beside this one, that describe."""
+    with describers(3, patience=0.0) as workers:
         labour.start(workers)
         yield workers
 
@@ -230,7 +230,7 @@ from tests.server import labour
 from tests.server.test_ingest import body
 import itertools, orjson
 if __name__ == "__main__":
-    workers = describers(2, patience=0.0)
+    workers = describers(3, patience=0.0)
     labour.start(workers)
     print(*workers.pids, flush=True)
     lines = (orjson.dumps(body(f"s{i}", i % 7)) for i in itertools.count())
