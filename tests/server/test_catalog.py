@@ -8,15 +8,14 @@ import pytest
 from server import ingest, lookup, registry
 from server.catalog import Catalog
 from server.errors import NotFound
-from server.locks import ReadersWriterLock
 from server.metrics import Metrics
 from server.schemas.collections import CollectionPut
 from server.schemas.queries import QueryAnswer, QueryInput
 from server.schemas.submaps import NamedSubmap, SubmapInput
 from server.settings import Limits
 from server.store.database import Database
+from server.store.described import Described, StoredFeatures
 from server.store.integrity import findings
-from server.store.submaps import StoredFeatures, Submaps
 from tests.server.world import forest, points
 
 LIMITS = Limits()
@@ -95,14 +94,14 @@ def test_only_landmarks_concern_the_index(pair: tuple[Process, Process], monkeyp
     one.put("b", 2)
     assert two.found(1) == "a"
     streamed: list[int] = []
-    changed_since = Submaps.changed_since
+    changed_since = Described.changed_since
 
-    def watched(self: Submaps, revision: int, *, batch: int) -> Iterator[StoredFeatures]:
+    def watched(self: Described, revision: int, *, batch: int) -> Iterator[StoredFeatures]:
         for row in changed_since(self, revision, batch=batch):
             streamed.append(row.key)
             yield row
 
-    monkeypatch.setattr(Submaps, "changed_since", watched)
+    monkeypatch.setattr(Described, "changed_since", watched)
     body = SubmapInput.model_validate({"xy": points(forest(1)), "session": "s", "ids": [f"t{i}" for i in range(60)]})
     assert ingest.put(one.database, "plots", "a", body, LIMITS).outcome == "replaced"
     answer = two.ask(1)
@@ -141,7 +140,7 @@ def test_a_failed_catch_up_is_repeated_whole(pair: tuple[Process, Process], monk
     one, two = pair
     one.put("a", 1)
     with monkeypatch.context() as patched:
-        patched.setattr("server.catalog.features_of", lambda *_: 1 / 0)
+        patched.setattr("server.live_index.features_of", lambda *_: 1 / 0)
         with pytest.raises(ZeroDivisionError):
             two.ask(1)
     assert two.found(1) == "a"
@@ -252,35 +251,3 @@ def test_findings_tell_what_does_not_agree(database: Database) -> None:
     assert ("plots/p1", "the features are not those of the landmarks") in found
     assert wheres.count("plots") == 5
     process.database.dispose()
-
-
-def test_lock_lets_readers_together_and_the_writer_alone() -> None:
-    lock = ReadersWriterLock()
-    inside = threading.Barrier(2, timeout=20)
-    order: list[str] = []
-
-    def reader() -> None:
-        with lock.reading():
-            inside.wait()
-
-    threads = [threading.Thread(target=reader) for _ in range(2)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-
-    def late_reader() -> None:
-        with lock.reading():
-            order.append("reader")
-
-    with lock.writing_then_reading() as held:
-        late = threading.Thread(target=late_reader)
-        late.start()
-        late.join(0.05)
-        order.append("writer")
-        held.downgrade()
-        late.join(20)
-        order.append("still held")
-    with lock.writing_then_reading():
-        order.append("again")
-    assert order == ["writer", "reader", "still held", "again"]
