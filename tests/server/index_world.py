@@ -22,7 +22,7 @@ from server.upkeep import Upkeep
 from tests.server.world import forest, points
 
 LIMITS = Limits()
-FEW = IndexSettings(flush_submaps=3, memory_submaps=6, block_submaps=4, cache_mb=1, upkeep_seconds=0.05)
+FEW = IndexSettings(flush_submaps=3, memory_submaps=12, block_submaps=4, cache_mb=1, upkeep_seconds=0.05)
 
 
 @functools.cache
@@ -97,9 +97,9 @@ class Process:
 def damage(path: Path, kind: str, rng: random.Random) -> None:
     """Put a damaged file in the place of a sound one; who has mapped that keeps it as it was."""
     content = bytearray(path.read_bytes())
-    match kind:
+    match kind if len(content) > 65_544 else "empty":
         case "missing":
-            path.unlink()
+            path.unlink(missing_ok=True)
             return
         case "empty":
             content = bytearray()

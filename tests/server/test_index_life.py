@@ -17,7 +17,7 @@ from server.store import schema
 from server.store.database import Database
 from tests.server.index_world import Process, damage
 
-NAMES = st.sampled_from([f"s{i}" for i in range(12)])
+NAMES = st.sampled_from([f"s{i}" for i in range(4)])
 WHO = st.integers(0, 1)
 KINDS = st.sampled_from(["missing", "empty", "truncated", "header", "flipped", "arrays"])
 
@@ -59,6 +59,15 @@ class Life(RuleBasedStateMachine):
         self.model |= {f"p{seed}": seed for seed in seeds}
 
     @precondition(lambda self: self.model)
+    @rule(who=WHO, data=st.data(), asked_before=st.booleans())
+    def replace(self, who: int, data: st.DataObject, asked_before: bool) -> None:
+        name = data.draw(st.sampled_from(sorted(self.model)))
+        if asked_before:
+            assert self.processes[1 - who].found(self.model[name]) == name
+        self.put(who, name)
+        assert self.processes[1 - who].found(self.model[name]) == name
+
+    @precondition(lambda self: self.model)
     @rule(who=WHO, data=st.data())
     def delete(self, who: int, data: st.DataObject) -> None:
         name = data.draw(st.sampled_from(sorted(self.model)))
@@ -87,26 +96,27 @@ class Life(RuleBasedStateMachine):
     @rule(who=WHO)
     def flush(self, who: int) -> None:
         self.processes[who].upkeep.settle("plots")
-        assert len(self.processes[who].held()) == len(self.model)
+        for process in self.processes:
+            assert process.held() == set(self.model)
 
     @rule(who=WHO)
     def kill(self, who: int) -> None:
         self.processes[who].close()
         self.processes[who] = Process(self.path)
+        assert self.processes[who].held() == set(self.model)
 
-    @rule(kind=KINDS, data=st.data())
-    def damage_a_file(self, kind: str, data: st.DataObject) -> None:
-        files = sorted((self.folder / "plots.db.index").glob("*.segment"))
+    @rule(kind=KINDS, which=st.integers(0, 9), where=st.integers(0, 2**16))
+    def damage_a_file(self, kind: str, which: int, where: int) -> None:
+        files = self.files()
         if files:
-            path = data.draw(st.sampled_from(files))
-            damage(path, kind, random.Random(data.draw(st.integers(0, 2**32))))
+            damage(files[which % len(files)], kind, random.Random(where))
 
-    @rule(data=st.data())
-    def exchange_two_files(self, data: st.DataObject) -> None:
-        files = sorted((self.folder / "plots.db.index").glob("*.segment"))
-        if len(files) > 1:
-            one, two = data.draw(st.lists(st.sampled_from(files), min_size=2, max_size=2, unique=True))
-            shutil.copy(one, two.with_suffix(".copy")).replace(two)
+    @rule(which=st.integers(0, 9), step=st.integers(1, 3))
+    def put_one_file_in_the_place_of_another(self, which: int, step: int) -> None:
+        files = self.files()
+        if files:
+            one, other = files[which % len(files)], files[(which + step) % len(files)]
+            shutil.copy(one, other.with_suffix(".copy")).replace(other)
 
     @rule()
     def back_up(self) -> None:
@@ -130,6 +140,11 @@ class Life(RuleBasedStateMachine):
             self.processes = [Process(self.path), Process(self.path)]
         for process in self.processes:  # what still runs finds out at its next query
             assert process.held() == set(self.model)
+
+    def files(self) -> list[Path]:
+        """Segment files in the order in which they were made, listed or not."""
+        found = (self.folder / "plots.db.index").glob("*.segment")
+        return sorted(found, key=lambda path: path.stat().st_mtime_ns)
 
     @invariant()
     def files_are_not_piled_up(self) -> None:
@@ -155,5 +170,5 @@ class Life(RuleBasedStateMachine):
 
 TestLife = Life.TestCase
 TestLife.settings = settings(
-    max_examples=20, stateful_step_count=40, deadline=None, suppress_health_check=list(HealthCheck)
+    max_examples=30, stateful_step_count=50, deadline=None, suppress_health_check=list(HealthCheck)
 )
