@@ -177,7 +177,7 @@ class LiveIndex:
 
     def _advanced(self, session: Session, collection: CollectionRow, state: State, most: int | None) -> State:
         described = Described(session, self.key)
-        if most is not None:
+        if most is not None and state.opened == len(state.chain):
             room = max(most - sum(part.living for part in state.delta), 0)
             if described.count_changed(state.revision, room + 1) > room:
                 raise TooMany
@@ -201,7 +201,8 @@ class LiveIndex:
         described = Described(session, self.key)
         segments = self._opened(chain, state)
         covered = chain[len(segments) - 1].revision if segments else 0
-        if most is not None and described.count_changed(covered, most + 1) > most:
+        # What a segment holds that must be left out is not to be written again: it has to be taken into memory.
+        if most is not None and len(segments) == len(chain) and described.count_changed(covered, most + 1) > most:
             raise TooMany
         uncovered = described.content_revisions(covered)
         gone = np.array([*uncovered, *(described.deleted_since(0) if segments else ())], np.int64)

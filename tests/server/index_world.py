@@ -1,7 +1,6 @@
 """What the tests of the index share: the parts of a process over a database, with thresholds of a few submaps."""
 
 import functools
-import os
 import random
 from pathlib import Path
 
@@ -115,4 +114,4 @@ def damage(path: Path, kind: str, rng: random.Random) -> None:
             raise ValueError(kind)
     temporary = path.with_suffix(".damaged")
     temporary.write_bytes(content)
-    os.replace(temporary, path)
+    temporary.replace(path)

@@ -116,7 +116,9 @@ class Life(RuleBasedStateMachine):
         files = self.files()
         if files:
             one, other = files[which % len(files)], files[(which + step) % len(files)]
-            shutil.copy(one, other.with_suffix(".copy")).replace(other)
+            copy = other.with_suffix(".copy")
+            shutil.copy(one, copy)
+            copy.replace(other)
 
     @rule()
     def back_up(self) -> None:
