@@ -25,6 +25,7 @@ from server.settings import Settings
 from server.store.database import Database
 from server.store.renewal import bring_up_to_date
 from server.threads import pin_threads
+from server.upkeep import Upkeep
 from server.version import service_version
 
 _log = logging.getLogger(__name__)
@@ -50,7 +51,8 @@ def create_app(settings: Settings) -> FastAPI:
         settings.database_path, busy_timeout=settings.busy_timeout, read_only=settings.database_read_only
     )
     metrics = Metrics()
-    service = Service(settings, database, Catalog(database, metrics), metrics, Readiness())
+    catalog = Catalog(database, metrics, settings.index)
+    service = Service(settings, database, catalog, metrics, Readiness(), Upkeep(database, catalog, metrics))
     app = FastAPI(
         title="Urquhart",
         version=service_version(),
@@ -89,20 +91,22 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         service.database.dispose()
         raise
     service.readiness.passed("migrations")
-    stop = threading.Event()
-    warm_up = threading.Thread(target=_warm_up, args=(service, stop), name="warm-up", daemon=True)
+    stop, warm = threading.Event(), threading.Event()
+    service.upkeep.start(warm)
+    warm_up = threading.Thread(target=_warm_up, args=(service, stop, warm), name="warm-up", daemon=True)
     warm_up.start()
     try:
         yield
     finally:
         service.readiness.report("shutdown", "the service is stopping")
         stop.set()
+        await anyio.to_thread.run_sync(service.upkeep.stop)
         await anyio.to_thread.run_sync(warm_up.join)
         await anyio.to_thread.run_sync(service.database.dispose)
 
 
-def _warm_up(service: Service, stop: threading.Event) -> None:
-    """Compile the kernels and build the indexes while requests are answered already, if slowly."""
+def _warm_up(service: Service, stop: threading.Event, warm: threading.Event) -> None:
+    """Compile the kernels and open the indexes while requests are answered already, if slowly."""
     try:
         pin_threads()
         service.readiness.report("kernels", "loading")
@@ -118,6 +122,8 @@ def _warm_up(service: Service, stop: threading.Event) -> None:
         # Stays not ready, and says why; a query tries again by itself.
         _log.exception("the warm-up failed")
         service.readiness.report("index", str(error))
+    finally:
+        warm.set()
 
 
 def _openapi(app: FastAPI) -> dict[str, Any]:

@@ -7,23 +7,29 @@ may write to one database.
 
 import logging
 import threading
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from typing import Final
 
 from sqlalchemy.orm import Session
 
-from server.derive import config_of, features_of
-from server.errors import NotFound
-from server.locks import ReadersWriterLock
+from server.errors import NotFound, StorageError
+from server.feature_cache import FeatureCache, FeatureReader
+from server.flushing import Shop, Stopped, flush
+from server.live_index import LiveIndex, Obstacle, State, TooMany, Unusable
 from server.metrics import Metrics
+from server.segment_folder import SegmentFolder
+from server.settings import IndexSettings
 from server.store.collections import Collections
 from server.store.database import Database
-from server.store.submaps import StoredFeatures, Submaps
+from server.store.segments import Segments
 from server.store.tables import CollectionRow
 from urquhart import Recognizer
 
-_BATCH = 500
+_AGAIN: Final = 60.0
+"""Seconds after which a query tries again to write segments where that failed."""
 _log = logging.getLogger(__name__)
 
 
@@ -37,68 +43,52 @@ class View:
     revision: int
 
 
-class _LiveIndex:
-    def __init__(self, collection: CollectionRow) -> None:
-        self.collection_key = collection.key
-        self.config = config_of(collection)
-        self.lock = ReadersWriterLock()
-        self._clear()
-
-    def _clear(self) -> None:
-        self.recognizer = Recognizer(self.config)
-        self.revision = 0
-
-    def catch_up(self, session: Session, collection: CollectionRow) -> int:
-        """Bring the index to the collection's revision in the session's snapshot; how many revisions it was behind.
-
-        The revision moves last: a catch-up that fails half-way is repeated whole, which adds and removes the same.
-        """
-        if collection.revision < self.revision:
-            # The file was put back to an earlier state, by a restored backup: what is held may never have been.
-            _log.warning(
-                "collection %s went back to revision %d; rebuilding its index", collection.id, collection.revision
-            )
-            self._clear()
-        behind = collection.revision - self.revision
-        if behind:
-            submaps = Submaps(session, collection.key)
-            self.recognizer.remove(submaps.deleted_since(self.revision))
-            for batch in _in_batches(submaps.changed_since(self.revision, batch=_BATCH)):
-                self.recognizer.add(
-                    (row.key, features_of(row.features, row.landmarks, row.attributes, self.config)) for row in batch
-                )
-            self.revision = collection.revision
-        return behind
-
-
 class Catalog:
     """The live indexes of one process."""
 
-    def __init__(self, database: Database, metrics: Metrics) -> None:
+    def __init__(self, database: Database, metrics: Metrics, settings: IndexSettings | None = None) -> None:
         self._database = database
         self._metrics = metrics
-        self._indexes: dict[str, _LiveIndex] = {}
+        self.settings = settings or IndexSettings()
+        self.folder = SegmentFolder(database)
+        self.stopping = threading.Event()
+        self.shop = Shop(database, self.folder, self.settings.block_submaps, self.stopping.is_set)
+        self._cache = FeatureCache(self.settings.cache_mb * 1_000_000)
+        self._indexes: dict[str, LiveIndex] = {}
         self._guard = threading.Lock()
+        self._not_before = 0.0
 
     @contextmanager
     def view(self, collection_id: str) -> Iterator[View]:
         """A collection with an index that holds every write committed before the call.
 
-        Raises NotFound. The rows are read in the snapshot that the index was brought to, so that a candidate's
-        landmarks cannot be replaced between search and answer.
+        The rows are read in the snapshot that the index was brought to, so that a candidate's landmarks cannot be
+        replaced between search and answer. Readers wait for nobody but the one who catches up to where they are.
+
+        Raises:
+            NotFound, StorageError.
         """
-        live = self._indexes.get(collection_id)
-        if live is not None:
-            # The snapshot is begun under the lock: no other thread can move the index away from it.
-            with live.lock.reading(), self._database.read() as session:
-                collection = self._collection(session, collection_id)
-                if (collection.key, collection.revision) == (live.collection_key, live.revision):
-                    yield View(session, collection, live.recognizer, live.revision)
+        most: int | None = self._most()
+        missed: set[str] = set()
+        alone = False
+        while True:
+            with ExitStack() as stack:
+                try:
+                    view = self._enter(stack, collection_id, most, alone=alone)
+                except Obstacle as error:
+                    obstacle = error
+                else:
+                    yield view
                     return
-        yield from self._caught_up(collection_id)
+            # Outside of the snapshot: what is done about it is seen by the next one.
+            alone = True
+            if isinstance(obstacle, TooMany):
+                most = self._most() if self._flush(collection_id) else None
+            elif isinstance(obstacle, Unusable):
+                self._look_into(collection_id, obstacle, missed)
 
     def warm_up(self) -> Iterator[tuple[str, int, int]]:
-        """Build or catch up every collection's index; yields its id, how many are done and how many there are."""
+        """Open or catch up every collection's index; yields its id, how many are done and how many there are."""
         with self._database.read() as session:
             ids = Collections(session).ids()
         for done, collection_id in enumerate(ids, start=1):
@@ -109,51 +99,113 @@ class Catalog:
                 _log.info("collection %s was deleted during the warm-up", collection_id)
             yield collection_id, done, len(ids)
 
+    def live(self, collection_id: str) -> LiveIndex | None:
+        """The live index of a collection, if it was ever asked for."""
+        return self._indexes.get(collection_id)
+
+    def all_live(self) -> list[LiveIndex]:
+        """The live indexes of all collections that were ever asked for."""
+        with self._guard:
+            return list(self._indexes.values())
+
+    def refresh(self, collection_id: str) -> None:
+        """Take over segments that were written or merged, here or by another process. Raises StorageError."""
+        live = self._indexes.get(collection_id)
+        if live is None:
+            return
+        try:
+            with self._database.read() as session:
+                collection = Collections(session).get(collection_id)
+                if collection is not None and collection.key == live.key:
+                    live.refresh(session, collection)
+                    self._observe(live, lag=0)
+        except Unusable as obstacle:
+            self._look_into(collection_id, obstacle, set())
+
+    def distrust(self, live: LiveIndex, obstacle: Unusable) -> None:
+        """A segment turned out to be damaged, or gone: what it held is read from the rows until it is made anew."""
+        name, why = obstacle.listed.name, str(obstacle.error)
+        self._metrics.segments_damaged.inc()
+        _log.warning("collection %s: segment %s cannot be used (%s); making it anew", live.id, name, why)
+        # One that cannot be read today may be sound: it is not given up for that.
+        lost = isinstance(obstacle.error, FileNotFoundError) or not isinstance(obstacle.error, OSError)
+        try:
+            if not lost or self._database.read_only:
+                live.left_out[name] = why
+            else:
+                with self._database.write() as session:
+                    Segments(session, live.key).drop_from(name)
+        except StorageError:
+            _log.exception("collection %s: the segment %s cannot be taken off the list", live.id, name)
+            live.left_out[name] = why
+        live.drop()
+
     def forget(self, collection_id: str) -> None:
         """Drop the index of a collection that is no more."""
         with self._guard:
             known = self._indexes.pop(collection_id, None)
         if known is not None:
+            known.drop()
             self._metrics.forget_index(collection_id)
 
-    def _caught_up(self, collection_id: str) -> Iterator[View]:
-        while True:
-            with self._database.read() as session:
-                live = self._live(self._collection(session, collection_id))
-            with live.lock.writing_then_reading() as held, self._database.read() as session:
-                collection = self._collection(session, collection_id)
-                if collection.key != live.collection_key:
-                    continue  # dropped and made again since the lines above
-                lag = live.catch_up(session, collection)
-                self._metrics.observe_index(
-                    collection_id, revision=live.revision, submaps=len(live.recognizer), lag=lag
-                )
-                held.downgrade()
-                yield View(session, collection, live.recognizer, live.revision)
-                return
+    def _enter(self, stack: ExitStack, collection_id: str, most: int | None, *, alone: bool) -> View:
+        live = self._indexes.get(collection_id)
+        if live is None or not alone:
+            return self._snapshot(stack, collection_id, live.state if live is not None else None, most)
+        # Nobody can go on while the snapshot is taken: this attempt is not overtaken like the one before.
+        with live.mutex:
+            return self._snapshot(stack, collection_id, live.state, most)
 
-    def _collection(self, session: Session, collection_id: str) -> CollectionRow:
+    def _snapshot(self, stack: ExitStack, collection_id: str, seen: State | None, most: int | None) -> View:
+        session = stack.enter_context(self._database.read())
         collection = Collections(session).get(collection_id)
         if collection is None:
             self.forget(collection_id)
             raise NotFound("collection", collection_id)
-        return collection
+        live = self._live(collection)
+        before = live.state
+        state = live.catch_up(session, collection, seen, most)
+        if state is not before:
+            self._observe(live, lag=state.revision - (before.revision if before is not None else 0))
+        source = FeatureReader(session, live.key, live.config, self._cache, live.owner, state.revision)
+        return View(session, collection, Recognizer(live.config, state.index, source), state.revision)
 
-    def _live(self, collection: CollectionRow) -> _LiveIndex:
+    def _live(self, collection: CollectionRow) -> LiveIndex:
         with self._guard:
             live = self._indexes.get(collection.id)
             # A collection dropped and made again has another key, whichever process did it.
-            if live is None or live.collection_key != collection.key:
-                live = self._indexes[collection.id] = _LiveIndex(collection)
+            if live is None or live.key != collection.key:
+                if live is not None:
+                    live.drop()
+                live = self._indexes[collection.id] = LiveIndex(collection, self.folder, self._cache)
             return live
 
+    def _most(self) -> int | None:
+        """Changed submaps that may be taken into memory; None where nothing can be done about more."""
+        can_write = not self._database.read_only and time.monotonic() >= self._not_before
+        return self.settings.memory_submaps if can_write else None
 
-def _in_batches(rows: Iterator[StoredFeatures]) -> Iterator[list[StoredFeatures]]:
-    batch: list[StoredFeatures] = []
-    for row in rows:
-        batch.append(row)
-        if len(batch) == _BATCH:
-            yield batch
-            batch = []
-    if batch:
-        yield batch
+    def _flush(self, collection_id: str) -> bool:
+        try:
+            with self._metrics.upkeep("flush"):
+                return flush(self.shop, collection_id) > 0
+        except (OSError, StorageError, Stopped) as error:
+            _log.warning(
+                "collection %s: what changed is held in memory, it cannot be written: %s", collection_id, error
+            )
+            self._not_before = time.monotonic() + _AGAIN
+            return False
+
+    def _look_into(self, collection_id: str, obstacle: Unusable, missed: set[str]) -> None:
+        live, name = self._indexes.get(collection_id), obstacle.listed.name
+        if isinstance(obstacle.error, FileNotFoundError) and name not in missed:
+            missed.add(name)  # merged away since the snapshot was taken, or so the next one will show
+        elif live is not None:
+            self.distrust(live, obstacle)
+
+    def _observe(self, live: LiveIndex, *, lag: int) -> None:
+        state = live.state
+        if state is not None:
+            chain = state.chain
+            self._metrics.observe_index(live.id, revision=state.revision, submaps=len(state.index), lag=lag)
+            self._metrics.observe_segments(live.id, len(chain), sum(segment.size for segment in chain))

@@ -1,5 +1,9 @@
 """What Prometheus sees. One registry per app, so that several apps in one process do not share counters."""
 
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, generate_latest
 from prometheus_client.exposition import CONTENT_TYPE_LATEST
 
@@ -44,6 +48,40 @@ class Metrics:
             ["collection"],
             registry=self.registry,
         )
+        self.index_segments = Gauge(
+            "urquhart_index_segments", "Segments listed for the collection.", ["collection"], registry=self.registry
+        )
+        self.index_bytes = Gauge(
+            "urquhart_index_bytes", "Bytes of these segments on the disk.", ["collection"], registry=self.registry
+        )
+        self.segments_damaged = Counter(
+            "urquhart_segments_damaged", "Segments that could not be used.", registry=self.registry
+        )
+        self.upkeep_runs = Counter(
+            "urquhart_upkeep_runs",
+            "Times that segments were written or merged, files checked or removed",
+            ["task"],
+            registry=self.registry,
+        )
+        self.upkeep_failures = Counter(
+            "urquhart_upkeep_failures", "Those that failed and are tried again.", ["task"], registry=self.registry
+        )
+        self.upkeep_seconds = Counter(
+            "urquhart_upkeep_seconds", "Time that they took.", ["task"], registry=self.registry
+        )
+
+    @contextmanager
+    def upkeep(self, task: str) -> Iterator[None]:
+        """Count and time a task of the upkeep."""
+        began = time.perf_counter()
+        try:
+            yield
+        except BaseException:
+            self.upkeep_failures.labels(task).inc()
+            raise
+        finally:
+            self.upkeep_runs.labels(task).inc()
+            self.upkeep_seconds.labels(task).inc(time.perf_counter() - began)
 
     def observe_stage(self, name: str, milliseconds: float) -> None:
         """Record one stage of a query."""
@@ -55,9 +93,15 @@ class Metrics:
         self.index_submaps.labels(collection).set(submaps)
         self.index_lag.labels(collection).set(lag)
 
+    def observe_segments(self, collection: str, count: int, size: int) -> None:
+        """Record how many segments a collection has and their bytes."""
+        self.index_segments.labels(collection).set(count)
+        self.index_bytes.labels(collection).set(size)
+
     def forget_index(self, collection: str) -> None:
         """Drop the gauges of a collection that is no more."""
-        for gauge in (self.index_revision, self.index_submaps, self.index_lag):
+        gauges = (self.index_revision, self.index_submaps, self.index_lag, self.index_segments, self.index_bytes)
+        for gauge in gauges:
             gauge.remove_by_labels({"collection": collection})
 
     def exposition(self) -> bytes:

@@ -77,6 +77,12 @@ def read(database: Database, collection_id: str) -> tuple[Collection, str]:
         return _full(session, row), etag_of(row)
 
 
+def known_collections(database: Database) -> list[str]:
+    """Ids of all collections, oldest first."""
+    with database.read() as session:
+        return Collections(session).ids()
+
+
 def page(database: Database, limits: Limits, limit: int | None, cursor: str | None) -> CollectionPage:
     """A page of collections, oldest first. Raises InvalidField."""
     size = page_size(limit, limits)

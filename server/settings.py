@@ -34,6 +34,24 @@ class Limits(BaseModel):
         return self
 
 
+class IndexSettings(BaseModel):
+    """How the index is kept: what of it lies in memory, and when that is written to segments."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    cache_mb: int = Field(64, ge=0, description="Memory for features that were read lately, in MB; 0 keeps none.")
+    flush_submaps: int = Field(
+        2_000, ge=1, description="Submaps changed since the last segment that are left in memory; more are written."
+    )
+    memory_submaps: int = Field(
+        5_000, ge=1, description="Changed submaps that a query takes into memory; where there are more, it writes them."
+    )
+    block_submaps: int = Field(20_000, ge=1, description="Submaps of a segment when it is first written.")
+    upkeep_seconds: float = Field(
+        1.0, gt=0, le=3600, description="Seconds between two looks at what is to be written or merged."
+    )
+
+
 class Settings(BaseSettings):
     """The service's settings. Nested ones use two underscores: `URQUHART_LIMITS__BODY_BYTES=1048576`."""
 
@@ -55,6 +73,7 @@ class Settings(BaseSettings):
         description="Where the documentation is served, linked from the landing page; empty: the service's own /docs.",
     )
     limits: Limits = Field(default_factory=Limits, description="Sizes that requests are held to.")
+    index: IndexSettings = Field(default_factory=IndexSettings, description="How the index is kept.")
 
     @field_validator("database")
     @classmethod

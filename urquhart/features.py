@@ -113,8 +113,9 @@ class Features:
 
     @staticmethod
     def unpack(blob: bytes) -> "Features":
-        """The features that `pack` wrote, in arrays of their own: views of `blob` would be read-only, which to the
-        compiler is another type, and every kernel would be compiled twice.
+        """The features that `pack` wrote, copied: views of `blob` would be read-only, which to the compiler is another
+        type, and every kernel would be compiled twice. What lies side by side is copied at once: this is most of the
+        time of reading a submap.
 
         Raises:
             FeaturesError: wrong magic, format, length or checksum.
@@ -133,27 +134,32 @@ class Features:
         if zlib.crc32(memoryview(blob)[:-4]) != struct.unpack_from("<I", blob, len(blob) - 4)[0]:
             raise FeaturesError("features BLOB with a wrong checksum: it is damaged")
         reader = _Reader(blob)
-        landmarks = reader.take("<f8", n, 2)
-        density = reader.take("<f4", n)
-        descriptors = reader.take("<f4", polygons, width)
-        vertex_offsets = reader.take("<i4", polygons + 1)
-        member_offsets = reader.take("<i4", polygons + 1)
-        phi = reader.take("<i4", members)
+        landmarks = reader.take("<f8", 2 * n).reshape(n, 2)
+        floats = reader.take("<f4", n + polygons * width)
+        offsets = reader.take("<i4", 2 * (polygons + 1) + members)
+        short = reader.take("<u2", 3 * triangles + 4 * quads + hull + vertices).astype(np.int32)
+        diameters = reader.take("<f4", measured)
+        at_hull = 3 * triangles + 4 * quads
         tessellation = Tessellation(
-            reader.take("<u2", triangles, 3).astype(np.int32),
-            reader.take("<u2", quads, 4).astype(np.int32),
-            reader.take("<u2", hull).astype(np.int32),
-            reader.take("<u2", vertices).astype(np.int32),
-            vertex_offsets,
-            phi,
-            member_offsets,
+            short[: 3 * triangles].reshape(triangles, 3),
+            short[3 * triangles : at_hull].reshape(quads, 4),
+            short[at_hull : at_hull + hull],
+            short[at_hull + hull :],
+            offsets[: polygons + 1],
+            offsets[2 * (polygons + 1) :],
+            offsets[polygons + 1 : 2 * (polygons + 1)],
             on_hull,
             holed,
             dangling,
         )
-        diameters = reader.take("<f4", measured)
         return Features(
-            landmarks, np.array([x, y]), density, tessellation, descriptors, fingerprint.decode("ascii"), diameters
+            landmarks,
+            np.array([x, y]),
+            floats[:n],
+            tessellation,
+            floats[n:].reshape(polygons, width),
+            fingerprint.decode("ascii"),
+            diameters,
         )
 
 
@@ -161,9 +167,8 @@ class _Reader:
     def __init__(self, blob: bytes) -> None:
         self._blob, self._at = blob, _HEADER.size
 
-    def take(self, dtype: str, *shape: int) -> NDArray[Any]:
-        count = int(np.prod(shape))
-        array = np.frombuffer(self._blob, dtype=dtype, count=count, offset=self._at).reshape(shape).copy()
+    def take(self, dtype: str, count: int) -> NDArray[Any]:
+        array = np.frombuffer(self._blob, dtype, count, self._at).copy()
         self._at += array.nbytes
         return array
 

@@ -71,8 +71,9 @@ def build_table(submaps: Sequence[tuple[NDArray[np.float64], NDArray[np.int32], 
         pack_quads(landmarks, quads, scale, slot, codes[at : at + len(quads)], words[at : at + len(quads)])
         at += len(quads)
     order = np.argsort(codes, kind="stable")
-    unique, first = np.unique(codes[order], return_index=True)
-    return QuadTable(unique, np.append(first, total).astype(np.uint32), words[order])
+    codes = codes[order]
+    first = np.flatnonzero(_differ(codes))
+    return QuadTable(codes[first], np.append(first, total).astype(np.uint32), words[order])
 
 
 def merge_tables(tables: Sequence[tuple[QuadTable, NDArray[np.int32]]], empty: Any = np.empty) -> QuadTable:
@@ -85,7 +86,10 @@ def merge_tables(tables: Sequence[tuple[QuadTable, NDArray[np.int32]]], empty: A
     Raises:
         ValueError: more quads than a table can count.
     """
-    codes = np.unique(np.concatenate([np.empty(0, np.uint32), *(table.codes for table, _ in tables)]))
+    codes = np.concatenate([np.empty(0, np.uint32), *(table.codes for table, _ in tables)])
+    # Runs that are sorted already: a stable sort merges them, and other threads go on meanwhile.
+    codes.sort(kind="stable")
+    codes = codes[_differ(codes)]
     counts = np.zeros(len(codes) + 1, np.int64)
     for table, slots in tables:
         count_living(codes, table.codes, table.starts, table.words, slots, counts)
@@ -99,6 +103,13 @@ def merge_tables(tables: Sequence[tuple[QuadTable, NDArray[np.int32]]], empty: A
     for table, slots in tables:
         copy_living(codes, table.codes, table.starts, table.words, slots, cursor, words)
     return QuadTable(codes, starts.astype(np.uint32), words)
+
+
+def _differ(ordered: NDArray[np.uint32]) -> NDArray[np.bool_]:
+    """Which of ascending numbers (N,) differ from the one before."""
+    differ = np.ones(len(ordered), np.bool_)
+    np.not_equal(ordered[1:], ordered[:-1], out=differ[1:])
+    return differ
 
 
 @kernel

@@ -8,6 +8,7 @@ share its pages.
 """
 
 import json
+import mmap
 import os
 import struct
 import zlib
@@ -68,6 +69,8 @@ class SegmentFile:
             if magic != _MAGIC:
                 raise SegmentDamaged(f"{path.name} is not a segment of this format")
             header = file.read(min(length, _HEADER))
+            # Once for all arrays: every mapping holds a descriptor of its own, and a process has only so many.
+            mapped = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_COPY)
         if len(header) < length or zlib.crc32(header) != checksum:
             raise SegmentDamaged(f"{path.name} has a damaged header")
         contents = json.loads(header)
@@ -77,8 +80,7 @@ class SegmentFile:
             if offset + count * np.dtype(dtype).itemsize > size:
                 raise SegmentDamaged(f"{path.name} is truncated")
             if count:
-                mapped: NDArray[Any] = np.memmap(path, dtype, "c", offset, tuple(shape))
-                arrays[name] = mapped.view(np.ndarray)
+                arrays[name] = np.frombuffer(mapped, dtype, count, offset).reshape(shape)
             else:
                 arrays[name] = np.empty(shape, dtype)
             sums[name] = crc

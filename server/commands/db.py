@@ -1,21 +1,26 @@
 """`urquhart db`: the database file, apart from the service."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import Console
 
+from server.agreement import index_findings
 from server.catalog import Catalog
 from server.commands.failure import Failure
 from server.commands.index import progress_bar
 from server.commands.serve import settings_with
+from server.flushing import rebuild
 from server.metrics import Metrics
+from server.registry import known_collections, read
 from server.settings import Settings
 from server.store.database import Database
-from server.store.integrity import Finding, findings
-from server.store.renewal import renew
+from server.store.integrity import findings
+from server.store.renewal import bring_up_to_date, renew
 from server.store.schema import expected_revision, upgrade
+from server.upkeep import Upkeep
 
 app = typer.Typer(help="Look after the database file.")
 
@@ -56,7 +61,7 @@ def check_database(database: DatabaseOption = None) -> None:
             count += 1
             typer.echo(f"{finding.where}: {finding.what}" if finding.where else finding.what)
         if not count:
-            for finding in _index_findings(store):
+            for finding in index_findings(store):
                 count += 1
                 typer.echo(f"{finding.where}: {finding.what}")
     finally:
@@ -65,6 +70,30 @@ def check_database(database: DatabaseOption = None) -> None:
         typer.echo(f"{store.path}: {count} findings")
         raise typer.Exit(1)
     typer.echo(f"{store.path}: clean")
+
+
+@app.command("reindex")
+def reindex_database(
+    collections: Annotated[
+        list[str] | None, typer.Argument(metavar="[COLLECTION]...", help="Collections; all when none is named.")
+    ] = None,
+    database: DatabaseOption = None,
+) -> None:
+    """Write the index of collections anew, from what is stored. A service on the database goes on meanwhile."""
+    settings = settings_with(database=database)
+    store = existing_database(settings)
+    try:
+        bring_up_to_date(store)
+        catalog, metrics = Catalog(store, Metrics(), settings.index), Metrics()
+        for collection_id in collections or known_collections(store):
+            with progress_bar(Console(stderr=True)) as progress:
+                total = read(store, collection_id)[0].counts.submaps
+                task = progress.add_task(collection_id, total=total)
+                written = rebuild(catalog.shop, collection_id, progress=partial(progress.advance, task))
+            Upkeep(store, catalog, metrics).merge_all(collection_id)
+            typer.echo(f"{collection_id}: {written} submaps indexed anew")
+    finally:
+        store.dispose()
 
 
 def existing_database(settings: Settings) -> Database:
@@ -80,15 +109,3 @@ def existing_database(settings: Settings) -> Database:
 
 def _database(settings: Settings) -> Database:
     return Database(settings.database_path, busy_timeout=settings.busy_timeout, read_only=settings.database_read_only)
-
-
-def _index_findings(store: Database) -> list[Finding]:
-    """Build every index, as the service does at its start, and compare what it holds with what is stored."""
-    catalog = Catalog(store, Metrics())
-    found = []
-    for collection_id, _, _ in catalog.warm_up():
-        with catalog.view(collection_id) as view:
-            held, stored = len(view.recognizer), view.collection.submap_count
-            if held != stored:
-                found.append(Finding(collection_id, f"the index holds {held} submaps of {stored}"))
-    return found

@@ -1,8 +1,9 @@
 """`urquhart index`: stem maps cut into overlapping submaps, straight into the database."""
 
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import typer
@@ -20,15 +21,20 @@ from rich.text import Text
 
 import urquhart
 from server.batches import describers
+from server.catalog import Catalog
 from server.commands.failure import Failure
 from server.commands.serve import open_database, settings_with
+from server.errors import StorageError
+from server.metrics import Metrics
 from server.registry import ensure
 from server.schemas.collections import CollectionPut
 from server.schemas.common import check_id
+from server.settings import IndexSettings
 from server.stem_maps.discs import MINIMUM_TREES, CuttingError
 from server.stem_maps.reader import read_stem_map
 from server.stem_maps.stands import StandError, StandReport, cut_stand, store_stand
 from server.store.database import Database
+from server.upkeep import Upkeep
 
 
 def index(
@@ -95,10 +101,22 @@ def index(
                     )
                 except StandError as error:
                     raise Failure(f"{path}: {error}") from error
+            task = progress.add_task("index", total=None)
+            _write_index(store, settings.index, collection, partial(progress.advance, task))
     finally:
         store.dispose()
     for report in reports:
         typer.echo(sentence(report))
+
+
+def _write_index(store: Database, settings: IndexSettings, collection: str, advance: Callable[[int], Any]) -> None:
+    """Write what was stored to segments where it is much: a service would have to do it before it answers."""
+    metrics = Metrics()
+    upkeep = Upkeep(store, Catalog(store, metrics, settings), metrics)
+    try:
+        upkeep.settle(collection, least=settings.flush_submaps + 1, progress=advance)
+    except (OSError, StorageError) as error:
+        typer.echo(f"everything is stored, but the index is not written: {error}", err=True)
 
 
 def ensure_collection(database: Database, collection: str) -> None:

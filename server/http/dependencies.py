@@ -20,6 +20,7 @@ from server.preconditions import Preconditions
 from server.schemas.common import PROBLEM_EXAMPLE, Problem, ResourceId
 from server.settings import Settings
 from server.store.database import Database
+from server.upkeep import Upkeep
 
 _ETAG = re.compile(r'\s*(?:W/)?"([^"]*)"\s*')
 
@@ -33,6 +34,7 @@ class Service:
     catalog: Catalog
     metrics: Metrics
     readiness: Readiness
+    upkeep: Upkeep
 
 
 # Not `async` for what they wait for: the framework would send a plain function to a thread and back.

@@ -44,6 +44,11 @@ class Collections:
         """Ids of all collections."""
         return list(self._session.scalars(select(CollectionRow.id).order_by(CollectionRow.key)))
 
+    def revisions(self) -> list[tuple[int, str, int]]:
+        """Key, id and revision of all collections."""
+        query = select(CollectionRow.key, CollectionRow.id, CollectionRow.revision).order_by(CollectionRow.key)
+        return [(row.key, row.id, row.revision) for row in self._session.execute(query)]
+
     def create(
         self,
         collection_id: str,
@@ -69,6 +74,7 @@ class Collections:
             landmark_count=0,
             polygon_count=0,
             query_sequence=0,
+            pruned_revision=0,
             created=now,
             updated=now,
         )

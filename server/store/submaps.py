@@ -82,16 +82,6 @@ class Identity:
 
 
 @dataclass(frozen=True, slots=True)
-class StoredFeatures:
-    """A submap's packed features, with the landmarks and attributes that they were made of."""
-
-    key: int
-    features: bytes
-    landmarks: bytes
-    attributes: bytes | None
-
-
-@dataclass(frozen=True, slots=True)
 class SubmapFilter:
     """Which submaps of a collection: all that is given must hold."""
 
@@ -203,23 +193,6 @@ class Submaps:
         """Keys of the submaps that are chosen."""
         query = select(SubmapRow.key).where(SubmapRow.collection_key == self._collection_key, *_conditions(chosen))
         return set(self._session.scalars(query))
-
-    def changed_since(self, revision: int, *, batch: int) -> Iterator[StoredFeatures]:
-        """Features of the submaps whose landmarks changed after a revision, streamed."""
-        query = (
-            select(SubmapRow.key, SubmapRow.features, SubmapRow.landmarks, SubmapRow.attributes)
-            .where(SubmapRow.collection_key == self._collection_key, SubmapRow.content_revision > revision)
-            .execution_options(yield_per=batch)
-        )
-        for row in self._session.execute(query):
-            yield StoredFeatures(*row)
-
-    def deleted_since(self, revision: int) -> list[int]:
-        """Keys of the submaps that were deleted after a revision."""
-        query = select(DeletionRow.submap_key).where(
-            DeletionRow.collection_key == self._collection_key, DeletionRow.revision > revision
-        )
-        return list(self._session.scalars(query))
 
     def _all(self) -> Select[SubmapRow]:
         return select(SubmapRow).where(SubmapRow.collection_key == self._collection_key)

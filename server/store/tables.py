@@ -73,6 +73,8 @@ class CollectionRow(Table):
     landmark_count: Mapped[int] = mapped_column(Integer)
     polygon_count: Mapped[int] = mapped_column(Integer)
     query_sequence: Mapped[int] = mapped_column(Integer)
+    # Deletions up to here are forgotten; see DeletionRow.
+    pruned_revision: Mapped[int] = mapped_column(Integer, server_default="0")
     created: Mapped[datetime] = mapped_column(Instant)
     updated: Mapped[datetime] = mapped_column(Instant)
 
@@ -136,7 +138,10 @@ class SubmapRow(Table):
 
 
 class DeletionRow(Table):
-    """A submap that is gone, so that the live index of every process can drop it too."""
+    """A submap that is gone, so that the live index of every process can drop it too.
+
+    Forgotten once no segment can hold the submap any more: when the collection's first one was made later.
+    """
 
     __tablename__ = "deletions"
     __table_args__ = (Index(None, "collection_key", "revision"),)
@@ -144,6 +149,26 @@ class DeletionRow(Table):
     submap_key: Mapped[int] = mapped_column(Integer, primary_key=True, autoincrement=False)
     collection_key: Mapped[int] = mapped_column(ForeignKey("collections.key", ondelete="CASCADE"))
     revision: Mapped[int] = mapped_column(Integer)
+
+
+class SegmentRow(Table):
+    """A file of the index: the submaps whose `content_revision` is after `since` and up to `revision`.
+
+    Rows of a collection make a chain: the first begins at 0, and each of the others where the one before it ends. What
+    was changed or deleted after the file was written is still in it; whoever reads it leaves that out.
+    """
+
+    __tablename__ = "segments"
+    __table_args__ = (Index(None, "collection_key", "since"), {"sqlite_autoincrement": True})
+
+    key: Mapped[int] = mapped_column(Integer, primary_key=True)
+    collection_key: Mapped[int] = mapped_column(ForeignKey("collections.key", ondelete="CASCADE"))
+    name: Mapped[str] = mapped_column(Text, unique=True)
+    since: Mapped[int] = mapped_column(Integer)
+    revision: Mapped[int] = mapped_column(Integer)
+    submaps: Mapped[int] = mapped_column(Integer)
+    size: Mapped[int] = mapped_column("bytes", Integer)
+    created: Mapped[datetime] = mapped_column(Instant)
 
 
 class QueryRow(Table):

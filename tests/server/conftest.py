@@ -53,12 +53,12 @@ def database(tmp_path: Path) -> Iterator[Database]:
 
 
 @pytest.fixture
-def serve(tmp_path: Path) -> Iterator[Callable[[Path], Server]]:
+def serve(tmp_path: Path) -> Iterator[Callable[..., Server]]:
     """Starts real servers, each in a process of its own, and ends them after the test."""
     started: list[Server] = []
 
-    def start(database: Path) -> Server:
-        started.append(Server(database, tmp_path / f"server-{len(started)}.log"))
+    def start(database: Path, **settings: str) -> Server:
+        started.append(Server(database, tmp_path / f"server-{len(started)}.log", **settings))
         return started[-1]
 
     yield start

@@ -19,13 +19,13 @@ _PATIENCE = 120.0
 class Server:
     """A uvicorn process over a database; `client` talks to it once it is ready."""
 
-    def __init__(self, database: Path, log: Path) -> None:
+    def __init__(self, database: Path, log: Path, **settings: str) -> None:
         self.log = log
         with log.open("wb") as output:
             self.process = subprocess.Popen(
                 [sys.executable, "-m", "uvicorn", "--factory", "server.app:create_app_from_env", "--port", "0"],
                 cwd=_ROOT,
-                env=os.environ | {"URQUHART_DATABASE": str(database)},
+                env=os.environ | {"URQUHART_DATABASE": str(database)} | settings,
                 stdout=output,
                 stderr=subprocess.STDOUT,
             )

@@ -2,21 +2,26 @@
 
 import threading
 from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any
 
 import pytest
+from sqlalchemy.orm import Session
 
 from server import ingest, lookup, registry
 from server.catalog import Catalog
 from server.errors import NotFound
-from server.locks import ReadersWriterLock
+from server.live_index import LiveIndex, State
 from server.metrics import Metrics
 from server.schemas.collections import CollectionPut
 from server.schemas.queries import QueryAnswer, QueryInput
 from server.schemas.submaps import NamedSubmap, SubmapInput
 from server.settings import Limits
 from server.store.database import Database
+from server.store.described import Described, StoredFeatures
 from server.store.integrity import findings
-from server.store.submaps import StoredFeatures, Submaps
+from server.store.tables import CollectionRow
+from tests.server import index_world
 from tests.server.world import forest, points
 
 LIMITS = Limits()
@@ -95,14 +100,14 @@ def test_only_landmarks_concern_the_index(pair: tuple[Process, Process], monkeyp
     one.put("b", 2)
     assert two.found(1) == "a"
     streamed: list[int] = []
-    changed_since = Submaps.changed_since
+    changed_since = Described.changed_since
 
-    def watched(self: Submaps, revision: int, *, batch: int) -> Iterator[StoredFeatures]:
+    def watched(self: Described, revision: int, *, batch: int) -> Iterator[StoredFeatures]:
         for row in changed_since(self, revision, batch=batch):
             streamed.append(row.key)
             yield row
 
-    monkeypatch.setattr(Submaps, "changed_since", watched)
+    monkeypatch.setattr(Described, "changed_since", watched)
     body = SubmapInput.model_validate({"xy": points(forest(1)), "session": "s", "ids": [f"t{i}" for i in range(60)]})
     assert ingest.put(one.database, "plots", "a", body, LIMITS).outcome == "replaced"
     answer = two.ask(1)
@@ -141,7 +146,7 @@ def test_a_failed_catch_up_is_repeated_whole(pair: tuple[Process, Process], monk
     one, two = pair
     one.put("a", 1)
     with monkeypatch.context() as patched:
-        patched.setattr("server.catalog.features_of", lambda *_: 1 / 0)
+        patched.setattr("server.live_index.features_of", lambda *_: 1 / 0)
         with pytest.raises(ZeroDivisionError):
             two.ask(1)
     assert two.found(1) == "a"
@@ -192,6 +197,95 @@ def test_readers_and_writers_together(pair: tuple[Process, Process]) -> None:
     writer.join()
     assert failures == []
     assert list(findings(one.database)) == []
+
+
+def test_every_view_is_of_one_revision(database: Database) -> None:
+    """While two threads write, segments are written and merged: each view holds all that was acknowledged before it."""
+    registry.ensure(database, "plots", CollectionPut())
+    process = index_world.Process(database.path)
+    acknowledged: list[int] = []
+    failures: list[BaseException] = []
+    stop = threading.Event()
+
+    def write(first: int) -> None:
+        for i in range(first, 10_000, 2):
+            if stop.is_set():
+                return
+            process.put(f"p{i}", i)
+            acknowledged.append(i)
+            if i % 5 == 0:
+                process.put(f"p{i}", 10_000 + i)
+
+    def look_after() -> None:
+        while not stop.is_set():
+            process.upkeep.run()
+            stop.wait(0.01)
+
+    def read() -> None:
+        while len(acknowledged) < 80:
+            before = list(acknowledged)
+            assert process.held() >= {f"p{i}" for i in before}
+            if before:
+                seen = next((i for i in reversed(before) if i % 5), before[-1])
+                assert seen % 5 == 0 or process.found(seen) == f"p{seen}"
+
+    def guarded(work: Callable[[], None]) -> None:
+        try:
+            work()
+        except BaseException as error:
+            failures.append(error)
+            raise
+
+    readers = [threading.Thread(target=guarded, args=(read,)) for _ in range(3)]
+    others = [partial(write, 0), partial(write, 1), look_after]
+    workers = [threading.Thread(target=guarded, args=(work,)) for work in others]
+    for thread in (*readers, *workers):
+        thread.start()
+    for thread in readers:
+        thread.join()
+    stop.set()
+    for thread in workers:
+        thread.join()
+    assert failures == []
+    assert process.chain()
+    process.agreed()
+    process.close()
+
+
+def test_a_reader_that_is_always_overtaken_gets_its_turn(
+    pair: tuple[Process, Process], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one, two = pair
+    one.put("a", 1)
+    assert two.found(1) == "a"
+    catch_up, overtaken = LiveIndex.catch_up, list[int]()
+
+    def late(self: LiveIndex, session: Session, collection: CollectionRow, *rest: Any) -> State:
+        # Another reader is faster, each time that it can be: between this one's snapshot and its catch-up.
+        if not overtaken:
+            overtaken.append(1)
+            one.put("b", 2)
+            assert two.found(2) == "b"
+        return catch_up(self, session, collection, *rest)
+
+    one.put("c", 3)
+    monkeypatch.setattr(LiveIndex, "catch_up", late)
+    with two.catalog.view("plots") as view:
+        assert (view.revision, len(view.recognizer)) == (3, 3)
+    assert overtaken
+
+
+def test_a_database_that_was_put_back_and_written_to(pair: tuple[Process, Process]) -> None:
+    """It comes to the same revision again, but not in the same way."""
+    one, two = pair
+    one.put("a", 1)
+    one.put("b", 2)
+    assert two.found(2) == "b"
+    with one.database.write_connection() as connection:
+        connection.exec_driver_sql("DELETE FROM submaps WHERE id = 'b'")
+        connection.exec_driver_sql("UPDATE collections SET revision = 1, submap_count = 1")
+    one.put("c", 3)
+    assert (two.found(2), two.found(3)) == (None, "c")
 
 
 def test_warm_up_builds_every_index(pair: tuple[Process, Process]) -> None:
@@ -252,35 +346,3 @@ def test_findings_tell_what_does_not_agree(database: Database) -> None:
     assert ("plots/p1", "the features are not those of the landmarks") in found
     assert wheres.count("plots") == 5
     process.database.dispose()
-
-
-def test_lock_lets_readers_together_and_the_writer_alone() -> None:
-    lock = ReadersWriterLock()
-    inside = threading.Barrier(2, timeout=20)
-    order: list[str] = []
-
-    def reader() -> None:
-        with lock.reading():
-            inside.wait()
-
-    threads = [threading.Thread(target=reader) for _ in range(2)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-
-    def late_reader() -> None:
-        with lock.reading():
-            order.append("reader")
-
-    with lock.writing_then_reading() as held:
-        late = threading.Thread(target=late_reader)
-        late.start()
-        late.join(0.05)
-        order.append("writer")
-        held.downgrade()
-        late.join(20)
-        order.append("still held")
-    with lock.writing_then_reading():
-        order.append("again")
-    assert order == ["writer", "reader", "still held", "again"]

@@ -1,5 +1,6 @@
 """Real processes on one database: what one acknowledges the other finds; SIGKILL loses nothing acknowledged."""
 
+import re
 import socket
 import threading
 from collections.abc import Callable
@@ -11,6 +12,9 @@ from server.store.database import Database
 from server.store.integrity import findings
 from tests.server.processes import Server
 from tests.server.world import forest, observed, points, put_submap
+
+_RUNS = re.compile(r'^urquhart_upkeep_runs_total\{task="flush"\} (.+)$', re.MULTILINE)
+_FAILURES = re.compile(r"^urquhart_(?:upkeep_failures|segments_damaged)_total(?:\{.*\})? (.+)$", re.MULTILINE)
 
 
 def test_two_servers_on_one_database(serve: Callable[[Path], Server], tmp_path: Path) -> None:
@@ -25,6 +29,25 @@ def test_two_servers_on_one_database(serve: Callable[[Path], Server], tmp_path: 
     one.delete("/v1/collections/plots/submaps/p0").raise_for_status()
     answer = two.post("/v1/collections/plots/queries", json={"xy": points(forest(0))}).json()
     assert answer["verdict"] == "no_match"
+
+
+def test_two_servers_share_their_segments(serve: Callable[..., Server], tmp_path: Path) -> None:
+    """Both write, merge and take over, all the time, and neither is disturbed by the other."""
+    path = tmp_path / "urquhart.db"
+    few = {"URQUHART_INDEX__FLUSH_SUBMAPS": "3", "URQUHART_INDEX__UPKEEP_SECONDS": "0.02"}
+    one, two = serve(path, **few).client, serve(path, **few).client
+    one.put("/v1/collections/plots", json={}).raise_for_status()
+    for i in range(30):
+        writer, reader = (one, two) if i % 2 else (two, one)
+        put_submap(writer, "plots", f"p{i}", i).raise_for_status()
+        for known in {i, i // 2}:
+            answer = reader.post("/v1/collections/plots/queries", json={"xy": points(forest(known))}).json()
+            assert (answer["verdict"], answer["candidates"][0]["submap_id"]) == ("matched", f"p{known}")
+    assert list((tmp_path / "urquhart.db.index").glob("*.segment"))
+    written = [float(value) for client in (one, two) for value in _RUNS.findall(client.get("/metrics").text)]
+    assert sum(written) >= 3
+    failed = [value for client in (one, two) for value in _FAILURES.findall(client.get("/metrics").text)]
+    assert set(failed) <= {"0.0"}
 
 
 def test_kill_during_puts_loses_nothing_acknowledged(serve: Callable[[Path], Server], tmp_path: Path) -> None:

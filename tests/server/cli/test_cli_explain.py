@@ -33,7 +33,7 @@ def test_locate_explains(urquhart: Urquhart, indexed: Path, observation: Path, t
     known = ["--collection", "stand", "--database", indexed]
     said = urquhart("locate", observation, *known, "--explain", "--explain-svg", "why.svg")
     assert (said.code, said.err) == (0, "")
-    for words in (REASONS["verified"], "describe", "landmarks", "verify polygons", UNREFUSED, "drawn: why.svg"):
+    for words in (REASONS["verified"], "describe", "landmarks", "verify quads", UNREFUSED, "drawn: why.svg"):
         assert words in said.out
     drawing = ElementTree.fromstring((tmp_path / "why.svg").read_text())
     assert any(text.text == "seen: matched" for text in drawing.iter())

@@ -1,0 +1,80 @@
+"""Do index and database agree? Read only, in one snapshot: the list of segments, their files, and the rows."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+from sqlalchemy.orm import Session
+
+from server.derive import config_of
+from server.live_index import lay_out
+from server.segment_folder import SegmentFolder
+from server.store.collections import Collections
+from server.store.database import Database
+from server.store.described import Described
+from server.store.integrity import Finding
+from server.store.segments import Listed, Segments, trusted
+from server.store.tables import CollectionRow
+from urquhart.segment import Segment
+from urquhart.segment_file import SegmentDamaged
+
+
+def index_findings(database: Database) -> Iterator[Finding]:
+    """All that is wrong with the segments: gaps, files damaged or missing, submaps that they lack or should not have.
+
+    None of it makes an answer wrong: a segment that cannot be used is made anew. Raises StorageError.
+    """
+    folder = SegmentFolder(database)
+    with database.read() as session:
+        for _, collection_id, _ in Collections(session).revisions():
+            collection = Collections(session).get(collection_id)
+            if collection is not None:
+                for what in _collection(session, folder, collection):
+                    yield Finding(collection_id, what)
+
+
+def _collection(session: Session, folder: SegmentFolder, collection: CollectionRow) -> Iterator[str]:
+    config, described = config_of(collection), Described(session, collection.key)
+    chain = Segments(session, collection.key).chain()
+    if trusted(chain) < len(chain):
+        yield f"the segments leave a gap before {chain[trusted(chain)].name}"
+        return
+    rows = described.content_revisions(0)
+    keys = np.array(sorted(rows), np.int64)
+    revisions = np.array([rows[key] for key in keys.tolist()], np.int64)
+    segments = []
+    for listed in chain:
+        try:
+            segment = folder.open(listed, collection.key, config)
+            if segment.file is not None:
+                segment.file.check()
+        except (SegmentDamaged, OSError) as error:
+            yield f"segment {listed.name} cannot be used: {error}"
+            return
+        yield from _contents(segment, listed, keys, revisions)
+        segments.append(segment)
+    covered = chain[-1].revision if chain else 0
+    gone = np.concatenate([keys[revisions > covered], np.array(described.deleted_since(0), np.int64)])
+    living = [part.segment.keys[part.alive > 0] for part in lay_out(segments, gone)]
+    held = np.concatenate([*living, keys[revisions > covered]])
+    yield from _difference("the index", held, keys)
+    if len(np.unique(held)) < len(held):
+        yield "a submap lives in two segments"
+    if len(keys) != collection.submap_count:
+        yield f"the index holds {len(keys)} submaps of {collection.submap_count}"
+
+
+def _contents(segment: Segment, listed: Listed, keys: NDArray[np.int64], revisions: NDArray[np.int64]) -> Iterator[str]:
+    """Whether a segment has what it is listed for, and besides only what was changed or deleted since."""
+    expected = keys[(revisions > listed.since) & (revisions <= listed.revision)]
+    changed = keys[revisions > listed.revision]
+    held = segment.keys[~np.isin(segment.keys, changed) & np.isin(segment.keys, keys)]
+    yield from _difference(f"segment {listed.name}", held, expected)
+
+
+def _difference(what: str, held: NDArray[np.int64], expected: NDArray[np.int64]) -> Iterator[str]:
+    lacking, beyond = np.setdiff1d(expected, held), np.setdiff1d(held, expected)
+    if len(lacking):
+        yield f"{what} lacks {len(lacking)} submaps, the first of key {lacking[0]}"
+    if len(beyond):
+        yield f"{what} holds {len(beyond)} submaps that it should not, the first of key {beyond[0]}"

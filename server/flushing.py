@@ -1,0 +1,212 @@
+"""What changed since the last segment, written to new ones: from the rows, or from what a live index holds in memory.
+
+A file is complete and on the disk before a row lists it, and is removed where that fails. Whoever is ended in between
+leaves a file that nobody lists, which is swept later.
+"""
+
+import logging
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from sqlalchemy.orm import Session
+
+from server.derive import config_of, features_of
+from server.live_index import State
+from server.segment_folder import SegmentFolder, about
+from server.store.collections import Collections
+from server.store.database import Database
+from server.store.described import Described
+from server.store.segments import Listed, Segments, trusted
+from server.store.tables import CollectionRow
+from urquhart import Config
+from urquhart.collection_index import Part
+from urquhart.segment import Segment, merge_segments
+
+_BATCH: Final = 500
+"""Submaps whose features are in memory at a time."""
+_log = logging.getLogger(__name__)
+
+Progress = Callable[[int], Any]
+"""Told how many submaps were written."""
+
+
+class Stopped(Exception):
+    """The work was given up because the process is about to end."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shop:
+    """What is needed to write segments.
+
+    Attributes:
+        database, folder: where they are listed, and where they lie.
+        block: submaps of a segment made of rows; more where a single revision has more.
+        stopping: asked now and then whether to give up.
+    """
+
+    database: Database
+    folder: SegmentFolder
+    block: int = 20_000
+    stopping: Callable[[], bool] = lambda: False
+
+    def check(self) -> None:
+        """Raise Stopped when it is time to give up."""
+        if self.stopping():
+            raise Stopped
+
+
+def flush(
+    shop: Shop, collection_id: str, *, least: int = 1, wait: bool = True, progress: Progress | None = None
+) -> int:
+    """Write the submaps that no segment holds, from their rows, block by block; how many.
+
+    Blocks are listed one by one: what is done stays done, and others get their turn in between.
+
+    Args:
+        least: fewer than so many are left as they are.
+        wait: for another process that writes; what it writes is not written again.
+
+    Raises:
+        OSError, StorageError: as far as it came, it is listed.
+        Stopped: likewise.
+    """
+    written = 0
+    while count_uncovered(shop.database, collection_id, least) >= least:
+        with shop.folder.lock("flush", wait=lambda: wait and not shop.stopping()) as held:
+            if not held:
+                break
+            # Another may have done it while this one waited.
+            if count_uncovered(shop.database, collection_id, least) < least:
+                break
+            block = _write_block(shop, collection_id)
+        if not block:
+            break  # others changed the list meanwhile
+        if progress is not None:
+            progress(block)
+        written += block
+        time.sleep(0.02)  # for those that wait for the lock, which they look at every now and then
+    return written
+
+
+def flush_state(shop: Shop, collection_key: int, state: State) -> int:
+    """Write what a live index holds in memory, which is its rows' features laid out already; how many submaps.
+
+    Raises OSError, StorageError, Stopped.
+    """
+    with shop.folder.lock("flush") as held:
+        if not held or state.opened < len(state.chain) or not any(part.living for part in state.delta):
+            return 0
+        listed = write(shop, collection_key, state.delta, state.covered, state.revision)
+        return listed.submaps if register(shop, collection_key, (), [listed]) else 0
+
+
+def rebuild(shop: Shop, collection_id: str, *, progress: Progress | None = None) -> int:
+    """Write all submaps of a collection to new segments, and list these in the place of all that are; how many.
+
+    Raises OSError, StorageError.
+    """
+    made: list[Listed] = []
+    with shop.folder.lock("flush", wait=lambda: True), shop.folder.lock("merge", wait=lambda: True):
+        try:
+            while True:
+                with shop.database.read() as session:
+                    collection = Collections(session).get(collection_id)
+                    if collection is None:
+                        return 0
+                    since = made[-1].revision if made else 0
+                    parts, end = _read_block(shop, session, collection, since)
+                if not parts:
+                    break
+                made.append(write(shop, collection.key, parts, since, end))
+                if progress is not None:
+                    progress(made[-1].submaps)
+        except BaseException:
+            shop.folder.remove(segment.name for segment in made)
+            raise
+        listed = register(shop, collection.key, None, made)
+    shop.folder.sweep(grace=0.0)
+    return sum(segment.submaps for segment in made) if listed else 0
+
+
+def write(shop: Shop, collection_key: int, parts: Sequence[Part], since: int, revision: int) -> Listed:
+    """Write what lives of segments to a file that holds `since` to `revision`. Raises OSError, Stopped."""
+    shop.check()
+    name, path = shop.folder.new_file()
+    alive: list[tuple[Segment, NDArray[np.uint8]]] = [(part.segment, part.alive) for part in parts]
+    segment = merge_segments(alive, path, **about(name, collection_key, since, revision))
+    return Listed(name, since, revision, len(segment), path.stat().st_size)
+
+
+def register(shop: Shop, collection_key: int, old: Sequence[Listed] | None, new: Sequence[Listed]) -> bool:
+    """List segments in the place of others (None: of all), if they fit there; whether they do.
+
+    Their files are removed where not, and where it raises StorageError or Stopped.
+    """
+    listed = False
+    try:
+        shop.check()
+        with shop.database.write() as session:
+            segments = Segments(session, collection_key)
+            done = segments.exchange(segments.chain() if old is None else old, new)
+        listed = done
+    finally:
+        if not listed:
+            shop.folder.remove(segment.name for segment in new)
+    return listed
+
+
+def count_uncovered(database: Database, collection_id: str, most: int) -> int:
+    """How many submaps of a collection no segment holds, counted up to `most`. Raises StorageError."""
+    with database.read() as session:
+        collection = Collections(session).get(collection_id)
+        if collection is None:
+            return 0
+        chain = Segments(session, collection.key).chain()
+        return Described(session, collection.key).count_changed(_end(chain), most)
+
+
+def _write_block(shop: Shop, collection_id: str) -> int:
+    with shop.database.read() as session:
+        collection = Collections(session).get(collection_id)
+        if collection is None:
+            return 0
+        chain = Segments(session, collection.key).chain()
+        parts, end = _read_block(shop, session, collection, _end(chain))
+    if not parts:
+        return 0
+    listed = write(shop, collection.key, parts, _end(chain), end)
+    # What stands behind a gap is of no use to anyone.
+    return listed.submaps if register(shop, collection.key, chain[trusted(chain) :], [listed]) else 0
+
+
+def _read_block(shop: Shop, session: Session, collection: CollectionRow, since: int) -> tuple[list[Part], int]:
+    """Segments in memory of the submaps that changed first after `since`, and the revision up to which that is all."""
+    config, parts, count = config_of(collection), list[Part](), 0
+    batch: list[tuple[int, Any]] = []
+    last = since
+    for row in Described(session, collection.key).changed_since(since, batch=_BATCH):
+        if count >= shop.block and row.content_revision != last:
+            parts.extend(_part(batch, config))
+            return parts, last
+        batch.append((row.key, features_of(row.features, row.landmarks, row.attributes, config)))
+        count, last = count + 1, row.content_revision
+        if len(batch) == _BATCH:
+            parts.extend(_part(batch, config))
+            batch = []
+            shop.check()
+        time.sleep(0)  # lets other threads go first: a query must not wait for a whole batch
+    parts.extend(_part(batch, config))
+    return parts, collection.revision
+
+
+def _part(batch: list[tuple[int, Any]], config: Config) -> list[Part]:
+    return [Part.of(Segment.build(batch, config))] if batch else []
+
+
+def _end(chain: Sequence[Listed]) -> int:
+    good = trusted(chain)
+    return chain[good - 1].revision if good else 0

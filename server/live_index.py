@@ -1,0 +1,246 @@
+"""The index of one collection in this process: segments that are mapped, and what changed since in memory.
+
+A state is never changed. A catch-up makes another from the rows of a snapshot and puts it in the old one's place, so
+that readers of either are left alone and wait for nothing.
+"""
+
+import itertools
+import logging
+import threading
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from sqlalchemy.orm import Session
+
+from server.derive import config_of, features_of
+from server.feature_cache import FeatureCache
+from server.segment_folder import SegmentFolder
+from server.store.described import Described, StoredFeatures
+from server.store.segments import Listed, Segments, trusted
+from server.store.tables import CollectionRow
+from urquhart import Config, Features
+from urquhart.collection_index import CollectionIndex, Part
+from urquhart.segment import Segment
+from urquhart.segment_file import SegmentDamaged
+
+_BATCH: Final = 500
+_MANY: Final = 10_000
+"""Changed submaps from which on all kept features of the collection are dropped, instead of these."""
+_owners = itertools.count(1)
+_log = logging.getLogger(__name__)
+
+
+class Obstacle(Exception):
+    """Why an index cannot be brought to a snapshot as it is."""
+
+
+class Overtaken(Obstacle):
+    """Another thread brought it to a later revision meanwhile: take a new snapshot."""
+
+
+class TooMany(Obstacle):
+    """More submaps changed than are to be taken into memory: write them to segments first."""
+
+
+class Unusable(Obstacle):
+    """A listed segment cannot be trusted, or not be read: `listed`, and the error that tells why."""
+
+    def __init__(self, listed: Listed, error: Exception) -> None:
+        super().__init__(str(error))
+        self.listed, self.error = listed, error
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class State:
+    """A collection's index at one revision.
+
+    Attributes:
+        revision, updated: of the collection. Both, because a database that was put back comes to a revision again.
+        chain: the segments that were listed then.
+        opened: how many of these, from the first one on, are used; they are the first parts of the index.
+        index: what is searched.
+    """
+
+    revision: int
+    updated: datetime
+    chain: tuple[Listed, ...]
+    opened: int
+    index: CollectionIndex
+
+    @property
+    def files(self) -> tuple[Part, ...]:
+        """What is mapped from files."""
+        return self.index.parts[: self.opened]
+
+    @property
+    def delta(self) -> tuple[Part, ...]:
+        """What is in memory: all that changed after `covered`."""
+        return self.index.parts[self.opened :]
+
+    @property
+    def covered(self) -> int:
+        """The revision up to which files hold everything."""
+        return self.chain[self.opened - 1].revision if self.opened else 0
+
+    def is_of(self, collection: CollectionRow) -> bool:
+        """Whether this is the index of the collection as that row was read."""
+        return self.revision == collection.revision and self.updated == collection.updated
+
+
+def lay_out(segments: Sequence[Segment], gone: NDArray[np.int64]) -> list[Part]:
+    """Segments of a collection, the oldest first, with what lives in them.
+
+    Without `gone` (K,) int64, the keys of submaps that were deleted, or changed after the last segment; and without
+    what a later segment holds, too: it was replaced there.
+    """
+    parts: list[Part] = []
+    for segment in reversed(segments):
+        parts.insert(0, Part.of(segment).without(gone))
+        gone = np.concatenate([gone, segment.keys])
+    return parts
+
+
+class LiveIndex:
+    """The state of one collection and how it goes on to the next."""
+
+    def __init__(self, collection: CollectionRow, folder: SegmentFolder, cache: FeatureCache) -> None:
+        """Of a stored collection. Raises StorageUnavailable for a configuration that cannot be used."""
+        self.key, self.id = collection.key, collection.id
+        self.config: Config = config_of(collection)
+        self.owner = next(_owners)
+        self.mutex = threading.RLock()
+        """Held by the one who makes the next state; never during a search."""
+        self.state: State | None = None
+        self.left_out: dict[str, str] = {}
+        """Segments that this process does without although they are listed, by name, and why."""
+        self._folder, self._cache = folder, cache
+
+    def catch_up(self, session: Session, collection: CollectionRow, seen: State | None, most: int | None) -> State:
+        """The state at the revision of the session's snapshot, in which `collection` was read.
+
+        Args:
+            seen: the state before the snapshot was taken.
+            most: changed submaps that may be held in memory; None for any number.
+
+        Raises:
+            Overtaken, TooMany, Unusable: it cannot be had so; the state is as it was.
+        """
+        state = self.state
+        if state is not None and state.is_of(collection):
+            return state
+        with self.mutex:
+            state = self.state
+            if state is not None and state.is_of(collection):
+                return state
+            if state is not None and state.revision >= collection.revision:
+                if state is not seen:
+                    raise Overtaken
+                # The snapshot was taken after that state was made: the database was put back by a restored backup,
+                # and what the state holds may never have been.
+                _log.warning("collection %s went back to revision %d", self.id, collection.revision)
+                self.drop()
+                state = None
+            return self._go_on(session, collection, state, most)
+
+    def refresh(self, session: Session, collection: CollectionRow) -> None:
+        """Take over segments that were written, merged or mended since the state was made.
+
+        Raises Unusable.
+        """
+        with self.mutex:
+            state = self.state
+            if state is None or collection.revision < state.revision:
+                return  # the next view makes one, or finds out what happened
+            chain = Segments(session, self.key).chain()
+            more = state.opened < len(chain) and chain[state.opened].name not in self.left_out
+            if chain != state.chain or more:
+                self.state = self._assembled(session, collection, state, chain, None)
+
+    def drop(self) -> None:
+        """Forget the state: the next view makes it anew."""
+        with self.mutex:
+            self.state = None
+            self._cache.forget(self.owner)
+
+    def _go_on(self, session: Session, collection: CollectionRow, state: State | None, most: int | None) -> State:
+        chain = Segments(session, self.key).chain()
+        if state is not None and state.chain == chain and collection.pruned_revision <= state.revision:
+            new = self._advanced(session, collection, state, most)
+        else:
+            new = self._assembled(session, collection, state, chain, most)
+        self.state = new
+        return new
+
+    def _advanced(self, session: Session, collection: CollectionRow, state: State, most: int | None) -> State:
+        described = Described(session, self.key)
+        if most is not None and state.opened == len(state.chain):
+            room = max(most - sum(part.living for part in state.delta), 0)
+            if described.count_changed(state.revision, room + 1) > room:
+                raise TooMany
+        gone, changed = described.deleted_since(state.revision), list[int]()
+        index = state.index.with_changes(removed=gone) if gone else state.index
+        for batch in self._batches(described.changed_since(state.revision, batch=_BATCH)):
+            index = index.with_changes(batch)
+            changed.extend(key for key, _ in batch)
+        self._cache.advance(self.owner, collection.revision, gone + changed)
+        return State(collection.revision, collection.updated, state.chain, state.opened, index)
+
+    def _assembled(
+        self,
+        session: Session,
+        collection: CollectionRow,
+        state: State | None,
+        chain: tuple[Listed, ...],
+        most: int | None,
+    ) -> State:
+        """The state made of the segments that are listed, and of what `state` holds in memory and is still right."""
+        described = Described(session, self.key)
+        segments = self._opened(chain, state)
+        covered = chain[len(segments) - 1].revision if segments else 0
+        # What a segment holds that must be left out is not to be written again: it has to be taken into memory.
+        if most is not None and len(segments) == len(chain) and described.count_changed(covered, most + 1) > most:
+            raise TooMany
+        uncovered = described.content_revisions(covered)
+        gone = np.array([*uncovered, *(described.deleted_since(0) if segments else ())], np.int64)
+        files = lay_out(segments, gone)
+        held: list[Part] = []
+        if state is not None:
+            same = [key for key, changed in uncovered.items() if changed <= state.revision]
+            held = [part.only(np.array(same, np.int64)) for part in state.delta]
+        index = CollectionIndex(self.config, (*files, *(part for part in held if part.living)))
+        for part in held:
+            for key in part.segment.keys[part.alive > 0].tolist():
+                del uncovered[key]
+        for batch in self._batches(described.stored(uncovered)):
+            index = index.with_changes(batch)
+        self._cache.advance(self.owner, collection.revision, self._touched(described, state))
+        return State(collection.revision, collection.updated, chain, len(segments), index)
+
+    def _opened(self, chain: tuple[Listed, ...], state: State | None) -> list[Segment]:
+        """The segments that can be used, from the first one on. Raises Unusable."""
+        mapped = {} if state is None else dict(zip(state.chain, (p.segment for p in state.files), strict=False))
+        good, segments = trusted(chain), list[Segment]()
+        self.left_out = {name: why for name, why in self.left_out.items() if name in {s.name for s in chain}}
+        for i, listed in enumerate(chain):
+            if listed.name in self.left_out:
+                break
+            if i == good:
+                raise Unusable(listed, SegmentDamaged(f"it is listed from {listed.since} on, which leaves a gap"))
+            try:
+                segments.append(mapped.get(listed) or self._folder.open(listed, self.key, self.config))
+            except (SegmentDamaged, OSError) as error:
+                raise Unusable(listed, error) from error
+        return segments
+
+    def _touched(self, described: Described, state: State | None) -> Iterable[int] | None:
+        if state is None or described.count_changed(state.revision, _MANY + 1) > _MANY:
+            return None
+        return described.content_revisions(state.revision)
+
+    def _batches(self, rows: Iterator[StoredFeatures]) -> Iterator[list[tuple[int, Features]]]:
+        while batch := list(itertools.islice(rows, _BATCH)):
+            yield [(row.key, features_of(row.features, row.landmarks, row.attributes, self.config)) for row in batch]

@@ -1,0 +1,97 @@
+"""Features as they are stored, read for the index: what changed, what is gone, what a look-up asks for."""
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from typing import Any, Final
+
+import orjson
+from sqlalchemy import Select, func, select
+from sqlalchemy.orm import Session
+
+from server.store.tables import DeletionRow, SubmapRow
+
+_VARIABLES: Final = 500
+"""Keys of a statement, well below SQLite's limit on bound values."""
+_PACKED: Final = (
+    "SELECT key, content_revision, features FROM submaps WHERE key IN (SELECT value FROM json_each(?)) "
+    "AND collection_key = ?"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class StoredFeatures:
+    """A submap's packed features, with the landmarks and attributes that they were made of.
+
+    `content_revision` is the collection's at the last change of these.
+    """
+
+    key: int
+    content_revision: int
+    features: bytes
+    landmarks: bytes
+    attributes: bytes | None
+
+
+class Described:
+    """Reads what is indexed of one collection, in the caller's session."""
+
+    def __init__(self, session: Session, collection_key: int) -> None:
+        self._session = session
+        self._collection_key = collection_key
+
+    def changed_since(self, revision: int, *, batch: int) -> Iterator[StoredFeatures]:
+        """Features of the submaps whose landmarks changed after a revision, in the order of the change, streamed."""
+        query = self._stored().where(SubmapRow.content_revision > revision).order_by(SubmapRow.content_revision)
+        for row in self._session.execute(query.execution_options(yield_per=batch)):
+            yield StoredFeatures(*row)
+
+    def stored(self, keys: Collection[int]) -> Iterator[StoredFeatures]:
+        """Features of those of the submaps that exist."""
+        listed = list(keys)
+        for start in range(0, len(listed), _VARIABLES):
+            some = listed[start : start + _VARIABLES]
+            for row in self._session.execute(self._stored().where(SubmapRow.key.in_(some))):
+                yield StoredFeatures(*row)
+
+    def packed(self, keys: Collection[int]) -> list[tuple[int, int, bytes]]:
+        """Key, content revision and packed features of those of the submaps that exist.
+
+        A look-up reads some dozens in each of several goes: what a statement costs in itself counts here.
+        """
+        values = (orjson.dumps(list(keys)).decode(), self._collection_key)
+        return [(row[0], row[1], row[2]) for row in self._session.connection().exec_driver_sql(_PACKED, values)]
+
+    def count_changed(self, revision: int, most: int) -> int:
+        """How many submaps' landmarks changed after a revision; counted up to `most`."""
+        changed = (
+            select(SubmapRow.key)
+            .where(SubmapRow.collection_key == self._collection_key, SubmapRow.content_revision > revision)
+            .limit(most)
+        )
+        return self._session.scalar(select(func.count()).select_from(changed.subquery())) or 0
+
+    def content_revisions(self, revision: int, until: int | None = None) -> dict[int, int]:
+        """Content revision, by key, of the submaps whose landmarks changed after a revision, and up to `until`."""
+        query = select(SubmapRow.key, SubmapRow.content_revision).where(
+            SubmapRow.collection_key == self._collection_key, SubmapRow.content_revision > revision
+        )
+        if until is not None:
+            query = query.where(SubmapRow.content_revision <= until)
+        return {row[0]: row[1] for row in self._session.execute(query)}
+
+    def deleted_since(self, revision: int) -> list[int]:
+        """Keys of the submaps that were deleted after a revision, as far as that is not forgotten."""
+        query = select(DeletionRow.submap_key).where(
+            DeletionRow.collection_key == self._collection_key, DeletionRow.revision > revision
+        )
+        return list(self._session.scalars(query))
+
+    def _stored(self) -> Select[Any]:
+        columns: tuple[Any, ...] = (
+            SubmapRow.key,
+            SubmapRow.content_revision,
+            SubmapRow.features,
+            SubmapRow.landmarks,
+            SubmapRow.attributes,
+        )
+        return select(*columns).where(SubmapRow.collection_key == self._collection_key)

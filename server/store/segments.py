@@ -1,0 +1,125 @@
+"""Rows of segments: which files make the index of a collection."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+from sqlalchemy import delete, func, insert, select, update
+from sqlalchemy.orm import Session
+
+from server.store.tables import CollectionRow, DeletionRow, SegmentRow
+
+
+@dataclass(frozen=True, slots=True)
+class Listed:
+    """A segment as it is listed.
+
+    Attributes:
+        name: of the file, without its ending; never used twice.
+        since, revision: it holds the submaps whose landmarks last changed after the one and up to the other.
+        submaps: how many are in the file, those that are gone since included.
+        size: of the file, in bytes.
+    """
+
+    name: str
+    since: int
+    revision: int
+    submaps: int
+    size: int
+
+
+class Segments:
+    """Repository of one collection's segments; the session is the caller's, and so is the commit."""
+
+    def __init__(self, session: Session, collection_key: int) -> None:
+        self._session = session
+        self._collection_key = collection_key
+
+    def chain(self) -> tuple[Listed, ...]:
+        """All segments, the oldest first, whether or not they make a chain."""
+        query = (
+            select(SegmentRow.name, SegmentRow.since, SegmentRow.revision, SegmentRow.submaps, SegmentRow.size)
+            .where(SegmentRow.collection_key == self._collection_key)
+            .order_by(SegmentRow.since, SegmentRow.key)
+        )
+        return tuple(Listed(*row) for row in self._session.execute(query))
+
+    def exchange(self, old: Sequence[Listed], new: Sequence[Listed]) -> bool:
+        """Put segments in the place of others and forget the deletions that no segment needs any more.
+
+        False, and nothing is changed, where that would not make a chain that this collection can have: others changed
+        it meanwhile, the collection is gone, or it was put back to before what the new ones hold.
+        """
+        revision = self._session.scalar(select(CollectionRow.revision).where(CollectionRow.key == self._collection_key))
+        before = self.chain()
+        gone = {segment.name for segment in old}
+        after = sorted([s for s in before if s.name not in gone] + list(new), key=lambda s: (s.since, s.revision))
+        if (
+            revision is None
+            or not gone <= {segment.name for segment in before}
+            or trusted(after) < len(after)
+            or any(segment.revision > revision for segment in new)
+        ):
+            return False
+        self._delete(gone)
+        now = datetime.now(UTC)
+        if new:
+            columns = [
+                {
+                    "collection_key": self._collection_key,
+                    "name": segment.name,
+                    "since": segment.since,
+                    "revision": segment.revision,
+                    "submaps": segment.submaps,
+                    "size": segment.size,
+                    "created": now,
+                }
+                for segment in new
+            ]
+            self._session.execute(insert(SegmentRow), columns)
+        if after:
+            self._prune(after[0].revision)
+        return True
+
+    def drop_from(self, name: str) -> int:
+        """Forget a segment that cannot be used, and those after it; how many rows that were, 0 if it is not there."""
+        chain = self.chain()
+        places = [i for i, segment in enumerate(chain) if segment.name == name]
+        gone = {segment.name for segment in chain[places[0] :]} if places else set[str]()
+        self._delete(gone)
+        return len(gone)
+
+    def _delete(self, names: set[str]) -> None:
+        self._session.execute(
+            delete(SegmentRow).where(SegmentRow.collection_key == self._collection_key, SegmentRow.name.in_(names)),
+            execution_options={"synchronize_session": False},
+        )
+
+    def _prune(self, revision: int) -> None:
+        # A submap deleted by then is in no segment: every one was made of rows that were read later.
+        unsynchronized = {"synchronize_session": False}
+        gone = delete(DeletionRow).where(
+            DeletionRow.collection_key == self._collection_key, DeletionRow.revision <= revision
+        )
+        self._session.execute(gone, execution_options=unsynchronized)
+        self._session.execute(
+            update(CollectionRow)
+            .where(CollectionRow.key == self._collection_key)
+            .values(pruned_revision=func.max(CollectionRow.pruned_revision, revision)),
+            execution_options=unsynchronized,
+        )
+
+
+def trusted(chain: Sequence[Listed]) -> int:
+    """How many segments, from the first one on, make a chain without a gap."""
+    end = 0
+    for i, segment in enumerate(chain):
+        if segment.since != end or segment.revision <= segment.since:
+            return i
+        end = segment.revision
+    return len(chain)
+
+
+def all_names(session: Session) -> set[str]:
+    """Names of the segments of every collection."""
+    return set(session.scalars(select(SegmentRow.name)))

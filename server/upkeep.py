@@ -1,0 +1,194 @@
+"""Looks after the segments of all collections, beside the requests: written, merged, checked, swept.
+
+Every process has such a thread. Each kind of work is done by one of them at a time; the others see by the list in the
+database what was done and take it over.
+"""
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Final
+
+from server.catalog import Catalog
+from server.compaction import due, merge
+from server.flushing import Progress, Stopped, count_uncovered, flush, flush_state
+from server.live_index import LiveIndex, Unusable
+from server.metrics import Metrics
+from server.store.collections import Collections
+from server.store.database import Database
+from server.store.segments import Listed, Segments
+from server.threads import pin_threads
+from urquhart.segment_file import SegmentDamaged
+
+_SWEEP: Final = 60.0
+"""Seconds between two looks for files that are left over, and at segments that could not be read."""
+_PATIENCE: Final = 300.0
+"""Seconds that something that failed waits at most before it is tried again."""
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class _Failure:
+    """Of a task: what it was, how often in a row, and when to try again (`time.monotonic`)."""
+
+    cause: str
+    times: int
+    again: float
+
+
+class Upkeep:
+    """The work on the segments of one process's database; started as a thread, or done at once by `run`."""
+
+    def __init__(self, database: Database, catalog: Catalog, metrics: Metrics) -> None:
+        self._database, self._catalog, self._metrics = database, catalog, metrics
+        self._settled: dict[int, tuple[int, tuple[Listed, ...]]] = {}
+        """Revision and segments at which there was nothing to do for a collection, by key."""
+        self._checked: set[str] = set()
+        self._failures: dict[str, _Failure] = {}
+        self._swept = -_SWEEP
+        self._thread: threading.Thread | None = None
+
+    def start(self, ready: threading.Event) -> None:
+        """Begin to look after the segments in the background, as soon as `ready` is set."""
+        self._catalog.stopping.clear()
+        self._thread = threading.Thread(target=self._work, args=(ready,), name="upkeep", daemon=True)
+        self._thread.start()
+
+    def stop(self, patience: float = 1.0) -> None:
+        """End that, within about `patience` seconds: what is being merged is given up, and done again another time."""
+        self._catalog.stopping.set()
+        if self._thread is not None:
+            self._thread.join(patience)
+
+    def run(self) -> bool:
+        """Do what is to be done now; what fails is logged, and tried again by a later call. Whether nothing is left.
+
+        Raises StorageError: it cannot even be seen what is to be done. Stopped.
+        """
+        with self._database.read() as session:
+            revisions = Collections(session).revisions()
+            chains = {key: Segments(session, key).chain() for key, _, _ in revisions}
+        for key, collection_id, revision in revisions:
+            seen = (revision, chains[key])
+            if self._settled.get(key) != seen:
+                self._settled.pop(key, None)
+                if self._try(f"collection {collection_id}", partial(self._tend, collection_id)):
+                    self._settled[key] = seen
+        self._settled = {key: seen for key, seen in self._settled.items() if key in chains}
+        if time.monotonic() - self._swept >= _SWEEP:
+            self._swept = time.monotonic()
+            self._try("left-over segments", self._sweep)
+        return len(self._settled) == len(chains)
+
+    def settle(self, collection_id: str, *, least: int = 1, progress: Progress | None = None) -> int:
+        """Write what no segment holds, `least` submaps or more, and merge what is to be merged; how many were written.
+
+        Raises OSError, StorageError.
+        """
+        with self._metrics.upkeep("flush"):
+            written = flush(self._catalog.shop, collection_id, least=least, progress=progress)
+        self.merge_all(collection_id)
+        return written
+
+    def merge_all(self, collection_id: str) -> None:
+        """Merge what is to be merged of a collection's segments. Raises NotFound, OSError, StorageError."""
+        with self._catalog.view(collection_id):
+            pass
+        self._merge(collection_id)
+
+    def _work(self, ready: threading.Event) -> None:
+        pin_threads()
+        while not self._catalog.stopping.wait(self._catalog.settings.upkeep_seconds):
+            try:
+                if ready.is_set():
+                    self._try("all collections", self.run)
+            except Stopped:
+                return
+
+    def _try(self, task: str, work: Callable[[], bool]) -> bool:
+        """Do a task, unless it failed a short while ago; whether it is done."""
+        failure = self._failures.get(task)
+        if failure is not None and time.monotonic() < failure.again:
+            return False
+        try:
+            done = work()
+        except Stopped:
+            raise
+        except Exception as error:  # noqa: BLE001  whatever happens to one collection, the others are looked after
+            what = (error.strerror or str(error)) if isinstance(error, OSError) else str(error)
+            cause = f"{type(error).__name__}: {what}"
+            times = 1 if failure is None else failure.times + 1
+            if failure is None or failure.cause != cause:
+                _log.warning("segments, %s: %s; trying again later", task, cause, exc_info=error)
+            self._failures[task] = _Failure(cause, times, time.monotonic() + min(2.0**times, _PATIENCE))
+            return False
+        self._failures.pop(task, None)
+        return done
+
+    def _tend(self, collection_id: str) -> bool:
+        self._catalog.refresh(collection_id)
+        done = self._database.read_only or (self._flush(collection_id) and self._merge(collection_id))
+        live = self._catalog.live(collection_id)
+        if live is not None:
+            self._check(live)
+        return done
+
+    def _flush(self, collection_id: str) -> bool:
+        most = self._catalog.settings.flush_submaps
+        if count_uncovered(self._database, collection_id, most + 1) <= most:
+            return True
+        live = self._catalog.live(collection_id)
+        state = live.state if live is not None else None
+        with self._metrics.upkeep("flush"):
+            if live is not None and state is not None and sum(part.living for part in state.delta) > most // 2:
+                written = flush_state(self._catalog.shop, live.key, state)
+            else:
+                written = flush(self._catalog.shop, collection_id, least=most + 1, wait=False)
+        self._catalog.refresh(collection_id)
+        return written > 0
+
+    def _merge(self, collection_id: str) -> bool:
+        live = self._catalog.live(collection_id)
+        if live is None or live.state is None:
+            return True  # nobody has asked for it here
+        while (state := live.state) is not None and (runs := due(state)):
+            try:
+                with self._metrics.upkeep("merge"):
+                    if not merge(self._catalog.shop, live.key, state, runs[0]):
+                        return False
+            except Unusable as obstacle:
+                self._catalog.distrust(live, obstacle)
+                return False
+            self._catalog.refresh(collection_id)
+            if live.state is state:
+                return False
+        return True
+
+    def _check(self, live: LiveIndex) -> None:
+        """Read every segment that this process has mapped once as a whole, and compare it with its checksums."""
+        state = live.state
+        for listed, part in zip(state.chain, state.files, strict=False) if state is not None else ():
+            if listed.name in self._checked or part.segment.file is None:
+                continue
+            self._catalog.shop.check()
+            try:
+                with self._metrics.upkeep("check"):
+                    part.segment.file.check()
+            except SegmentDamaged as error:
+                self._catalog.distrust(live, Unusable(listed, error))
+                return
+            self._checked.add(listed.name)
+
+    def _sweep(self) -> bool:
+        for live in self._catalog.all_live():
+            if live.left_out:
+                live.left_out.clear()
+                self._catalog.refresh(live.id)
+        self._settled.clear()
+        if not self._database.read_only:
+            with self._metrics.upkeep("sweep"):
+                self._catalog.folder.sweep()
+        return True

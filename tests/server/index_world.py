@@ -1,0 +1,117 @@
+"""What the tests of the index share: the parts of a process over a database, with thresholds of a few submaps."""
+
+import functools
+import random
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from server import ingest, lookup
+from server.agreement import index_findings
+from server.catalog import Catalog
+from server.metrics import Metrics
+from server.schemas.queries import QueryAnswer, QueryInput
+from server.schemas.submaps import NamedSubmap, SubmapInput
+from server.settings import IndexSettings, Limits
+from server.store.database import Database
+from server.store.integrity import findings
+from server.store.segments import Listed, Segments
+from server.upkeep import Upkeep
+from tests.server.world import forest, points
+
+LIMITS = Limits()
+FEW = IndexSettings(flush_submaps=3, memory_submaps=12, block_submaps=4, cache_mb=1, upkeep_seconds=0.05)
+
+
+@functools.cache
+def trees(seed: int) -> NDArray[np.float64]:
+    """A small forest that is quickly looked up."""
+    return forest(seed, count=30, radius=25.0)
+
+
+class Process:
+    """What another process would have: its own connections, locks and indexes over the same file."""
+
+    def __init__(self, path: Path, settings: IndexSettings = FEW, *, read_only: bool = False) -> None:
+        self.database = Database(path, read_only=read_only)
+        self.metrics = Metrics()
+        self.catalog = Catalog(self.database, self.metrics, settings)
+        self.upkeep = Upkeep(self.database, self.catalog, self.metrics)
+
+    def put(self, name: str, seed: int) -> None:
+        """Store a forest."""
+        body = SubmapInput.model_validate({"xy": points(trees(seed))})
+        ingest.put(self.database, "plots", name, body, LIMITS)
+
+    def put_many(self, seeds: range, *, batch: int = 500) -> None:
+        """Store forests under their seeds, `batch` of them in a transaction."""
+        named = (NamedSubmap.model_validate({"id": f"p{seed}", "xy": points(trees(seed))}) for seed in seeds)
+        for _ in ingest.ingest_many(self.database, "plots", named, batch_size=batch):
+            pass
+
+    def delete(self, name: str) -> None:
+        """Remove it."""
+        ingest.delete(self.database, "plots", name)
+
+    def ask(self, seed: int) -> QueryAnswer:
+        """Query with a forest."""
+        body = QueryInput.model_validate({"xy": points(trees(seed))})
+        return lookup.answer_query(self.database, self.catalog, self.metrics, LIMITS, "plots", body)
+
+    def found(self, seed: int) -> str | None:
+        """The submap that a forest is matched to."""
+        answer = self.ask(seed)
+        return answer.candidates[0].submap_id if answer.verdict == "matched" else None
+
+    def chain(self) -> tuple[Listed, ...]:
+        """The segments that are listed."""
+        with self.catalog.view("plots") as view:
+            return Segments(view.session, view.collection.key).chain()
+
+    def files(self) -> list[str]:
+        """Names of the segment files that lie there, listed or not."""
+        folder = self.catalog.folder.path
+        return sorted(path.name for path in folder.glob("*.segment*")) if folder.is_dir() else []
+
+    def held(self) -> set[str]:
+        """Ids of the submaps in the index, which must be those of the rows of the same view."""
+        with self.catalog.view("plots") as view:
+            keys = list(view.recognizer.index)
+            assert len(keys) == len(set(keys)) == len(view.recognizer) == view.collection.submap_count
+            rows = view.session.connection().exec_driver_sql("SELECT key, id FROM submaps").all()
+            assert set(keys) == {key for key, _ in rows}
+            return {name for _, name in rows}
+
+    def agreed(self) -> None:
+        """Everything in the database and its index agrees."""
+        assert list(findings(self.database)) == []
+        assert list(index_findings(self.database)) == []
+
+    def close(self) -> None:
+        """Close the connections."""
+        self.database.dispose()
+
+
+def damage(path: Path, kind: str, rng: random.Random) -> None:
+    """Put a damaged file in the place of a sound one; who has mapped that keeps it as it was."""
+    content = bytearray(path.read_bytes())
+    match kind if len(content) > 65_544 else "empty":
+        case "missing":
+            path.unlink(missing_ok=True)
+            return
+        case "empty":
+            content = bytearray()
+        case "truncated":
+            content = content[: rng.randrange(1, len(content))]
+        case "header":
+            content[rng.randrange(16, 400)] ^= 1 << rng.randrange(8)
+        case "flipped":
+            content[rng.randrange(len(content))] ^= 1 << rng.randrange(8)
+        case "arrays":
+            content[65_536 + rng.randrange(8)] ^= 1 << rng.randrange(8)
+        case _:
+            raise ValueError(kind)
+    temporary = path.with_suffix(".damaged")
+    temporary.write_bytes(content)
+    temporary.replace(path)
