@@ -29,6 +29,7 @@ PAGE: Final = "scaling.md"
 
 def main(
     max_n: Annotated[int, typer.Option(help=f"Largest number of submaps, of {', '.join(map(str, SIZES))}.")] = 100_000,
+    min_n: Annotated[int, typer.Option(help="Smallest number; what is known of smaller ones stays.")] = SIZES[0],
     quick: Annotated[bool, typer.Option("--quick", help="Few queries, 10,000 submaps at most.")] = False,
     out: Annotated[
         Path | None, typer.Option(help=f"Where {PAGE} and {FOLDER}/ go. [default: {FULL}; {QUICK} with --quick]")
@@ -51,7 +52,7 @@ def main(
     if redraw:
         write_page(folder)
         return
-    for size in sizes(max_n, quick):
+    for size in (size for size in sizes(max_n, quick) if size >= min(min_n, max_n)):
         room = work / f"{'quick' if quick else 'full'}-{seed}" / str(size)
         if fresh and room.exists():
             shutil.rmtree(room)
