@@ -70,7 +70,7 @@ class Catalog:
         """
         most: int | None = self._most()
         missed: set[str] = set()
-        alone = False
+        alone = flushed = False
         while True:
             with ExitStack() as stack:
                 try:
@@ -83,7 +83,9 @@ class Catalog:
             # Outside of the snapshot: what is done about it is seen by the next one.
             alone = True
             if isinstance(obstacle, TooMany):
-                most = self._most() if self._flush(collection_id) else None
+                # Once: where submaps are stored faster than segments are written, it takes what there is.
+                most = self._most() if self._flush(collection_id) and not flushed else None
+                flushed = True
             elif isinstance(obstacle, Unusable):
                 self._look_into(collection_id, obstacle, missed)
 

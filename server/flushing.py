@@ -64,7 +64,8 @@ def flush(
 ) -> int:
     """Write the submaps that no segment holds, from their rows, block by block; how many.
 
-    Blocks are listed one by one: what is done stays done, and others get their turn in between.
+    Blocks are listed one by one: what is done stays done, and others get their turn in between. What is stored
+    meanwhile is not run after.
 
     Args:
         least: fewer than so many are left as they are.
@@ -82,12 +83,12 @@ def flush(
             # Another may have done it while this one waited.
             if count_uncovered(shop.database, collection_id, least) < least:
                 break
-            block = _write_block(shop, collection_id)
-        if not block:
-            break  # others changed the list meanwhile
+            block, is_last = _write_block(shop, collection_id)
         if progress is not None:
             progress(block)
         written += block
+        if is_last or not block:  # none: others changed the list meanwhile
+            break
         time.sleep(0.02)  # for those that wait for the lock, which they look at every now and then
     return written
 
@@ -124,6 +125,8 @@ def rebuild(shop: Shop, collection_id: str, *, progress: Progress | None = None)
                 made.append(write(shop, collection.key, parts, since, end))
                 if progress is not None:
                     progress(made[-1].submaps)
+                if end == collection.revision:
+                    break
         except BaseException:
             shop.folder.remove(segment.name for segment in made)
             raise
@@ -169,18 +172,20 @@ def count_uncovered(database: Database, collection_id: str, most: int) -> int:
         return Described(session, collection.key).count_changed(_end(chain), most)
 
 
-def _write_block(shop: Shop, collection_id: str) -> int:
+def _write_block(shop: Shop, collection_id: str) -> tuple[int, bool]:
+    """Write and list the next block; how many submaps, and whether that was all there was when it was begun."""
     with shop.database.read() as session:
         collection = Collections(session).get(collection_id)
         if collection is None:
-            return 0
+            return 0, True
         chain = Segments(session, collection.key).chain()
         parts, end = _read_block(shop, session, collection, _end(chain))
     if not parts:
-        return 0
+        return 0, True
     listed = write(shop, collection.key, parts, _end(chain), end)
     # What stands behind a gap is of no use to anyone.
-    return listed.submaps if register(shop, collection.key, chain[trusted(chain) :], [listed]) else 0
+    done = register(shop, collection.key, chain[trusted(chain) :], [listed])
+    return listed.submaps if done else 0, end == collection.revision
 
 
 def _read_block(shop: Shop, session: Session, collection: CollectionRow, since: int) -> tuple[list[Part], int]:
