@@ -228,6 +228,26 @@ def test_merges_keep_what_lives(process: Process) -> None:
     other.close()
 
 
+def test_what_is_in_memory_is_taken_over_where_it_is_still_right(process: Process) -> None:
+    """Another process merges while this one holds submaps in memory, of which some change and others do not."""
+    other = Process(process.database.path)
+    process.put_many(range(6))
+    process.upkeep.settle("plots")
+    for name, seed in [("x", 50), ("y", 51), ("z", 52)]:
+        process.put(name, seed)
+    assert other.found(50) == "x"
+    process.put("x", 60)
+    process.delete("y")
+    for i in range(3):
+        process.delete(f"p{i}")
+    before = process.chain()
+    process.upkeep.merge_all("plots")
+    assert process.chain() != before
+    assert [other.found(seed) for seed in (50, 51, 52, 60)] == [None, None, "z", "x"]
+    assert other.held() == process.held() == {"x", "z", "p3", "p4", "p5"}
+    other.close()
+
+
 # ------------------------------------------------------------------ not to be trusted
 
 

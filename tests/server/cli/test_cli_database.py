@@ -62,6 +62,7 @@ VERBS = (
     ["locate", str(LONGLEAF), "--collection", "stand"],
     ["db", "upgrade"],
     ["db", "check"],
+    ["db", "reindex"],
     ["serve", "--port", "0"],
 )
 
@@ -85,7 +86,7 @@ def test_a_file_that_is_no_database_of_ours_is_left_alone(
         connection.execute("UPDATE alembic_version SET version_num = '9999'")
     refused(urquhart(*arguments, "--database", newer), "9999", "newer version")
 
-    if arguments[0] not in ("locate",) and arguments[-1] != "check":
+    if arguments[0] not in ("locate",) and arguments[-1] not in ("check", "reindex"):
         refused(urquhart(*arguments, "--database", tmp_path / "no" / "folder.db"), "cannot be opened")
 
 
@@ -114,6 +115,50 @@ def test_a_full_disk_is_one_line_and_keeps_what_was_stored(
     )
     refused(said, "The disk is full")
     assert urquhart("db", "check", "--database", path).code == 0
+
+
+def test_the_index_is_written_checked_and_made_anew(
+    urquhart: Urquhart, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "stand.db"
+    monkeypatch.setenv("URQUHART_DATABASE", str(path))
+    monkeypatch.setenv("URQUHART_INDEX__FLUSH_SUBMAPS", "4")
+    assert urquhart("index", LONGLEAF, "--collection", "stand", "--radius", 40, "--spacing", 40).code == 0
+    (segment,) = (tmp_path / "stand.db.index").glob("*.segment")
+    assert urquhart("db", "check").out == f"{path}: clean\n"
+    content = bytearray(segment.read_bytes())
+    content[65_536] ^= 1
+    segment.unlink()
+    segment.write_bytes(content)
+    said = urquhart("db", "check")
+    assert (said.code, said.out.splitlines()[-1]) == (1, f"{path}: 1 findings")
+    assert said.out.startswith(f"stand: segment {segment.stem} cannot be used: ")
+    said = urquhart("db", "reindex")
+    assert (said.code, said.err) == (0, "")
+    assert said.out == f"stand: {submaps_in(path)} submaps indexed anew\n"
+    assert segment not in set((tmp_path / "stand.db.index").glob("*.segment"))
+    assert urquhart("db", "check").out == f"{path}: clean\n"
+    assert urquhart("db", "reindex", "stand").code == 0
+    refused(urquhart("db", "reindex", "nowhere"), "nowhere")
+    refused(urquhart("db", "reindex", "--database", tmp_path / "no.db"), "no such database")
+
+
+def test_everything_is_stored_where_the_index_cannot_be_written(
+    urquhart: Urquhart, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "stand.db"
+    monkeypatch.setenv("URQUHART_INDEX__FLUSH_SUBMAPS", "4")
+    (tmp_path / "stand.db.index").write_text("a file in the place of the folder")
+    said = urquhart("index", LONGLEAF, "--collection", "stand", "--radius", 40, "--spacing", 40, "--database", path)
+    assert said.code == 0
+    assert "everything is stored, but the index is not written" in said.err
+    assert urquhart("db", "check", "--database", path).out == f"{path}: clean\n"
+
+
+def submaps_in(path: Path) -> int:
+    with closing(sqlite3.connect(path)) as connection:
+        count: int = connection.execute("SELECT count(*) FROM submaps").fetchone()[0]
+    return count
 
 
 # ------------------------------------------------------------------ serve
