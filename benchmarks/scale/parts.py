@@ -59,6 +59,6 @@ def asked(name: str, submaps: int, quick: bool) -> int:
     if name == "outside-20" and submaps == 100_000:
         # Where a false match would be found, if one in ten thousand is false.
         return 10_000
-    if name.startswith("inside") and submaps > 100_000:
+    if submaps > 100_000 and name != "outside-20":
         return usual // 2
     return usual

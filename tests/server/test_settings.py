@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
-from server.settings import Limits, Settings
+from server.settings import IndexSettings, Limits, Settings
 
 
 def test_defaults() -> None:
@@ -20,8 +20,10 @@ def test_from_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("URQUHART_DATABASE", "sqlite:////data/a%20b.db?mode=ro")
     monkeypatch.setenv("URQUHART_PORT", "9000")
     monkeypatch.setenv("URQUHART_LIMITS__LANDMARKS", "500")
+    monkeypatch.setenv("URQUHART_INDEX__CACHE_MB", "8")
     settings = Settings()
     assert (settings.database_path, settings.database_read_only) == (Path("/data/a b.db"), True)
+    assert (settings.index.cache_mb, settings.index.flush_submaps) == (8, 2_000)
     assert (settings.port, settings.limits.landmarks, settings.limits.page) == (9000, 500, 100)
 
 
@@ -52,6 +54,6 @@ def test_loopback_needs_no_flag(host: str) -> None:
 
 
 def test_every_setting_is_described() -> None:
-    for model in (Settings, Limits):
+    for model in (Settings, Limits, IndexSettings):
         for name, field in model.model_fields.items():
             assert field.description, name
