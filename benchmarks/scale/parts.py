@@ -59,6 +59,6 @@ def asked(name: str, submaps: int, quick: bool) -> int:
     if name == "outside-20" and submaps == 100_000:
         # Where a false match would be found, if one in ten thousand is false.
         return 10_000
-    if submaps > 100_000 and name != "outside-20":
+    if submaps > 100_000 and name in ("inside-20", "inside-40", "outside-40"):
         return usual // 2
     return usual
