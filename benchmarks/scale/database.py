@@ -20,6 +20,7 @@ from server.store import schema
 from server.store.database import Database
 from server.store.renewal import bring_up_to_date
 from server.store.submaps import Submaps
+from server.upkeep import Upkeep
 
 COLLECTION: Final = "scale"
 _BATCH: Final = 500
@@ -57,6 +58,15 @@ def store(path: Path, submaps: Observations, workers: int, done: Callable[[int],
     finally:
         database.dispose()
     return workers
+
+
+def settle(path: Path) -> None:
+    """Write the index of what is stored and merge it, as a bulk import ends."""
+    database, metrics = Database(path), Metrics()
+    try:
+        Upkeep(database, Catalog(database, metrics), metrics).settle(COLLECTION)
+    finally:
+        database.dispose()
 
 
 def index_bytes(path: Path) -> int | None:
