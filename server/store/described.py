@@ -8,13 +8,13 @@ import orjson
 from sqlalchemy import Select, func, select
 from sqlalchemy.orm import Session
 
-from server.store.tables import DeletionRow, SubmapRow
+from server.store.tables import DeletionRow, SubmapRow, beside_key
 
 _VARIABLES: Final = 500
 """Keys of a statement, well below SQLite's limit on bound values."""
 _PACKED: Final = (
     "SELECT key, content_revision, features FROM submaps WHERE key IN (SELECT value FROM json_each(?)) "
-    "AND collection_key = ?"
+    "AND +collection_key = ?"  # see tables.beside_key
 )
 
 
@@ -41,7 +41,8 @@ class Described:
 
     def changed_since(self, revision: int, *, batch: int) -> Iterator[StoredFeatures]:
         """Features of the submaps whose landmarks changed after a revision, in the order of the change, streamed."""
-        query = self._stored().where(SubmapRow.content_revision > revision).order_by(SubmapRow.content_revision)
+        query = _stored().where(SubmapRow.collection_key == self._collection_key, SubmapRow.content_revision > revision)
+        query = query.order_by(SubmapRow.content_revision)
         for row in self._session.execute(query.execution_options(yield_per=batch)):
             yield StoredFeatures(*row)
 
@@ -50,7 +51,8 @@ class Described:
         listed = list(keys)
         for start in range(0, len(listed), _VARIABLES):
             some = listed[start : start + _VARIABLES]
-            for row in self._session.execute(self._stored().where(SubmapRow.key.in_(some))):
+            query = _stored().where(beside_key(self._collection_key), SubmapRow.key.in_(some))
+            for row in self._session.execute(query):
                 yield StoredFeatures(*row)
 
     def packed(self, keys: Collection[int]) -> list[tuple[int, int, bytes]]:
@@ -86,12 +88,13 @@ class Described:
         )
         return list(self._session.scalars(query))
 
-    def _stored(self) -> Select[Any]:
-        columns: tuple[Any, ...] = (
-            SubmapRow.key,
-            SubmapRow.content_revision,
-            SubmapRow.features,
-            SubmapRow.landmarks,
-            SubmapRow.attributes,
-        )
-        return select(*columns).where(SubmapRow.collection_key == self._collection_key)
+
+def _stored() -> Select[Any]:
+    columns: tuple[Any, ...] = (
+        SubmapRow.key,
+        SubmapRow.content_revision,
+        SubmapRow.features,
+        SubmapRow.landmarks,
+        SubmapRow.attributes,
+    )
+    return select(*columns)

@@ -11,7 +11,7 @@ from sqlalchemy.dialects import sqlite
 from sqlalchemy.orm import Session
 
 from server.store.submaps import Place
-from server.store.tables import SubmapRow, read_instant
+from server.store.tables import SubmapRow, beside_key, read_instant
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +47,7 @@ _PLACE = slice(len(_HEAD), len(_HEAD) + len(Place.__slots__))
 def _statement(*more: str) -> str:
     columns = SubmapRow.__table__.c
     chosen = select(*(columns[name] for name in (*_HEAD, *Place.__slots__, *more))).where(
-        columns.collection_key == bindparam("collection_key"),
+        beside_key(bindparam("collection_key")),
         columns.key.in_(select(func.json_each(bindparam("keys")).table_valued("value").c.value)),
     )
     return str(chosen.compile(dialect=sqlite.dialect()))

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 from sqlalchemy import ColumnElement, Select, delete, insert, select, update
 from sqlalchemy.orm import Session, undefer
 
-from server.store.tables import DeletionRow, SubmapRow
+from server.store.tables import DeletionRow, SubmapRow, beside_key
 
 _T = TypeVar("_T")
 _VARIABLES = 500  # ids per statement, well below SQLite's limit on bound values
@@ -137,9 +137,7 @@ class Submaps:
         """Ids of submaps by key."""
         found: dict[int, str] = {}
         for some in _batches(list(keys)):
-            query = select(SubmapRow.key, SubmapRow.id).where(
-                SubmapRow.collection_key == self._collection_key, SubmapRow.key.in_(some)
-            )
+            query = select(SubmapRow.key, SubmapRow.id).where(beside_key(self._collection_key), SubmapRow.key.in_(some))
             found.update({row.key: row.id for row in self._session.execute(query)})
         return found
 

@@ -6,6 +6,7 @@ from typing import Any
 from sqlalchemy import (
     JSON,
     BigInteger,
+    ColumnElement,
     Dialect,
     Float,
     ForeignKey,
@@ -15,6 +16,7 @@ from sqlalchemy import (
     MetaData,
     Text,
     UniqueConstraint,
+    literal_column,
     types,
 )
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
@@ -135,6 +137,16 @@ class SubmapRow(Table):
     landmark_ids: Mapped[bytes | None] = mapped_column(LargeBinary, deferred=True)
     attributes: Mapped[bytes | None] = mapped_column(LargeBinary, deferred=True)
     features: Mapped[bytes] = mapped_column(LargeBinary, deferred=True)
+
+
+def beside_key(collection_key: Any) -> ColumnElement[bool]:
+    """Whether a submap is of a collection, in a statement that names submaps by their keys.
+
+    SQLite takes a list of keys for more work than an index that begins with the collection, and would read all of that.
+    The plus keeps it from doing so.
+    """
+    column: ColumnElement[int] = literal_column("+submaps.collection_key", Integer)
+    return column == collection_key
 
 
 class DeletionRow(Table):
