@@ -145,8 +145,8 @@ def beside_key(collection_key: Any) -> ColumnElement[bool]:
     SQLite takes a list of keys for more work than an index that begins with the collection, and would read all of that.
     The plus keeps it from doing so.
     """
-    column: ColumnElement[int] = literal_column("+submaps.collection_key", Integer)
-    return column == collection_key
+    same: ColumnElement[bool] = literal_column("+submaps.collection_key", Integer) == collection_key
+    return same
 
 
 class DeletionRow(Table):
