@@ -245,6 +245,11 @@ def test_what_is_in_memory_is_taken_over_where_it_is_still_right(process: Proces
     assert process.chain() != before
     assert [other.found(seed) for seed in (50, 51, 52, 60)] == [None, None, "z", "x"]
     assert other.held() == process.held() == {"x", "z", "p3", "p4", "p5"}
+    process.put("z", 61)
+    process.delete("p3")
+    process.delete("p4")
+    process.upkeep.merge_all("plots")
+    assert other.held() == {"x", "z", "p5"}  # the quads of `z` as it is now, in the place of those in memory
     other.close()
 
 
