@@ -133,6 +133,19 @@ def test_deletions_are_forgotten_when_no_segment_needs_them(process: Process) ->
     other.close()
 
 
+def test_deletions_that_a_segment_needs_are_kept(process: Process) -> None:
+    process.put_many(range(20))
+    flush(process.catalog.shop, "plots")
+    process.delete("p0")  # the revision after that of the first segment
+    process.put_many(range(20, 24))
+    flush(process.catalog.shop, "plots")
+    process = again(process)
+    assert process.held() == {f"p{i}" for i in range(1, 24)}
+    assert process.found(0) is None
+    process.agreed()
+    process.close()
+
+
 def test_rebuilding_leaves_a_running_process_alone(process: Process) -> None:
     other = Process(process.database.path)
     process.put_many(range(10), batch=3)
