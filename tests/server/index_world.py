@@ -2,6 +2,7 @@
 
 import functools
 import random
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,9 @@ from server.store.integrity import findings
 from server.store.segments import Listed, Segments
 from server.upkeep import Upkeep
 from tests.server.world import forest, points
+from urquhart import Features
+from urquhart.collection_index import CollectionIndex
+from urquhart.segment import Segment, merge_segments
 
 LIMITS = Limits()
 FEW = IndexSettings(flush_submaps=3, memory_submaps=12, block_submaps=4, cache_mb=1, upkeep_seconds=0.05)
@@ -75,12 +79,14 @@ class Process:
         return sorted(path.name for path in folder.glob("*.segment*")) if folder.is_dir() else []
 
     def held(self) -> set[str]:
-        """Ids of the submaps in the index, which must be those of the rows of the same view."""
+        """Ids of the submaps in the index, which must be that of the rows of the same view."""
         with self.catalog.view("plots") as view:
             keys = list(view.recognizer.index)
             assert len(keys) == len(set(keys)) == len(view.recognizer) == view.collection.submap_count
             rows = view.session.connection().exec_driver_sql("SELECT key, id FROM submaps").all()
             assert set(keys) == {key for key, _ in rows}
+            if keys:
+                as_built_anew(view.recognizer.index, view.recognizer.features)
             return {name for _, name in rows}
 
     def agreed(self) -> None:
@@ -91,6 +97,31 @@ class Process:
     def close(self) -> None:
         """Close the connections."""
         self.database.dispose()
+
+
+def as_built_anew(index: CollectionIndex, features: Callable[[int], Features]) -> None:
+    """The index holds the quads and polygons of its submaps as they are now.
+
+    Found or not is no proof of that: a small collection is swept where its features are of no use.
+    """
+    whole = merge_segments([(part.segment, part.alive) for part in index.parts])
+    anew = Segment.build([(key, features(key)) for key in index], index.config)
+    for name in ("keys", "scales", "units"):
+        assert np.array_equal(getattr(whole, name), getattr(anew, name)), name
+    assert np.array_equal(whole.quads.codes, anew.quads.codes)
+    assert np.array_equal(whole.quads.starts, anew.quads.starts)
+    for one, other in zip(*(np.split(s.quads.words, s.quads.starts[1:-1]) for s in (whole, anew)), strict=True):
+        assert np.array_equal(np.sort(one), np.sort(other))
+    assert polygons_of(whole) == polygons_of(anew)
+
+
+def polygons_of(segment: Segment) -> dict[int, list[tuple[int, bytes]]]:
+    """Slot and outline of every polygon, by vertex count."""
+    return {
+        count: sorted((int(owner), outline.tobytes()) for owner, outline in zip(p.owners, p.outlines, strict=True))
+        for count, p in segment.polygons.items()
+        if len(p.owners)
+    }
 
 
 def damage(path: Path, kind: str, rng: random.Random) -> None:

@@ -138,9 +138,14 @@ class Life(RuleBasedStateMachine):
         shutil.copy(path, self.path)
         self.gone = [seed for seed in range(1, self.seed + 1) if seed not in model.values()]
         self.model = dict(model)
-        if restarted:
+        with closing(sqlite3.connect(path)) as copy:
+            (revision,) = copy.execute("SELECT revision FROM collections").fetchone()
+        # What still runs finds out at its next query, if the database comes before what it knows.
+        known = [process.catalog.live("plots") for process in self.processes]
+        states = [live.state for live in known if live is not None and live.state is not None]
+        if restarted or any(state.revision < revision for state in states):
             self.processes = [Process(self.path), Process(self.path)]
-        for process in self.processes:  # what still runs finds out at its next query
+        for process in self.processes:
             assert process.held() == set(self.model)
 
     def files(self) -> list[Path]:

@@ -133,6 +133,19 @@ def test_deletions_are_forgotten_when_no_segment_needs_them(process: Process) ->
     other.close()
 
 
+def test_deletions_that_a_segment_needs_are_kept(process: Process) -> None:
+    process.put_many(range(20))
+    flush(process.catalog.shop, "plots")
+    process.delete("p0")  # the revision after that of the first segment
+    process.put_many(range(20, 24))
+    flush(process.catalog.shop, "plots")
+    process = again(process)
+    assert process.held() == {f"p{i}" for i in range(1, 24)}
+    assert process.found(0) is None
+    process.agreed()
+    process.close()
+
+
 def test_rebuilding_leaves_a_running_process_alone(process: Process) -> None:
     other = Process(process.database.path)
     process.put_many(range(10), batch=3)
@@ -245,6 +258,11 @@ def test_what_is_in_memory_is_taken_over_where_it_is_still_right(process: Proces
     assert process.chain() != before
     assert [other.found(seed) for seed in (50, 51, 52, 60)] == [None, None, "z", "x"]
     assert other.held() == process.held() == {"x", "z", "p3", "p4", "p5"}
+    process.put("z", 61)
+    process.delete("p3")
+    process.delete("p4")
+    process.upkeep.merge_all("plots")
+    assert other.held() == {"x", "z", "p5"}  # the quads of `z` as it is now, in the place of those in memory
     other.close()
 
 
