@@ -203,7 +203,8 @@ def test_in_a_dense_forest_hardly_a_polygon_is_whole_but_quads_and_surveys_find_
     without = levels()
     assert without.count("sweep") >= 4
     monkeypatch.setattr(recognizer, "config", Config(survey=0))
-    monkeypatch.setattr(recognizer, "index", replace(recognizer.index, config=Config(survey=0)))
+    held = (replace(recognizer.index, config=Config(survey=0)), recognizer._held[1])
+    monkeypatch.setattr(recognizer, "_held", held)
     assert levels() == [level for level in without if level != "sweep"]
 
 
