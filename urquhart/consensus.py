@@ -87,7 +87,7 @@ class Consensus:
                 trees all quads are alike, and looking for each in every row would take longer than everything else.
         """
         self._lots, self._tolerance, self._most = lots, tolerance, most
-        self._living = max(sum(int(lot.alive.sum()) for lot in lots), 1)
+        self._living = max(sum(int(np.count_nonzero(lot.alive)) for lot in lots), 1)
         self._lengths, directions, self._centres = measure_quads(landmarks, quads)
         self._directions = (directions * TURNS + 0.5).astype(np.int64) % TURNS
         rarity = np.zeros(len(quads), np.int64)
