@@ -11,6 +11,7 @@ from fastapi import Depends, Header, Path, Request, Response
 from fastapi.routing import APIRoute
 from pydantic import BaseModel
 
+from server.access import ANYBODY, Caller
 from server.catalog import Catalog
 from server.errors import MalformedBody, UnsupportedMediaType
 from server.http.problems import MEDIA_TYPE
@@ -44,6 +45,12 @@ async def get_service(request: Request) -> Service:
     return service
 
 
+async def get_caller(request: Request) -> Caller:
+    """Who asks, as found out before the route was reached."""
+    caller: Caller = getattr(request.state, "caller", ANYBODY)
+    return caller
+
+
 async def get_preconditions(
     if_match: Annotated[str | None, Header(description="Only if the entity tag is this one; * for any.")] = None,
     if_none_match: Annotated[str | None, Header(description="Only if it is not this one; * for nothing there.")] = None,
@@ -53,6 +60,7 @@ async def get_preconditions(
 
 
 ServiceDep = Annotated[Service, Depends(get_service)]
+CallerDep = Annotated[Caller, Depends(get_caller)]
 PreconditionsDep = Annotated[Preconditions, Depends(get_preconditions)]
 Accept = Annotated[str | None, Header(description="Media types that the answer may have.")]
 IfNoneMatch = Annotated[str | None, Header(description="Entity tag of what the caller has; 304 when it is current.")]

@@ -6,6 +6,7 @@ from typing import Any
 from sqlalchemy import (
     JSON,
     BigInteger,
+    Boolean,
     ColumnElement,
     Dialect,
     Float,
@@ -180,6 +181,74 @@ class SegmentRow(Table):
     revision: Mapped[int] = mapped_column(Integer)
     submaps: Mapped[int] = mapped_column(Integer)
     size: Mapped[int] = mapped_column("bytes", Integer)
+    created: Mapped[datetime] = mapped_column(Instant)
+
+
+class KeyRow(Table):
+    """An API key: its secret is not here, only the SHA-256 of it. `id` is the part of the key that may be shown."""
+
+    __tablename__ = "api_keys"
+
+    key: Mapped[int] = mapped_column(Integer, primary_key=True)
+    id: Mapped[str] = mapped_column(Text, unique=True)
+    name: Mapped[str] = mapped_column(Text)
+    digest: Mapped[bytes] = mapped_column(LargeBinary)
+    scopes: Mapped[list[str]] = mapped_column(JSON)
+    patterns: Mapped[list[str]] = mapped_column(JSON)
+    created: Mapped[datetime] = mapped_column(Instant)
+    expires: Mapped[datetime | None] = mapped_column(Instant)
+    revoked: Mapped[datetime | None] = mapped_column(Instant)
+
+
+class JobRow(Table):
+    """Long work. It outlives the process that took it: `worker` and `heartbeat` tell whether somebody is at it.
+
+    `collection_id` is a name, not a reference: the job is still told of when the collection is gone.
+    """
+
+    __tablename__ = "jobs"
+    __table_args__ = (
+        Index(None, "state", "key"),
+        Index(None, "collection_id", "key"),
+        {"sqlite_autoincrement": True},
+    )
+
+    key: Mapped[int] = mapped_column(Integer, primary_key=True)
+    id: Mapped[str] = mapped_column(Text, unique=True)
+    kind: Mapped[str] = mapped_column(Text)
+    collection_id: Mapped[str] = mapped_column(Text)
+    collection_key: Mapped[int] = mapped_column(Integer)
+    caller: Mapped[str] = mapped_column(Text)
+    state: Mapped[str] = mapped_column(Text)
+    parameters: Mapped[dict[str, Any]] = mapped_column(JSON)
+    total: Mapped[int | None] = mapped_column(Integer)
+    done: Mapped[int] = mapped_column(Integer)
+    counts: Mapped[dict[str, int]] = mapped_column(JSON)
+    # Where a restart goes on: what of the input is done, and how much of the results is written.
+    progress: Mapped[dict[str, Any]] = mapped_column(JSON)
+    problem: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
+    dismissed: Mapped[bool] = mapped_column(Boolean)
+    worker: Mapped[str | None] = mapped_column(Text)
+    heartbeat: Mapped[datetime | None] = mapped_column(Instant)
+    created: Mapped[datetime] = mapped_column(Instant)
+    started: Mapped[datetime | None] = mapped_column(Instant)
+    finished: Mapped[datetime | None] = mapped_column(Instant)
+
+
+class IdempotencyRow(Table):
+    """The answer to a POST that carried an Idempotency-Key, written with what the POST did, to be given again."""
+
+    __tablename__ = "idempotency"
+    __table_args__ = (UniqueConstraint("caller", "operation", "name"), Index(None, "created"))
+
+    key: Mapped[int] = mapped_column(Integer, primary_key=True)
+    caller: Mapped[str] = mapped_column(Text)
+    operation: Mapped[str] = mapped_column(Text)
+    name: Mapped[str] = mapped_column(Text)
+    digest: Mapped[str] = mapped_column(Text)
+    status: Mapped[int] = mapped_column(Integer)
+    headers: Mapped[dict[str, str]] = mapped_column(JSON)
+    body: Mapped[bytes] = mapped_column(LargeBinary)
     created: Mapped[datetime] = mapped_column(Instant)
 
 

@@ -1,0 +1,30 @@
+"""Which scope each operation asks for, by its id; None where it asks for no key at all."""
+
+from collections.abc import Mapping
+from typing import Final
+
+from server.access import Scope
+
+SCOPES: Final[Mapping[str, Scope | None]] = {
+    "getLandingPage": None,
+    "getProblem": None,
+    "getLiveness": None,
+    "getReadiness": None,
+    "getMetrics": Scope.READ,
+    "getLimits": Scope.READ,
+    "listCollections": Scope.READ,
+    "getCollection": Scope.READ,
+    "putCollection": Scope.ADMIN,
+    "patchCollection": Scope.ADMIN,
+    "deleteCollection": Scope.ADMIN,
+    "listSubmaps": Scope.READ,
+    "getSubmap": Scope.READ,
+    "getTessellation": Scope.READ,
+    "putSubmap": Scope.WRITE,
+    "patchSubmap": Scope.WRITE,
+    "deleteSubmap": Scope.WRITE,
+    "query": Scope.READ,
+    "getQuery": Scope.READ,
+    "getMatch": Scope.READ,
+    "getExplanation": Scope.READ,
+}
