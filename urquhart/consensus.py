@@ -8,7 +8,10 @@ a common one. Quads are looked for in the order of their rarity: the rarer half 
 """
 
 import math
-from collections.abc import Sequence
+import os
+from collections import deque
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -17,14 +20,14 @@ from numpy.typing import NDArray
 
 from urquhart.quad_search import HIT, count_neighbourhoods, gather
 from urquhart.quad_table import TURNS, QuadTable, measure_quads
-from urquhart.quad_votes import STANDING, TURN_BINS, fit_poses, rank_turns, tally, vote
+from urquhart.quad_votes import STANDING, TURN_BINS, fit_poses, near_slots_together, rank_turns, tally, vote
 
 _FIRST: Final = 4096
 """Hits that there is room for at first,"""
 _MANY: Final = 1 << 18
 """and those up to which room is made for four times as many."""
 _CHUNK: Final = 32
-"""Query quads looked for before their hits are compared."""
+"""Query quads looked for in all tables before it is asked whether there are hits enough."""
 _SEEN: Final = 0.2
 """Share of a query's quads that are found under the right pose, roughly; it only shifts what a hit is worth."""
 _AGREE: Final = 2e-4
@@ -48,6 +51,51 @@ class Lot:
     table: QuadTable
     scales: NDArray[np.float32]
     alive: NDArray[np.uint8]
+
+
+class Room:
+    """Memory for hits, which the system has to find and clear anew for every search that does not get it lent.
+
+    Attributes:
+        hits: (R,) of `HIT`; what lies in it is another search's.
+        totals: (R,) float32, what each of them and those that agree with it are worth.
+    """
+
+    def __init__(self) -> None:
+        """Make some room."""
+        self.hits: NDArray[Any] = np.empty(_FIRST, HIT)
+        self.totals: NDArray[np.float32] = np.empty(_FIRST, np.float32)
+
+    def grow(self) -> None:
+        """Make more, and keep what is there."""
+        size = (4 if len(self.hits) < _MANY else 2) * len(self.hits)
+        hits, totals = np.empty(size, HIT), np.empty(size, np.float32)
+        hits[: len(self.hits)], totals[: len(self.totals)] = self.hits, self.totals
+        self.hits, self.totals = hits, totals
+
+
+class Rooms:
+    """Rooms that are lent to one search after the other, by any thread; no more are kept than are of use at once."""
+
+    def __init__(self, kept: int) -> None:
+        """Have none yet, and keep up to `kept` that come back."""
+        self._free: deque[Room] = deque(maxlen=kept)
+
+    @contextmanager
+    def lend(self) -> Iterator[Room]:
+        """A room for one search at a time, to be forgotten at the end."""
+        try:
+            room = self._free.pop()
+        except IndexError:
+            room = Room()
+        try:
+            yield room
+        finally:
+            self._free.append(room)
+
+
+ROOMS: Final = Rooms(os.cpu_count() or 1)
+"""Those of this process: as many as searches can compute at once."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,6 +126,7 @@ class Consensus:
         quads: NDArray[np.int32],
         tolerance: float,
         most: int,
+        room: "Room | None" = None,
     ) -> None:
         """Prepare to search `lots` for the quads (Q, 4) of landmarks (N, 2), metres.
 
@@ -85,6 +134,7 @@ class Consensus:
             tolerance: metres that a length may be off by.
             most: hits that are enough. A query quad that has a large part of them to itself is passed over: in rows of
                 trees all quads are alike, and looking for each in every row would take longer than everything else.
+            room: where hits are put, for as long as this is asked for anything; its own by default.
         """
         self._lots, self._tolerance, self._most = lots, tolerance, most
         self._living = max(sum(int(np.count_nonzero(lot.alive)) for lot in lots), 1)
@@ -96,7 +146,7 @@ class Consensus:
         self._order = np.argsort(rarity, kind="stable")
         self._looked = self.hits = self._listed = 0
         self._weights, self._shares = np.zeros(len(quads)), np.zeros(len(quads))
-        self._found, self._totals = np.empty(_FIRST, HIT), np.empty(_FIRST, np.float32)
+        self._room = room if room is not None else Room()
         slots = sum(len(lot.alive) for lot in lots)
         # Zeros cost nothing until they are touched.
         self._standings, self._listed_slots = np.zeros(slots, STANDING), np.empty(slots, np.int32)
@@ -109,14 +159,15 @@ class Consensus:
     def advance(self, share: float = 1.0) -> None:
         """Look for the next rarest quads, until `share` of all have been looked for or there are hits enough."""
         target = share * len(self._order)
+        before, began = self.hits, self._looked
         while not self.finished and self._looked < target:
             chunk = self._order[self._looked : self._looked + _CHUNK]
-            before, first = self.hits, 0
+            first = 0
             for lot in self._lots:
                 self._gather(lot, first, chunk)
                 first += len(lot.alive)
-            self._vote(before, chunk)
             self._looked += len(chunk)
+        self._vote(before, self._order[began : self._looked])
 
     def leaders(self, count: int, poses: int) -> Leaders:
         """The `count` submaps with the best score, with up to `poses` distinct poses each."""
@@ -127,7 +178,9 @@ class Consensus:
             listed, scores = listed[chosen], scores[chosen]
         order = np.lexsort((listed, -scores))
         listed, scores = listed[order], scores[order]
-        votes, rows = fit_poses(listed, poses, self._standings, self._found, self._totals, self._centres, self._weights)
+        votes, rows = fit_poses(
+            listed, poses, self._standings, self._room.hits, self._room.totals, self._centres, self._weights
+        )
         return Leaders(listed.astype(np.int64), scores, votes, rows)
 
     def turns(self, count: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
@@ -137,7 +190,7 @@ class Consensus:
         peak of its votes; `TURN` is how far a peak may be off.
         """
         slots, peaks, weights = rank_turns(
-            self._listed_slots[: self._listed], count, self._standings, self._found, self._shares
+            self._listed_slots[: self._listed], count, self._standings, self._room.hits, self._shares
         )
         order = np.lexsort((slots, -weights))
         return slots[order].astype(np.int64), np.asarray(peaks[order] * (2.0 * np.pi / TURN_BINS), np.float64)
@@ -158,33 +211,23 @@ class Consensus:
                 done,
                 self._tolerance,
                 max(self._most // _COMMON, 1),
-                self._found,
+                self._room.hits,
                 self.hits,
             )
             if done < len(chunk):
-                self._found = _with_room(self._found)
-        if len(self._totals) < len(self._found):
-            self._totals = np.concatenate([self._totals, np.empty(len(self._found) - len(self._totals), np.float32)])
+                self._room.grow()
 
-    def _vote(self, before: int, chunk: NDArray[np.int64]) -> None:
-        found, likely = tally(before, self.hits, self._found, len(self._weights))
-        self._weights[chunk] = np.log(_SEEN * self._living / (_AGREE * (found[chunk] + 1.0)))
-        self._shares[chunk] = 1.0 / (likely[chunk] + 0.1)
+    def _vote(self, before: int, quads: NDArray[np.int64]) -> None:
+        found, likely = tally(before, self.hits, self._room.hits, len(self._weights))
+        self._weights[quads] = np.log(_SEEN * self._living / (_AGREE * (found[quads] + 1.0)))
+        self._shares[quads] = 1.0 / (likely[quads] + 0.1)
         self._listed = vote(
-            before,
-            self.hits,
-            self._found,
+            near_slots_together(before, self.hits, self._room.hits, len(self._standings)),
+            self._room.hits,
             self._centres,
             self._weights,
-            self._totals,
+            self._room.totals,
             self._standings,
             self._listed_slots,
             self._listed,
         )
-
-
-def _with_room(hits: NDArray[Any]) -> NDArray[Any]:
-    """The same hits with room for more."""
-    larger = np.empty((4 if len(hits) < _MANY else 2) * len(hits), hits.dtype)
-    larger[: len(hits)] = hits
-    return larger

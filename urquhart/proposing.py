@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from urquhart.collection_index import CollectionIndex
-from urquhart.consensus import TURN, Consensus
+from urquhart.consensus import TURN, Consensus, Room
 from urquhart.features import Features
 from urquhart.matching import match_landmarks
 from urquhart.pairing import Pattern
@@ -70,12 +70,15 @@ class Sighting:
     volume: float
 
 
-def search_quads(query: Sighting, errors: float) -> Consensus:
-    """A search for the query's quads whose lengths may be off by so many usual errors of a coordinate."""
+def search_quads(query: Sighting, errors: float, room: Room) -> Consensus:
+    """A search for the query's quads whose lengths may be off by so many usual errors of a coordinate.
+
+    One that began earlier in the same `room` is over.
+    """
     config, index = query.index.config, query.index
     most = config.quad_hits + _EACH * len(index)
     features = query.features
-    return Consensus(index.lots(), features.landmarks, features.tessellation.quads, errors * config.sigma, most)
+    return Consensus(index.lots(), features.landmarks, features.tessellation.quads, errors * config.sigma, most, room)
 
 
 def propose_by_quads(query: Sighting, search: Consensus, share: float, count: int, stages: Stages) -> list[Proposal]:

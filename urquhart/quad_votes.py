@@ -15,8 +15,10 @@ _STRETCH: Final = 1.2
 """Metres that the distance between two quads may differ by."""
 _BEND: Final = 0.22
 """Share of that distance that the second may lie beside where the first has it."""
+_BLOCK: Final = 65536
+"""Slots whose standings and hits find room in a processor's cache."""
 _AHEAD: Final = 64
-"""Hits whose slots are fetched from memory together."""
+"""Hits that are fetched from memory together."""
 _WALK: Final = 48
 """Earlier hits of a submap that one is compared with."""
 _LEVER: Final = 4.0
@@ -41,9 +43,26 @@ def tally(before: int, count: int, hits: NDArray[Any], quads: int) -> tuple[NDAr
 
 
 @kernel
+def near_slots_together(before: int, count: int, hits: NDArray[Any], slots: int) -> NDArray[np.int32]:
+    """The hits `before` to `count` in an order in which those of `_BLOCK` neighbouring slots follow each other.
+
+    Those of one slot stay in theirs. Compared in this order, what a hit is compared with is still in the cache.
+    """
+    begins = np.zeros((slots - 1) // _BLOCK + 2, np.int64)
+    for h in range(before, count):
+        begins[hits[h].slot // _BLOCK + 1] += 1
+    begins[:] = np.cumsum(begins)
+    order = np.empty(count - before, np.int32)
+    for h in range(before, count):
+        block = hits[h].slot // _BLOCK
+        order[begins[block]] = h
+        begins[block] += 1
+    return order
+
+
+@kernel
 def vote(
-    before: int,
-    count: int,
+    order: NDArray[np.int32],
     hits: NDArray[Any],
     centres: NDArray[np.float64],
     weights: NDArray[np.float64],
@@ -52,16 +71,16 @@ def vote(
     listed_slots: NDArray[np.int32],
     listed: int,
 ) -> int:
-    """Compare the hits `before` to `count` with earlier ones of their slots; the new number of slots listed."""
+    """Compare hits in their `order` with earlier ones of their slots; the new number of slots listed."""
     touched = 0
-    for h in range(before, count):
-        if (h - before) % _AHEAD == 0:
-            # Slots and their latest hits lie anywhere in memory: asked for together, they come together.
-            last = min(h + _AHEAD, count)
-            for k in range(h, last):
-                touched += standings[hits[k].slot].latest
-            for k in range(h, last):
-                touched += hits[max(standings[hits[k].slot].latest - 1, 0)].turn
+    for i in range(len(order)):
+        h = order[i]
+        if i % _AHEAD == 0:
+            # Hits lie anywhere in memory: asked for together, they come together.
+            for k in range(i, min(i + _AHEAD, len(order))):
+                touched += standings[hits[order[k]].slot].latest
+            for k in range(i, min(i + _AHEAD, len(order))):
+                touched += hits[max(standings[hits[order[k]].slot].latest - 1, 0)].turn
         slot = hits[h].slot
         total = max(weights[hits[h].quad] + hits[h].fit, 0.0)
         other, walked = standings[slot].latest - 1, 0

@@ -24,6 +24,7 @@ from urquhart.confidence import (
     log_volume,
 )
 from urquhart.config import Config
+from urquhart.consensus import ROOMS, Room
 from urquhart.doubt import Standing, doubt
 from urquhart.features import Features, describe
 from urquhart.landmarks import LandmarkError
@@ -166,7 +167,8 @@ class Recognizer:
             proposals = propose_by_paper(query, rng or np.random.default_rng(0), stages)
             standing = doubt(query, proposals, stages, found)
         else:
-            standing = self._search(query, limit, stages, found)
+            with ROOMS.lend() as room:
+                standing = self._search(query, limit, room, stages, found)
         return self._conclude(standing, query, limit, stages, found)
 
     def check(self, xy: ArrayLike, key: int, transform: SE2, *, diameters: ArrayLike | None = None) -> Recognition:
@@ -187,13 +189,13 @@ class Recognizer:
         standing = doubt(query, [Proposal(key, "given", 0, verified)], stages, found)
         return self._conclude(standing, query, 1, stages, found)
 
-    def _search(self, query: Sighting, limit: int, stages: Stages, found: list[Finding]) -> Standing:
+    def _search(self, query: Sighting, limit: int, room: Room, stages: Stages, found: list[Finding]) -> Standing:
         """The levels in the order of their cost, until one leaves nothing to doubt."""
         standing, wide = Standing([], None, []), None
         # Quads and polygons choose among submaps; a single one is swept at once, which needs no choice, but for one so
         # much larger than the query that a sweep would leave out its ends.
         if len(query.index) > 1 or not sees_ends(query.pattern, query.submaps.pattern(next(iter(query.index)))):
-            tight = search_quads(query, TIGHT)
+            tight = search_quads(query, TIGHT, room)
             for share, count in ((_HALF, max(limit, _FIRST)), (1.0, self.config.candidates)):
                 proposals = propose_by_quads(query, tight, share, count, stages)
                 standing = doubt(query, proposals, stages, found, standing.ranked)
@@ -202,7 +204,7 @@ class Recognizer:
             proposals = propose_by_polygons(query, stages)
             standing = doubt(query, proposals, stages, found, standing.ranked)
             if self._lost(standing.ranked, query) and not is_small(query.index):
-                wide = search_quads(query, WIDE)
+                wide = search_quads(query, WIDE, room)
                 for share in (_MOST, 1.0):
                     proposals = propose_by_quads(query, wide, share, self.config.candidates, stages)
                     standing = doubt(query, proposals, stages, found, standing.ranked)

@@ -9,13 +9,15 @@ from numpy.typing import NDArray
 from tests.urquhart import forests
 from tests.urquhart.tables import decode, described, lot_of, search, seen_again, sparse, stand, truth
 from urquhart import SE2, Config, Features, describe
-from urquhart.consensus import Consensus, Leaders, Lot
+from urquhart.consensus import Consensus, Leaders, Lot, Room, Rooms
+from urquhart.quad_search import HIT
 from urquhart.quad_table import LAST, STEP, TURNS, build_table, measure_quads
+from urquhart.quad_votes import near_slots_together
 
 
 def hits(found: Consensus) -> NDArray[np.float64]:
     """Rows (H, 6), sorted: slot, query quad, turn, x, y, logarithm of the likelihood of the misfit."""
-    kept = found._found[: found.hits]
+    kept = found._room.hits[: found.hits]
     return ordered([kept[name] for name in ("slot", "quad", "turn", "x", "y", "fit")])
 
 
@@ -87,7 +89,7 @@ def test_hits_find_room_however_many_there_are() -> None:
     lots = [lot_of([stand(seed) for seed in range(30)]), lot_of([stand(seed) for seed in range(30, 40)])]
     query = stand(7)
     found = search(lots, query, 0.75)
-    room = len(found._found)
+    room = len(found._room.hits)
     found.advance()
     assert found.hits > 4 * room
     expected = brute_force(lots, query, 0.75)
@@ -280,3 +282,37 @@ def test_where_nothing_is_found_there_are_neither_leaders_nor_turns() -> None:
     found.advance()
     assert [len(column) for column in found.turns(0)] == [0, 0]
     assert len(found.leaders(0, 4).slots) == 0
+
+
+def test_what_another_search_left_in_the_room_is_not_found() -> None:
+    lots, rooms = [lot_of([stand(seed) for seed in range(20)])], Rooms(1)
+    queries = [stand(3), described(4), stand(17)]
+
+    def sought(query: Features, room: Room | None) -> Leaders:
+        found = Consensus(lots, query.landmarks, query.tessellation.quads, 0.75, 10**9, room)
+        found.advance()
+        return found.leaders(4, 2)
+
+    with rooms.lend() as room:
+        ours = [sought(query, room) for query in queries]
+    with rooms.lend() as again:
+        assert again is room
+        ours += [sought(query, again) for query in reversed(queries)]
+    for one, query in zip(ours, queries + queries[::-1], strict=True):
+        alone = sought(query, None)
+        np.testing.assert_array_equal(one.slots, alone.slots)
+        np.testing.assert_array_equal(one.poses, alone.poses)
+    with rooms.lend() as room, rooms.lend() as other:
+        assert room is not other
+
+
+def test_hits_of_neighbouring_slots_follow_each_other_in_their_order() -> None:
+    rng = np.random.default_rng(4)
+    hits = np.zeros(5000, HIT)
+    hits["slot"] = rng.integers(0, 300_000, 5000)
+    order = near_slots_together(1000, 5000, hits, 300_000)
+    assert sorted(order) == list(range(1000, 5000))
+    blocks = hits["slot"][order] // 65_536
+    assert np.all(np.diff(blocks) >= 0)
+    for block in np.unique(blocks):
+        assert np.all(np.diff(order[blocks == block]) > 0)
