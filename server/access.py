@@ -4,6 +4,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from fnmatch import fnmatchcase
 
+from server.errors import Forbidden
+
 
 class Scope(StrEnum):
     """What a key allows; none includes another."""
@@ -27,13 +29,19 @@ class Caller:
     scopes: frozenset[Scope]
     patterns: tuple[str, ...]
 
-    def may(self, scope: Scope) -> bool:
-        """Whether the caller has the scope."""
-        return scope in self.scopes
-
     def sees(self, collection_id: str) -> bool:
         """Whether the collection exists for the caller."""
         return any(fnmatchcase(collection_id, pattern) for pattern in self.patterns)
+
+    def require(self, scope: Scope) -> None:
+        """Raise Forbidden for a caller without the scope."""
+        if scope not in self.scopes:
+            raise Forbidden(f"This asks for a key with the scope {scope.value}; yours has {_listed(self.scopes)}.")
+
+    def require_all(self) -> None:
+        """Raise Forbidden for a caller who sees only some collections."""
+        if not self.sees_all:
+            raise Forbidden("This tells of all collections, and your key is bound to some of them.")
 
     @property
     def sees_all(self) -> bool:
@@ -43,3 +51,9 @@ class Caller:
 
 ANYBODY = Caller("", frozenset(Scope), ("*",))
 """The caller of a service that asks for no key."""
+NOBODY = Caller("", frozenset(), ())
+"""A caller without a key where one is asked for."""
+
+
+def _listed(scopes: frozenset[Scope]) -> str:
+    return " and ".join(sorted(scope.value for scope in scopes)) or "none"

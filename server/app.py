@@ -4,11 +4,9 @@ import logging
 import threading
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from typing import Any
 
 import anyio.to_thread
 from fastapi import FastAPI
-from fastapi.openapi.utils import get_openapi
 from fastapi.staticfiles import StaticFiles
 
 import urquhart
@@ -16,11 +14,12 @@ from server.catalog import Catalog
 from server.errors import DomainError
 from server.http import problems
 from server.http.dependencies import Service
+from server.http.document import openapi_document
 from server.http.middleware import BodyLimit, RequestContext
 from server.http.readiness import Readiness
+from server.keys import Doorkeeper, check_exposure
 from server.metrics import Metrics
 from server.routes import collections, pages, queries, submaps, system
-from server.schemas.common import Problem
 from server.settings import Settings
 from server.store.database import Database
 from server.store.renewal import bring_up_to_date
@@ -66,6 +65,7 @@ def create_app(settings: Settings) -> FastAPI:
     # The documentation's scripts come from an installed package: a forest has no internet.
     app.mount(pages.ASSETS, StaticFiles(packages=[("fastapi_offline", "static")]), name="assets")
     app.state.service = service
+    app.state.doorkeeper = Doorkeeper(settings, database)
     app.state.routers = _ROUTERS
     for router in _ROUTERS:
         app.include_router(router)
@@ -73,7 +73,7 @@ def create_app(settings: Settings) -> FastAPI:
     # The one added last is the outermost.
     app.add_middleware(BodyLimit, limit=settings.limits.body_bytes)
     app.add_middleware(RequestContext, metrics=metrics)
-    app.openapi = lambda: _openapi(app)  # type: ignore[method-assign]
+    app.openapi = lambda: openapi_document(app)  # type: ignore[method-assign]
     return app
 
 
@@ -87,6 +87,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     service: Service = app.state.service
     try:
         await anyio.to_thread.run_sync(bring_up_to_date, service.database)
+        await anyio.to_thread.run_sync(check_exposure, service.settings, service.database)
     except BaseException:
         service.database.dispose()
         raise
@@ -124,32 +125,3 @@ def _warm_up(service: Service, stop: threading.Event, warm: threading.Event) -> 
         service.readiness.report("index", str(error))
     finally:
         warm.set()
-
-
-def _openapi(app: FastAPI) -> dict[str, Any]:
-    if app.openapi_schema is None:
-        document = get_openapi(
-            title=app.title, version=app.version, description=app.description, routes=app.routes, tags=app.openapi_tags
-        )
-        schemas = document["components"]["schemas"]
-        problem = Problem.model_json_schema(ref_template="#/components/schemas/{model}")
-        schemas.update(problem.pop("$defs", {}))
-        schemas["Problem"] = problem
-        for path in document["paths"].values():
-            for operation in path.values():
-                _only_problems(operation)
-        for unused in ("HTTPValidationError", "ValidationError"):
-            schemas.pop(unused, None)
-        app.openapi_schema = document
-    return app.openapi_schema
-
-
-def _only_problems(operation: dict[str, Any]) -> None:
-    """Leave out the framework's own description of a validation error: it is never sent."""
-    for status, response in list(operation["responses"].items()):
-        content = response.get("content", {})
-        reference = content.get("application/json", {}).get("schema", {}).get("$ref", "")
-        if reference.endswith("/HTTPValidationError"):
-            del content["application/json"]
-            if not content:
-                del operation["responses"][status]

@@ -12,7 +12,7 @@ import typer
 from pydantic import ValidationError
 from typer.exceptions import TyperException
 
-from server.commands import db, index, locate, serve
+from server.commands import db, index, keys, locate, serve
 from server.commands.demo import command as demo
 from server.commands.failure import Failure
 from server.errors import DomainError
@@ -35,6 +35,7 @@ app.command()(index.index)
 app.command()(locate.locate)
 app.command()(demo.demo)
 app.add_typer(db.app, name="db")
+app.add_typer(keys.app, name="keys")
 
 
 def _print_version(wanted: bool) -> None:
@@ -89,7 +90,6 @@ def _settings_sentence(error: ValidationError) -> str:
     first = error.errors()[0]
     name = "URQUHART_" + "__".join(str(part).upper() for part in first["loc"]) if first["loc"] else ""
     message = first["msg"].removeprefix("Value error, ")
-    message = message.replace("set URQUHART_INSECURE=true", "give --insecure (or set URQUHART_INSECURE=true)")
     return f"setting {name}: {message}" if name else message
 
 

@@ -27,6 +27,18 @@ class NotFound(DomainError):
         self.name = name
 
 
+class Unauthorized(DomainError):
+    """There is no key, or one that cannot be used; `given` tells which."""
+
+    def __init__(self, message: str, *, given: bool = True) -> None:
+        super().__init__(message)
+        self.given = given
+
+
+class Forbidden(DomainError):
+    """The key does not allow this."""
+
+
 class Gone(DomainError):
     """It existed, and is no longer kept."""
 

@@ -6,6 +6,7 @@ from typing import Any
 from sqlalchemy.orm import Session
 
 from server import links
+from server.access import Caller
 from server.derive import config_of
 from server.errors import Conflict, InvalidField, NotFound
 from server.geo import check_crs
@@ -83,11 +84,11 @@ def known_collections(database: Database) -> list[str]:
         return Collections(session).ids()
 
 
-def page(database: Database, limits: Limits, limit: int | None, cursor: str | None) -> CollectionPage:
-    """A page of collections, oldest first. Raises InvalidField."""
+def page(database: Database, limits: Limits, caller: Caller, limit: int | None, cursor: str | None) -> CollectionPage:
+    """A page of the collections that the caller sees, oldest first. Raises InvalidField."""
     size = page_size(limit, limits)
     with database.read() as session:
-        rows = Collections(session).page(after_key=read_cursor("collections", cursor), limit=size + 1)
+        rows = Collections(session).page(caller.patterns, after_key=read_cursor("collections", cursor), limit=size + 1)
     more = len(rows) > size
     return CollectionPage(
         collections=[CollectionSummary(**_summary(row)) for row in rows[:size]],

@@ -1,6 +1,5 @@
 """Everything that can be set, from `URQUHART_*` in the environment; checked together, once, at construction."""
 
-import ipaddress
 from pathlib import Path
 from typing import Self
 from urllib.parse import unquote
@@ -85,15 +84,6 @@ class Settings(BaseSettings):
             raise ValueError("the database must be a file: several connections and processes share it")
         return value
 
-    @model_validator(mode="after")
-    def _exposed_only_on_purpose(self) -> Self:
-        if not self.insecure and not _is_loopback(self.host):
-            raise ValueError(
-                f"host {self.host!r} can be reached from other machines and the service asks for no key; "
-                "listen on 127.0.0.1, or set URQUHART_INSECURE=true if the network is trusted"
-            )
-        return self
-
     @property
     def database_path(self) -> Path:
         """The database file."""
@@ -105,12 +95,3 @@ class Settings(BaseSettings):
     def database_read_only(self) -> bool:
         """True for `sqlite:///path?mode=ro`: the file is opened without write access."""
         return "mode=ro" in self.database.partition("?")[2].split("&") if "://" in self.database else False
-
-
-def _is_loopback(host: str) -> bool:
-    if host == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host.strip("[]")).is_loopback
-    except ValueError:
-        return False  # a name may resolve to anything

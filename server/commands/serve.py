@@ -17,6 +17,7 @@ from uvicorn.supervisors import Multiprocess
 
 from server.app import create_app, create_app_from_env
 from server.commands.failure import Failure
+from server.keys import check_exposure
 from server.settings import Settings
 from server.store.database import Database
 from server.store.renewal import bring_up_to_date
@@ -47,7 +48,7 @@ def serve(
         bool,
         typer.Option(
             "--insecure",
-            help="Listen on an address that other machines can reach, although the service asks for no key.",
+            help="Listen on an address that other machines can reach, although there is no key to ask them for.",
         ),
     ] = False,
 ) -> None:
@@ -57,7 +58,12 @@ def serve(
     API is served at /docs.
     """
     settings = settings_with(host=host, port=port, database=database, insecure=insecure or None)
-    open_database(settings).dispose()  # refuses here, in one line, what would otherwise stop every worker
+    # Refuses here, in one line, what would otherwise stop every worker.
+    store = open_database(settings)
+    try:
+        check_exposure(settings, store)
+    finally:
+        store.dispose()
     listener = bind(settings.host, settings.port)
     address = f"[{settings.host}]" if ":" in settings.host else settings.host
     typer.echo(f"urquhart: serving on http://{address}:{listener.getsockname()[1]} ; API at /docs, stop with Ctrl-C")

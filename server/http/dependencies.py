@@ -8,12 +8,12 @@ from urllib.parse import urlencode
 
 import orjson
 from fastapi import Depends, Header, Path, Request, Response
-from fastapi.routing import APIRoute
 from pydantic import BaseModel
 
-from server.access import ANYBODY, Caller
+from server.access import Caller
 from server.catalog import Catalog
 from server.errors import MalformedBody, UnsupportedMediaType
+from server.http.authorization import GuardedRoute, get_caller, get_visitor
 from server.http.problems import MEDIA_TYPE
 from server.http.readiness import Readiness
 from server.metrics import Metrics
@@ -45,12 +45,6 @@ async def get_service(request: Request) -> Service:
     return service
 
 
-async def get_caller(request: Request) -> Caller:
-    """Who asks, as found out before the route was reached."""
-    caller: Caller = getattr(request.state, "caller", ANYBODY)
-    return caller
-
-
 async def get_preconditions(
     if_match: Annotated[str | None, Header(description="Only if the entity tag is this one; * for any.")] = None,
     if_none_match: Annotated[str | None, Header(description="Only if it is not this one; * for nothing there.")] = None,
@@ -61,6 +55,7 @@ async def get_preconditions(
 
 ServiceDep = Annotated[Service, Depends(get_service)]
 CallerDep = Annotated[Caller, Depends(get_caller)]
+VisitorDep = Annotated[Caller, Depends(get_visitor)]
 PreconditionsDep = Annotated[Preconditions, Depends(get_preconditions)]
 Accept = Annotated[str | None, Header(description="Media types that the answer may have.")]
 IfNoneMatch = Annotated[str | None, Header(description="Entity tag of what the caller has; 304 when it is current.")]
@@ -86,12 +81,12 @@ class _Malformed(Exception):
     """Carries the sentence past the framework, which turns other errors of the body into its own."""
 
 
-class JsonRoute(APIRoute):
-    """A route whose body is strict JSON: another content type is 415, what is not JSON 400."""
+class JsonRoute(GuardedRoute):
+    """A guarded route whose body is strict JSON: another content type is 415, what is not JSON 400."""
 
-    def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
+    def make_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
         """Wrap the framework's handler."""
-        handle = super().get_route_handler()
+        handle = super().make_handler()
         takes_body = self.body_field is not None
 
         async def handle_json(request: Request) -> Response:
@@ -151,6 +146,8 @@ def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
     """Documentation of a route's error responses."""
     described = {
         400: "The body is not JSON.",
+        401: "No usable key, where keys are asked for.",
+        403: "The key does not allow this.",
         404: "Not found.",
         405: "Method not allowed.",
         406: "Not acceptable.",

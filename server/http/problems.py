@@ -56,6 +56,16 @@ TABLE: Mapping[type[errors.DomainError], Kind] = {
     errors.NotFound: Kind(
         404, "not-found", "Not found", "There is no collection, submap or stored query of this name."
     ),
+    errors.Unauthorized: Kind(
+        401,
+        "unauthorized",
+        "No usable key",
+        "The service asks for a key: send Authorization: Bearer urq_..., which the operator makes with "
+        "urquhart keys create.",
+    ),
+    errors.Forbidden: Kind(
+        403, "forbidden", "Not allowed", "The key is good, but lacks the scope for this, or sees only some collections."
+    ),
     errors.Gone: Kind(410, "gone", "Gone", "It was here and is no longer kept; asking again will not bring it back."),
     errors.Conflict: Kind(409, "conflict", "Conflict", "The request contradicts what is stored; nothing was changed."),
     errors.PreconditionFailed: Kind(
@@ -153,6 +163,8 @@ def domain_problem(error: errors.DomainError, scope: Scope) -> Response:
         case errors.PreconditionFailed():
             members = {"etag": error.etag}
             headers = {"ETag": f'"{error.etag}"'} if error.etag is not None else {}
+        case errors.Unauthorized():
+            headers = {"WWW-Authenticate": 'Bearer error="invalid_token"' if error.given else "Bearer"}
         case errors.NotAcceptable():
             members = {"offered": list(error.offered)}
         case errors.NotReady():

@@ -6,6 +6,7 @@ from fastapi import APIRouter, Query, Request, Response
 
 from server import links, registry
 from server.http.dependencies import (
+    CallerDep,
     CollectionId,
     IfNoneMatch,
     JsonRoute,
@@ -46,11 +47,12 @@ _SUMMARY = {name: value for name, value in COLLECTION_EXAMPLE.items() if name no
 def list_collections(
     request: Request,
     service: ServiceDep,
+    caller: CallerDep,
     limit: Annotated[int | None, Query(description="Rows of the page, at most 1000.", examples=[100])] = None,
     cursor: Annotated[str | None, Query(description="`next` of the page before.")] = None,
 ) -> Response:
-    """In the order in which they were made; `next` is not there on the last page."""
-    page = registry.page(service.database, service.settings.limits, limit, cursor)
+    """Those that the key sees, in the order in which they were made; `next` is not there on the last page."""
+    page = registry.page(service.database, service.settings.limits, caller, limit, cursor)
     headers = {} if page.next is None else {"Link": next_link("/v1/collections", request, page.next)}
     return json_response(page, headers=headers)
 

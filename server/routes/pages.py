@@ -8,11 +8,12 @@ from fastapi.openapi.docs import get_swagger_ui_html
 from server import registry
 from server.errors import NotFound
 from server.http import pages
-from server.http.dependencies import Accept, ServiceDep, json_response, problems
+from server.http.authorization import GuardedRoute
+from server.http.dependencies import Accept, ServiceDep, VisitorDep, json_response, problems
 from server.http.negotiation import HTML, JSON, choose
 from server.http.problems import KINDS
 
-router = APIRouter(tags=["pages"])
+router = APIRouter(route_class=GuardedRoute, tags=["pages"])
 
 ASSETS = "/docs/assets"
 """Where scripts and styles of the documentation are served."""
@@ -33,10 +34,10 @@ ASSETS = "/docs/assets"
     },
     response_class=Response,
 )
-def landing_page(request: Request, service: ServiceDep, accept: Accept = None) -> Response:
-    """What is here, and the first calls to make; HTML or JSON by Accept."""
+def landing_page(request: Request, service: ServiceDep, visitor: VisitorDep, accept: Accept = None) -> Response:
+    """What the caller sees here, and the first calls to make; HTML or JSON by Accept."""
     media_type = choose(accept, [JSON, HTML])
-    page = registry.page(service.database, service.settings.limits, None, None)
+    page = registry.page(service.database, service.settings.limits, visitor, None, None)
     docs = service.settings.docs_url or "/docs"
     headers = {"Vary": "Accept"}
     if media_type == HTML:

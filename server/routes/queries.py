@@ -5,7 +5,8 @@ from typing import Annotated
 from fastapi import APIRouter, Path, Response
 
 from server import lookup, stored_queries
-from server.http.dependencies import Accept, CollectionId, JsonRoute, ServiceDep, json_response, problems
+from server.access import Scope
+from server.http.dependencies import Accept, CallerDep, CollectionId, JsonRoute, ServiceDep, json_response, problems
 from server.http.negotiation import JSON, SVG, choose
 from server.schemas import examples
 from server.schemas.queries import ExplanationAnswer, MatchAnswer, QueryAnswer, QueryInput
@@ -33,11 +34,13 @@ QueryId = Annotated[str, Path(description="`id` of the answer.", examples=["17"]
     response_model=QueryAnswer,
     responses={200: _EXAMPLE, **problems(400, 404, 413, 415, 422, 503, 507)},
 )
-def query(collection: CollectionId, body: QueryInput, service: ServiceDep) -> Response:
+def query(collection: CollectionId, body: QueryInput, service: ServiceDep, caller: CallerDep) -> Response:
     """Act on `verdict`: `matched`, `ambiguous` or `no_match`, with a `reason`. Too few trees in view is an answer, too.
 
-    Every submap that was acknowledged before the question is searched.
+    Every submap that was acknowledged before the question is searched. To `store` the answer is a write.
     """
+    if body.store:
+        caller.require(Scope.WRITE)
     answer = lookup.answer_query(
         service.database, service.catalog, service.metrics, service.settings.limits, collection, body
     )

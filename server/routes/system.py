@@ -3,11 +3,12 @@
 from fastapi import APIRouter, Response
 
 from server.http import published
-from server.http.dependencies import ServiceDep, json_response, problems
+from server.http.authorization import GuardedRoute
+from server.http.dependencies import CallerDep, ServiceDep, json_response, problems
 from server.metrics import Metrics
 from server.schemas.system import LIMITS_EXAMPLE, LimitsAnswer, Liveness, Readiness
 
-router = APIRouter(tags=["system"])
+router = APIRouter(route_class=GuardedRoute, tags=["system"])
 # The probes run on the event loop: they never block, and must answer when all threads are busy with queries.
 
 
@@ -63,8 +64,9 @@ async def readyz(service: ServiceDep) -> Response:
         **problems(),
     },
 )
-def metrics(service: ServiceDep) -> Response:
-    """Of this process."""
+def metrics(service: ServiceDep, caller: CallerDep) -> Response:
+    """Of this process. They name collections, so a key must see them all."""
+    caller.require_all()
     return Response(service.metrics.exposition(), headers={"Content-Type": Metrics.content_type})
 
 

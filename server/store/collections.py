@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import bindparam, delete, func, select, update
+from sqlalchemy import bindparam, delete, false, func, or_, select, update
 from sqlalchemy.orm import Session
 
 from server.store.tables import CollectionRow, SubmapRow
@@ -35,9 +35,11 @@ class Collections:
         """The collection of that id, or None."""
         return self._session.scalar(_BY_ID, {"id": collection_id})
 
-    def page(self, *, after_key: int = 0, limit: int) -> Sequence[CollectionRow]:
-        """Up to `limit` collections in the order they were made, beginning after a key."""
+    def page(self, patterns: Sequence[str], *, after_key: int = 0, limit: int) -> Sequence[CollectionRow]:
+        """Up to `limit` collections whose ids match a pattern, in the order they were made, beginning after a key."""
         query = select(CollectionRow).where(CollectionRow.key > after_key).order_by(CollectionRow.key).limit(limit)
+        if "*" not in patterns:
+            query = query.where(or_(false(), *(CollectionRow.id.op("GLOB")(pattern) for pattern in patterns)))
         return self._session.scalars(query).all()
 
     def ids(self) -> list[str]:

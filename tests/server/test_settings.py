@@ -33,8 +33,6 @@ def test_from_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
         ({"database": "postgresql://host/db"}, "not a SQLite database"),
         ({"database": "sqlite:///:memory:"}, "must be a file"),
         ({"database": ":memory:"}, "must be a file"),
-        ({"host": "0.0.0.0"}, "URQUHART_INSECURE"),
-        ({"host": "forest.example"}, "URQUHART_INSECURE"),
         ({"port": 70_000}, "65535"),
         ({"busy_timeout": 0}, "greater than 0"),
         ({"limits": {"page": 10, "page_max": 5}}, "must not exceed"),
@@ -45,12 +43,6 @@ def test_from_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_what_cannot_be(values: dict[str, object], message: str) -> None:
     with pytest.raises(ValidationError, match=message):
         Settings(**values)  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize("host", ["localhost", "127.0.0.2", "::1", "[::1]"])
-def test_loopback_needs_no_flag(host: str) -> None:
-    assert Settings(host=host).host == host
-    assert Settings(host="0.0.0.0", insecure=True).insecure
 
 
 def test_every_setting_is_described() -> None:

@@ -34,6 +34,7 @@ class Client:
     Args:
         base_url: where the service is, e.g. `http://127.0.0.1:8420`; a path in front of `/v1` may be part of it.
         timeout: seconds for connecting and for each read and write, or an `httpx.Timeout`.
+        api_key: as the operator made it, where the service asks for one.
         headers: sent with every request.
         transport: an httpx transport instead of the network, e.g. `httpx.MockTransport` in tests.
 
@@ -46,10 +47,12 @@ class Client:
         base_url: str,
         *,
         timeout: float | httpx.Timeout = 30.0,
+        api_key: str | None = None,
         headers: Mapping[str, str] | None = None,
         transport: httpx.BaseTransport | None = None,
     ) -> None:
-        self._http = httpx.Client(base_url=base_url, timeout=timeout, headers=headers, transport=transport)
+        sent = dict(headers or {}) | ({} if api_key is None else {"Authorization": f"Bearer {api_key}"})
+        self._http = httpx.Client(base_url=base_url, timeout=timeout, headers=sent, transport=transport)
 
     def __enter__(self) -> Self:
         return self

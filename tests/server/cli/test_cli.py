@@ -20,7 +20,7 @@ from urquhart import SE2
 def test_version_and_help(urquhart: Urquhart) -> None:
     assert urquhart("--version").out.startswith("urquhart ")
     assert "Usage: urquhart" in urquhart().out
-    for verb in ("serve", "index", "locate", "demo", "db", "db check", "db upgrade"):
+    for verb in ("serve", "index", "locate", "demo", "db", "db check", "db upgrade", "keys create"):
         said = urquhart(*verb.split(), "--help")
         assert (said.code, said.err) == (0, "")
         assert f"Usage: urquhart {verb}" in said.out

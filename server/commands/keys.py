@@ -1,0 +1,99 @@
+"""`urquhart keys`: API keys are made, listed and revoked here, on the host, and nowhere else."""
+
+import re
+from datetime import UTC, datetime, timedelta
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from server import keys
+from server.access import Scope
+from server.commands.db import DatabaseOption
+from server.commands.failure import Failure
+from server.commands.serve import open_database, settings_with
+
+app = typer.Typer(help="Make, list and revoke API keys.")
+_UNITS = {"h": 1, "d": 24, "w": 24 * 7}
+
+
+@app.command("create")
+def create(
+    name: Annotated[str, typer.Argument(help="Who or what will use it, for the list.")],
+    scope: Annotated[list[Scope], typer.Option(help="What it allows; may be repeated, none includes another.")],
+    collections: Annotated[
+        list[str], typer.Option(help="Collections it sees, by pattern: plots-*; may be repeated.", show_default="all")
+    ] = ["*"],  # noqa: B006  as the library wants it
+    expires: Annotated[
+        str | None, typer.Option(help="Until when: 12h, 90d or 52w from now, or a date.", show_default="never")
+    ] = None,
+    database: DatabaseOption = None,
+) -> None:
+    """Make a key and print it, this once: only a hash of it is kept.
+
+    As soon as there is a key, the service asks every caller for one.
+    """
+    if not name.strip() or len(name) > 128 or not name.isprintable():
+        raise Failure("a name has 1 to 128 printable characters")
+    store = open_database(settings_with(database=database))
+    try:
+        secret, info = keys.make(store, name.strip(), scope, collections, _moment(expires))
+    finally:
+        store.dispose()
+    typer.echo(secret)
+    typer.echo(f"key {info.id} made; it is not shown again", err=True)
+
+
+@app.command("list")
+def list_keys(database: DatabaseOption = None) -> None:
+    """List all keys, without their secrets."""
+    store = open_database(settings_with(database=database))
+    try:
+        found = keys.listed(store)
+    finally:
+        store.dispose()
+    if not found:
+        typer.echo("no keys: the service asks for none on this machine, and is not to be reached from others")
+        return
+    table = Table("id", "name", "scopes", "collections", "created", "expires", "state", box=None)
+    now = datetime.now(UTC)
+    for key in found:
+        expires = "never" if key.expires is None else f"{key.expires:%Y-%m-%d %H:%M}"
+        scopes, patterns = ", ".join(key.scopes), ", ".join(key.patterns)
+        table.add_row(key.id, key.name, scopes, patterns, f"{key.created:%Y-%m-%d}", expires, key.state(now))
+    # As wide as it needs to be where it is not looked at but read by a program.
+    console = Console()
+    Console(width=None if console.is_terminal else 400).print(table)
+
+
+@app.command("revoke")
+def revoke(
+    key: Annotated[str, typer.Argument(metavar="ID", help="The id of the key, as in the list.")],
+    database: DatabaseOption = None,
+) -> None:
+    """Make a key useless, for running services within a second."""
+    store = open_database(settings_with(database=database))
+    try:
+        keys.revoke(store, key)
+    finally:
+        store.dispose()
+    typer.echo(f"key {key} revoked")
+
+
+def _moment(text: str | None) -> datetime | None:
+    if text is None:
+        return None
+    now = datetime.now(UTC)
+    match = re.fullmatch(r"([0-9]{1,5})([hdw])", text)
+    try:
+        if match is not None:
+            moment = now + timedelta(hours=int(match[1]) * _UNITS[match[2]])
+        else:
+            moment = datetime.fromisoformat(text)
+            moment = moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment
+    except (ValueError, OverflowError) as error:
+        raise Failure(f"--expires {text!r} is none of 12h, 90d, 52w, 2027-01-31") from error
+    if moment <= now:
+        raise Failure(f"--expires {text} is over already")
+    return moment

@@ -1,0 +1,56 @@
+"""The OpenAPI document: what the framework makes of the routes, and what it does not know."""
+
+from typing import Any
+
+from fastapi import FastAPI
+from fastapi.openapi.utils import get_openapi
+
+from server.http.dependencies import problems
+from server.http.scopes import SCOPES
+from server.schemas.common import Problem
+
+
+def openapi_document(app: FastAPI) -> dict[str, Any]:
+    """The document, made once: errors are problems, and every operation says which scope a key needs."""
+    if app.openapi_schema is None:
+        document = get_openapi(
+            title=app.title, version=app.version, description=app.description, routes=app.routes, tags=app.openapi_tags
+        )
+        schemas = document["components"]["schemas"]
+        problem = Problem.model_json_schema(ref_template="#/components/schemas/{model}")
+        schemas.update(problem.pop("$defs", {}))
+        schemas["Problem"] = problem
+        for path in document["paths"].values():
+            for operation in path.values():
+                _only_problems(operation)
+                _guarded(operation)
+        document["components"]["securitySchemes"] = {
+            "key": {"type": "http", "scheme": "bearer", "description": "An API key: urq_<id>_<secret>."}
+        }
+        for unused in ("HTTPValidationError", "ValidationError"):
+            schemas.pop(unused, None)
+        app.openapi_schema = document
+    return app.openapi_schema
+
+
+def _only_problems(operation: dict[str, Any]) -> None:
+    """Leave out the framework's own description of a validation error: it is never sent."""
+    for status, response in list(operation["responses"].items()):
+        content = response.get("content", {})
+        reference = content.get("application/json", {}).get("schema", {}).get("$ref", "")
+        if reference.endswith("/HTTPValidationError"):
+            del content["application/json"]
+            if not content:
+                del operation["responses"][status]
+
+
+def _guarded(operation: dict[str, Any]) -> None:
+    """Say which scope is asked for, and how a caller without it is answered."""
+    scope = SCOPES[operation["operationId"]]
+    if scope is None:
+        operation["security"] = []
+        return
+    operation["security"] = [{"key": []}, {}]
+    operation["x-scope"] = scope.value
+    responses = operation["responses"] | {str(status): said for status, said in problems(401, 403).items()}
+    operation["responses"] = dict(sorted(responses.items()))
