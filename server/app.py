@@ -13,13 +13,14 @@ import urquhart
 from server.catalog import Catalog
 from server.errors import DomainError
 from server.http import problems
+from server.http.compression import DeflateAnswers, InflateRequests
 from server.http.dependencies import Service
 from server.http.document import openapi_document
 from server.http.middleware import BodyLimit, RequestContext
 from server.http.readiness import Readiness
 from server.keys import Doorkeeper, check_exposure
 from server.metrics import Metrics
-from server.routes import collections, pages, queries, submaps, system
+from server.routes import arrivals, collections, pages, queries, submaps, system
 from server.settings import Settings
 from server.store.database import Database
 from server.store.renewal import bring_up_to_date
@@ -29,7 +30,7 @@ from server.version import service_version
 
 _log = logging.getLogger(__name__)
 # The framework tries route after route: what is asked most and matters most comes first.
-_ROUTERS = (queries.router, submaps.router, collections.router, system.router, pages.router)
+_ROUTERS = (queries.router, arrivals.router, submaps.router, collections.router, system.router, pages.router)
 _TAGS = [
     {"name": "collections", "description": "Submaps that share a configuration."},
     {"name": "submaps", "description": "Tree positions in one rigid frame, the unit that is stored and found."},
@@ -71,6 +72,8 @@ def create_app(settings: Settings) -> FastAPI:
         app.include_router(router)
     problems.install(app)
     # The one added last is the outermost.
+    app.add_middleware(InflateRequests, limit=settings.limits.body_bytes)
+    app.add_middleware(DeflateAnswers)
     app.add_middleware(BodyLimit, limit=settings.limits.body_bytes)
     app.add_middleware(RequestContext, metrics=metrics)
     app.openapi = lambda: openapi_document(app)  # type: ignore[method-assign]

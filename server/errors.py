@@ -47,6 +47,10 @@ class Conflict(DomainError):
     """The request contradicts what is stored."""
 
 
+class KeyReused(DomainError):
+    """An Idempotency-Key that was sent before came with other content."""
+
+
 class PreconditionFailed(DomainError):
     """If-Match or If-None-Match does not hold; `etag` is the current one, None when there is nothing."""
 

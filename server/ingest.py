@@ -4,7 +4,7 @@ Describing takes milliseconds and needs no database, so it is done before the wr
 looks again at what is there and at the preconditions.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing, nullcontext
 from dataclasses import dataclass, field
 from typing import Literal, TypeVar
@@ -15,6 +15,7 @@ from server import batches
 from server.batches import Described, Refusal
 from server.derive import config_of
 from server.errors import Conflict, NotFound
+from server.idempotency import Kept, Once, keep, recall
 from server.preconditions import ANYTHING, Preconditions
 from server.prepare import Prepared, check_properties, content_etag, place_from, settle
 from server.registry import get_collection
@@ -88,6 +89,44 @@ def put(
         known = Submaps(session, collection.key).identities([submap_id]).get(submap_id)
         preconditions.check(known.etag if known else None)
         return _store(session, collection, [(known, prepared.record(known, config))])[0]
+
+
+def post(
+    database: Database,
+    collection_id: str,
+    submap_id: str,
+    body: SubmapInput,
+    limits: Limits,
+    once: Once | None,
+    answer: Callable[[Receipt], Kept],
+) -> Kept:
+    """Store a new submap under an id that is not taken, unless the same was done before; what is answered.
+
+    Raises NotFound, InvalidLandmarks, TooLarge, KeyReused and StorageError; then nothing is stored.
+    """
+    pin_threads()
+    prepared = Prepared(submap_id, body, limits)
+    with database.read() as session:
+        collection = get_collection(session, collection_id)
+    config = config_of(collection)
+    prepared.describe(config)
+    with database.write() as session:
+        collection = _same_collection(session, collection_id, collection.key)
+        kept = recall(session, once, _posting(collection))
+        if kept is not None:
+            return kept
+        receipt = _store(session, collection, [(None, prepared.record(None, config))])[0]
+        return keep(session, once, _posting(collection), answer(receipt))
+
+
+def posted(database: Database, collection_id: str, once: Once | None) -> Kept | None:
+    """What was answered to a POST that was sent before. Raises NotFound and KeyReused."""
+    with database.read() as session:
+        return recall(session, once, _posting(get_collection(session, collection_id)))
+
+
+def _posting(collection: CollectionRow) -> str:
+    return f"postSubmap {collection.key}"
 
 
 def patch(

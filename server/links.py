@@ -20,6 +20,11 @@ def submap(collection_id: str, submap_id: str) -> str:
     return f"{submaps(collection_id)}/{quote(submap_id, safe='')}"
 
 
+def sessions(collection_id: str) -> str:
+    """Path of a collection's sessions."""
+    return f"{collection(collection_id)}/sessions"
+
+
 def queries(collection_id: str) -> str:
     """Path of a collection's queries."""
     return f"{collection(collection_id)}/queries"

@@ -1,33 +1,44 @@
-"""Cursors: opaque to the caller, a key to us."""
+"""Cursors: opaque to the caller, to us the last of the page before."""
 
 import base64
 import binascii
-from typing import Literal
+from typing import Literal, TypeVar
 
 import orjson
 
 from server.errors import InvalidField
 from server.settings import Limits
 
-Listing = Literal["collections", "submaps"]
+_Place = TypeVar("_Place", int, str)
+Listing = Literal["collections", "submaps", "sessions", "jobs", "snapshots"]
 
 
-def write_cursor(listing: Listing, after_key: int) -> str:
-    """The cursor of the page that begins after a key."""
-    return base64.urlsafe_b64encode(orjson.dumps([listing, after_key])).rstrip(b"=").decode()
+def write_cursor(listing: Listing, after: int | str) -> str:
+    """The cursor of the page that begins after a key or a name."""
+    return base64.urlsafe_b64encode(orjson.dumps([listing, after])).rstrip(b"=").decode()
 
 
 def read_cursor(listing: Listing, cursor: str | None) -> int:
     """The key to begin after, 0 without a cursor. Raises InvalidField for what this listing never gave out."""
-    if cursor is None:
-        return 0
+    return 0 if cursor is None else _read(listing, cursor, int)
+
+
+def read_name_cursor(listing: Listing, cursor: str | None) -> str:
+    """The name to begin after, empty without a cursor. Raises InvalidField for what this listing never gave out."""
+    return "" if cursor is None else _read(listing, cursor, str)
+
+
+def _read(listing: Listing, cursor: str, kind: type[_Place]) -> _Place:
     try:
         content = orjson.loads(base64.urlsafe_b64decode(cursor.encode("ascii") + b"=" * (-len(cursor) % 4)))
     except (binascii.Error, UnicodeEncodeError, orjson.JSONDecodeError):
         content = None
     match content:
-        case [str(name), int(key)] if name == listing and 0 <= key < 2**63:
-            return key
+        case [str(name), bool()]:
+            pass
+        case [str(name), int() | str() as place] if name == listing and isinstance(place, kind):
+            if isinstance(place, str) or 0 <= place < 2**63:
+                return place
     raise InvalidField(
         f"is not a cursor of this listing; take `next` of a page of {listing}, or leave it out for the first page",
         code="cursor",

@@ -11,10 +11,12 @@ from server import links
 from server.derive import config_of, features_of
 from server.errors import InvalidField, NotAcceptable, NotFound
 from server.geo import Georeference, polygon
-from server.paging import page_size, read_cursor, write_cursor
+from server.paging import page_size, read_cursor, read_name_cursor, write_cursor
 from server.registry import get_collection
 from server.schemas.common import MapPose, Stamp
 from server.schemas.submaps import (
+    SessionPage,
+    SessionSummary,
     StoredLandmark,
     Submap,
     SubmapLinks,
@@ -46,6 +48,22 @@ def page(
     """A page of submaps without their landmarks, in the order they came. Raises NotFound and InvalidField."""
     rows, following = _rows(database, limits, collection_id, chosen, limit, cursor)[1:]
     return SubmapPage(submaps=[SubmapSummary(**_summary(collection_id, row)) for row in rows], next=following)
+
+
+def sessions(
+    database: Database, limits: Limits, collection_id: str, limit: int | None, cursor: str | None
+) -> SessionPage:
+    """A page of the sessions of a collection, by name. Raises NotFound and InvalidField."""
+    size = page_size(limit, limits)
+    with database.read() as session:
+        collection = get_collection(session, collection_id)
+        rows = Submaps(session, collection.key).sessions(read_name_cursor("sessions", cursor), size + 1)
+    return SessionPage(
+        sessions=[
+            SessionSummary(session=name, submaps=n, first=first, last=last) for name, n, first, last in rows[:size]
+        ],
+        next=write_cursor("sessions", rows[size - 1][0]) if len(rows) > size else None,
+    )
 
 
 def geojson_page(

@@ -67,6 +67,9 @@ class Settings(BaseSettings):
     host: str = Field("127.0.0.1", description="Address to listen on.", min_length=1)
     port: int = Field(8420, ge=0, le=65535, description="Port to listen on; 0 takes a free one.")
     insecure: bool = Field(False, description="Serve without API keys on an address that other machines can reach.")
+    idempotency_hours: float = Field(
+        24.0, gt=0, le=24 * 365, description="Hours for which the answer to a POST with Idempotency-Key is kept."
+    )
     docs_url: str = Field(
         "",
         description="Where the documentation is served, linked from the landing page; empty: the service's own /docs.",

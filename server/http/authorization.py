@@ -1,6 +1,6 @@
 """Who may pass: every route asks before it reads a body or looks at anything."""
 
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Set
 from typing import Any
 
 import anyio.to_thread
@@ -8,7 +8,7 @@ from fastapi import Request, Response
 from fastapi.routing import APIRoute
 
 from server.access import NOBODY, Caller
-from server.errors import NotFound, Unauthorized
+from server.errors import InvalidField, NotFound, Unauthorized
 from server.http.scopes import SCOPES
 from server.keys import Doorkeeper
 
@@ -23,6 +23,7 @@ class GuardedRoute(APIRoute):
         """Let in first, then handle. Raises KeyError for an operation of which no scope is said."""
         handle = self.make_handler()
         scope = SCOPES[self.operation_id] if self.operation_id is not None else None
+        known = {parameter.alias for parameter in self.dependant.query_params}
         if scope is None:
             return handle
 
@@ -33,6 +34,7 @@ class GuardedRoute(APIRoute):
             if collection is not None and not caller.sees(collection):
                 raise NotFound("collection", collection)
             request.state.caller = caller
+            _check_parameters(request, known)
             return await handle(request)
 
         return handle_admitted
@@ -40,6 +42,19 @@ class GuardedRoute(APIRoute):
     def make_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
         """What handles a request of a caller who was let in."""
         return super().get_route_handler()
+
+
+def _check_parameters(request: Request, known: Set[str]) -> None:
+    """A parameter that is misspelt, or said twice, must not be passed over: the answer would be to another question."""
+    if not request.url.query:
+        return
+    names = [name for name, _ in request.query_params.multi_items()]
+    for name in names:
+        if name not in known:
+            offered = f"this path knows {', '.join(sorted(known))}" if known else "this path knows none"
+            raise InvalidField(f"is not known; {offered}", code="unknown_parameter", parameter=name[:100])
+        if names.count(name) > 1:
+            raise InvalidField("is given more than once", code="repeated_parameter", parameter=name)
 
 
 async def who_asks(request: Request) -> Caller:

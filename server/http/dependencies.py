@@ -1,5 +1,6 @@
 """What routes ask for: the service's parts, preconditions, JSON bodies; and how they answer."""
 
+import hashlib
 import re
 from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
@@ -16,9 +17,10 @@ from server.errors import MalformedBody, UnsupportedMediaType
 from server.http.authorization import GuardedRoute, get_caller, get_visitor
 from server.http.problems import MEDIA_TYPE
 from server.http.readiness import Readiness
+from server.idempotency import Kept, Once
 from server.metrics import Metrics
 from server.preconditions import Preconditions
-from server.schemas.common import PROBLEM_EXAMPLE, Problem, ResourceId
+from server.schemas.common import PROBLEM_EXAMPLE, Problem, ResourceId, to_json
 from server.settings import Settings
 from server.store.database import Database
 from server.upkeep import Upkeep
@@ -53,8 +55,30 @@ async def get_preconditions(
     return Preconditions(_tags(if_match), _tags(if_none_match))
 
 
+async def get_once(
+    request: Request,
+    caller: Annotated[Caller, Depends(get_caller)],
+    service: Annotated[Service, Depends(get_service)],
+    idempotency_key: Annotated[
+        str | None,
+        Header(
+            description="The same for every attempt to send this request: what was done is not done again.",
+            min_length=1,
+            max_length=255,
+            pattern=r"^[\x21-\x7e]+$",
+        ),
+    ] = None,
+) -> Once | None:
+    """What tells this POST from others; None without Idempotency-Key."""
+    if idempotency_key is None:
+        return None
+    sent = hashlib.sha256(request.url.query.encode() + b"\n" + await request.body())
+    return Once(caller.id, idempotency_key, sent.hexdigest(), service.settings.idempotency_hours)
+
+
 ServiceDep = Annotated[Service, Depends(get_service)]
 CallerDep = Annotated[Caller, Depends(get_caller)]
+OnceDep = Annotated[Once | None, Depends(get_once)]
 VisitorDep = Annotated[Caller, Depends(get_visitor)]
 PreconditionsDep = Annotated[Preconditions, Depends(get_preconditions)]
 Accept = Annotated[str | None, Header(description="Media types that the answer may have.")]
@@ -113,15 +137,21 @@ def json_response(
     media_type: str = "application/json",
     headers: dict[str, str] | None = None,
 ) -> Response:
-    """An answer as JSON, in which NaN and Infinity cannot occur; `next` is left out when there is none."""
+    """An answer as JSON, in which NaN and Infinity cannot occur; `next` and `query` are left out when there is none."""
     match content:
         case BaseModel():
-            body = content.model_dump_json(exclude=_empty_next(content)).encode()
+            body = to_json(content)
         case dict():
             body = orjson.dumps(content)
         case _:
             body = content
     return Response(body, status, headers=headers, media_type=media_type)
+
+
+def kept_response(kept: Kept) -> Response:
+    """An answer that was kept, or would be if it were asked for."""
+    headers = kept.headers | ({"Idempotency-Replayed": "true"} if kept.replayed else {})
+    return Response(kept.body, kept.status, headers=headers, media_type="application/json")
 
 
 def etag_header(etag: str) -> dict[str, str]:
@@ -173,10 +203,6 @@ def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
         }
         for status in (*statuses, 500)
     }
-
-
-def _empty_next(content: BaseModel) -> set[str] | None:
-    return {"next"} if getattr(content, "next", "") is None else None
 
 
 def _tags(header: str | None) -> tuple[str, ...] | None:

@@ -45,3 +45,9 @@ def _read(part: str) -> tuple[str, float]:
             except ValueError:
                 return name, 0.0
     return name, 1.0
+
+
+def accepts_coding(header: str | None, coding: str) -> bool:
+    """Whether Accept-Encoding allows a coding: named with a quality above 0, or by *."""
+    found = dict(_read(part) for part in (header or "").split(","))
+    return found.get(coding, found.get("*", 0.0)) > 0.0

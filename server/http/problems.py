@@ -68,6 +68,12 @@ TABLE: Mapping[type[errors.DomainError], Kind] = {
     ),
     errors.Gone: Kind(410, "gone", "Gone", "It was here and is no longer kept; asking again will not bring it back."),
     errors.Conflict: Kind(409, "conflict", "Conflict", "The request contradicts what is stored; nothing was changed."),
+    errors.KeyReused: Kind(
+        422,
+        "idempotency-key-reused",
+        "Idempotency-Key used twice",
+        "The key was sent before with other content. Take a new key for each request that is not a repetition.",
+    ),
     errors.PreconditionFailed: Kind(
         412,
         "precondition-failed",

@@ -22,53 +22,22 @@ from server.http.dependencies import (
 from server.http.negotiation import GEOJSON, JSON, SVG, choose
 from server.schemas import examples
 from server.schemas.submaps import (
+    SessionPage,
     Submap,
-    SubmapInput,
     SubmapPage,
     SubmapPatch,
-    SubmapReceipt,
     TessellationAnswer,
 )
 
 router = APIRouter(route_class=JsonRoute, tags=["submaps"])
 _ALL = "/v1/collections/{collection}/submaps"
 _PATH = f"{_ALL}/{{submap}}"
-_RECEIPT: dict[str, Any] = {"content": {JSON: {"example": examples.RECEIPT}}}
 _SUBMAP: dict[str, Any] = {"content": {JSON: {"example": examples.SUBMAP}}}
+_SESSIONS = {
+    "sessions": [{"session": "monday", "submaps": 12, "first": "2026-05-04T09:30:00Z", "last": "2026-05-04T11:02:10Z"}]
+}
 _GEOJSON = {"schema": {"type": "object"}, "example": {"type": "FeatureCollection", "features": []}}
 _SVG = {"schema": {"type": "string"}, "example": "<svg xmlns='http://www.w3.org/2000/svg'></svg>"}
-
-
-@router.put(
-    _PATH,
-    operation_id="putSubmap",
-    summary="Store a submap",
-    response_model=SubmapReceipt,
-    responses={
-        200: {"description": "It was there: unchanged, or replaced.", **_RECEIPT},
-        201: {"description": "It is new.", "model": SubmapReceipt, **_RECEIPT},
-        **problems(400, 404, 409, 412, 413, 415, 422, 503, 507),
-    },
-)
-def put_submap(
-    collection: CollectionId, submap: SubmapId, body: SubmapInput, service: ServiceDep, preconditions: PreconditionsDep
-) -> Response:
-    """The next query finds it. The same content again changes nothing, so a PUT can be repeated safely."""
-    receipt = ingest.put(service.database, collection, submap, body, service.settings.limits, preconditions)
-    service.metrics.submaps_written.labels(receipt.outcome).inc()
-    headers = etag_header(receipt.etag)
-    if receipt.outcome == "created":
-        headers["Location"] = links.submap(collection, submap)
-    answer = SubmapReceipt(
-        id=submap,
-        collection=collection,
-        outcome=receipt.outcome,
-        counts=receipt.counts,
-        etag=receipt.etag,
-        revision=receipt.revision,
-        links=reading.submap_links(collection, submap),
-    )
-    return json_response(answer, 201 if receipt.outcome == "created" else 200, headers=headers)
 
 
 @router.get(
@@ -207,3 +176,23 @@ def get_tessellation(
     if media_type == GEOJSON:
         return json_response(seen.to_geojson(), media_type=GEOJSON, headers=headers)
     return json_response(seen.to_answer(), headers=headers)
+
+
+@router.get(
+    "/v1/collections/{collection}/sessions",
+    operation_id="listSessions",
+    summary="List the sessions",
+    response_model=SessionPage,
+    responses={200: {"content": {JSON: {"example": _SESSIONS}}}, **problems(404, 422, 503)},
+)
+def list_sessions(
+    request: Request,
+    collection: CollectionId,
+    service: ServiceDep,
+    limit: Annotated[int | None, Query(description="Rows of the page, at most 1000.", examples=[100])] = None,
+    cursor: Annotated[str | None, Query(description="`next` of the page before.")] = None,
+) -> Response:
+    """By name, with how many submaps each has and when they were seen. Submaps without a session are left out."""
+    page = reading.sessions(service.database, service.settings.limits, collection, limit, cursor)
+    headers = {} if page.next is None else {"Link": next_link(links.sessions(collection), request, page.next)}
+    return json_response(page, headers=headers)

@@ -171,3 +171,12 @@ PROBLEM_EXAMPLE: dict[str, Any] = {
     "detail": "There is no collection 'plots' here.",
     "request_id": "0c5f4d1e7a334a6b",
 }
+
+
+_OPTIONAL = ("next", "query")
+
+
+def to_json(answer: BaseModel) -> bytes:
+    """An answer as JSON; members of which there are none are left out, where their absence says so."""
+    empty = {name for name in _OPTIONAL if getattr(answer, name, "") is None}
+    return answer.model_dump_json(exclude=empty or None).encode()

@@ -59,7 +59,22 @@ class Near(Body):
     )
 
 
-class QueryInput(LandmarkBody):
+class QueryOptions(Body):
+    """How to look, and for how many."""
+
+    limit: Annotated[int, Field(ge=1, strict=True)] = Field(5, description="Most candidates to return.")
+    method: Method = Field("robust", description="`paper` keeps to the published method.")
+    seed: Annotated[int, Field(ge=0, le=2**63 - 1, strict=True)] | None = Field(
+        None, description="Same seed, revision and body: same answer."
+    )
+    explain: Annotated[bool, Field(strict=True)] = Field(
+        False, description="Answer what each level found in each submap, too."
+    )
+    near: Near | None = Field(None, description="About where it was observed, if that is known.")
+    exclude: Exclude = Field(default_factory=Exclude, description="What must not be found.")
+
+
+class QueryInput(LandmarkBody, QueryOptions):
     """An observation to place, or a stored submap to find again elsewhere."""
 
     model_config = ConfigDict(
@@ -84,21 +99,11 @@ class QueryInput(LandmarkBody):
     submap_id: ResourceId | None = Field(
         None, description="Ask with a stored submap's landmarks; it is left out of the search."
     )
-    limit: Annotated[int, Field(ge=1, strict=True)] = Field(5, description="Most candidates to return.")
-    method: Method = Field("robust", description="`paper` keeps to the published method.")
-    seed: Annotated[int, Field(ge=0, le=2**63 - 1, strict=True)] | None = Field(
-        None, description="Same seed, revision and body: same answer."
-    )
     store: Annotated[bool, Field(strict=True)] = Field(
         False, description="Keep the answer, to be read and drawn later."
     )
-    explain: Annotated[bool, Field(strict=True)] = Field(
-        False, description="Answer what each level found in each submap, too."
-    )
     frame_id: Label | None = Field(None, description="Name of the frame that the landmarks are in.")
     stamp: Stamp | None = Field(None, description="When it was observed: RFC 3339 with an offset.")
-    near: Near | None = Field(None, description="About where it was observed, if that is known.")
-    exclude: Exclude = Field(default_factory=Exclude, description="What must not be found.")
 
     @model_validator(mode="after")
     def _one_source(self) -> "QueryInput":

@@ -1,7 +1,7 @@
 """Bodies of the submap routes, and the landmarks that queries share with them."""
 
 from datetime import datetime
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -167,18 +167,6 @@ class SubmapLinks(Answer):
     tessellation: str
 
 
-class SubmapReceipt(Answer):
-    """What became of a PUT."""
-
-    id: str
-    collection: str
-    outcome: Literal["created", "replaced", "unchanged"]
-    counts: dict[str, int] = Field(description="Landmarks, triangles, polygons kept and discarded.")
-    etag: str
-    revision: int = Field(description="The collection's, at the submap's last write.")
-    links: SubmapLinks
-
-
 class SubmapSummary(Answer):
     """A submap, as in a list."""
 
@@ -218,6 +206,22 @@ class SubmapPage(Answer):
     """A page of submaps."""
 
     submaps: list[SubmapSummary]
+    next: str | None = Field(None, description="Cursor of the next page; not there on the last.")
+
+
+class SessionSummary(Answer):
+    """A drive, a flight, a season: who was here, and when."""
+
+    session: str
+    submaps: int
+    first: _Written | None = Field(description="The earliest stamp of its submaps.")
+    last: _Written | None = Field(description="The latest.")
+
+
+class SessionPage(Answer):
+    """A page of sessions."""
+
+    sessions: list[SessionSummary]
     next: str | None = Field(None, description="Cursor of the next page; not there on the last.")
 
 

@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from typing import Any, TypeVar
 
-from sqlalchemy import ColumnElement, Select, delete, insert, select, update
+from sqlalchemy import ColumnElement, Select, delete, func, insert, select, update
 from sqlalchemy.orm import Session, undefer
 
 from server.store.tables import DeletionRow, SubmapRow, beside_key
@@ -186,6 +186,17 @@ class Submaps:
         query = self._all().where(*_conditions(chosen), SubmapRow.key > after_key)
         query = query.order_by(SubmapRow.key).limit(limit)
         return self._session.scalars(query.options(*_LANDMARKS) if landmarks else query).all()
+
+    def sessions(self, after: str, limit: int) -> Sequence[tuple[str, int, datetime | None, datetime | None]]:
+        """Up to `limit` sessions by name, after one: its name, submaps, first and last stamp; from an index alone."""
+        query = (
+            select(SubmapRow.session, func.count(), func.min(SubmapRow.stamp), func.max(SubmapRow.stamp))
+            .where(SubmapRow.collection_key == self._collection_key, SubmapRow.session > after)
+            .group_by(SubmapRow.session)
+            .order_by(SubmapRow.session)
+            .limit(limit)
+        )
+        return [(row[0] or "", row[1], row[2], row[3]) for row in self._session.execute(query)]
 
     def matching(self, chosen: SubmapFilter) -> set[int]:
         """Keys of the submaps that are chosen."""

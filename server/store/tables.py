@@ -93,7 +93,10 @@ class SubmapRow(Table):
     __table_args__ = (
         UniqueConstraint("collection_key", "id"),
         Index(None, "collection_key", "content_revision"),
-        Index(None, "collection_key", "session"),
+        # In the order of the keys, for pages.
+        Index(None, "collection_key"),
+        # With the stamp, to tell when a session was without reading its rows.
+        Index(None, "collection_key", "session", "stamp"),
         Index(None, "collection_key", "stamp"),
         # Covers the extent and the bbox filter.
         Index(

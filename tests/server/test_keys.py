@@ -220,6 +220,7 @@ def operations(app: FastAPI) -> Iterator[tuple[str, str, str]]:
 BODIES: dict[str, Any] = {
     "putCollection": {},
     "patchCollection": {"title": "mine"},
+    "postSubmap": {"xy": points(forest(3))},
     "putSubmap": {"xy": points(forest(3))},
     "patchSubmap": {"properties": {}},
     "query": {"xy": points(forest(1))},

@@ -27,6 +27,8 @@ OPERATIONS = {
     "patchCollection": "patch /v1/collections/{collection}",
     "deleteCollection": "delete /v1/collections/{collection}",
     "listSubmaps": "get /v1/collections/{collection}/submaps",
+    "postSubmap": "post /v1/collections/{collection}/submaps",
+    "listSessions": "get /v1/collections/{collection}/sessions",
     "putSubmap": "put /v1/collections/{collection}/submaps/{submap}",
     "getSubmap": "get /v1/collections/{collection}/submaps/{submap}",
     "patchSubmap": "patch /v1/collections/{collection}/submaps/{submap}",
@@ -115,7 +117,7 @@ def test_limits(client: httpx.Client, service: Service) -> None:
     assert limits["limits"]["body_bytes"] == 8 * 1024 * 1024
     assert set(limits["limits"]) | {"stored_queries"} == set(type(service.settings.limits).model_fields)
     assert limits["retention"] == {"stored_queries": 10_000}
-    assert limits["versions"]["schema"] == "0004"
+    assert limits["versions"]["schema"] == "0005"
 
 
 def test_landing_page_for_people_and_programs(client: httpx.Client) -> None:
@@ -190,7 +192,9 @@ def check_response(name: str, status: str, response: dict[str, Any]) -> None:
         assert "example" in described, (name, status, media_type)
 
 
-@pytest.mark.parametrize("operation", ["putCollection", "patchCollection", "putSubmap", "patchSubmap", "query"])
+@pytest.mark.parametrize(
+    "operation", ["putCollection", "patchCollection", "putSubmap", "postSubmap", "patchSubmap", "query"]
+)
 def test_examples_of_bodies_are_accepted(client: httpx.Client, operation: str) -> None:
     document = client.get("/openapi.json").json()
     method, path = OPERATIONS[operation].split()

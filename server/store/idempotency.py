@@ -1,0 +1,61 @@
+"""Answers to POSTs that carried an Idempotency-Key."""
+
+from datetime import UTC, datetime
+
+from sqlalchemy import delete, select
+from sqlalchemy.orm import Session
+
+from server.store.tables import IdempotencyRow
+
+_SWEPT = 100
+"""Old answers that a new one sweeps away: more than one, so that they get fewer, and few enough to be quick."""
+
+
+class Answers:
+    """Repository of kept answers; the session is the caller's, and so is the commit."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+
+    def find(self, caller: str, operation: str, name: str, since: datetime) -> IdempotencyRow | None:
+        """The answer that the caller got under that name, unless it is older than `since`."""
+        return self._session.scalar(
+            select(IdempotencyRow).where(
+                IdempotencyRow.caller == caller,
+                IdempotencyRow.operation == operation,
+                IdempotencyRow.name == name,
+                IdempotencyRow.created >= since,
+            )
+        )
+
+    def keep(
+        self,
+        caller: str,
+        operation: str,
+        name: str,
+        *,
+        digest: str,
+        status: int,
+        headers: dict[str, str],
+        body: bytes,
+        since: datetime,
+    ) -> None:
+        """Keep an answer, in the place of one that is older than `since`; others of that age go, too."""
+        old = select(IdempotencyRow.key).where(IdempotencyRow.created < since).limit(_SWEPT)
+        for stale in (
+            IdempotencyRow.key.in_(old),
+            (IdempotencyRow.caller == caller) & (IdempotencyRow.operation == operation) & (IdempotencyRow.name == name),
+        ):
+            self._session.execute(delete(IdempotencyRow).where(stale), execution_options={"synchronize_session": False})
+        self._session.add(
+            IdempotencyRow(
+                caller=caller,
+                operation=operation,
+                name=name,
+                digest=digest,
+                status=status,
+                headers=headers,
+                body=body,
+                created=datetime.now(UTC),
+            )
+        )
