@@ -11,7 +11,7 @@ from server.http import pages
 from server.http.authorization import GuardedRoute
 from server.http.dependencies import Accept, ServiceDep, VisitorDep, json_response, problems
 from server.http.negotiation import HTML, JSON, choose
-from server.http.problems import KINDS
+from server.kinds import KINDS
 
 router = APIRouter(route_class=GuardedRoute, tags=["pages"])
 

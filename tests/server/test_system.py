@@ -11,7 +11,7 @@ import pytest
 from server.app import create_app
 from server.errors import StorageDamaged
 from server.http.dependencies import Service
-from server.http.problems import KINDS, TABLE
+from server.kinds import KINDS, TABLE
 from tests.server.world import TestClient, forest, points, put_submap
 
 OPERATIONS = {

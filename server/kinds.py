@@ -1,0 +1,163 @@
+"""Kinds of problems (RFC 9457), from one table: exception -> status, slug, title; and what each tells of itself."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from server import errors
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A kind of problem; `about` is what GET /problems/<slug> says."""
+
+    status: int
+    slug: str
+    title: str
+    about: str
+
+
+VALIDATION = Kind(
+    422,
+    "invalid-request",
+    "The request is not valid",
+    "A field or parameter is missing, unknown, or cannot be used. `errors` names each by JSON pointer.",
+)
+INTERNAL = Kind(
+    500,
+    "internal-error",
+    "Internal error",
+    "The service failed in a way that it should not. The log has the cause under the request id.",
+)
+NO_ROUTE = Kind(404, "no-such-path", "No such path", "Nothing is served under this path; /docs lists the routes.")
+METHOD = Kind(
+    405,
+    "method-not-allowed",
+    "Method not allowed",
+    "The path exists, the method does not; the header Allow lists those that do.",
+)
+
+OTHER = Kind(400, "http-error", "The request failed", "The request could not be read as HTTP; `detail` says more.")
+
+# The most special exception of a request's comes first in its MRO, so bases may stand here too.
+TABLE: Mapping[type[errors.DomainError], Kind] = {
+    errors.NotFound: Kind(
+        404, "not-found", "Not found", "There is no collection, submap or stored query of this name."
+    ),
+    errors.Unauthorized: Kind(
+        401,
+        "unauthorized",
+        "No usable key",
+        "The service asks for a key: send Authorization: Bearer urq_..., which the operator makes with "
+        "urquhart keys create.",
+    ),
+    errors.Forbidden: Kind(
+        403, "forbidden", "Not allowed", "The key is good, but lacks the scope for this, or sees only some collections."
+    ),
+    errors.Gone: Kind(410, "gone", "Gone", "It was here and is no longer kept; asking again will not bring it back."),
+    errors.Conflict: Kind(409, "conflict", "Conflict", "The request contradicts what is stored; nothing was changed."),
+    errors.KeyReused: Kind(
+        422,
+        "idempotency-key-reused",
+        "Idempotency-Key used twice",
+        "The key was sent before with other content. Take a new key for each request that is not a repetition.",
+    ),
+    errors.PreconditionFailed: Kind(
+        412,
+        "precondition-failed",
+        "Precondition failed",
+        "If-Match or If-None-Match does not hold: somebody wrote in between. Nothing was changed.",
+    ),
+    errors.TooLarge: Kind(
+        413, "too-large", "Too large", "A limit is exceeded; `limit` names it as in GET /v1/limits. Nothing was stored."
+    ),
+    errors.NotAcceptable: Kind(
+        406,
+        "not-acceptable",
+        "Not acceptable",
+        "None of the media types in Accept can be produced; `offered` lists those that can.",
+    ),
+    errors.UnsupportedMediaType: Kind(
+        415,
+        "unsupported-media-type",
+        "Unsupported media type",
+        "Send the body as JSON, with Content-Type: application/json.",
+    ),
+    errors.MalformedBody: Kind(
+        400,
+        "malformed-json",
+        "Malformed JSON",
+        "The body is not JSON: RFC 8259, in UTF-8, without NaN and Infinity, nested at most 1,000 deep.",
+    ),
+    errors.InvalidField: VALIDATION,
+    errors.InvalidLandmarks: Kind(
+        422,
+        "invalid-landmarks",
+        "The landmarks cannot be used",
+        "A submap needs at least 3 landmarks, not all on one line, each once, with finite coordinates.",
+    ),
+    errors.NotReady: Kind(
+        503, "not-ready", "Not ready", "The service is starting; `check` names what is still open. Try again shortly."
+    ),
+    errors.StorageFull: Kind(
+        507, "storage-full", "The disk is full", "Nothing was stored; what was stored before is intact."
+    ),
+    errors.StorageReadOnly: Kind(
+        503,
+        "storage-read-only",
+        "The database cannot be written",
+        "Reading works; writing needs write access to the file and its folder.",
+    ),
+    errors.StorageBusy: Kind(
+        503, "storage-busy", "The database is busy", "Another writer holds it. Nothing was stored; try again shortly."
+    ),
+    errors.StorageDamaged: Kind(
+        500, "storage-damaged", "The database is damaged", "The operator must check it and restore a backup."
+    ),
+    errors.StorageError: Kind(
+        503, "storage-unavailable", "The database cannot be used", "The operator must look at the file and its disk."
+    ),
+}
+
+KINDS: Mapping[str, Kind] = {
+    kind.slug: kind for kind in (*TABLE.values(), VALIDATION, INTERNAL, NO_ROUTE, METHOD, OTHER)
+}
+
+
+def kind_of(error: errors.DomainError) -> Kind:
+    """The kind of a domain error: that of its class or the nearest base in the table."""
+    return next((TABLE[base] for base in type(error).__mro__ if base in TABLE), INTERNAL)
+
+
+def document(error: errors.DomainError) -> dict[str, Any]:
+    """The problem document of a domain error: what HTTP answers, and what a job notes of a line."""
+    kind, where = kind_of(error), getattr(error, "pointer", None) or getattr(error, "parameter", None)
+    return {
+        "type": f"/problems/{kind.slug}",
+        "title": kind.title,
+        "status": kind.status,
+        "detail": f"{where}: {error}" if where else str(error),
+        **_members(error),
+    }
+
+
+def _members(error: errors.DomainError) -> dict[str, Any]:
+    entry: dict[str, Any]
+    match error:
+        case errors.TooLarge():
+            members: dict[str, Any] = {"limit": error.limit, "allowed": error.allowed, "got": error.got}
+        case errors.PreconditionFailed():
+            members = {"etag": error.etag}
+        case errors.NotAcceptable():
+            members = {"offered": list(error.offered)}
+        case errors.NotReady():
+            members = {"check": error.check}
+        case errors.InvalidField():
+            entry = {"pointer": error.pointer, "parameter": error.parameter, "code": error.code, "detail": str(error)}
+            members = {"errors": [{name: value for name, value in entry.items() if value is not None}]}
+        case errors.InvalidLandmarks():
+            entry = {"pointer": error.pointer, "code": error.code, "detail": str(error)}
+            members = {"errors": [entry | ({"indices": list(error.indices)} if error.indices else {})]}
+        case _:
+            members = {}
+    return {name: value for name, value in members.items() if value is not None}
