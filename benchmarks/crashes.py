@@ -27,7 +27,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from server import ingest, registry
+from server import bulk, ingest, registry
 from server.agreement import index_findings
 from server.catalog import Catalog
 from server.errors import NotFound
@@ -165,7 +165,7 @@ def _work(path: Path, journal: Path, seed: int, at_event: int | None) -> None:
 
 def _put(database: Database, changes: dict[str, int]) -> None:
     named = [NamedSubmap.model_validate({"id": n, "xy": forest(s).tolist()}) for n, s in changes.items()]
-    for _ in ingest.ingest_many(database, _COLLECTION, named):
+    for _ in bulk.ingest_many(database, _COLLECTION, named):
         pass
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial import Delaunay
 
 from benchmarks.timing import milliseconds, side_by_side
-from server import ingest, registry
+from server import bulk, registry
 from server.schemas.collections import CollectionPut
 from server.schemas.submaps import NamedSubmap
 from server.store import schema
@@ -144,7 +144,7 @@ def ingest_rate(forest: Forest, batch_size: int = 500) -> tuple[float, float]:
             registry.ensure(database, "bench", CollectionPut())
             start = time.perf_counter()
             stored = sum(
-                batch.created for batch in ingest.ingest_many(database, "bench", submaps(), batch_size=batch_size)
+                batch.created for batch in bulk.ingest_many(database, "bench", submaps(), batch_size=batch_size)
             )
             seconds = time.perf_counter() - start
         finally:

@@ -20,7 +20,7 @@ import numpy as np
 import orjson
 
 from benchmarks.everyday import Forest
-from server import ingest, registry
+from server import bulk, registry
 from server.batches import describers
 from server.schemas.collections import CollectionPut
 from server.store import schema
@@ -76,7 +76,7 @@ def http_cost(
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "bench.db"
         with _database(path) as database:
-            for _ in ingest.ingest_lines(database, COLLECTION, _lines(forest, len(forest.submaps))):
+            for _ in bulk.ingest_lines(database, COLLECTION, _lines(forest, len(forest.submaps))):
                 pass
         with _served(path) as connection:
             for number in range(asked + 20):
@@ -106,7 +106,7 @@ def bulk_rate(forest: Forest, submaps: int, processes: int | None = None) -> Bul
         with describers(processes) as workers:
             stored, half = 0, (0, 0.0)
             began = time.perf_counter()
-            for batch in ingest.ingest_lines(database, COLLECTION, _lines(forest, submaps), workers=workers):
+            for batch in bulk.ingest_lines(database, COLLECTION, _lines(forest, submaps), workers=workers):
                 stored += batch.created
                 if not half[0] and 2 * stored >= submaps:
                     half = stored, time.perf_counter()

@@ -14,13 +14,16 @@ from server.catalog import Catalog
 from server.errors import DomainError
 from server.http import problems
 from server.http.compression import DeflateAnswers, InflateRequests
-from server.http.dependencies import Service
+from server.http.dependencies import JobRoom, Service
 from server.http.document import openapi_document
 from server.http.middleware import BodyLimit, RequestContext
-from server.http.readiness import Readiness
+from server.http.readiness import SHUTDOWN, Readiness
+from server.jobs.folder import JobFolder
+from server.jobs.kinds import WORKS
+from server.jobs.runner import Runner, Tools
 from server.keys import Doorkeeper, check_exposure
 from server.metrics import Metrics
-from server.routes import arrivals, collections, pages, queries, submaps, system
+from server.routes import arrivals, collections, jobs, pages, queries, submaps, system
 from server.settings import Settings
 from server.store.database import Database
 from server.store.renewal import bring_up_to_date
@@ -30,11 +33,21 @@ from server.version import service_version
 
 _log = logging.getLogger(__name__)
 # The framework tries route after route: what is asked most and matters most comes first.
-_ROUTERS = (queries.router, arrivals.router, submaps.router, collections.router, system.router, pages.router)
+_ROUTERS = (
+    queries.router,
+    arrivals.router,
+    submaps.router,
+    collections.router,
+    jobs.router,
+    jobs.streams,
+    system.router,
+    pages.router,
+)
 _TAGS = [
     {"name": "collections", "description": "Submaps that share a configuration."},
     {"name": "submaps", "description": "Tree positions in one rigid frame, the unit that is stored and found."},
     {"name": "queries", "description": "Where is this? A verdict, candidates, and the evidence for each."},
+    {"name": "jobs", "description": "Long work: imports, a new index. It outlives a restart."},
     {"name": "system", "description": "Probes, metrics, limits."},
     {"name": "pages", "description": "For people, and as JSON."},
 ]
@@ -52,7 +65,9 @@ def create_app(settings: Settings) -> FastAPI:
     )
     metrics = Metrics()
     catalog = Catalog(database, metrics, settings.index)
-    service = Service(settings, database, catalog, metrics, Readiness(), Upkeep(database, catalog, metrics))
+    tools = Tools(settings, database, catalog, metrics, JobFolder(database))
+    room = JobRoom(tools.folder, Runner(tools, WORKS))
+    service = Service(settings, database, catalog, metrics, Readiness(), Upkeep(database, catalog, metrics), room)
     app = FastAPI(
         title="Urquhart",
         version=service_version(),
@@ -99,11 +114,13 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     service.upkeep.start(warm)
     warm_up = threading.Thread(target=_warm_up, args=(service, stop, warm), name="warm-up", daemon=True)
     warm_up.start()
+    service.jobs.runner.start()
     try:
         yield
     finally:
-        service.readiness.report("shutdown", "the service is stopping")
+        service.readiness.report(SHUTDOWN, "the service is stopping")
         stop.set()
+        await anyio.to_thread.run_sync(service.jobs.runner.stop)
         await anyio.to_thread.run_sync(service.upkeep.stop)
         await anyio.to_thread.run_sync(warm_up.join)
         await anyio.to_thread.run_sync(service.database.dispose)

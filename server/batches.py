@@ -16,7 +16,7 @@ from pydantic import ValidationError
 
 import urquhart
 from server.derive import config_of
-from server.errors import DomainError, InvalidField, MalformedBody
+from server.errors import DomainError, InvalidField, MalformedBody, TooLarge
 from server.prepare import Prepared
 from server.registry import get_collection
 from server.schemas.pointers import field_problems
@@ -63,15 +63,15 @@ class Described:
 
     Attributes:
         collection_key: the collection that it was described for.
-        records: what is to be stored, an id once.
-        superseded: how many were left out, because the same id came again later in the batch.
+        following: position after the last of what was given.
+        records: what can be stored, with its position.
         landmarks: of all that can be used.
         refused: what cannot be used.
     """
 
     collection_key: int
-    records: list[SubmapRecord]
-    superseded: int
+    following: int
+    records: list[tuple[int, SubmapRecord]]
     landmarks: int
     refused: list[Refusal]
 
@@ -97,7 +97,8 @@ def of_submaps(database: Database, collection_id: str, limits: Limits) -> Work[B
     """How batches of submaps are described for a collection. The work raises NotFound and StorageError."""
 
     def here(batch: Batch[NamedSubmap]) -> Described:
-        return _describe(database, collection_id, limits, list(enumerate(batch.items, start=batch.first)), [])
+        given = list(enumerate(batch.items, start=batch.first))
+        return _describe(database, collection_id, limits, batch.first + len(given), given, [])
 
     def pack(batch: Batch[NamedSubmap]) -> _Task:
         return _Task(database.path, collection_id, limits, batch.first, [line_of(submap) for submap in batch.items])
@@ -117,9 +118,9 @@ def of_lines(database: Database, collection_id: str, limits: Limits) -> Work[Bat
     return Work(here, pack, _describe_there)
 
 
-def cut(items: Iterable[_Item], most: int, weigh: Callable[[_Item], int]) -> Iterator[Batch[_Item]]:
-    """Batches of up to `most` items, or fewer of such that weigh a lot of bytes."""
-    first, batch, weight = 0, list[_Item](), 0
+def cut(items: Iterable[_Item], most: int, weigh: Callable[[_Item], int], first: int = 0) -> Iterator[Batch[_Item]]:
+    """Batches of up to `most` items, or fewer of such that weigh a lot of bytes; the first has position `first`."""
+    batch, weight = list[_Item](), 0
     for item in items:
         batch.append(item)
         weight += weigh(item)
@@ -167,20 +168,24 @@ def _describe_lines(
 ) -> Described:
     submaps: list[tuple[int, NamedSubmap]] = []
     refused: list[Refusal] = []
+    position = first - 1
     for position, line in enumerate(lines, start=first):
         if not line or line.isspace():
             continue
         try:
+            if len(line) > limits.body_bytes:
+                raise TooLarge("body_bytes", limits.body_bytes, None, "A line is the body of one PUT.")
             submaps.append((position, read_line(line)))
         except DomainError as error:
             refused.append(Refusal(_id_in(line, error), error, position))
-    return _describe(database, collection_id, limits, submaps, refused)
+    return _describe(database, collection_id, limits, position + 1, submaps, refused)
 
 
 def _describe(
     database: Database,
     collection_id: str,
     limits: Limits,
+    following: int,
     submaps: list[tuple[int, NamedSubmap]],
     refused: list[Refusal],
 ) -> Described:
@@ -189,18 +194,15 @@ def _describe(
         collection = get_collection(session, collection_id)
         known = Submaps(session, collection.key).identities({submap.id for _, submap in submaps})
     config = config_of(collection)
-    latest: dict[str, SubmapRecord] = {}
-    described = Described(collection.key, [], 0, 0, refused)
+    described = Described(collection.key, following, [], 0, refused)
     for position, submap in submaps:
         try:
             record = Prepared(submap.id, submap, limits).record(known.get(submap.id), config)
         except DomainError as error:
             refused.append(Refusal(submap.id, error, position))
             continue
-        described.superseded += latest.pop(submap.id, None) is not None
-        latest[submap.id] = record
+        described.records.append((position, record))
         described.landmarks += submap.landmark_count
-    described.records = list(latest.values())
     refused.sort(key=lambda one: one.position)
     return described
 

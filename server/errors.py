@@ -114,6 +114,10 @@ class NotReady(DomainError):
         self.check = check
 
 
+class LinesRefused(DomainError):
+    """An import that was to store all lines or none met some that cannot be stored."""
+
+
 class WorkerLost(DomainError):
     """A process that worked for this one ended before it was done."""
 

@@ -4,22 +4,19 @@ Describing takes milliseconds and needs no database, so it is done before the wr
 looks again at what is there and at the preconditions.
 """
 
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import closing, nullcontext
-from dataclasses import dataclass, field
-from typing import Literal, TypeVar
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
 
 from sqlalchemy.orm import Session
 
-from server import batches
-from server.batches import Described, Refusal
 from server.derive import config_of
 from server.errors import Conflict, NotFound
 from server.idempotency import Kept, Once, keep, recall
 from server.preconditions import ANYTHING, Preconditions
 from server.prepare import Prepared, check_properties, content_etag, place_from, settle
 from server.registry import get_collection
-from server.schemas.submaps import NamedSubmap, SubmapInput, SubmapPatch
+from server.schemas.submaps import SubmapInput, SubmapPatch
 from server.settings import Limits
 from server.store.codec import unpack_positions
 from server.store.collections import Collections
@@ -27,10 +24,7 @@ from server.store.database import Database
 from server.store.submaps import Identity, SubmapRecord, Submaps, stored_place
 from server.store.tables import CollectionRow
 from server.threads import pin_threads
-from server.workers import Work, Workers
 
-_Given = TypeVar("_Given")
-_Task = TypeVar("_Task")
 Outcome = Literal["created", "replaced", "unchanged"]
 
 
@@ -42,23 +36,6 @@ class Receipt:
     etag: str
     revision: int
     counts: dict[str, int]
-
-
-@dataclass(slots=True)
-class BatchResult:
-    """What became of one batch of `ingest_many`; durable when it is yielded."""
-
-    created: int = 0
-    replaced: int = 0
-    unchanged: int = 0
-    refused: list[Refusal] = field(default_factory=list)
-    landmarks: int = 0
-    revision: int = 0
-
-    @property
-    def submaps(self) -> int:
-        """How many submaps of the input this batch accounts for."""
-        return self.created + self.replaced + self.unchanged + len(self.refused)
 
 
 def put(
@@ -85,10 +62,10 @@ def put(
     if not prepared.has_features(known):
         prepared.describe(config)
     with database.write() as session:
-        collection = _same_collection(session, collection_id, collection.key)
+        collection = same_collection(session, collection_id, collection.key)
         known = Submaps(session, collection.key).identities([submap_id]).get(submap_id)
         preconditions.check(known.etag if known else None)
-        return _store(session, collection, [(known, prepared.record(known, config))])[0]
+        return store(session, collection, [(known, prepared.record(known, config))])[0]
 
 
 def post(
@@ -111,11 +88,11 @@ def post(
     config = config_of(collection)
     prepared.describe(config)
     with database.write() as session:
-        collection = _same_collection(session, collection_id, collection.key)
+        collection = same_collection(session, collection_id, collection.key)
         kept = recall(session, once, _posting(collection))
         if kept is not None:
             return kept
-        receipt = _store(session, collection, [(None, prepared.record(None, config))])[0]
+        receipt = store(session, collection, [(None, prepared.record(None, config))])[0]
         return keep(session, once, _posting(collection), answer(receipt))
 
 
@@ -182,83 +159,15 @@ def delete(database: Database, collection_id: str, submap_id: str, preconditions
         submaps.delete(known.key, revision)
 
 
-def ingest_many(
-    database: Database,
-    collection_id: str,
-    submaps: Iterable[NamedSubmap],
-    *,
-    batch_size: int = 500,
-    limits: Limits | None = None,
-    workers: Workers | None = None,
-) -> Iterator[BatchResult]:
-    """Store many submaps, a transaction for each batch; yields what became of each batch once it is durable.
-
-    A submap that cannot be used is reported in `refused` and does not stop the others. An id that is there already is
-    replaced; of an id that comes twice in a batch, the last stands. While a batch is written, the next ones are
-    described by `workers` (of `batches.describers`; without it a pool for this call, a process for each core), which
-    are started when the work goes on for more than a second.
-
-    Raises NotFound, StorageError and WorkerLost; what was yielded is stored.
-    """
-    limits = limits or Limits()
-    work = batches.of_submaps(database, collection_id, limits)
-    return _ingest(database, collection_id, work, batches.cut(submaps, batch_size, batches.weigh_submap), workers)
-
-
-def ingest_lines(
-    database: Database,
-    collection_id: str,
-    lines: Iterable[bytes],
-    *,
-    batch_size: int = 500,
-    limits: Limits | None = None,
-    workers: Workers | None = None,
-) -> Iterator[BatchResult]:
-    """Store submaps that come as lines of NDJSON, each the body of a PUT with the submap's `id`; as `ingest_many`.
-
-    Lines are read where they are described, which is the fastest way in. Empty ones are passed over.
-    """
-    limits = limits or Limits()
-    work = batches.of_lines(database, collection_id, limits)
-    return _ingest(database, collection_id, work, batches.cut(lines, batch_size, len), workers)
-
-
-def _ingest(
-    database: Database,
-    collection_id: str,
-    work: Work[_Given, _Task, Described],
-    given: Iterable[_Given],
-    workers: Workers | None,
-) -> Iterator[BatchResult]:
-    pin_threads()
-    with (
-        nullcontext(workers) if workers is not None else batches.describers() as pool,
-        closing(pool.map(work, given)) as results,
-    ):
-        for described in results:
-            yield _write(database, collection_id, described)
-
-
-def _write(database: Database, collection_id: str, batch: Described) -> BatchResult:
-    result = BatchResult(replaced=batch.superseded, refused=batch.refused, landmarks=batch.landmarks)
-    with database.write() as session:
-        collection = _same_collection(session, collection_id, batch.collection_key)
-        known = Submaps(session, collection.key).identities([record.id for record in batch.records])
-        receipts = _store(session, collection, [(known.get(record.id), record) for record in batch.records])
-        result.revision = max((receipt.revision for receipt in receipts), default=collection.revision)
-    for receipt in receipts:
-        setattr(result, receipt.outcome, getattr(result, receipt.outcome) + 1)
-    return result
-
-
-def _same_collection(session: Session, collection_id: str, key: int) -> CollectionRow:
+def same_collection(session: Session, collection_id: str, key: int) -> CollectionRow:
+    """The collection, as long as it is the one of that key. Raises NotFound and Conflict."""
     now = get_collection(session, collection_id)
     if now.key != key:
         raise Conflict(f"The collection {collection_id!r} was deleted and made again meanwhile; send the submap again.")
     return now
 
 
-def _store(
+def store(
     session: Session, collection: CollectionRow, pairs: list[tuple[Identity | None, SubmapRecord]]
 ) -> list[Receipt]:
     """Write what differs from what is known, under one new revision."""

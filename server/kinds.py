@@ -89,6 +89,12 @@ TABLE: Mapping[type[errors.DomainError], Kind] = {
         "Malformed JSON",
         "The body is not JSON: RFC 8259, in UTF-8, without NaN and Infinity, nested at most 1,000 deep.",
     ),
+    errors.LinesRefused: Kind(
+        422,
+        "lines-refused",
+        "Lines were refused",
+        "An import with mode=all stores all lines or none; its results tell which cannot be stored, and why.",
+    ),
     errors.InvalidField: VALIDATION,
     errors.InvalidLandmarks: Kind(
         422,

@@ -25,6 +25,11 @@ def sessions(collection_id: str) -> str:
     return f"{collection(collection_id)}/sessions"
 
 
+def job(job_id: str) -> str:
+    """Path of a job."""
+    return f"{ROOT}/jobs/{quote(job_id, safe='')}"
+
+
 def queries(collection_id: str) -> str:
     """Path of a collection's queries."""
     return f"{collection(collection_id)}/queries"

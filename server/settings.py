@@ -22,6 +22,8 @@ class Limits(BaseModel):
     )
     candidates: int = Field(100, ge=1, description="Largest `limit` of a query.")
     excluded_submaps: int = Field(10_000, ge=1, description="Most submap ids in a query's `exclude`.")
+    import_bytes: int = Field(8 * 1024**3, ge=1024, description="Largest import, in bytes, unpacked.")
+    import_all_lines: int = Field(20_000, ge=1, description="Most lines of an import that stores all or none.")
     page: int = Field(100, ge=1, description="Rows of a page when `limit` is not given.")
     page_max: int = Field(1000, ge=1, description="Largest `limit` of a page.")
     stored_queries: int = Field(10_000, ge=0, description="Stored queries kept per collection; the oldest go first.")
@@ -51,6 +53,17 @@ class IndexSettings(BaseModel):
     )
 
 
+class JobSettings(BaseModel):
+    """How long work is done beside the requests."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    processes: int | None = Field(
+        None, ge=1, le=256, description="Processes that describe imported submaps, the service among them; one a core."
+    )
+    keep_days: float = Field(7.0, gt=0, le=3650, description="Days for which results of finished jobs are kept.")
+
+
 class Settings(BaseSettings):
     """The service's settings. Nested ones use two underscores: `URQUHART_LIMITS__BODY_BYTES=1048576`."""
 
@@ -76,6 +89,7 @@ class Settings(BaseSettings):
     )
     limits: Limits = Field(default_factory=Limits, description="Sizes that requests are held to.")
     index: IndexSettings = Field(default_factory=IndexSettings, description="How the index is kept.")
+    jobs: JobSettings = Field(default_factory=JobSettings, description="How long work is done beside the requests.")
 
     @field_validator("database")
     @classmethod

@@ -12,7 +12,7 @@ from typing import Final
 import orjson
 
 from benchmarks.scale.observations import Observations
-from server import batches, ingest, registry
+from server import batches, bulk, registry
 from server.catalog import Catalog, View
 from server.metrics import Metrics
 from server.schemas.collections import CollectionPut
@@ -49,7 +49,7 @@ def store(path: Path, submaps: Observations, workers: int, done: Callable[[int],
         registry.ensure(database, COLLECTION, CollectionPut())
         stored = 0
         with batches.describers(workers) as pool:
-            for batch in ingest.ingest_lines(database, COLLECTION, lines(), batch_size=_BATCH, workers=pool):
+            for batch in bulk.ingest_lines(database, COLLECTION, lines(), batch_size=_BATCH, workers=pool):
                 # Two trees may stand within a millimetre of each other: such a submap is refused, and left out.
                 if len(batch.refused) > _REFUSED * batch.submaps:
                     raise RuntimeError(f"submap {batch.refused[0].submap_id} was refused: {batch.refused[0].error}")

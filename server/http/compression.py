@@ -26,10 +26,12 @@ class Inflater:
     def __init__(self) -> None:
         self._inflater = zlib.decompressobj(wbits=31)
         self._begun = False
+        self._left = b""
 
     def feed(self, data: bytes, most: int) -> bytes:
-        """Up to `most` bytes more. Raises MalformedBody for what is not gzip."""
+        """Up to `most` bytes more; what is left is taken up by the next call. Raises MalformedBody for no gzip."""
         out = bytearray()
+        data = self._left + data
         self._begun = self._begun or bool(data)
         try:
             while data and len(out) < most:
@@ -39,6 +41,7 @@ class Inflater:
                 data = self._inflater.unconsumed_tail or self._inflater.unused_data
         except zlib.error as error:
             raise MalformedBody("The body is not gzip, although Content-Encoding says so.") from error
+        self._left = data
         return bytes(out)
 
     def finish(self) -> None:

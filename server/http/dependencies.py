@@ -18,6 +18,8 @@ from server.http.authorization import GuardedRoute, get_caller, get_visitor
 from server.http.problems import MEDIA_TYPE
 from server.http.readiness import Readiness
 from server.idempotency import Kept, Once
+from server.jobs.folder import JobFolder
+from server.jobs.runner import Runner
 from server.metrics import Metrics
 from server.preconditions import Preconditions
 from server.schemas.common import PROBLEM_EXAMPLE, Problem, ResourceId, to_json
@@ -26,6 +28,14 @@ from server.store.database import Database
 from server.upkeep import Upkeep
 
 _ETAG = re.compile(r'\s*(?:W/)?"([^"]*)"\s*')
+
+
+@dataclass(frozen=True, slots=True)
+class JobRoom:
+    """Where jobs lie, and who does them."""
+
+    folder: JobFolder
+    runner: Runner
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +48,7 @@ class Service:
     metrics: Metrics
     readiness: Readiness
     upkeep: Upkeep
+    jobs: JobRoom
 
 
 # Not `async` for what they wait for: the framework would send a plain function to a thread and back.
@@ -55,25 +66,32 @@ async def get_preconditions(
     return Preconditions(_tags(if_match), _tags(if_none_match))
 
 
+IdempotencyKey = Annotated[
+    str | None,
+    Header(
+        description="The same for every attempt to send this request: what was done is not done again.",
+        min_length=1,
+        max_length=255,
+        pattern=r"^[\x21-\x7e]+$",
+    ),
+]
+
+
+def once_of(service: Service, caller: Caller, key: str | None, sent: bytes) -> Once | None:
+    """What tells a POST, and all that was sent with it, from others; None without a key."""
+    if key is None:
+        return None
+    return Once(caller.id, key, hashlib.sha256(sent).hexdigest(), service.settings.idempotency_hours)
+
+
 async def get_once(
     request: Request,
     caller: Annotated[Caller, Depends(get_caller)],
     service: Annotated[Service, Depends(get_service)],
-    idempotency_key: Annotated[
-        str | None,
-        Header(
-            description="The same for every attempt to send this request: what was done is not done again.",
-            min_length=1,
-            max_length=255,
-            pattern=r"^[\x21-\x7e]+$",
-        ),
-    ] = None,
+    idempotency_key: IdempotencyKey = None,
 ) -> Once | None:
     """What tells this POST from others; None without Idempotency-Key."""
-    if idempotency_key is None:
-        return None
-    sent = hashlib.sha256(request.url.query.encode() + b"\n" + await request.body())
-    return Once(caller.id, idempotency_key, sent.hexdigest(), service.settings.idempotency_hours)
+    return once_of(service, caller, idempotency_key, request.url.query.encode() + b"\n" + await request.body())
 
 
 ServiceDep = Annotated[Service, Depends(get_service)]
@@ -179,6 +197,7 @@ def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
         401: "No usable key, where keys are asked for.",
         403: "The key does not allow this.",
         404: "Not found.",
+        408: "The body did not arrive in time.",
         405: "Method not allowed.",
         406: "Not acceptable.",
         409: "Conflict with what is stored.",

@@ -7,6 +7,7 @@ from server.errors import NotAcceptable
 JSON = "application/json"
 GEOJSON = "application/geo+json"
 SVG = "image/svg+xml"
+NDJSON = "application/x-ndjson"
 HTML = "text/html"
 
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from server.errors import NotReady
 
 CHECKS = ("migrations", "kernels", "index")
+SHUTDOWN = "shutdown"
 
 
 class Readiness:
@@ -24,6 +25,12 @@ class Readiness:
         """The check is passed."""
         with self._guard:
             self._open.pop(check, None)
+
+    @property
+    def stopping(self) -> bool:
+        """Whether the service is about to end."""
+        with self._guard:
+            return SHUTDOWN in self._open
 
     def states(self) -> Mapping[str, str]:
         """All checks with "ok" or what is open, in the order in which they are passed; "shutdown" first if any."""

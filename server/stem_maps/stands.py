@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from server.batches import Refusal
-from server.ingest import ingest_lines
+from server.bulk import ingest_lines
 from server.schemas.common import MapPose, check_id
 from server.schemas.submaps import Landmark
 from server.settings import Limits

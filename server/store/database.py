@@ -1,5 +1,6 @@
 """The SQLite file: connections, transactions, and SQLite's errors in the words of the domain."""
 
+import errno
 import sqlite3
 import threading
 import time
@@ -147,6 +148,16 @@ class Database:
         raise kind(f"{sentence} (database {self.path.name})") from cause
 
 
+@contextmanager
+def storage_errors(path: Path) -> Iterator[None]:
+    """What the disk says about files beside the database, in the words of the domain. Raises StorageError."""
+    try:
+        yield
+    except OSError as error:
+        kind, sentence = _ERRORS[_DISK.get(error.errno or 0, sqlite3.SQLITE_IOERR)]
+        raise kind(f"{sentence} ({path.name}: {error.strerror or error})") from error
+
+
 def _configure(connection: sqlite3.Connection) -> None:
     connection.execute("PRAGMA foreign_keys = ON")
     # FULL, not NORMAL: in WAL mode NORMAL may lose acknowledged commits when the machine loses power.
@@ -163,6 +174,12 @@ def _begin(connection: Connection) -> None:
     connection.connection.cursor().execute("BEGIN IMMEDIATE" if writing else "BEGIN")
 
 
+_DISK = {
+    errno.ENOSPC: sqlite3.SQLITE_FULL,
+    errno.EDQUOT: sqlite3.SQLITE_FULL,
+    errno.EROFS: sqlite3.SQLITE_READONLY,
+    errno.EACCES: sqlite3.SQLITE_READONLY,
+}
 _BUSY = "Another process is writing for longer than the busy timeout; nothing was stored, try again shortly."
 _ERRORS: dict[int, tuple[type[errors.StorageError], str]] = {
     sqlite3.SQLITE_FULL: (

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from server import ingest, lookup
+from server import bulk, ingest, lookup
 from server.agreement import index_findings
 from server.catalog import Catalog
 from server.metrics import Metrics
@@ -51,7 +51,7 @@ class Process:
     def put_many(self, seeds: range, *, batch: int = 500) -> None:
         """Store forests under their seeds, `batch` of them in a transaction."""
         named = (NamedSubmap.model_validate({"id": f"p{seed}", "xy": points(trees(seed))}) for seed in seeds)
-        for _ in ingest.ingest_many(self.database, "plots", named, batch_size=batch):
+        for _ in bulk.ingest_many(self.database, "plots", named, batch_size=batch):
             pass
 
     def delete(self, name: str) -> None:

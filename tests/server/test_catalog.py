@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from sqlalchemy.orm import Session
 
-from server import ingest, lookup, registry
+from server import bulk, ingest, lookup, registry
 from server.catalog import Catalog
 from server.errors import NotFound
 from server.live_index import LiveIndex, State
@@ -304,23 +304,23 @@ def test_ingest_many(database: Database) -> None:
             xy = [[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]] if i == 4 else points(forest(first + i))
             yield NamedSubmap.model_validate({"id": f"s{i}", "xy": xy})
 
-    batches = list(ingest.ingest_many(database, "plots", submaps(0), batch_size=4))
+    batches = list(bulk.ingest_many(database, "plots", submaps(0), batch_size=4))
     assert [(b.submaps, b.created, len(b.refused)) for b in batches] == [(4, 4, 0), (4, 3, 1), (2, 2, 0)]
     assert (batches[1].refused[0].submap_id, batches[-1].revision) == ("s4", 3)
     assert "line" in str(batches[1].refused[0].error)
     assert process.found(9) == "s9"
-    again = list(ingest.ingest_many(database, "plots", submaps(0)))
+    again = list(bulk.ingest_many(database, "plots", submaps(0)))
     assert [(b.unchanged, b.revision) for b in again] == [(9, 3)]
-    moved = list(ingest.ingest_many(database, "plots", submaps(1)))
+    moved = list(bulk.ingest_many(database, "plots", submaps(1)))
     assert moved[0].replaced == 9
     assert process.found(9) == "s8"
     twice = [NamedSubmap.model_validate({"id": "t", "xy": points(forest(seed))}) for seed in (50, 51)]
-    (batch,) = ingest.ingest_many(database, "plots", twice)
+    (batch,) = bulk.ingest_many(database, "plots", twice)
     assert (batch.submaps, batch.created, batch.replaced) == (2, 1, 1)
     assert (process.found(50), process.found(51)) == (None, "t")
     assert list(findings(database)) == []
     with pytest.raises(NotFound):
-        list(ingest.ingest_many(database, "nope", submaps(0)))
+        list(bulk.ingest_many(database, "nope", submaps(0)))
     process.database.dispose()
 
 

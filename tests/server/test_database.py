@@ -10,7 +10,7 @@ import pytest
 from fastapi import FastAPI
 from sqlalchemy import event
 
-from server import ingest, registry
+from server import bulk, ingest, registry
 from server.app import create_app
 from server.errors import (
     DatabaseNotUpgraded,
@@ -236,7 +236,7 @@ def test_a_full_disk_is_an_error_of_the_domain(database: Database) -> None:
         for seed in range(40)
     )
     with full_disk(database), pytest.raises(StorageFull):
-        list(ingest.ingest_many(database, "plots", bodies, batch_size=1))
+        list(bulk.ingest_many(database, "plots", bodies, batch_size=1))
     assert list(findings(database)) == []
 
 

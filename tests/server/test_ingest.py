@@ -16,8 +16,8 @@ from sqlalchemy.orm import undefer
 
 from server import ingest, registry
 from server.batches import cut, describers, line_of, read_line
+from server.bulk import BatchResult, ingest_lines, ingest_many
 from server.errors import InvalidField, InvalidLandmarks, MalformedBody, NotFound, TooLarge
-from server.ingest import BatchResult, ingest_lines, ingest_many
 from server.prepare import Prepared, settle
 from server.schemas.collections import CollectionPut
 from server.schemas.submaps import NamedSubmap, SubmapInput
@@ -224,7 +224,7 @@ SCRIPT = """
 import sys
 from pathlib import Path
 from server.batches import describers, line_of
-from server.ingest import ingest_lines
+from server.bulk import ingest_lines
 from server.store.database import Database
 from tests.server import labour
 from tests.server.test_ingest import body

@@ -223,6 +223,8 @@ BODIES: dict[str, Any] = {
     "postSubmap": {"xy": points(forest(3))},
     "putSubmap": {"xy": points(forest(3))},
     "patchSubmap": {"properties": {}},
+    "postImport": {},
+    "postReindex": {},
     "query": {"xy": points(forest(1))},
 }
 OWN_RULES = {
@@ -233,6 +235,11 @@ OWN_RULES = {
     "getMetrics",
     "getLimits",
     "listCollections",
+    "listJobs",
+    "getJob",
+    "getJobResults",
+    "getJobErrors",
+    "deleteJob",
 }
 """Operations without a collection in their path: each has a test of its own."""
 

@@ -34,6 +34,13 @@ OPERATIONS = {
     "patchSubmap": "patch /v1/collections/{collection}/submaps/{submap}",
     "deleteSubmap": "delete /v1/collections/{collection}/submaps/{submap}",
     "getTessellation": "get /v1/collections/{collection}/submaps/{submap}/tessellation",
+    "postImport": "post /v1/collections/{collection}/imports",
+    "postReindex": "post /v1/collections/{collection}/reindex",
+    "listJobs": "get /v1/jobs",
+    "getJob": "get /v1/jobs/{job}",
+    "getJobResults": "get /v1/jobs/{job}/results",
+    "getJobErrors": "get /v1/jobs/{job}/errors",
+    "deleteJob": "delete /v1/jobs/{job}",
     "query": "post /v1/collections/{collection}/queries",
     "getQuery": "get /v1/collections/{collection}/queries/{query}",
     "getMatch": "get /v1/collections/{collection}/queries/{query}/candidates/{rank}/match",
@@ -173,6 +180,9 @@ def test_openapi_is_stable_and_has_examples(client: httpx.Client) -> None:
         assert operation["tags"], name
         if "requestBody" in operation:
             body = operation["requestBody"]["content"]
+            if name == "postImport":
+                assert body["application/x-ndjson"]["example"]
+                continue
             assert list(body) == ["application/json"], name
             reference = body["application/json"]["schema"]["$ref"]
             assert schemas[reference.rsplit("/", 1)[1]]["examples"], name

@@ -1,0 +1,202 @@
+"""The job that stores an uploaded NDJSON file: a line of result for a line of input, whatever stops it in between.
+
+What a batch did and what the row says of it are one transaction. The lines of its results are written before it is
+committed; where it is not, they stand beyond the length that the row knows: nobody reads them, and who goes on cuts
+them off.
+"""
+
+import os
+from collections import Counter, deque
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import orjson
+from sqlalchemy.orm import Session
+
+from server import batches, bulk
+from server.bulk import BatchResult, Line
+from server.errors import LinesRefused, TooLarge
+from server.jobs.runner import Assignment, Tools
+from server.kinds import document
+from server.store.database import storage_errors
+
+
+def run_import(assignment: Assignment, tools: Tools) -> None:
+    """Store what was sent; `parameters`: `on_conflict`, and `mode`: `continue` past what is refused, or `all` or none.
+
+    Raises NotFound and Conflict (the collection is gone, or another), StorageError, Interrupted, Dismissed.
+    """
+    with tools.database.read() as session:
+        assignment.collection(session)
+    with storage_errors(tools.folder.path), tools.folder.results(assignment.id).open("a+b") as results:
+        # What a transaction wrote that was never committed.
+        results.truncate(assignment.progress.get("written", 0))
+        source = _Source(tools.folder.input(assignment.id), assignment, tools.settings.limits.body_bytes)
+        if assignment.parameters["mode"] == "all":
+            _all_or_nothing(assignment, tools, source, results)
+        else:
+            _one_by_one(assignment, tools, source, results)
+    tools.folder.input(assignment.id).unlink(missing_ok=True)
+
+
+class _Source:
+    """The lines from where the job stands, and where in the file it will stand after a batch of them."""
+
+    def __init__(self, path: Path, assignment: Assignment, longest: int) -> None:
+        self._path, self._longest = path, longest
+        self.first: int = assignment.progress.get("line", 0)
+        self._offset: int = assignment.progress.get("offset", 0)
+        self._ends: deque[int] = deque()
+        self._taken = self.first
+
+    def lines(self) -> Iterator[bytes]:
+        """Each as it was sent; of one that is too long only as much as shows that."""
+        if not self._path.exists():
+            return  # it was read to its end, and only that could not be noted
+        with self._path.open("rb") as file:
+            file.seek(self._offset)
+            while line := file.readline(self._longest + 2):
+                if not line.endswith(b"\n"):
+                    _skip_line(file)
+                self._ends.append(file.tell())
+                yield line.rstrip(b"\r\n")
+
+    def after(self, following: int) -> int:
+        """The offset behind the line before that position."""
+        while self._taken < following:
+            self._offset = self._ends.popleft()
+            self._taken += 1
+        return self._offset
+
+
+def _skip_line(file: BinaryIO) -> None:
+    while (piece := file.readline(1 << 20)) and not piece.endswith(b"\n"):
+        pass
+
+
+def _one_by_one(assignment: Assignment, tools: Tools, source: _Source, results: BinaryIO) -> None:
+    def witness(session: Session, batch: BatchResult) -> None:
+        assignment.collection(session)
+        _write_results(results, batch.lines)
+        _count(assignment, batch.lines, batch.following)
+        assignment.report(session, line=batch.following, offset=source.after(batch.following), written=results.tell())
+
+    with batches.describers(tools.settings.jobs.processes) as workers:
+        ingesting = bulk.ingest_lines(
+            tools.database,
+            assignment.collection_id,
+            source.lines(),
+            limits=tools.settings.limits,
+            workers=workers,
+            first=source.first,
+            on_conflict=assignment.parameters["on_conflict"],
+            witness=witness,
+        )
+        with closing(ingesting):
+            for batch in ingesting:
+                _observe(tools, batch)
+
+
+def _all_or_nothing(assignment: Assignment, tools: Tools, source: _Source, results: BinaryIO) -> None:
+    if source.first:
+        return  # it was stored, and only that could not be noted
+    results.truncate(0)
+    most = tools.settings.limits.import_all_lines
+    found, refused = list[batches.Described](), list[Line]()
+    if assignment.total is not None and assignment.total > most:
+        raise TooLarge("import_all_lines", most, assignment.total, "Send it in parts, or with mode=continue.")
+    with batches.describers(tools.settings.jobs.processes) as workers:
+        describing = bulk.describe_lines(
+            tools.database, assignment.collection_id, source.lines(), limits=tools.settings.limits, workers=workers
+        )
+        with closing(describing):
+            for batch in describing:
+                found.append(batch)
+                refused += [Line(one.position, one.submap_id, "refused", error=one.error) for one in batch.refused]
+                assignment.report()
+    if not refused:
+        refused = _store_all(assignment, tools, found, results)
+    if refused:
+        withheld = {line.position for line in refused}
+        lines = refused + [
+            Line(position, record.id, "withheld")
+            for batch in found
+            for position, record in batch.records
+            if position not in withheld
+        ]
+        lines.sort(key=lambda line: line.position)
+        _write_results(results, lines)
+        _count(assignment, lines, found[-1].following)
+        assignment.report(written=results.tell())
+        raise LinesRefused(f"Nothing was stored: {len(refused)} lines cannot be, and mode=all asks for all or none.")
+
+
+class _Undone(Exception):
+    pass
+
+
+def _store_all(assignment: Assignment, tools: Tools, found: list[batches.Described], results: BinaryIO) -> list[Line]:
+    """Store everything in one transaction; where something is refused, nothing, and the lines that were."""
+    stored: list[BatchResult] = []
+    refused: list[Line] = []
+    try:
+        with tools.database.write() as session:
+            assignment.collection(session)
+            for batch in found:
+                stored.append(
+                    bulk.write_in(session, assignment.collection_id, batch, assignment.parameters["on_conflict"])
+                )
+                refused += [line for line in stored[-1].lines if line.outcome == "refused"]
+            if refused:
+                raise _Undone
+            lines = _final([line for batch in stored for line in batch.lines])
+            _write_results(results, lines)
+            _count(assignment, lines, found[-1].following if found else 0)
+            assignment.report(session, line=assignment.done, written=results.tell())
+    except _Undone:
+        return refused
+    for result in stored:
+        _observe(tools, result)
+    return []
+
+
+def _final(lines: list[Line]) -> list[Line]:
+    """In one transaction an earlier line of the same id is superseded, whatever batch it was in."""
+    last = {line.id: line.position for line in lines if line.outcome in ("created", "replaced")}
+    return [
+        Line(line.position, line.id, "superseded")
+        if line.outcome in ("created", "replaced") and last[line.id] != line.position
+        else line
+        for line in lines
+    ]
+
+
+def _write_results(results: BinaryIO, lines: list[Line]) -> None:
+    results.writelines(orjson.dumps(_told(line)) + b"\n" for line in lines)
+    results.flush()
+    os.fsync(results.fileno())
+
+
+def _told(line: Line) -> dict[str, Any]:
+    told: dict[str, Any] = {"line": line.position + 1}
+    if line.id is not None:
+        told["id"] = line.id
+    told["outcome"] = line.outcome
+    if line.revision is not None:
+        told["revision"] = line.revision
+    if line.error is not None:
+        told["problem"] = document(line.error)
+    return told
+
+
+def _count(assignment: Assignment, lines: list[Line], following: int) -> None:
+    assignment.done = following
+    assignment.counts = dict(sorted((Counter(assignment.counts) + Counter(line.outcome for line in lines)).items()))
+
+
+def _observe(tools: Tools, batch: BatchResult) -> None:
+    for outcome, count in Counter(line.outcome for line in batch.lines).items():
+        if outcome in ("created", "replaced", "unchanged"):
+            tools.metrics.submaps_written.labels(outcome).inc(count)

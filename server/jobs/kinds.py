@@ -1,0 +1,10 @@
+"""Which work each kind of job is."""
+
+from collections.abc import Mapping
+from typing import Final
+
+from server.jobs.imports import run_import
+from server.jobs.reindex import run_reindex
+from server.jobs.runner import Work
+
+WORKS: Final[Mapping[str, Work]] = {"import": run_import, "reindex": run_reindex}

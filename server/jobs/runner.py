@@ -1,0 +1,252 @@
+"""The thread that does the jobs: it takes them, whatever process left them, and sees them to their end.
+
+Jobs of one collection are done one after the other, in the order they came. Who does them holds the collection's lock,
+which the kernel frees when the process ends; so a job that is `running` while its lock is free was left by a process
+that is gone, and whoever gets the lock goes on with it. No clock is asked.
+"""
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from typing import Any, Final, Protocol
+
+from sqlalchemy.orm import Session
+
+from server.catalog import Catalog
+from server.errors import DomainError, NotFound, StorageBusy, StorageError
+from server.jobs.folder import JobFolder
+from server.kinds import INTERNAL, document
+from server.metrics import Metrics
+from server.settings import Settings
+from server.store.collections import Collections
+from server.store.database import Database
+from server.store.jobs import Jobs
+from server.store.tables import CollectionRow, JobRow
+from server.threads import pin_threads
+
+_LOOK: Final = 0.5
+"""Seconds between two looks at what other processes took on."""
+_SWEEP: Final = 600.0
+_PATIENCE: Final = 30.0
+"""Seconds that what is at hand may take when the service stops."""
+_STARTS: Final = 5
+"""Times that a job is begun without getting on, before it is given up: it may be what ends the process."""
+_log = logging.getLogger(__name__)
+
+
+class Interrupted(Exception):
+    """The service stops: the job goes on another time."""
+
+
+class Dismissed(Exception):
+    """Somebody asked for the end of the job."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tools:
+    """What jobs work with."""
+
+    settings: Settings
+    database: Database
+    catalog: Catalog
+    metrics: Metrics
+    folder: JobFolder
+
+
+class Work(Protocol):
+    """A kind of job: a function that does one from where it stands to its end.
+
+    It calls `assignment.report` now and then, best in the transaction of what it reports; that raises when it is to
+    stop, and undoes that transaction. What it needs to go on after a restart it leaves in `progress`. What it raises
+    of `DomainError` is told as the reason why the job failed.
+    """
+
+    def __call__(self, assignment: "Assignment", tools: Tools) -> None: ...
+
+
+class Assignment:
+    """A job in the hands of who does it."""
+
+    def __init__(self, row: JobRow, database: Database, stopping: threading.Event) -> None:
+        self.id, self.collection_id, self.collection_key = row.id, row.collection_id, row.collection_key
+        self.parameters: Mapping[str, Any] = row.parameters
+        self.total, self.done, self.counts = row.total, row.done, dict(row.counts)
+        self.progress: dict[str, Any] = dict(row.progress)
+        self._database, self._stopping = database, stopping
+        self._began, self._before = time.monotonic(), float(row.progress.get("worked", 0.0))
+
+    def collection(self, session: Session) -> CollectionRow:
+        """The collection that the job was taken on for. Raises NotFound, also where another has its name by now."""
+        collection = Collections(session).get(self.collection_id)
+        if collection is None or collection.key != self.collection_key:
+            raise NotFound("collection", self.collection_id)
+        return collection
+
+    def report(self, session: Session | None = None, **progress: Any) -> None:
+        """Note `done`, `total`, `counts` and where to go on. Raises Interrupted, Dismissed and StorageError."""
+        if self._stopping.is_set():
+            raise Interrupted
+        self.progress.update(progress, starts=0, worked=self._before + time.monotonic() - self._began)
+        if session is not None:
+            self._note(session)
+        else:
+            with self._database.write() as own:
+                self._note(own)
+
+    def _note(self, session: Session) -> None:
+        jobs = Jobs(session)
+        if jobs.is_dismissed(self.id):
+            raise Dismissed
+        jobs.change(self.id, done=self.done, total=self.total, counts=self.counts, progress=self.progress)
+
+
+class Runner:
+    """Does the jobs of a database, one at a time in this process."""
+
+    def __init__(self, tools: Tools, works: Mapping[str, Work]) -> None:
+        self._tools, self._works = tools, works
+        self._stopping, self._news = threading.Event(), threading.Event()
+        self._swept = -_SWEEP
+        self._thread: threading.Thread | None = None
+
+    def start(self) -> None:
+        """Begin, in the background."""
+        if self._tools.database.read_only:
+            return
+        self._stopping.clear()
+        self._thread = threading.Thread(target=self._run, name="jobs", daemon=True)
+        self._thread.start()
+
+    def wake(self) -> None:
+        """There is news: a job was taken on, or dismissed."""
+        self._news.set()
+
+    def stop(self) -> None:
+        """End after what is at hand; the job goes on where it was when a service is started again."""
+        self._stopping.set()
+        self._news.set()
+        if self._thread is not None:
+            self._thread.join(_PATIENCE)
+
+    def _run(self) -> None:
+        pin_threads()
+        while not self._stopping.is_set():
+            try:
+                busy = self.run_once()
+                if time.monotonic() - self._swept >= _SWEEP:
+                    self._swept = time.monotonic()
+                    self.sweep()
+            except (OSError, StorageError):
+                _log.exception("jobs cannot be looked at; trying again")
+                busy = False
+            if not busy:
+                self._news.wait(_LOOK)
+                self._news.clear()
+
+    def run_once(self) -> bool:
+        """Do the job that has waited longest, of those that nobody else is at; whether there was one."""
+        with self._tools.database.read() as session:
+            waiting = Jobs(session).waiting()
+        for key in waiting:
+            with self._tools.folder.turn(key) as ours:
+                if ours and self._take(key):
+                    return True
+            if self._stopping.is_set():
+                return False
+        return False
+
+    def sweep(self) -> None:
+        """Remove the files of jobs that were finished long ago, and later their rows. Raises OSError, StorageError."""
+        keep = timedelta(days=self._tools.settings.jobs.keep_days)
+        now = datetime.now(UTC)
+        with self._tools.database.read() as session:
+            jobs = Jobs(session)
+            stale, forgotten, known = (
+                jobs.finished_before(now - keep),
+                jobs.finished_before(now - 10 * keep),
+                jobs.ids(),
+            )
+        if forgotten:
+            with self._tools.database.write() as session:
+                Jobs(session).remove(forgotten)
+        for job_id in stale:
+            self._tools.folder.remove(job_id)
+        self._tools.folder.sweep(known - set(forgotten))
+
+    def _take(self, collection_key: int) -> bool:
+        with self._tools.database.write() as session:
+            jobs = Jobs(session)
+            row = jobs.next(collection_key)
+            if row is None:
+                return False
+            starts = int(row.progress.get("starts", 0)) + 1
+            jobs.change(
+                row.id,
+                state="running",
+                started=row.started or datetime.now(UTC),
+                progress={**row.progress, "starts": starts},
+            )
+            session.refresh(row)
+            assignment = Assignment(row, self._tools.database, self._stopping)
+            dismissed = row.dismissed
+        if dismissed:
+            self._finish(row.id, "dismissed")
+        elif starts > _STARTS:
+            self._finish(row.id, "failed", _given_up(starts))
+        else:
+            self._do(row.kind, assignment)
+        return True
+
+    def _do(self, kind: str, assignment: Assignment) -> None:
+        try:
+            self._works[kind](assignment, self._tools)
+        except Interrupted:
+            self._change(assignment.id, state="accepted")
+        except Dismissed:
+            self._finish(assignment.id, "dismissed")
+        except StorageBusy as error:
+            _log.warning("job %s (%s) goes on later: %s", assignment.id, kind, error)
+            self._change(assignment.id, state="accepted")
+        except DomainError as error:
+            _log.warning("job %s (%s) failed: %s", assignment.id, kind, error)
+            self._finish(assignment.id, "failed", document(error))
+        except Exception:  # noqa: BLE001  whatever happens to one job, the others are done
+            _log.exception("job %s (%s) failed", assignment.id, kind)
+            self._finish(assignment.id, "failed", _internal("The log of the service tells why."))
+        else:
+            self._finish(assignment.id, "successful")
+
+    def _finish(self, job_id: str, state: str, problem: dict[str, Any] | None = None) -> None:
+        self._change(job_id, state=state, problem=problem, finished=datetime.now(UTC))
+
+    def _change(self, job_id: str, **values: Any) -> None:
+        """What became of a job has to be noted: a database that is full or busy is tried again."""
+        _persistently(lambda: self._write(job_id, values), self._stopping)
+
+    def _write(self, job_id: str, values: Mapping[str, Any]) -> None:
+        with self._tools.database.write() as session:
+            Jobs(session).change(job_id, **values)
+
+
+def _persistently(work: Callable[[], None], stopping: threading.Event) -> None:
+    while True:
+        try:
+            work()
+        except StorageError as error:
+            _log.warning("the end of a job cannot be noted yet: %s", error)
+            if stopping.wait(1.0):
+                return  # it is taken up again, finds nothing left to do, and ends
+        else:
+            return
+
+
+def _given_up(starts: int) -> dict[str, Any]:
+    return _internal(f"It was begun {starts - 1} times and never got on; perhaps memory is short.")
+
+
+def _internal(detail: str) -> dict[str, Any]:
+    kind = INTERNAL
+    return {"type": f"/problems/{kind.slug}", "title": kind.title, "status": kind.status, "detail": detail}

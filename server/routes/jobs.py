@@ -1,0 +1,251 @@
+"""Long work: uploads and rebuilding taken on, followed, dismissed, and what came of it."""
+
+import time
+from collections.abc import Iterator
+from pathlib import Path as FilePath
+from typing import Annotated, Literal
+
+import anyio
+import anyio.to_thread
+from fastapi import APIRouter, Path, Query, Request, Response
+from starlette.responses import StreamingResponse
+
+from server.bulk import OnConflict
+from server.errors import UnsupportedMediaType
+from server.http.authorization import GuardedRoute
+from server.http.compression import Inflater
+from server.http.dependencies import (
+    CallerDep,
+    CollectionId,
+    IdempotencyKey,
+    JsonRoute,
+    OnceDep,
+    ServiceDep,
+    json_response,
+    kept_response,
+    next_link,
+    once_of,
+    problems,
+)
+from server.http.negotiation import JSON, NDJSON
+from server.identifiers import new_id
+from server.jobs import queue
+from server.jobs.spool import spool
+from server.registry import read as read_collection
+from server.schemas.jobs import JOB_EXAMPLE, JobAnswer, JobPage, JobState
+
+router = APIRouter(route_class=JsonRoute, tags=["jobs"])
+streams = APIRouter(route_class=GuardedRoute, tags=["jobs"])
+_JOB = {"content": {JSON: {"example": JOB_EXAMPLE}}}
+_ACCEPTED = {"description": "Taken on; `Location` is the job.", "model": JobAnswer, **_JOB}
+_LINE = '{"line": 1, "id": "p1", "outcome": "created", "revision": 4}\n'
+_LINES = {"content": {NDJSON: {"schema": {"type": "string"}, "example": _LINE}}}
+_INPUT = '{"id": "p7", "xy": [[1.2, 3.4], [4.9, -2.2], [-3.1, 0.7]]}\n'
+_MEDIA_TYPES = frozenset({NDJSON, "application/ndjson", "application/jsonl"})
+_LOOK = 0.2
+"""Seconds between two looks at a job that somebody waits for."""
+JobId = Annotated[str, Path(description="`id` of the job.", examples=[JOB_EXAMPLE["id"]], alias="job", max_length=64)]
+
+
+@streams.post(
+    "/v1/collections/{collection}/imports",
+    operation_id="postImport",
+    summary="Store many submaps",
+    response_model=JobAnswer,
+    status_code=202,
+    responses={202: _ACCEPTED, **problems(400, 404, 413, 415, 422, 503, 507)},
+    openapi_extra={
+        "requestBody": {
+            "required": True,
+            "description": "A line for each submap: the body of a PUT, with its `id`; Content-Encoding: gzip is fine.",
+            "content": {NDJSON: {"schema": {"type": "string"}, "example": _INPUT}},
+        }
+    },
+)
+async def post_import(
+    request: Request,
+    collection: CollectionId,
+    service: ServiceDep,
+    caller: CallerDep,
+    on_conflict: Annotated[
+        OnConflict, Query(description="Where an id is taken by other content: replace it, skip the line, or refuse it.")
+    ] = "replace",
+    mode: Annotated[
+        Literal["continue", "all"], Query(description="Go on past lines that are refused, or store all or none.")
+    ] = "continue",
+    idempotency_key: IdempotencyKey = None,
+) -> Response:
+    """As NDJSON, which goes to the disk as it comes in; then a job stores it, with a line of result for each line.
+
+    Nothing is taken on unless all of it arrives. An id that comes again in one upload is stored as it came last.
+    """
+    _check_media_type(request.headers.get("content-type"))
+    inflater = _inflater(request.headers.get("content-encoding"))
+    await anyio.to_thread.run_sync(read_collection, service.database, collection)
+    folder, job_id = service.jobs.folder, new_id()
+    arrived = await spool(folder, job_id, request.stream(), service.settings.limits.import_bytes, inflater)
+    once = once_of(service, caller, idempotency_key, request.url.query.encode() + arrived.digest.encode())
+    try:
+        kept = await anyio.to_thread.run_sync(
+            lambda: queue.accept(
+                service.database,
+                collection,
+                caller,
+                "import",
+                once,
+                job_id=job_id,
+                parameters={"on_conflict": on_conflict, "mode": mode},
+                total=arrived.lines,
+            )
+        )
+    except BaseException:
+        folder.remove(job_id)
+        raise
+    if kept.replayed:
+        folder.remove(job_id)
+    service.jobs.runner.wake()
+    return kept_response(kept)
+
+
+@router.post(
+    "/v1/collections/{collection}/reindex",
+    operation_id="postReindex",
+    summary="Write the index anew",
+    response_model=JobAnswer,
+    status_code=202,
+    responses={202: _ACCEPTED, **problems(404, 409, 422, 503, 507)},
+)
+def post_reindex(collection: CollectionId, service: ServiceDep, caller: CallerDep, once: OnceDep) -> Response:
+    """From the landmarks; the old index serves until the new one takes its place. 409 while one is at work."""
+    kept = queue.accept(service.database, collection, caller, "reindex", once, alone=True)
+    service.jobs.runner.wake()
+    return kept_response(kept)
+
+
+@router.get(
+    "/v1/jobs",
+    operation_id="listJobs",
+    summary="List the jobs",
+    response_model=JobPage,
+    responses={200: {"content": {JSON: {"example": {"jobs": [JOB_EXAMPLE]}}}}, **problems(422, 503)},
+)
+def list_jobs(
+    request: Request,
+    service: ServiceDep,
+    caller: CallerDep,
+    state: Annotated[JobState | None, Query(description="Only jobs in this state.")] = None,
+    collection: Annotated[str | None, Query(description="Only jobs on this collection.", max_length=128)] = None,
+    limit: Annotated[int | None, Query(description="Rows of the page, at most 1000.", examples=[100])] = None,
+    cursor: Annotated[str | None, Query(description="`next` of the page before.")] = None,
+) -> Response:
+    """The newest first, of the collections that the key sees; `next` is not there on the last page."""
+    page = queue.page(
+        service.database,
+        service.settings.limits,
+        caller,
+        state=state,
+        collection_id=collection,
+        limit=limit,
+        cursor=cursor,
+    )
+    headers = {} if page.next is None else {"Link": next_link("/v1/jobs", request, page.next)}
+    return json_response(page, headers=headers)
+
+
+@router.get(
+    "/v1/jobs/{job}",
+    operation_id="getJob",
+    summary="Follow a job",
+    response_model=JobAnswer,
+    responses={200: _JOB, **problems(404, 422, 503)},
+)
+async def get_job(
+    job: JobId,
+    service: ServiceDep,
+    caller: CallerDep,
+    wait: Annotated[
+        float, Query(ge=0, le=60, description="Seconds to wait for its end before answering.", examples=[25])
+    ] = 0.0,
+) -> Response:
+    """How far it is. `Retry-After` says when to ask again, as long as it is not finished."""
+    deadline = time.monotonic() + wait
+    while True:
+        found = await anyio.to_thread.run_sync(queue.read, service.database, caller, job)
+        left = deadline - time.monotonic()
+        if found.finished is not None or left <= 0 or service.readiness.stopping:
+            break
+        await anyio.sleep(min(_LOOK, left))
+    return json_response(found, headers={} if found.finished is not None else {"Retry-After": "1"})
+
+
+@router.delete(
+    "/v1/jobs/{job}",
+    operation_id="deleteJob",
+    summary="Dismiss or forget a job",
+    response_class=Response,
+    status_code=204,
+    responses={202: _ACCEPTED | {"description": "It ends after what is at hand."}, **problems(404, 422, 503, 507)},
+)
+def delete_job(job: JobId, service: ServiceDep, caller: CallerDep) -> Response:
+    """An unfinished one ends after what is at hand, and what it did stays (202); a finished one is forgotten with its
+    results (204).
+    """
+    found = queue.dismiss(service.database, service.jobs.folder, caller, job)
+    service.jobs.runner.wake()
+    return Response(status_code=204) if found is None else json_response(found, 202)
+
+
+@router.get(
+    "/v1/jobs/{job}/results",
+    operation_id="getJobResults",
+    summary="What came of a job",
+    response_class=Response,
+    responses={200: _LINES, **problems(404, 409, 410, 422, 503)},
+)
+def get_job_results(job: JobId, service: ServiceDep, caller: CallerDep) -> Response:
+    """Of an import: for each line of input a line with its number, `outcome`, and `problem` where it was refused."""
+    size = queue.results(service.database, service.jobs.folder, caller, job)
+    return StreamingResponse(_pieces(service.jobs.folder.results(job), size), media_type=NDJSON)
+
+
+@router.get(
+    "/v1/jobs/{job}/errors",
+    operation_id="getJobErrors",
+    summary="What a job refused",
+    response_class=Response,
+    responses={200: _LINES, **problems(404, 409, 410, 422, 503)},
+)
+def get_job_errors(job: JobId, service: ServiceDep, caller: CallerDep) -> Response:
+    """The lines of the results that tell of something refused."""
+    size = queue.results(service.database, service.jobs.folder, caller, job)
+    return StreamingResponse(_refused(service.jobs.folder.results(job), size), media_type=NDJSON)
+
+
+def _pieces(path: FilePath, size: int) -> Iterator[bytes]:
+    with path.open("rb") as file:
+        while piece := file.read(min(1 << 18, size)):
+            size -= len(piece)
+            yield piece
+
+
+def _refused(path: FilePath, size: int) -> Iterator[bytes]:
+    with path.open("rb") as file:
+        while (line := file.readline()) and size > 0:
+            size -= len(line)
+            if b'"outcome":"refused"' in line:
+                yield line
+
+
+def _check_media_type(content_type: str | None) -> None:
+    name = (content_type or "nothing").split(";")[0].strip().lower()
+    if name not in _MEDIA_TYPES:
+        raise UnsupportedMediaType(f"Content-Type says {name[:100]}; send NDJSON with Content-Type: {NDJSON}.")
+
+
+def _inflater(encoding: str | None) -> Inflater | None:
+    name = (encoding or "identity").strip().lower()
+    if name in ("gzip", "x-gzip"):
+        return Inflater()
+    if name != "identity":
+        raise UnsupportedMediaType(f"Content-Encoding says {name[:50]!r}; send gzip, or the lines as they are.")
+    return None

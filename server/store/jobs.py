@@ -1,0 +1,128 @@
+"""Rows of jobs."""
+
+from collections.abc import Collection, Sequence
+from datetime import UTC, datetime
+from typing import Any, Final
+
+from sqlalchemy import delete, false, func, or_, select, update
+from sqlalchemy.orm import Session
+
+from server.store.tables import JobRow
+
+UNFINISHED: Final = ("accepted", "running")
+
+
+class Jobs:
+    """Repository of jobs; the session is the caller's, and so is the commit."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+
+    def get(self, job_id: str) -> JobRow | None:
+        """The job of that id, or None."""
+        return self._session.scalar(select(JobRow).where(JobRow.id == job_id))
+
+    def add(
+        self,
+        *,
+        job_id: str,
+        kind: str,
+        collection_id: str,
+        collection_key: int,
+        caller: str,
+        parameters: dict[str, Any],
+        total: int | None,
+    ) -> JobRow:
+        """Add a job that nobody has begun."""
+        row = JobRow(
+            id=job_id,
+            kind=kind,
+            collection_id=collection_id,
+            collection_key=collection_key,
+            caller=caller,
+            state="accepted",
+            parameters=parameters,
+            total=total,
+            done=0,
+            counts={},
+            progress={},
+            problem=None,
+            dismissed=False,
+            worker=None,
+            heartbeat=None,
+            created=datetime.now(UTC),
+            started=None,
+            finished=None,
+        )
+        self._session.add(row)
+        self._session.flush()
+        return row
+
+    def page(
+        self,
+        patterns: Sequence[str],
+        *,
+        state: str | None,
+        collection_id: str | None,
+        before_key: int | None,
+        limit: int,
+    ) -> Sequence[JobRow]:
+        """Up to `limit` jobs on collections that match a pattern, the newest first, beginning before a key."""
+        query = select(JobRow).order_by(JobRow.key.desc()).limit(limit)
+        if before_key is not None:
+            query = query.where(JobRow.key < before_key)
+        if state is not None:
+            query = query.where(JobRow.state == state)
+        if collection_id is not None:
+            query = query.where(JobRow.collection_id == collection_id)
+        if "*" not in patterns:
+            query = query.where(or_(false(), *(JobRow.collection_id.op("GLOB")(pattern) for pattern in patterns)))
+        return self._session.scalars(query).all()
+
+    def waiting(self) -> list[int]:
+        """Keys of the collections with unfinished jobs, the one whose job has waited longest first."""
+        query = (
+            select(JobRow.collection_key)
+            .where(JobRow.state.in_(UNFINISHED))
+            .group_by(JobRow.collection_key)
+            .order_by(func.min(JobRow.key))
+        )
+        return list(self._session.scalars(query))
+
+    def next(self, collection_key: int) -> JobRow | None:
+        """The oldest unfinished job of a collection, or None."""
+        query = select(JobRow).where(JobRow.state.in_(UNFINISHED), JobRow.collection_key == collection_key)
+        return self._session.scalar(query.order_by(JobRow.key).limit(1))
+
+    def unfinished(self, collection_key: int, kind: str) -> bool:
+        """Whether the collection has an unfinished job of a kind."""
+        query = select(JobRow.key).where(
+            JobRow.state.in_(UNFINISHED), JobRow.collection_key == collection_key, JobRow.kind == kind
+        )
+        return self._session.scalar(query.limit(1)) is not None
+
+    def change(self, job_id: str, **values: Any) -> None:
+        """Set columns of a job."""
+        self._session.execute(
+            update(JobRow).where(JobRow.id == job_id).values(**values),
+            execution_options={"synchronize_session": False},
+        )
+
+    def is_dismissed(self, job_id: str) -> bool:
+        """Whether somebody wants the job ended, or it is no more."""
+        return self._session.scalar(select(JobRow.dismissed).where(JobRow.id == job_id)) is not False
+
+    def finished_before(self, moment: datetime) -> list[str]:
+        """Ids of the jobs that were finished before a moment."""
+        return list(self._session.scalars(select(JobRow.id).where(JobRow.finished < moment)))
+
+    def ids(self) -> set[str]:
+        """Ids of all jobs."""
+        return set(self._session.scalars(select(JobRow.id)))
+
+    def remove(self, ids: Collection[str]) -> None:
+        """Remove jobs."""
+        for job_id in ids:
+            self._session.execute(
+                delete(JobRow).where(JobRow.id == job_id), execution_options={"synchronize_session": False}
+            )

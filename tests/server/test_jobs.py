@@ -1,0 +1,445 @@
+"""Imports and other jobs over HTTP: every line has its result, whatever it holds and whatever happens."""
+
+import gzip
+import os
+import time
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import orjson
+import pytest
+from fastapi import FastAPI
+
+from server import bulk, keys
+from server.access import Scope
+from server.app import create_app
+from server.errors import StorageFull
+from server.http.dependencies import Service
+from server.jobs import imports, runner
+from server.jobs.folder import try_lock
+from server.jobs.runner import Assignment
+from server.keys import Doorkeeper
+from server.settings import Limits, Settings
+from server.store.database import storage_errors
+from server.store.jobs import Jobs
+from tests.server.world import TestClient, forest, points, put_submap
+
+IMPORTS = "/v1/collections/plots/imports"
+NDJSON = {"Content-Type": "application/x-ndjson"}
+
+
+def line(name: str, seed: int, **fields: Any) -> bytes:
+    return orjson.dumps({"id": name, "xy": points(forest(seed)), **fields})
+
+
+def upload(
+    client: httpx.Client, lines: Iterable[bytes], headers: dict[str, str] | None = None, **parameters: str
+) -> httpx.Response:
+    content = b"".join(one + b"\n" for one in lines)
+    return client.post(IMPORTS, content=content, headers=NDJSON | (headers or {}), params=parameters)
+
+
+def finished(client: httpx.Client, accepted: httpx.Response) -> dict[str, Any]:
+    """The job, once it is at its end."""
+    assert accepted.status_code == 202, accepted.text
+    for _ in range(60):
+        job: dict[str, Any] = client.get(accepted.headers["Location"], params={"wait": "5"}).json()
+        if job["finished"] is not None:
+            return job
+    raise AssertionError(job)
+
+
+def results(client: httpx.Client, job: dict[str, Any], what: str = "results") -> list[dict[str, Any]]:
+    response = client.get(job["links"][what])
+    assert response.status_code == 200, response.text
+    assert response.headers["Content-Type"] == "application/x-ndjson"
+    return [orjson.loads(one) for one in response.content.splitlines()]
+
+
+def outcomes(client: httpx.Client, job: dict[str, Any]) -> list[tuple[int, str | None, str]]:
+    return [(one["line"], one.get("id"), one["outcome"]) for one in results(client, job)]
+
+
+def count(client: httpx.Client) -> int:
+    counts: dict[str, int] = client.get("/v1/collections/plots").json()["counts"]
+    return counts["submaps"]
+
+
+# ------------------------------------------------------------------ imports
+
+
+def test_every_line_has_its_result(client: httpx.Client) -> None:
+    put_submap(client, "plots", "there", 1).raise_for_status()
+    put_submap(client, "plots", "other", 2).raise_for_status()
+    lines = [
+        line("new", 3),
+        line("there", 1),
+        b"",
+        b"{",
+        b"[]",
+        line("other", 4),
+        orjson.dumps({"id": "flat", "xy": [[0, 0], [1, 1], [2, 2]]}),
+        orjson.dumps({"xy": [[0, 0], [1, 1], [2, 5]]}),
+        line("a/b", 5),
+        line("same", 6),
+        line("same", 7),
+    ]
+    job = finished(client, upload(client, lines))
+    assert job["state"] == "successful"
+    assert outcomes(client, job) == [
+        (1, "new", "created"),
+        (2, "there", "unchanged"),
+        (4, None, "refused"),
+        (5, None, "refused"),
+        (6, "other", "replaced"),
+        (7, "flat", "refused"),
+        (8, None, "refused"),
+        (9, "a/b", "refused"),
+        (10, "same", "superseded"),
+        (11, "same", "created"),
+    ]
+    assert (job["total"], job["done"]) == (11, 11)
+    assert job["counts"] == {"created": 2, "refused": 5, "replaced": 1, "superseded": 1, "unchanged": 1}
+    errors = results(client, job, "errors")
+    assert [one["line"] for one in errors] == [4, 5, 7, 8, 9]
+    problem = errors[2]["problem"]
+    direct = client.put("/v1/collections/plots/submaps/flat", json=orjson.loads(lines[6]) | {}).json()
+    assert problem["type"] == "/problems/invalid-landmarks"
+    assert direct["status"] == 422
+    assert problem["errors"][0]["pointer"] == "/xy"
+    assert errors[1]["problem"]["type"] == "/problems/invalid-request"
+    answer = client.post("/v1/collections/plots/queries", json={"xy": points(forest(7))}).json()
+    assert (answer["verdict"], answer["candidates"][0]["submap_id"]) == ("matched", "same")
+
+
+@pytest.mark.parametrize(
+    ("on_conflict", "expected"),
+    [
+        ("replace", ["replaced", "unchanged", "superseded", "created"]),
+        ("skip", ["skipped", "unchanged", "created", "skipped"]),
+        ("fail", ["refused", "unchanged", "created", "refused"]),
+    ],
+)
+def test_what_is_taken(client: httpx.Client, on_conflict: str, expected: list[str]) -> None:
+    put_submap(client, "plots", "a", 1).raise_for_status()
+    put_submap(client, "plots", "b", 2).raise_for_status()
+    lines = [line("a", 3), line("b", 2), line("c", 4), line("c", 5)]
+    job = finished(client, upload(client, lines, on_conflict=on_conflict))
+    assert [outcome for _, _, outcome in outcomes(client, job)] == expected
+    assert job["state"] == "successful"
+    stored = client.get("/v1/collections/plots/submaps/c").json()["landmarks"][0]
+    kept = forest(5 if on_conflict == "replace" else 4)[0]
+    assert (stored["x"], stored["y"]) == (kept[0], kept[1])
+    for one in results(client, job):
+        if one["outcome"] == "refused":
+            assert one["problem"]["type"] == "/problems/conflict"
+
+
+def test_all_or_nothing(client: httpx.Client) -> None:
+    revision = client.get("/v1/collections/plots").json()["revision"]
+    job = finished(client, upload(client, [line("a", 1), b"{", line("b", 2)], mode="all"))
+    assert (job["state"], job["problem"]["type"]) == ("failed", "/problems/lines-refused")
+    assert outcomes(client, job) == [(1, "a", "withheld"), (2, None, "refused"), (3, "b", "withheld")]
+    assert client.get("/v1/collections/plots").json()["revision"] == revision
+    job = finished(client, upload(client, [line("a", 1), line("b", 2), line("a", 3)], mode="all"))
+    assert job["state"] == "successful"
+    assert outcomes(client, job) == [(1, "a", "superseded"), (2, "b", "created"), (3, "a", "created")]
+    job = finished(client, upload(client, [line("c", 1), line("b", 9)], mode="all", on_conflict="fail"))
+    assert job["state"] == "failed"
+    assert outcomes(client, job) == [(1, "c", "withheld"), (2, "b", "refused")]
+    assert count(client) == 2
+
+
+def test_an_empty_upload_is_done_at_once(client: httpx.Client) -> None:
+    for content in (b"", b"\n\n"):
+        job = finished(client, client.post(IMPORTS, content=content, headers=NDJSON))
+        assert (job["state"], job["counts"]) == ("successful", {})
+        assert results(client, job) == []
+
+
+def test_packed_uploads(client: httpx.Client) -> None:
+    content = line("a", 1) + b"\r\n" + line("b", 2)
+    packed = gzip.compress(content)
+    headers = NDJSON | {"Content-Encoding": "gzip"}
+    job = finished(client, client.post(IMPORTS, content=packed, headers=headers))
+    assert outcomes(client, job) == [(1, "a", "created"), (2, "b", "created")]
+    assert job["total"] == 2
+    for broken in (packed[:-9], b"not gzip", packed + b"junk"):
+        response = client.post(IMPORTS, content=broken, headers=headers)
+        assert (response.status_code, response.json()["type"]) == (400, "/problems/malformed-json")
+    assert client.post(IMPORTS, content=packed, headers=NDJSON | {"Content-Encoding": "br"}).status_code == 415
+    assert client.post(IMPORTS, content=content, headers={"Content-Type": "text/csv"}).status_code == 415
+    assert client.post(IMPORTS, content=content, headers=NDJSON, params={"on_conflict": "x"}).status_code == 422
+    assert len(client.get("/v1/jobs").json()["jobs"]) == 1
+
+
+@pytest.fixture
+def small(settings: Settings) -> Iterator[httpx.Client]:
+    """A service of small limits."""
+    limits = Limits(body_bytes=20_000, import_bytes=100_000, import_all_lines=3)
+    with TestClient(create_app(settings.model_copy(update={"limits": limits}))) as started:
+        started.put("/v1/collections/plots", json={}).raise_for_status()
+        yield started
+
+
+def left(client: httpx.Client, settings: Settings) -> list[str]:
+    folder = Path(f"{settings.database_path}.jobs")
+    return sorted(path.name for path in folder.iterdir() if path.suffix != ".lock") if folder.exists() else []
+
+
+def test_limits_of_uploads(small: httpx.Client, settings: Settings) -> None:
+    bomb = gzip.compress(b" " * 300_000_000)
+    assert len(bomb) < 300_000
+    for content, headers in ((bomb, {"Content-Encoding": "gzip"}), (b" " * 100_001, {})):
+        response = small.post(IMPORTS, content=content, headers=NDJSON | headers)
+        assert (response.status_code, response.json()["limit"]) == (413, "import_bytes")
+    assert left(small, settings) == []
+    wide = b'{"id": "wide", "properties": {"x": "' + b"y" * 20_000 + b'"}}'
+    job = finished(small, upload(small, [line("a", 1), wide, line("b", 2)]))
+    assert outcomes(small, job) == [(1, "a", "created"), (2, None, "refused"), (3, "b", "created")]
+    assert results(small, job, "errors")[0]["problem"]["limit"] == "body_bytes"
+    job = finished(small, upload(small, [line(name, 1) for name in "cdef"], mode="all"))
+    assert (job["state"], job["problem"]["limit"]) == ("failed", "import_all_lines")
+    assert count(small) == 2
+    assert small.get("/v1/limits").json()["limits"]["import_bytes"] == 100_000
+
+
+def test_an_upload_sent_again_is_done_once(client: httpx.Client, settings: Settings) -> None:
+    headers = {"Idempotency-Key": "season"}
+    first = upload(client, [line("a", 1)], headers)
+    finished(client, first)
+    again = upload(client, [line("a", 1)], headers)
+    assert again.headers["Location"] == first.headers["Location"]
+    assert again.headers["Idempotency-Replayed"] == "true"
+    assert upload(client, [line("a", 2)], headers).status_code == 422
+    assert upload(client, [line("a", 1)], headers, mode="all").status_code == 422
+    assert len(client.get("/v1/jobs").json()["jobs"]) == 1
+    assert len(left(client, settings)) == 1  # the results
+
+
+def test_a_full_disk_takes_nothing_on(
+    client: httpx.Client, settings: Settings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patched:
+        patched.setattr("server.jobs.spool.os.fsync", full)
+        response = upload(client, [line("a", 1)])
+    assert (response.status_code, response.json()["type"]) == (507, "/problems/storage-full")
+    assert left(client, settings) == []
+    assert client.get("/v1/jobs").json()["jobs"] == []
+    with monkeypatch.context() as patched:
+        patched.setattr(imports, "_write_results", full)
+        job = finished(client, upload(client, [line("a", 1)]))
+    assert (job["state"], job["problem"]["status"]) == ("failed", 507)
+    assert count(client) == 0
+    with pytest.raises(StorageFull), storage_errors(settings.database_path):
+        full()
+
+
+# --------------------------------------------------------- the life of a job
+
+
+def test_jobs_are_listed_newest_first_and_by_what_they_are(client: httpx.Client) -> None:
+    client.put("/v1/collections/other", json={}).raise_for_status()
+    made = [finished(client, upload(client, [line("a", i)]))["id"] for i in range(3)]
+    other = finished(client, client.post("/v1/collections/other/reindex"))["id"]
+    page = client.get("/v1/jobs", params={"limit": "2"})
+    assert [job["id"] for job in page.json()["jobs"]] == [other, made[2]]
+    following = client.get("/v1/jobs", params={"limit": "2", "cursor": page.json()["next"]}).json()
+    assert [job["id"] for job in following["jobs"]] == [made[1], made[0]]
+    assert "next" not in following
+    assert [job["id"] for job in client.get("/v1/jobs", params={"collection": "other"}).json()["jobs"]] == [other]
+    assert client.get("/v1/jobs", params={"state": "running"}).json()["jobs"] == []
+    assert len(client.get("/v1/jobs", params={"state": "successful"}).json()["jobs"]) == 4
+    assert client.get("/v1/jobs", params={"state": "done"}).status_code == 422
+    assert client.get("/v1/jobs/nope").status_code == 404
+
+
+def test_a_finished_job_can_be_forgotten(client: httpx.Client, settings: Settings) -> None:
+    job = finished(client, upload(client, [line("a", 1)]))
+    assert client.delete(job["links"]["self"]).status_code == 204
+    assert client.get(job["links"]["self"]).status_code == 404
+    assert left(client, settings) == []
+    assert count(client) == 1
+
+
+def held(monkeypatch: pytest.MonkeyPatch, until: Callable[[], bool]) -> None:
+    """Batches of imports wait."""
+    real = Assignment.report
+
+    def report(self: Assignment, session: Any = None, **progress: Any) -> None:
+        while not until() and not self._stopping.is_set():
+            time.sleep(0.01)
+        real(self, session, **progress)
+
+    monkeypatch.setattr(Assignment, "report", report)
+
+
+def test_a_job_at_work_can_be_dismissed(client: httpx.Client, monkeypatch: pytest.MonkeyPatch) -> None:
+    go: list[bool] = []
+    # Whoever reports from outside of the transaction can be dismissed meanwhile.
+    held(monkeypatch, lambda: bool(go))
+    accepted = client.post("/v1/collections/plots/reindex")
+    url = accepted.headers["Location"]
+    second = client.post("/v1/collections/plots/reindex")
+    assert (second.status_code, second.json()["type"]) == (409, "/problems/conflict")
+    _until(lambda: client.get(url).json()["state"] == "running")
+    answer = client.get(url, params={"wait": "0.2"})
+    assert answer.headers["Retry-After"] == "1"
+    assert client.get(f"{url}/results").status_code == 409
+    dismissed = client.delete(url)
+    assert (dismissed.status_code, dismissed.json()["dismissed"]) == (202, True)
+    go.append(True)
+    assert finished(client, accepted)["state"] == "dismissed"
+    assert client.get(f"{url}/results").status_code == 410
+
+
+def test_a_dismissed_import_keeps_what_it_stored(client: httpx.Client, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bulk, "describe_lines", _small_batches(bulk.describe_lines))
+    real, reported = Assignment.report, list[int]()
+
+    def report(self: Assignment, session: Any = None, **progress: Any) -> None:
+        reported.append(self.done)
+        if len(reported) == 3:
+            Jobs(session).change(self.id, dismissed=True)
+        real(self, session, **progress)
+
+    monkeypatch.setattr(Assignment, "report", report)
+    job = finished(client, upload(client, [line(f"p{i}", i) for i in range(10)]))
+    assert (job["state"], job["done"], count(client)) == ("dismissed", 4, 4)
+    assert outcomes(client, job) == [(i + 1, f"p{i}", "created") for i in range(4)]
+
+
+def _small_batches(describe: Callable[..., Any]) -> Callable[..., Any]:
+    return lambda *arguments, **named: describe(*arguments, **(named | {"batch_size": 2}))
+
+
+def test_a_stopped_job_goes_on_where_it_was(settings: Settings, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bulk, "describe_lines", _small_batches(bulk.describe_lines))
+    real, stopping = Assignment.report, list[int]()
+
+    def report(self: Assignment, session: Any = None, **progress: Any) -> None:
+        if self.done == 6 and not stopping:
+            stopping.append(1)
+            raise runner.Interrupted
+        real(self, session, **progress)
+
+    monkeypatch.setattr(Assignment, "report", report)
+    with TestClient(create_app(settings)) as client:
+        client.put("/v1/collections/plots", json={}).raise_for_status()
+        job = finished(client, upload(client, [line(f"p{i}", i) for i in range(10)]))
+    assert stopping
+    with TestClient(create_app(settings)) as client:
+        assert job["state"] == "successful"
+        assert outcomes(client, job) == [(i + 1, f"p{i}", "created") for i in range(10)]
+        assert job["counts"] == {"created": 10}
+
+
+def test_a_job_that_never_gets_on_is_given_up(client: httpx.Client, monkeypatch: pytest.MonkeyPatch) -> None:
+    def never(*_: object, **__: object) -> None:
+        raise runner.Interrupted
+
+    monkeypatch.setattr(Assignment, "report", never)
+    job = finished(client, upload(client, [line("a", 1)]))
+    assert (job["state"], job["problem"]["type"]) == ("failed", "/problems/internal-error")
+    assert "never got on" in job["problem"]["detail"]
+
+
+def test_a_defect_fails_the_job_and_not_the_service(
+    client: httpx.Client, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    with monkeypatch.context() as patched:
+        patched.setattr(imports, "_write_results", lambda *_: 1 / 0)
+        job = finished(client, upload(client, [line("a", 1)]))
+    assert (job["state"], job["problem"]["type"]) == ("failed", "/problems/internal-error")
+    assert "ZeroDivisionError" in caplog.text
+    assert count(client) == 0
+    assert finished(client, upload(client, [line("a", 1)]))["state"] == "successful"
+
+
+def test_a_collection_that_is_gone_fails_its_jobs(client: httpx.Client, monkeypatch: pytest.MonkeyPatch) -> None:
+    go: list[bool] = []
+    held(monkeypatch, lambda: bool(go))
+    first = client.post("/v1/collections/plots/reindex")
+    _until(lambda: client.get(first.headers["Location"]).json()["state"] == "running")
+    second = upload(client, [line("a", 1)])
+    client.delete("/v1/collections/plots").raise_for_status()
+    client.put("/v1/collections/plots", json={}).raise_for_status()
+    go.append(True)
+    for accepted in (first, second):
+        job = finished(client, accepted)
+        assert job["state"] in ("failed", "successful")
+    assert finished(client, second)["problem"]["status"] in (404, 409)
+    assert count(client) == 0
+
+
+def test_reindexing(client: httpx.Client, service: Service) -> None:
+    for i in range(5):
+        put_submap(client, "plots", f"p{i}", i).raise_for_status()
+    job = finished(client, client.post("/v1/collections/plots/reindex"))
+    assert (job["state"], job["total"], job["done"], job["counts"]) == ("successful", 5, 5, {"indexed": 5})
+    assert list(service.catalog.folder.path.glob("*.segment"))
+    answer = client.post("/v1/collections/plots/queries", json={"xy": points(forest(3))}).json()
+    assert answer["candidates"][0]["submap_id"] == "p3"
+    assert client.post("/v1/collections/nope/reindex").status_code == 404
+
+
+def test_results_are_swept_in_time(
+    client: httpx.Client, service: Service, settings: Settings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    job = finished(client, upload(client, [line("a", 1)]))
+    service.jobs.runner.sweep()
+    assert results(client, job)
+    old = settings.jobs.model_copy(update={"keep_days": 1e-9})
+    monkeypatch.setattr(service.jobs.runner, "_tools", _with(service.jobs.runner._tools, old))
+    time.sleep(0.01)
+    service.jobs.runner.sweep()
+    assert left(client, settings) == []
+    assert client.get(f"{job['links']['self']}").status_code == 404
+
+
+def _with(tools: runner.Tools, jobs: Any) -> runner.Tools:
+    settings = tools.settings.model_copy(update={"jobs": jobs})
+    return runner.Tools(settings, tools.database, tools.catalog, tools.metrics, tools.folder)
+
+
+def test_what_was_never_taken_on_is_swept(client: httpx.Client, service: Service) -> None:
+    folder = service.jobs.folder
+    folder.make()
+    finished(client, upload(client, [line("a", 1)]))
+    stray = [folder.arriving("x"), folder.input("y"), folder.results("z")]
+    for path in stray:
+        path.write_bytes(b"left")
+        os.utime(path, (1, 1))
+    with folder.arriving("x").open("rb") as sending:
+        assert try_lock(sending)
+        service.jobs.runner.sweep()
+    assert [path.exists() for path in stray] == [True, False, False]
+    service.jobs.runner.sweep()
+    assert not folder.arriving("x").exists()
+
+
+def test_jobs_of_others_are_not_there(client: httpx.Client, app: FastAPI) -> None:
+    job = finished(client, upload(client, [line("a", 1)]))
+    store = app.state.service.database
+    foreign = {"Authorization": f"Bearer {keys.make(store, 'foreign', list(Scope), ['theirs'])[0]}"}
+    app.state.doorkeeper = Doorkeeper(app.state.service.settings, store)
+    url = job["links"]["self"]
+    for method, path in (("GET", url), ("DELETE", url), ("GET", f"{url}/results"), ("GET", f"{url}/errors")):
+        there = client.request(method, path, headers=foreign)
+        not_there = client.request(method, path.replace(job["id"], "nope"), headers=foreign)
+        assert there.status_code == not_there.status_code == 404
+        assert there.json()["detail"].replace(job["id"], "nope") == not_there.json()["detail"]
+    assert client.get("/v1/jobs", headers=foreign).json()["jobs"] == []
+    assert upload(client, [line("b", 1)], foreign).status_code == 404
+
+
+def _until(condition: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + 30.0
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
