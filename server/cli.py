@@ -12,7 +12,7 @@ import typer
 from pydantic import ValidationError
 from typer.exceptions import TyperException
 
-from server.commands import db, index, keys, locate, serve
+from server.commands import db, index, keys, locate, reference, serve
 from server.commands.demo import command as demo
 from server.commands.failure import Failure
 from server.errors import DomainError
@@ -34,6 +34,7 @@ app.command()(serve.serve)
 app.command()(index.index)
 app.command()(locate.locate)
 app.command()(demo.demo)
+app.command("reference")(reference.reference_page)
 app.add_typer(db.app, name="db")
 app.add_typer(keys.app, name="keys")
 

@@ -20,10 +20,11 @@ from server.settings import Limits
 from server.store.codec import position_names, unpack_diameters, unpack_ids, unpack_positions
 from server.store.database import Database
 from server.store.found import FoundSubmap, found_submaps
-from server.store.submaps import Submaps
+from server.store.submaps import SubmapFilter, Submaps
 from server.store.tables import CollectionRow, SubmapRow
 from server.stored_queries import keep
 from server.threads import pin_threads
+from server.visits import Search, by_session
 from urquhart import Candidate, LandmarkError, Recognition
 
 
@@ -87,8 +88,11 @@ def look_up(
     body: QueryInput,
     *,
     to_draw: bool = False,
+    without_session: str | None = None,
 ) -> Look:
     """Place an observation in a collection; with `to_draw`, read the landmarks of candidates and first rival too.
+
+    `without_session`: leave its submaps out, besides what the query excludes.
 
     Too few or collinear landmarks are an answer, not an error. Raises NotFound (the collection, or `submap_id`),
     InvalidLandmarks, InvalidField, TooLarge and StorageError.
@@ -109,17 +113,11 @@ def look_up(
         excluded = keys_excluded(submaps, body.exclude, asked.stamp)
         if row is not None:
             excluded.add(row.key)
-        rng = None if body.seed is None else np.random.default_rng(body.seed)
+        if without_session is not None:
+            excluded |= submaps.matching(SubmapFilter(session=without_session))
+        search = _search(view, body, asked, keys_near(submaps, body.near))
         try:
-            found = view.recognizer.recognize(
-                asked.xy,
-                diameters=asked.diameters,
-                limit=body.limit,
-                method=body.method,
-                exclude=excluded,
-                only=keys_near(submaps, body.near),
-                rng=rng,
-            )
+            found = by_session(search, submaps, excluded, body.limit) if body.per_session else search(excluded)
         except LandmarkError as error:
             raise invalid_landmarks(error, body) from error
         keys = {candidate.key for candidate in found.candidates} | {rival.key for rival in found.rivals[:1]}
@@ -130,6 +128,21 @@ def look_up(
     for stage in answer.stages:
         metrics.observe_stage(stage.name, stage.milliseconds)
     return Look(asked, view.collection, answer, found.candidates, landmarks)
+
+
+def _search(view: View, body: QueryInput, asked: Observation, only: set[int] | None) -> Search:
+    def search(excluded: set[int]) -> Recognition:
+        return view.recognizer.recognize(
+            asked.xy,
+            diameters=asked.diameters,
+            limit=body.limit,
+            method=body.method,
+            exclude=excluded,
+            only=only,
+            rng=None if body.seed is None else np.random.default_rng(body.seed),
+        )
+
+    return search
 
 
 def _check_sizes(body: QueryInput, limits: Limits) -> None:

@@ -3,8 +3,13 @@
 from collections.abc import Mapping
 from typing import Final
 
+from server.jobs.constraints import run_constraints
 from server.jobs.imports import run_import
 from server.jobs.reindex import run_reindex
 from server.jobs.runner import Work
 
-WORKS: Final[Mapping[str, Work]] = {"import": run_import, "reindex": run_reindex}
+WORKS: Final[Mapping[str, Work]] = {
+    "import": run_import,
+    "reindex": run_reindex,
+    "constraints": run_constraints,
+}

@@ -3,10 +3,12 @@
 from collections.abc import Callable
 from typing import Any, Literal
 
+import orjson
 from sqlalchemy.orm import Session
 
 from server import links
 from server.access import Caller
+from server.constraints import write_out
 from server.errors import Conflict, Gone, NotFound
 from server.idempotency import Kept, Once, keep, recall
 from server.identifiers import new_id
@@ -14,11 +16,14 @@ from server.jobs.folder import JobFolder
 from server.paging import page_size, read_cursor, write_cursor
 from server.registry import get_collection
 from server.schemas.common import to_json
+from server.schemas.constraints import ConstraintFormat
 from server.schemas.jobs import JobAnswer, JobLinks, JobPage, JobState
 from server.settings import Limits
 from server.store.database import Database
 from server.store.jobs import UNFINISHED, Jobs
+from server.store.submaps import Submaps, stored_place
 from server.store.tables import CollectionRow, JobRow
+from urquhart import SE2
 
 Kind = Literal["import", "reindex", "constraints"]
 
@@ -123,6 +128,25 @@ def results(database: Database, folder: JobFolder, caller: Caller, job_id: str) 
     if not folder.results(job_id).is_file():
         raise Gone(f"The job {job_id} left no results, or they were kept long enough and are gone.")
     return int(row.progress.get("written", 0))
+
+
+def constraints(database: Database, folder: JobFolder, caller: Caller, job_id: str, wanted: ConstraintFormat) -> bytes:
+    """The results of a job that looked for constraints, in a format. Raises as `results`, and Conflict for others."""
+    size = results(database, folder, caller, job_id)
+    with database.read() as session:
+        row = _row(session, caller, job_id)
+        if row.kind != "constraints":
+            raise Conflict(f"The job {job_id} is of the kind {row.kind}; only constraints come in other formats.")
+        with folder.results(job_id).open("rb") as file:
+            found = [orjson.loads(line) for line in file.read(size).splitlines()]
+        names = {name for one in found for name in (one["from"], one["to"])}
+        submaps = Submaps(session, row.collection_key)
+        poses = {
+            known.id: SE2(place.map_x, place.map_y, place.map_yaw)
+            for known in submaps.rows(submaps.keys(names).values())
+            if (place := stored_place(known)) is not None
+        }
+    return write_out(found, wanted, poses)
 
 
 def describe(row: JobRow) -> JobAnswer:

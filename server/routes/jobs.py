@@ -11,6 +11,7 @@ from fastapi import APIRouter, Path, Query, Request, Response
 from starlette.responses import StreamingResponse
 
 from server.bulk import OnConflict
+from server.constraints import chosen_submaps
 from server.errors import UnsupportedMediaType
 from server.http.authorization import GuardedRoute
 from server.http.compression import Inflater
@@ -32,6 +33,7 @@ from server.identifiers import new_id
 from server.jobs import queue
 from server.jobs.spool import spool
 from server.registry import read as read_collection
+from server.schemas.constraints import CONSTRAINT_EXAMPLE, ConstraintFormat, ConstraintsInput
 from server.schemas.jobs import JOB_EXAMPLE, JobAnswer, JobPage, JobState
 
 router = APIRouter(route_class=JsonRoute, tags=["jobs"])
@@ -40,6 +42,16 @@ _JOB = {"content": {JSON: {"example": JOB_EXAMPLE}}}
 _ACCEPTED = {"description": "Taken on; `Location` is the job.", "model": JobAnswer, **_JOB}
 _LINE = '{"line": 1, "id": "p1", "outcome": "created", "revision": 4}\n'
 _LINES = {"content": {NDJSON: {"schema": {"type": "string"}, "example": _LINE}}}
+_RESULTS = {
+    "content": {
+        **_LINES["content"],
+        JSON: {"schema": {"type": "object"}, "example": {"constraints": [CONSTRAINT_EXAMPLE]}},
+        "text/plain": {
+            "schema": {"type": "string"},
+            "example": "EDGE_SE2 0 1 1.2 -0.4 0.31 900 0 0 900 0 4e5",
+        },
+    }
+}
 _INPUT = '{"id": "p7", "xy": [[1.2, 3.4], [4.9, -2.2], [-3.1, 0.7]]}\n'
 _MEDIA_TYPES = frozenset({NDJSON, "application/ndjson", "application/jsonl"})
 _LOOK = 0.2
@@ -122,6 +134,28 @@ def post_reindex(collection: CollectionId, service: ServiceDep, caller: CallerDe
     return kept_response(kept)
 
 
+@router.post(
+    "/v1/collections/{collection}/constraints",
+    operation_id="postConstraints",
+    summary="Find how submaps lie to each other",
+    response_model=JobAnswer,
+    status_code=202,
+    responses={202: _ACCEPTED, **problems(400, 404, 413, 415, 422, 503, 507)},
+)
+def post_constraints(
+    collection: CollectionId, body: ConstraintsInput, service: ServiceDep, caller: CallerDep, once: OnceDep
+) -> Response:
+    """Each chosen submap is looked up in all others; what is accepted becomes a constraint `from_T_to` of a pose graph,
+    one for each pair. The job's results come as NDJSON, JSON, g2o or 4 x 4 matrices.
+    """
+    chosen_submaps(body)
+    kept = queue.accept(
+        service.database, collection, caller, "constraints", once, parameters=body.model_dump(mode="json")
+    )
+    service.jobs.runner.wake()
+    return kept_response(kept)
+
+
 @router.get(
     "/v1/jobs",
     operation_id="listJobs",
@@ -200,11 +234,24 @@ def delete_job(job: JobId, service: ServiceDep, caller: CallerDep) -> Response:
     operation_id="getJobResults",
     summary="What came of a job",
     response_class=Response,
-    responses={200: _LINES, **problems(404, 409, 410, 422, 503)},
+    responses={200: _RESULTS, **problems(404, 409, 410, 422, 503)},
 )
-def get_job_results(job: JobId, service: ServiceDep, caller: CallerDep) -> Response:
-    """Of an import: for each line of input a line with its number, `outcome`, and `problem` where it was refused."""
+def get_job_results(
+    job: JobId,
+    service: ServiceDep,
+    caller: CallerDep,
+    wanted: Annotated[
+        ConstraintFormat | None,
+        Query(alias="format", description="Of constraints: ndjson (default), json, g2o or matrices."),
+    ] = None,
+) -> Response:
+    """Of an import: for each line of input a line with its number, `outcome`, and `problem` where it was refused. Of
+    constraints: a line for each, `from`, `to` and the transform from_T_to; or all of them in another `format`.
+    """
     size = queue.results(service.database, service.jobs.folder, caller, job)
+    if wanted not in (None, "ndjson"):
+        text = queue.constraints(service.database, service.jobs.folder, caller, job, wanted)
+        return Response(text, media_type=JSON if wanted == "json" else "text/plain")
     return StreamingResponse(_pieces(service.jobs.folder.results(job), size), media_type=NDJSON)
 
 

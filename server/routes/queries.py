@@ -6,9 +6,11 @@ from fastapi import APIRouter, Path, Response
 
 from server import lookup, stored_queries
 from server.access import Scope
+from server.batch_queries import answer_batch
 from server.http.dependencies import Accept, CallerDep, CollectionId, JsonRoute, ServiceDep, json_response, problems
 from server.http.negotiation import JSON, SVG, choose
 from server.schemas import examples
+from server.schemas.batches import BatchAnswer, BatchInput
 from server.schemas.queries import ExplanationAnswer, MatchAnswer, QueryAnswer, QueryInput
 
 router = APIRouter(route_class=JsonRoute, tags=["queries"])
@@ -46,6 +48,25 @@ def query(collection: CollectionId, body: QueryInput, service: ServiceDep, calle
     )
     headers = {"Location": answer.links.self} if answer.links.self else None
     return json_response(answer, headers=headers)
+
+
+@router.post(
+    f"{_ALL}/batch",
+    operation_id="queryBatch",
+    summary="Ask several questions at once",
+    response_model=BatchAnswer,
+    responses={
+        200: {"content": {JSON: {"example": {"results": [examples.QUERY_ANSWER]}}}},
+        **problems(400, 404, 413, 415, 422, 503, 507),
+    },
+)
+def query_batch(collection: CollectionId, body: BatchInput, service: ServiceDep, caller: CallerDep) -> Response:
+    """Each is answered as if it had come alone, in their order; one that is wrong has a `problem` in its place."""
+    return json_response(
+        answer_batch(
+            service.database, service.catalog, service.metrics, service.settings.limits, caller, collection, body
+        )
+    )
 
 
 @router.get(

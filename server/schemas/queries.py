@@ -70,6 +70,9 @@ class QueryOptions(Body):
     explain: Annotated[bool, Field(strict=True)] = Field(
         False, description="Answer what each level found in each submap, too."
     )
+    per_session: Annotated[bool, Field(strict=True)] = Field(
+        False, description="Who has been here, and when: the best candidate of every session, each matched by itself."
+    )
     near: Near | None = Field(None, description="About where it was observed, if that is known.")
     exclude: Exclude = Field(default_factory=Exclude, description="What must not be found.")
 

@@ -141,6 +141,14 @@ class Submaps:
             found.update({row.key: row.id for row in self._session.execute(query)})
         return found
 
+    def rows(self, keys: Collection[int]) -> list[SubmapRow]:
+        """Rows of submaps by key, without their landmarks, in the order of the keys."""
+        found: list[SubmapRow] = []
+        for some in _batches(sorted(keys)):
+            query = select(SubmapRow).where(beside_key(self._collection_key), SubmapRow.key.in_(some))
+            found += self._session.scalars(query.order_by(SubmapRow.key))
+        return found
+
     def insert(self, records: Sequence[SubmapRecord], revision: int) -> None:
         """Add submaps that are not there yet."""
         now = datetime.now(UTC)
@@ -197,6 +205,23 @@ class Submaps:
             .limit(limit)
         )
         return [(row[0] or "", row[1], row[2], row[3]) for row in self._session.execute(query)]
+
+    def session_names(self, keys: Collection[int]) -> dict[int, str | None]:
+        """The sessions of submaps by key."""
+        found: dict[int, str | None] = {}
+        for some in _batches(list(keys)):
+            query = select(SubmapRow.key, SubmapRow.session).where(
+                beside_key(self._collection_key), SubmapRow.key.in_(some)
+            )
+            found.update({row.key: row.session for row in self._session.execute(query)})
+        return found
+
+    def beside(self, key: int) -> set[int]:
+        """Keys of all submaps of a submap's session, or of all without one where it has none."""
+        session = self._session.scalar(select(SubmapRow.session).where(SubmapRow.key == key))
+        same = SubmapRow.session.is_(None) if session is None else SubmapRow.session == session
+        query = select(SubmapRow.key).where(SubmapRow.collection_key == self._collection_key, same)
+        return set(self._session.scalars(query))
 
     def matching(self, chosen: SubmapFilter) -> set[int]:
         """Keys of the submaps that are chosen."""

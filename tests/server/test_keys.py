@@ -225,6 +225,8 @@ BODIES: dict[str, Any] = {
     "patchSubmap": {"properties": {}},
     "postImport": {},
     "postReindex": {},
+    "postConstraints": {},
+    "queryBatch": {"queries": [{"xy": points(forest(1))}]},
     "query": {"xy": points(forest(1))},
 }
 OWN_RULES = {

@@ -1,0 +1,62 @@
+"""Several queries in one request, each answered as if it had come alone."""
+
+from typing import Any
+
+from pydantic import ValidationError
+
+from server.access import Caller, Scope
+from server.catalog import Catalog
+from server.errors import DomainError, TooLarge
+from server.kinds import VALIDATION, document
+from server.lookup import answer_query
+from server.metrics import Metrics
+from server.registry import read
+from server.schemas.batches import BatchAnswer, BatchInput, BatchProblem
+from server.schemas.pointers import field_problems
+from server.schemas.queries import QueryAnswer, QueryInput
+from server.settings import Limits
+from server.store.database import Database
+
+
+def answer_batch(
+    database: Database,
+    catalog: Catalog,
+    metrics: Metrics,
+    limits: Limits,
+    caller: Caller,
+    collection_id: str,
+    body: BatchInput,
+) -> BatchAnswer:
+    """Look queries up one after the other; what is wrong with one stands in its place.
+
+    Raises NotFound (the collection), TooLarge (more than `limits.batch_queries`) and StorageError.
+    """
+    if len(body.queries) > limits.batch_queries:
+        raise TooLarge("batch_queries", limits.batch_queries, len(body.queries), "Send them in parts.")
+    read(database, collection_id)
+    results: list[QueryAnswer | BatchProblem] = []
+    for number, members in enumerate(body.queries):
+        try:
+            query = QueryInput.model_validate(members)
+            if query.store:
+                caller.require(Scope.WRITE)
+            results.append(answer_query(database, catalog, metrics, limits, collection_id, query))
+        except ValidationError as error:
+            results.append(BatchProblem(problem=_invalid(error, number)))
+        except DomainError as error:
+            problem = document(error)
+            if problem["status"] >= 500:
+                raise
+            results.append(BatchProblem(problem=problem))
+    return BatchAnswer(results=results)
+
+
+def _invalid(error: ValidationError, number: int) -> dict[str, Any]:
+    found = field_problems([{**one, "loc": ("body", *one["loc"])} for one in error.errors(include_url=False)])
+    return {
+        "type": f"/problems/{VALIDATION.slug}",
+        "title": VALIDATION.title,
+        "status": VALIDATION.status,
+        "detail": f"Query {number} of the batch is not valid.",
+        "errors": found,
+    }

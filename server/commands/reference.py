@@ -1,0 +1,18 @@
+"""`urquhart reference`: every route of the service as a page to read."""
+
+import tempfile
+from pathlib import Path
+
+import typer
+
+from server.app import create_app
+from server.http.reference import reference
+from server.settings import Settings
+
+
+def reference_page() -> None:
+    """Print the reference of the API, as Markdown."""
+    with tempfile.TemporaryDirectory() as folder:
+        app = create_app(Settings(database=str(Path(folder) / "none.db")))
+        typer.echo(reference(app.openapi()), nl=False)
+        app.state.service.database.dispose()

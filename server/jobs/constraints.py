@@ -1,0 +1,86 @@
+"""The job that looks up every submap of a collection in the others, and leaves what they tell of each other."""
+
+import os
+from collections.abc import Iterator
+from typing import Final
+
+import orjson
+from sqlalchemy.orm import Session
+
+from server.constraints import agree, chosen_submaps, from_candidates, question, write_out
+from server.errors import NotFound
+from server.jobs.runner import Assignment, Tools
+from server.lookup import look_up
+from server.schemas.constraints import ConstraintsInput
+from server.store.database import storage_errors
+from server.store.submaps import Submaps
+from server.store.tables import SubmapRow
+
+_PAGE: Final = 50
+"""Submaps looked up between two notes of how far it is."""
+
+
+def run_constraints(assignment: Assignment, tools: Tools) -> None:
+    """Look submaps up one by one; at the end keep one constraint for each pair. Raises NotFound, StorageError ..."""
+    body = ConstraintsInput.model_validate(assignment.parameters)
+    found_file, results_file = tools.folder.found(assignment.id), tools.folder.results(assignment.id)
+    if assignment.total is None:
+        with tools.database.read() as session:
+            assignment.total = len(_matching(assignment, session, body))
+    with storage_errors(tools.folder.path):
+        with found_file.open("a+b") as found:
+            found.truncate(assignment.progress.get("found", 0))
+            for rows in _pages(assignment, tools, body):
+                for row in rows:
+                    constraints = _look_up(assignment, tools, row, body)
+                    found.writelines(orjson.dumps(one) + b"\n" for one in constraints)
+                found.flush()
+                assignment.done += len(rows)
+                assignment.report(after=rows[-1].key, found=found.tell())
+            found.seek(0)
+            kept, contradictions = agree(orjson.loads(line) for line in found)
+        with results_file.open("wb") as results:
+            results.write(write_out(kept, "ndjson", {}))
+            results.flush()
+            os.fsync(results.fileno())
+            size = results.tell()
+        assignment.counts = {"constraints": len(kept), "inconsistent": contradictions}
+        assignment.report(written=size)
+        found_file.unlink(missing_ok=True)
+
+
+def _pages(assignment: Assignment, tools: Tools, body: ConstraintsInput) -> Iterator[list[SubmapRow]]:
+    """Submaps to look up, in the order of their keys, from where the job stands."""
+    after = int(assignment.progress.get("after", 0))
+    while True:
+        with tools.database.read() as session:
+            keys = sorted(key for key in _matching(assignment, session, body) if key > after)[:_PAGE]
+            rows = Submaps(session, assignment.collection_key).rows(keys)
+        if not rows:
+            return
+        yield rows
+        after = rows[-1].key
+
+
+def _matching(assignment: Assignment, session: Session, body: ConstraintsInput) -> set[int]:
+    submaps = Submaps(session, assignment.collection(session).key)
+    keys = submaps.matching(chosen_submaps(body))
+    return keys if body.submap_ids is None else keys & set(submaps.keys(body.submap_ids).values())
+
+
+def _look_up(assignment: Assignment, tools: Tools, row: SubmapRow, body: ConstraintsInput) -> list[dict[str, object]]:
+    excluded = row.session if body.exclude.same_session else None
+    try:
+        look = look_up(
+            tools.catalog,
+            tools.metrics,
+            tools.settings.limits,
+            assignment.collection_id,
+            question(row, body),
+            without_session=excluded,
+        )
+    except NotFound:
+        return []  # deleted meanwhile
+    if look.answer.verdict != "matched":
+        return []
+    return from_candidates(row, look.answer.candidates, body)

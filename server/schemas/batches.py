@@ -1,0 +1,31 @@
+"""Bodies of several queries at once."""
+
+from typing import Any
+
+from pydantic import ConfigDict, Field
+
+from server.schemas.common import Answer, Body
+from server.schemas.queries import QueryAnswer, QueryInput
+
+_EXAMPLE: Any = QueryInput.model_config["json_schema_extra"]["examples"][0]  # type: ignore[index]
+
+
+class BatchInput(Body):
+    """Several queries, each as it would be asked alone."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [{"queries": [_EXAMPLE, {"submap_id": "p7"}]}]})
+
+    # Read one by one, so that one that is wrong does not spoil the others.
+    queries: list[dict[str, Any]] = Field(min_length=1, description="Bodies of `query`.")
+
+
+class BatchProblem(Answer):
+    """In the place of an answer: why there is none."""
+
+    problem: dict[str, Any] = Field(description="As it would have been answered alone.")
+
+
+class BatchAnswer(Answer):
+    """An answer or a problem for each query, in their order."""
+
+    results: list[QueryAnswer | BatchProblem]

@@ -1,0 +1,74 @@
+"""Bodies of constraints between submaps, for pose graphs."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import ConfigDict, Field
+
+from server.schemas.common import Answer, Body, Label, Metres, PoseWithCovariance, ResourceId
+
+ConstraintFormat = Literal["ndjson", "json", "g2o", "matrices"]
+
+
+class ConstraintGates(Body):
+    """What a match must have to become a constraint, besides being accepted."""
+
+    confidence: Annotated[float, Field(ge=0, le=1)] = Field(0.0, description="The least.")
+    inliers: Annotated[int, Field(ge=0, strict=True)] = Field(0, description="The fewest.")
+    rms: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = Field(None, description="The most, metres.")
+
+
+class ConstraintExclude(Body):
+    """Which pairs are not looked for."""
+
+    same_session: Annotated[bool, Field(strict=True)] = Field(False, description="Pairs of one session.")
+    within_seconds: Annotated[float, Field(ge=0, le=1e9, allow_inf_nan=False)] | None = Field(
+        None, description="Pairs with stamps so close to each other; submaps without a stamp are paired with any."
+    )
+
+
+class ConstraintsInput(Body):
+    """Which submaps to look up, and what counts."""
+
+    model_config = ConfigDict(
+        json_schema_extra={"examples": [{}, {"session": "monday", "exclude": {"same_session": True}}]}
+    )
+
+    session: Label | None = Field(None, description="Only submaps of this session are looked up, in all others.")
+    submap_ids: Annotated[list[ResourceId], Field(min_length=1, max_length=10_000)] | None = Field(
+        None, description="Only these are."
+    )
+    frame_id: Label | None = Field(None, description="Only those placed in this map.")
+    bbox: tuple[Metres, Metres, Metres, Metres] | None = Field(
+        None, description="Only those whose footprint reaches into it: min x, min y, max x, max y, map frame."
+    )
+    datetime: str | None = Field(None, max_length=100, description="Only those with a stamp in this interval.")
+    gates: ConstraintGates = Field(default_factory=ConstraintGates)
+    exclude: ConstraintExclude = Field(default_factory=ConstraintExclude)
+    per_submap: Annotated[int, Field(ge=1, le=20, strict=True)] = Field(
+        3, description="Most constraints from one look-up."
+    )
+
+
+class Constraint(Answer):
+    """How two submaps lie to each other: from_T_to takes points of `to` into the frame of `from`."""
+
+    from_: str = Field(alias="from")
+    to: str
+    transform: PoseWithCovariance
+    inliers: int
+    rms: float
+    confidence: float
+    from_session: str | None
+    to_session: str | None
+
+
+CONSTRAINT_EXAMPLE: dict[str, Any] = {
+    "from": "p7",
+    "to": "q3",
+    "transform": {"x": 1.2, "y": -0.4, "yaw": 0.31, "covariance": [0.001, 0, 0, 0, 0.001, 0, 0, 0, 1e-6]},
+    "inliers": 41,
+    "rms": 0.12,
+    "confidence": 0.9999,
+    "from_session": "monday",
+    "to_session": "tuesday",
+}

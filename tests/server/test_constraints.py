@@ -1,0 +1,150 @@
+"""Constraints: found from both sides, told once, in every format the same."""
+
+import math
+from typing import Any
+
+import httpx
+import numpy as np
+import orjson
+import pytest
+
+from server.constraints import agree, write_out
+from tests.server.test_jobs import finished
+from tests.server.world import forest, observed, points
+from urquhart import SE2
+
+URL = "/v1/collections/plots/constraints"
+
+
+def place(client: httpx.Client, name: str, trees: Any, seed: int, **fields: Any) -> SE2:
+    """Store what is seen of trees from somewhere; world_T_submap."""
+    seen, world_T_submap = observed(trees, seed)
+    client.put(f"/v1/collections/plots/submaps/{name}", json={"xy": seen, **fields}).raise_for_status()
+    return world_T_submap
+
+
+@pytest.fixture
+def truth(client: httpx.Client) -> dict[str, SE2]:
+    """Two places, seen twice and three times, and one seen once."""
+    poses = {}
+    for i, (name, seed, session) in enumerate(
+        [("a1", 1, "mon"), ("a2", 1, "tue"), ("b1", 2, "mon"), ("b2", 2, "mon"), ("b3", 2, "tue"), ("c", 3, "mon")]
+    ):
+        stamp = f"2026-05-04T09:0{i}:00Z"
+        poses[name] = place(client, name, forest(seed), i, session=session, stamp=stamp)
+    return poses
+
+
+def found(client: httpx.Client, body: Any) -> list[dict[str, Any]]:
+    job = finished(client, client.post(URL, json=body))
+    assert job["state"] == "successful", job
+    return [orjson.loads(line) for line in client.get(job["links"]["results"]).content.splitlines()]
+
+
+def pairs(constraints: list[dict[str, Any]]) -> set[frozenset[str]]:
+    named = [frozenset((one["from"], one["to"])) for one in constraints]
+    assert len(set(named)) == len(named)
+    return set(named)
+
+
+ALL = {frozenset(pair) for pair in (("a1", "a2"), ("b1", "b2"), ("b1", "b3"), ("b2", "b3"))}
+
+
+def test_what_is_seen_twice_is_tied_together(client: httpx.Client, truth: dict[str, SE2]) -> None:
+    constraints = found(client, {})
+    assert pairs(constraints) == ALL
+    for one in constraints:
+        at = one["transform"]
+        expected = truth[one["from"]].inverse() @ truth[one["to"]]
+        shift, turn = SE2(at["x"], at["y"], at["yaw"]).distance(expected)
+        assert shift < 0.1
+        assert turn < 0.01
+        assert one["confidence"] > 0.999
+        assert (one["from_session"], one["to_session"]) != (None, None)
+
+
+def test_filters_gates_and_exclusions(client: httpx.Client, truth: dict[str, SE2]) -> None:
+    assert truth
+    across = ALL - {frozenset(("b1", "b2"))}
+    assert pairs(found(client, {"exclude": {"same_session": True}})) == across
+    assert pairs(found(client, {"exclude": {"within_seconds": 61}})) == {frozenset(("b1", "b3"))}
+    assert pairs(found(client, {"session": "tue", "exclude": {"same_session": True}})) == across
+    assert pairs(found(client, {"submap_ids": ["a2", "c"]})) == {frozenset(("a1", "a2"))}
+    assert found(client, {"gates": {"inliers": 1000}}) == []
+    assert found(client, {"gates": {"rms": 0.001}}) == []
+    assert found(client, {"datetime": "2020-01-01T00:00:00Z/2021-01-01T00:00:00Z"}) == []
+    assert found(client, {"bbox": [0, 0, 1, 1]}) == []
+    for wrong in ({"gates": {"confidence": 2}}, {"datetime": "x"}, {"bbox": [5, 0, 1, 1]}, {"sesion": "x"}):
+        assert client.post(URL, json=wrong).status_code == 422
+
+
+def test_every_format_tells_the_same(client: httpx.Client, truth: dict[str, SE2]) -> None:
+    job = finished(client, client.post(URL, json={}))
+    url = job["links"]["results"]
+    lines = [orjson.loads(line) for line in client.get(url).content.splitlines()]
+    assert client.get(url, params={"format": "json"}).json() == {"constraints": lines}
+    matrices = client.get(url, params={"format": "matrices"}).text.splitlines()
+    assert len(matrices) == len(lines)
+    for one, text in zip(lines, matrices, strict=True):
+        first, second, *numbers = text.split()
+        matrix = np.array(numbers, float).reshape(4, 4)
+        expected = truth[first].inverse() @ truth[second]
+        assert (first, second) == (one["from"], one["to"])
+        xy = np.array([[1.0, 2.0], [-3.0, 0.5]])
+        moved = np.column_stack([xy, np.zeros(2), np.ones(2)]) @ matrix.T
+        np.testing.assert_allclose(moved[:, :2], expected.apply(xy), atol=0.15)
+    text = client.get(url, params={"format": "g2o"}).text
+    names = dict(line[2:].split() for line in text.splitlines() if line.startswith("# "))
+    vertices = {
+        fields[1]: SE2(*map(float, fields[2:5]))
+        for fields in map(str.split, text.splitlines())
+        if fields[0] == "VERTEX_SE2"
+    }
+    edges = [line.split() for line in text.splitlines() if line.startswith("EDGE_SE2")]
+    assert len(edges) == len(lines)
+    for edge in edges:
+        measured = SE2(*map(float, edge[3:6]))
+        expected = truth[names[edge[1]]].inverse() @ truth[names[edge[2]]]
+        assert measured.distance(expected)[0] < 0.1
+        # Vertices begin where the constraints put them.
+        assert (vertices[edge[1]].inverse() @ vertices[edge[2]]).distance(measured)[0] < 0.2
+        a, b, c, d, e, f = map(float, edge[6:])
+        assert np.all(np.linalg.eigvalsh(np.array([[a, b, c], [b, d, e], [c, e, f]])) > 0)
+    assert client.get(url, params={"format": "kml"}).status_code == 422
+
+
+def test_only_constraints_come_in_formats(client: httpx.Client) -> None:
+    job = finished(client, client.post("/v1/collections/plots/reindex"))
+    assert client.get(job["links"]["results"], params={"format": "g2o"}).status_code == 410
+
+
+def constraint(first: str, second: str, pose: SE2, inliers: int) -> dict[str, Any]:
+    covariance = np.diag([0.01, 0.01, 1e-4]).ravel().tolist()
+    return {
+        "from": first,
+        "to": second,
+        "transform": {"x": pose.x, "y": pose.y, "yaw": pose.yaw, "covariance": covariance},
+        "inliers": inliers,
+    }
+
+
+def test_two_finds_of_a_pair_have_to_agree() -> None:
+    pose = SE2(3.0, -1.0, 2.0)
+    near = SE2(3.1, -1.0, 2.01)
+    kept, contradictions = agree([constraint("a", "b", pose, 10), constraint("b", "a", near.inverse(), 12)])
+    assert ([(one["from"], one["inliers"]) for one in kept], contradictions) == ([("b", 12)], 0)
+    kept, contradictions = agree([constraint("a", "b", pose, 10), constraint("b", "a", pose, 12)])
+    assert (kept, contradictions) == ([], 1)
+    third = constraint("a", "b", pose, 50)
+    assert agree([constraint("a", "b", pose, 10), constraint("b", "a", pose, 12), third])[0] == []
+
+
+def test_g2o_starts_from_the_map_where_there_is_one() -> None:
+    found = [constraint("a", "b", SE2(1.0, 0.0, math.pi / 2), 9), constraint("b", "c", SE2(2.0, 0.0, 0.0), 9)]
+    text = write_out(found, "g2o", {"b": SE2(10.0, 20.0, 0.0)}).decode()
+    starts = {line.split()[1]: line.split()[2:4] for line in text.splitlines() if line.startswith("VERTEX")}
+    assert [float(value) for value in starts["1"]] == [10.0, 20.0]
+    assert [float(value) for value in starts["2"]] == [12.0, 20.0]
+    np.testing.assert_allclose([float(value) for value in starts["0"]], [10.0, 21.0], atol=1e-12)
+    assert write_out([], "g2o", {}) == b""
+    assert points(forest(1))
