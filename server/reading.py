@@ -60,9 +60,12 @@ def sessions(
         rows = Submaps(session, collection.key).sessions(read_name_cursor("sessions", cursor), size + 1)
     return SessionPage(
         sessions=[
-            SessionSummary(session=name, submaps=n, first=first, last=last) for name, n, first, last in rows[:size]
+            SessionSummary(
+                session=row.session, submaps=row.submaps, landmarks=row.landmarks, first=row.first, last=row.last
+            )
+            for row in rows[:size]
         ],
-        next=write_cursor("sessions", rows[size - 1][0]) if len(rows) > size else None,
+        next=write_cursor("sessions", rows[size - 1].session) if len(rows) > size else None,
     )
 
 

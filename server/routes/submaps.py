@@ -34,7 +34,15 @@ _ALL = "/v1/collections/{collection}/submaps"
 _PATH = f"{_ALL}/{{submap}}"
 _SUBMAP: dict[str, Any] = {"content": {JSON: {"example": examples.SUBMAP}}}
 _SESSIONS = {
-    "sessions": [{"session": "monday", "submaps": 12, "first": "2026-05-04T09:30:00Z", "last": "2026-05-04T11:02:10Z"}]
+    "sessions": [
+        {
+            "session": "monday",
+            "submaps": 12,
+            "landmarks": 900,
+            "first": "2026-05-04T09:30:00Z",
+            "last": "2026-05-04T11:02:10Z",
+        }
+    ]
 }
 _GEOJSON = {"schema": {"type": "object"}, "example": {"type": "FeatureCollection", "features": []}}
 _SVG = {"schema": {"type": "string"}, "example": "<svg xmlns='http://www.w3.org/2000/svg'></svg>"}

@@ -176,8 +176,14 @@ def test_sessions_by_name(client: httpx.Client) -> None:
         put_submap(client, "plots", f"p{i}", i, session=session, stamp=stamp).raise_for_status()
     first = client.get("/v1/collections/plots/sessions", params={"limit": "2"}).json()
     assert first["sessions"] == [
-        {"session": "a", "submaps": 1, "first": None, "last": None},
-        {"session": "b", "submaps": 2, "first": "2026-05-01T08:00:00Z", "last": "2026-05-01T10:00:00Z"},
+        {"session": "a", "submaps": 1, "landmarks": 60, "first": None, "last": None},
+        {
+            "session": "b",
+            "submaps": 2,
+            "landmarks": 120,
+            "first": "2026-05-01T08:00:00Z",
+            "last": "2026-05-01T10:00:00Z",
+        },
     ]
     response = client.get("/v1/collections/plots/sessions", params={"limit": "2", "cursor": first["next"]})
     assert [one["session"] for one in response.json()["sessions"]] == ["c"]

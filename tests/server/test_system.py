@@ -124,7 +124,7 @@ def test_limits(client: httpx.Client, service: Service) -> None:
     assert limits["limits"]["body_bytes"] == 8 * 1024 * 1024
     assert set(limits["limits"]) | {"stored_queries"} == set(type(service.settings.limits).model_fields)
     assert limits["retention"] == {"stored_queries": 10_000}
-    assert limits["versions"]["schema"] == "0005"
+    assert limits["versions"]["schema"] == "0006"
 
 
 def test_landing_page_for_people_and_programs(client: httpx.Client) -> None:
