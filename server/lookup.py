@@ -69,10 +69,17 @@ class Look:
 
 
 def answer_query(
-    database: Database, catalog: Catalog, metrics: Metrics, limits: Limits, collection_id: str, body: QueryInput
+    database: Database,
+    catalog: Catalog,
+    metrics: Metrics,
+    limits: Limits,
+    collection_id: str,
+    body: QueryInput,
+    *,
+    own_id: str | None = None,
 ) -> QueryAnswer:
     """Look a query up and keep the answer where that was asked for. Raises as `look_up`, and StorageError."""
-    look = look_up(catalog, metrics, limits, collection_id, body)
+    look = look_up(catalog, metrics, limits, collection_id, body, own_id=own_id)
     answer = look.answer
     if body.store:
         answer = keep(database, limits, look.collection, look.asked.xy, look.asked.ids, look.candidates, answer)
@@ -86,10 +93,12 @@ def look_up(
     collection_id: str,
     body: QueryInput,
     *,
+    own_id: str | None = None,
     to_draw: bool = False,
 ) -> Look:
     """Place an observation in a collection; with `to_draw`, read the landmarks of candidates and first rival too.
 
+    The submap `own_id` is left out of the search: what is stored there, if anything, is the observation itself.
     Too few or collinear landmarks are an answer, not an error. Raises NotFound (the collection, or `submap_id`),
     InvalidLandmarks, InvalidField, TooLarge and StorageError.
     """
@@ -109,6 +118,8 @@ def look_up(
         excluded = keys_excluded(submaps, body.exclude, asked.stamp)
         if row is not None:
             excluded.add(row.key)
+        if own_id is not None:
+            excluded.update(submaps.keys([own_id]).values())
         rng = None if body.seed is None else np.random.default_rng(body.seed)
         try:
             found = view.recognizer.recognize(

@@ -232,7 +232,8 @@ def _bbox(text: str | None) -> tuple[float, float, float, float] | None:
     if text is None:
         return None
     try:
-        values = tuple(float(part) for part in text.split(","))
+        # Python reads `1_0`, too.
+        values = () if "_" in text else tuple(float(part) for part in text.split(","))
     except ValueError:
         values = ()
     if len(values) != 4 or not np.isfinite(values).all() or values[0] > values[2] or values[1] > values[3]:
