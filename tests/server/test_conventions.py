@@ -198,3 +198,25 @@ def test_large_answers_are_packed_beside_the_event_loop(client: httpx.Client, mo
 
 def test_how_long_answers_are_kept_is_published(client: httpx.Client) -> None:
     assert client.get("/v1/limits").json()["retention"]["idempotency_hours"] == 24.0
+
+
+def test_preconditions_may_come_in_several_lines(client: httpx.Client) -> None:
+    etag = put_submap(client, "plots", "p", 1).headers["ETag"]
+    matching = [("If-Match", '"other"'), ("If-Match", etag)]
+    assert client.put(f"{SUBMAPS}/p", json=body(2), headers=matching).status_code == 200
+    absent = [("If-None-Match", '"other"'), ("If-None-Match", "*")]
+    assert client.put(f"{SUBMAPS}/p", json=body(3), headers=absent).status_code == 412
+    assert client.get(f"{SUBMAPS}/p", headers=absent).status_code == 304
+
+
+def test_pages_of_problems_differ_by_accept(client: httpx.Client) -> None:
+    for accept in ("text/html", "application/json"):
+        page = client.get("/problems/gone", headers={"Accept": accept})
+        assert page.headers["Content-Type"].startswith(accept)
+        assert "Accept" in page.headers["Vary"].split(", ")
+
+
+def test_a_key_that_comes_twice_is_no_key(client: httpx.Client) -> None:
+    headers = [("Idempotency-Key", "a"), ("Idempotency-Key", "b")]
+    assert first_error(client.post(SUBMAPS, json=body(1), headers=headers))["parameter"].lower() == "idempotency-key"
+    assert client.get(SUBMAPS).json()["submaps"] == []
