@@ -4,6 +4,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import Any
 
 import httpx
 from fastapi import FastAPI
@@ -83,7 +84,7 @@ def test_a_question_on_the_way_needs_leave_to_read(client: httpx.Client, app: Fa
     writer, both = (keys.make(store, "a", scopes, ["*"])[0] for scopes in ([Scope.WRITE], [Scope.WRITE, Scope.READ]))
     app.state.doorkeeper = Doorkeeper(app.state.service.settings, store)
     for secret, wanted, status in ((writer, False, 201), (writer, True, 403), (both, True, 201)):
-        sent = {"xy": points(forest(1))} | ({"query": {}} if wanted else {})
+        sent: dict[str, Any] = {"xy": points(forest(1))} | ({"query": {}} if wanted else {})
         response = client.post(SUBMAPS, json=sent, headers={"Authorization": f"Bearer {secret}"})
         assert response.status_code == status
     headers = {"Authorization": f"Bearer {both}"}
