@@ -160,7 +160,7 @@ def test_a_loop_is_closed_in_one_call(client: httpx.Client, how: str, method: st
 
 def test_a_question_that_cannot_be_asked_stores_nothing(client: httpx.Client) -> None:
     response = client.post(SUBMAPS, json=body(1, query={"limit": 1000}))
-    assert (response.status_code, response.json()["errors"][0]["pointer"]) == (422, "/limit")
+    assert (response.status_code, response.json()["errors"][0]["pointer"]) == (422, "/query/limit")
     response = client.post(SUBMAPS, json=body(1, query={"limits": 1}))
     assert response.json()["errors"][0]["pointer"] == "/query/limits"
     assert count(client) == 0
