@@ -95,6 +95,11 @@ class InvalidField(DomainError):
         self.pointer = pointer
         self.parameter = parameter
 
+    def below(self, pointer: str) -> "InvalidField":
+        """The same of a field in an object that stands at `pointer` in the body."""
+        inner = None if self.pointer is None else f"{pointer}{self.pointer}"
+        return InvalidField(str(self), code=self.code, pointer=inner, parameter=self.parameter)
+
 
 class InvalidLandmarks(DomainError):
     """The landmarks cannot be used. `indices` are the offending positions, when known."""

@@ -20,6 +20,7 @@ from server.settings import Limits
 from server.store.codec import position_names, unpack_diameters, unpack_ids, unpack_positions
 from server.store.database import Database
 from server.store.found import FoundSubmap, found_submaps
+from server.store.sessions import Sessions
 from server.store.submaps import SubmapFilter, Submaps
 from server.store.tables import CollectionRow, SubmapRow
 from server.stored_queries import keep
@@ -70,10 +71,17 @@ class Look:
 
 
 def answer_query(
-    database: Database, catalog: Catalog, metrics: Metrics, limits: Limits, collection_id: str, body: QueryInput
+    database: Database,
+    catalog: Catalog,
+    metrics: Metrics,
+    limits: Limits,
+    collection_id: str,
+    body: QueryInput,
+    *,
+    own_id: str | None = None,
 ) -> QueryAnswer:
     """Look a query up and keep the answer where that was asked for. Raises as `look_up`, and StorageError."""
-    look = look_up(catalog, metrics, limits, collection_id, body)
+    look = look_up(catalog, metrics, limits, collection_id, body, own_id=own_id)
     answer = look.answer
     if body.store:
         answer = keep(database, limits, look.collection, look.asked.xy, look.asked.ids, look.candidates, answer)
@@ -87,12 +95,14 @@ def look_up(
     collection_id: str,
     body: QueryInput,
     *,
+    own_id: str | None = None,
     to_draw: bool = False,
     without_session: str | None = None,
 ) -> Look:
     """Place an observation in a collection; with `to_draw`, read the landmarks of candidates and first rival too.
 
-    `without_session`: leave its submaps out, besides what the query excludes.
+    The submap `own_id` is left out of the search: what is stored there, if anything, is the observation itself.
+    So are the submaps of `without_session`.
 
     Too few or collinear landmarks are an answer, not an error. Raises NotFound (the collection, or `submap_id`),
     InvalidLandmarks, InvalidField, TooLarge and StorageError.
@@ -115,9 +125,12 @@ def look_up(
             excluded.add(row.key)
         if without_session is not None:
             excluded |= submaps.matching(SubmapFilter(session=without_session))
+        if own_id is not None:
+            excluded.update(submaps.keys([own_id]).values())
+        sessions = Sessions(view.session, view.collection.key)
         search = _search(view, body, asked, keys_near(submaps, body.near))
         try:
-            found = by_session(search, submaps, excluded, body.limit) if body.per_session else search(excluded)
+            found = by_session(search, sessions, excluded, body.limit) if body.per_session else search(excluded)
         except LandmarkError as error:
             raise invalid_landmarks(error, body) from error
         keys = {candidate.key for candidate in found.candidates} | {rival.key for rival in found.rivals[:1]}

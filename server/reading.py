@@ -28,6 +28,7 @@ from server.schemas.submaps import (
 from server.settings import Limits
 from server.store.codec import digest, unpack_attributes, unpack_ids, unpack_positions
 from server.store.database import Database
+from server.store.sessions import Sessions
 from server.store.submaps import SubmapFilter, Submaps, stored_place
 from server.store.tables import SubmapRow
 
@@ -57,12 +58,15 @@ def sessions(
     size = page_size(limit, limits)
     with database.read() as session:
         collection = get_collection(session, collection_id)
-        rows = Submaps(session, collection.key).sessions(read_name_cursor("sessions", cursor), size + 1)
+        rows = Sessions(session, collection.key).page(read_name_cursor("sessions", cursor), size + 1)
     return SessionPage(
         sessions=[
-            SessionSummary(session=name, submaps=n, first=first, last=last) for name, n, first, last in rows[:size]
+            SessionSummary(
+                session=row.session, submaps=row.submaps, landmarks=row.landmarks, first=row.first, last=row.last
+            )
+            for row in rows[:size]
         ],
-        next=write_cursor("sessions", rows[size - 1][0]) if len(rows) > size else None,
+        next=write_cursor("sessions", rows[size - 1].session) if len(rows) > size else None,
     )
 
 
@@ -229,7 +233,8 @@ def _bbox(text: str | None) -> tuple[float, float, float, float] | None:
     if text is None:
         return None
     try:
-        values = tuple(float(part) for part in text.split(","))
+        # Python reads `1_0`, too.
+        values = () if "_" in text else tuple(float(part) for part in text.split(","))
     except ValueError:
         values = ()
     if len(values) != 4 or not np.isfinite(values).all() or values[0] > values[2] or values[1] > values[3]:

@@ -39,11 +39,13 @@ class Ensured:
     created: bool
 
 
-def ensure(database: Database, collection_id: str, body: CollectionPut) -> Ensured:
+def ensure(
+    database: Database, collection_id: str, body: CollectionPut, preconditions: Preconditions = ANYTHING
+) -> Ensured:
     """Make a collection, or find it there with what the body says.
 
-    Fields that the body leaves out have no opinion. Raises Conflict when the collection differs in one that is given,
-    and InvalidField for a configuration or CRS that cannot be used.
+    Fields that the body leaves out have no opinion. Raises PreconditionFailed, Conflict when the collection differs in
+    one that is given, and InvalidField for a configuration or CRS that cannot be used.
     """
     config = read_config(body.config)
     if body.crs is not None:
@@ -51,12 +53,14 @@ def ensure(database: Database, collection_id: str, body: CollectionPut) -> Ensur
     with database.read() as session:
         row = Collections(session).get(collection_id)
         if row is not None:
+            preconditions.check(etag_of(row))
             _must_agree(row, body, config)
             return Ensured(_full(session, row), etag_of(row), created=False)
     with database.write() as session:
         collections = Collections(session)
         row = collections.get(collection_id)
         created = row is None
+        preconditions.check(None if row is None else etag_of(row))
         if row is None:
             row = collections.create(
                 collection_id,

@@ -3,26 +3,26 @@
 from collections.abc import Callable
 from dataclasses import replace
 
-from server.store.submaps import Submaps
+from server.store.sessions import Sessions
 from urquhart import Candidate, Recognition
 
 Search = Callable[[set[int]], Recognition]
 """A look-up that leaves out the submaps with these keys."""
 
 
-def by_session(search: Search, submaps: Submaps, excluded: set[int], limit: int) -> Recognition:
+def by_session(search: Search, sessions: Sessions, excluded: set[int], limit: int) -> Recognition:
     """The answer to a question, with the best candidate of every session that has been here, `limit` at most.
 
     Verdict, reason and rivals are those of the first search. Each further candidate is `matched` in a search of its
     own, among all submaps but those of the sessions found before; submaps without a session count as one.
     """
     first = search(excluded)
-    found = _distinct(first, submaps)
+    found = _distinct(first, sessions)
     if first.verdict != "matched":
         return replace(first, candidates=tuple(found[:limit]))
     found, excluded, stages = found[:1], set(excluded), list(first.stages)
     while len(found) < limit:
-        excluded |= submaps.beside(found[-1].key)
+        excluded |= sessions.beside(found[-1].key)
         following = search(excluded)
         stages += following.stages
         if following.verdict != "matched":
@@ -31,9 +31,9 @@ def by_session(search: Search, submaps: Submaps, excluded: set[int], limit: int)
     return replace(first, candidates=tuple(found), stages=tuple(stages))
 
 
-def _distinct(answer: Recognition, submaps: Submaps) -> list[Candidate]:
+def _distinct(answer: Recognition, sessions: Sessions) -> list[Candidate]:
     seen: set[str | None] = set()
-    names = submaps.session_names({candidate.key for candidate in answer.candidates})
+    names = sessions.names({candidate.key for candidate in answer.candidates})
     kept = []
     for candidate in answer.candidates:
         if names[candidate.key] not in seen:

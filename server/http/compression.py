@@ -1,9 +1,11 @@
 """gzip, in and out: a landmark list in JSON shrinks to a third, and a robot's link is thin."""
 
-import gzip
 import zlib
+from functools import partial
+from gzip import compress
 from typing import Final
 
+import anyio.to_thread
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -16,7 +18,8 @@ _LEAST: Final = 1024
 """Bytes below which an answer is sent as it is,"""
 _LEVEL: Final = 4
 """and how hard it is tried: beyond this time grows faster than size falls."""
-_PIECE: Final = 1 << 16
+_LARGE: Final = 1 << 16
+"""Bytes from which it is done in a thread: a megabyte takes 16 ms, for which nobody else would be answered."""
 _WORDS: Final = ("json", "text/", "xml")
 
 
@@ -69,7 +72,9 @@ class InflateRequests:
             return
         if encoding not in ("gzip", "x-gzip"):
             error = UnsupportedMediaType(f"Content-Encoding says {encoding[:50]!r}; send gzip, or the body as it is.")
-            await domain_problem(error, scope)(scope, receive, send)
+            refusal = domain_problem(error, scope)
+            refusal.headers["Accept-Encoding"] = "gzip, identity"
+            await refusal(scope, receive, send)
             return
         inflater, received = Inflater(), 0
         headers = [
@@ -119,22 +124,26 @@ class DeflateAnswers:
             if start is not None:
                 begun, start = start, None
                 if message["type"] == "http.response.body" and not message.get("more_body", False):
-                    message = _pack(begun, message, wanted=wanted)
+                    message = await _pack(begun, message, wanted=wanted)
                 await send(begun)
             await send(message)
 
         await self._app(scope, receive, packed)
 
 
-def _pack(start: Message, message: Message, *, wanted: bool) -> Message:
+async def _pack(start: Message, message: Message, *, wanted: bool) -> Message:
     headers, body = MutableHeaders(scope=start), message.get("body", b"")
+    if start["status"] == 304:  # says what the whole answer would say
+        headers.add_vary_header("Accept-Encoding")
+        return message
     content_type = headers.get("content-type", "")
     if len(body) < _LEAST or "content-encoding" in headers or not any(word in content_type for word in _WORDS):
         return message
     headers.add_vary_header("Accept-Encoding")
     if not wanted:
         return message
-    body = gzip.compress(body, _LEVEL, mtime=0)
+    pack = partial(compress, body, _LEVEL, mtime=0)
+    body = pack() if len(body) < _LARGE else await anyio.to_thread.run_sync(pack)
     headers["Content-Encoding"], headers["Content-Length"] = "gzip", str(len(body))
     etag = headers.get("etag")
     if etag is not None and not etag.startswith("W/"):

@@ -8,8 +8,8 @@ from typing import Annotated, Any
 from urllib.parse import urlencode
 
 import orjson
-from fastapi import Depends, Header, Path, Request, Response
-from pydantic import BaseModel
+from fastapi import Depends, Header, Path, Query, Request, Response
+from pydantic import BaseModel, BeforeValidator
 
 from server.access import Caller
 from server.catalog import Catalog
@@ -22,7 +22,7 @@ from server.jobs.folder import JobFolder
 from server.jobs.runner import Runner
 from server.metrics import Metrics
 from server.preconditions import Preconditions
-from server.schemas.common import PROBLEM_EXAMPLE, Problem, ResourceId, to_json
+from server.schemas.common import PROBLEM_EXAMPLE, Problem, ResourceId, check_digits, to_json
 from server.settings import Settings
 from server.store.database import Database
 from server.upkeep import Upkeep
@@ -105,6 +105,10 @@ CollectionId = Annotated[
     ResourceId,
     Path(description="1 to 128 letters, digits, '.', '_', '~', '-'.", examples=["plots"], alias="collection"),
 ]
+PageLimit = Annotated[
+    int | None, BeforeValidator(check_digits), Query(description="Rows of the page, at most 1000.", examples=[100])
+]
+PageCursor = Annotated[str | None, Query(description="`next` of the page before.")]
 SubmapId = Annotated[
     ResourceId, Path(description="1 to 128 letters, digits, '.', '_', '~', '-'.", examples=["p7"], alias="submap")
 ]
@@ -182,11 +186,11 @@ def next_link(path: str, request: Request, cursor: str) -> str:
     return f'<{path}?{urlencode({**request.query_params, "cursor": cursor})}>; rel="next"'
 
 
-def not_modified(if_none_match: str | None, etag: str) -> Response | None:
-    """304 when the caller has what is current, else None."""
+def not_modified(if_none_match: str | None, etag: str, *, vary: str | None = None) -> Response | None:
+    """304 when the caller has what is current, else None; with the header Vary that the whole answer would have."""
     tags = _tags(if_none_match)
     if tags is not None and (etag in tags or "*" in tags):
-        return Response(status_code=304, headers=etag_header(etag))
+        return Response(status_code=304, headers=etag_header(etag) | ({} if vary is None else {"Vary": vary}))
     return None
 
 

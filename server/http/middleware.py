@@ -40,7 +40,8 @@ class RequestContext:
         request_id = given if _GIVEN_ID.fullmatch(given) else secrets.token_hex(8)
         method = scope["method"]
         # A copy of the state: that of the lifespan is shared by all requests.
-        scope = {**scope, "state": {**scope.get("state", {}), "request_id": request_id}}
+        state = {**scope.get("state", {}), "request_id": request_id}
+        scope = {**scope, "headers": _folded(scope["headers"]), "state": state}
         if method == "HEAD":
             scope["method"] = "GET"
         status = 500
@@ -128,6 +129,24 @@ _STREAMED = re.compile(r"/v1/collections/[^/]+/imports")
 def is_streamed(scope: Scope) -> bool:
     """Whether the route reads its body piece by piece, and minds its size itself."""
     return scope["type"] == "http" and _STREAMED.fullmatch(scope["path"]) is not None
+
+
+_LISTS = frozenset(
+    (b"accept", b"accept-encoding", b"content-encoding", b"idempotency-key", b"if-match", b"if-none-match")
+)
+
+
+def _folded(headers: list[tuple[bytes, bytes]]) -> list[tuple[bytes, bytes]]:
+    """Headers that are lists and came in several lines, in one: whoever reads the first would miss the others."""
+    names = [name for name, _ in headers if name in _LISTS]
+    if len(names) == len(set(names)):
+        return headers
+    values: dict[bytes, list[bytes]] = {}
+    for name, value in headers:
+        if name in _LISTS:
+            values.setdefault(name, []).append(value)
+    others = [(name, value) for name, value in headers if name not in _LISTS]
+    return others + [(name, b", ".join(lines)) for name, lines in values.items()]
 
 
 _METHODS = frozenset({"GET", "HEAD", "PUT", "POST", "PATCH", "DELETE", "OPTIONS"})

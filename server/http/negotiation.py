@@ -49,6 +49,10 @@ def _read(part: str) -> tuple[str, float]:
 
 
 def accepts_coding(header: str | None, coding: str) -> bool:
-    """Whether Accept-Encoding allows a coding: named with a quality above 0, or by *."""
-    found = dict(_read(part) for part in (header or "").split(","))
-    return found.get(coding, found.get("*", 0.0)) > 0.0
+    """Whether Accept-Encoding allows a coding, by its name or by *, and does not prefer the answer as it is.
+
+    Not named, the answer as it is comes last.
+    """
+    found = {name.removeprefix("x-"): quality for name, quality in map(_read, (header or "").split(","))}
+    quality = found.get(coding, found.get("*", 0.0))
+    return quality > 0.0 and quality >= found.get("identity", 0.0)

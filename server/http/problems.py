@@ -69,6 +69,8 @@ def install(app: FastAPI) -> None:
             return problem(NO_ROUTE, f"Nothing is served at {_short(request.url.path)}; see /docs.", request.scope)
         if error.status_code == 405:
             allow = ", ".join(sorted(_methods(app, request.url.path)))
+            if request.method == "OPTIONS":
+                return Response(status_code=204, headers={"Allow": allow})
             detail = f"{_short(request.method)} is not possible here; possible: {allow}."
             return problem(METHOD, detail, request.scope, headers={"Allow": allow})
         kind = replace(OTHER, status=error.status_code)
@@ -93,12 +95,14 @@ def _response(content: Mapping[str, Any], scope: Scope, headers: Mapping[str, st
 def _methods(app: FastAPI, path: str) -> set[str]:
     routers: Sequence[Any] = getattr(app.state, "routers", ())
     routes = [route for router in routers for route in router.routes] + list(app.routes)
-    return {
+    methods = {
         method
         for route in routes
         if getattr(route, "path_regex", None) is not None and route.path_regex.match(path)
-        for method in route.methods or ()
+        for method in getattr(route, "methods", None) or ("GET",)  # what is mounted are files
     }
+    # Answered for every route: HEAD as GET, OPTIONS with this list.
+    return methods | {"OPTIONS"} | ({"HEAD"} if "GET" in methods else set())
 
 
 def _short(text: str) -> str:

@@ -13,6 +13,6 @@ def limits(settings: Settings) -> LimitsAnswer:
     return LimitsAnswer(
         limits=sizes,
         rates={},
-        retention=Retention(stored_queries=kept),
+        retention=Retention(stored_queries=kept, idempotency_hours=settings.idempotency_hours),
         versions=Versions(service=service_version(), api="v1", schema=expected_revision()),
     )

@@ -6,6 +6,7 @@ from fastapi import APIRouter, Query, Response
 
 from server import ingest, links, lookup, reading
 from server.access import Caller, Scope
+from server.errors import InvalidField
 from server.http.dependencies import (
     CallerDep,
     CollectionId,
@@ -109,10 +110,13 @@ def _ask_first(
     if not wanted and body.query is None:
         return None
     caller.require(Scope.READ)
-    question = body.question(submap)
-    return lookup.answer_query(
-        service.database, service.catalog, service.metrics, service.settings.limits, collection, question
-    )
+    limits = service.settings.limits
+    try:
+        return lookup.answer_query(
+            service.database, service.catalog, service.metrics, limits, collection, body.question(), own_id=submap
+        )
+    except InvalidField as error:
+        raise error.below("/query") from error
 
 
 def _answered(collection: str, submap: str, receipt: ingest.Receipt, found: QueryAnswer | None) -> Kept:

@@ -1,8 +1,6 @@
 """Collections."""
 
-from typing import Annotated
-
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import APIRouter, Request, Response
 
 from server import links, registry
 from server.http.dependencies import (
@@ -10,6 +8,8 @@ from server.http.dependencies import (
     CollectionId,
     IfNoneMatch,
     JsonRoute,
+    PageCursor,
+    PageLimit,
     PreconditionsDep,
     ServiceDep,
     etag_header,
@@ -48,8 +48,8 @@ def list_collections(
     request: Request,
     service: ServiceDep,
     caller: CallerDep,
-    limit: Annotated[int | None, Query(description="Rows of the page, at most 1000.", examples=[100])] = None,
-    cursor: Annotated[str | None, Query(description="`next` of the page before.")] = None,
+    limit: PageLimit = None,
+    cursor: PageCursor = None,
 ) -> Response:
     """Those that the key sees, in the order in which they were made; `next` is not there on the last page."""
     page = registry.page(service.database, service.settings.limits, caller, limit, cursor)
@@ -65,15 +65,17 @@ def list_collections(
     responses={
         200: {"description": "It was there already, and agrees.", **_EXAMPLE},
         201: {"description": "It was made.", "model": Collection, **_EXAMPLE},
-        **problems(400, 409, 413, 415, 422, 503, 507),
+        **problems(400, 409, 412, 413, 415, 422, 503, 507),
     },
 )
-def put_collection(collection: CollectionId, body: CollectionPut, service: ServiceDep) -> Response:
+def put_collection(
+    collection: CollectionId, body: CollectionPut, service: ServiceDep, preconditions: PreconditionsDep
+) -> Response:
     """Make it, or find it there. What the body leaves out has no opinion, so `{}` only asks that it exists.
 
     409 when it exists and differs in something that is given.
     """
-    ensured = registry.ensure(service.database, collection, body)
+    ensured = registry.ensure(service.database, collection, body, preconditions)
     headers = etag_header(ensured.etag)
     if ensured.created:
         headers["Location"] = links.collection(collection)

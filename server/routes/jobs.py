@@ -21,6 +21,8 @@ from server.http.dependencies import (
     IdempotencyKey,
     JsonRoute,
     OnceDep,
+    PageCursor,
+    PageLimit,
     ServiceDep,
     json_response,
     kept_response,
@@ -169,8 +171,8 @@ def list_jobs(
     caller: CallerDep,
     state: Annotated[JobState | None, Query(description="Only jobs in this state.")] = None,
     collection: Annotated[str | None, Query(description="Only jobs on this collection.", max_length=128)] = None,
-    limit: Annotated[int | None, Query(description="Rows of the page, at most 1000.", examples=[100])] = None,
-    cursor: Annotated[str | None, Query(description="`next` of the page before.")] = None,
+    limit: PageLimit = None,
+    cursor: PageCursor = None,
 ) -> Response:
     """The newest first, of the collections that the key sees; `next` is not there on the last page."""
     page = queue.page(

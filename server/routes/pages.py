@@ -86,8 +86,8 @@ def problem_page(
     if kind is None:
         raise NotFound("kind of problem", slug[:100])
     media_type = choose(accept, [JSON, HTML])
+    headers = {"Vary": "Accept"}
     if media_type == HTML:
-        return Response(pages.problem_html(kind.title, kind.status, kind.about), media_type=HTML)
-    return json_response(
-        {"type": f"/problems/{kind.slug}", "title": kind.title, "status": kind.status, "about": kind.about}
-    )
+        return Response(pages.problem_html(kind.title, kind.status, kind.about), media_type=HTML, headers=headers)
+    about = {"type": f"/problems/{kind.slug}", "title": kind.title, "status": kind.status, "about": kind.about}
+    return json_response(about, headers=headers)

@@ -10,6 +10,8 @@ from server.http.dependencies import (
     CollectionId,
     IfNoneMatch,
     JsonRoute,
+    PageCursor,
+    PageLimit,
     PreconditionsDep,
     ServiceDep,
     SubmapId,
@@ -34,7 +36,15 @@ _ALL = "/v1/collections/{collection}/submaps"
 _PATH = f"{_ALL}/{{submap}}"
 _SUBMAP: dict[str, Any] = {"content": {JSON: {"example": examples.SUBMAP}}}
 _SESSIONS = {
-    "sessions": [{"session": "monday", "submaps": 12, "first": "2026-05-04T09:30:00Z", "last": "2026-05-04T11:02:10Z"}]
+    "sessions": [
+        {
+            "session": "monday",
+            "submaps": 12,
+            "landmarks": 900,
+            "first": "2026-05-04T09:30:00Z",
+            "last": "2026-05-04T11:02:10Z",
+        }
+    ]
 }
 _GEOJSON = {"schema": {"type": "object"}, "example": {"type": "FeatureCollection", "features": []}}
 _SVG = {"schema": {"type": "string"}, "example": "<svg xmlns='http://www.w3.org/2000/svg'></svg>"}
@@ -75,8 +85,8 @@ def list_submaps(
         ),
     ] = None,
     session: Annotated[str | None, Query(description="The session.", examples=["2026-05-04-robot-2"])] = None,
-    limit: Annotated[int | None, Query(description="Rows of the page, at most 1000.", examples=[100])] = None,
-    cursor: Annotated[str | None, Query(description="`next` of the page before.")] = None,
+    limit: PageLimit = None,
+    cursor: PageCursor = None,
     accept: Accept = None,
 ) -> Response:
     """In the order in which they came, without landmarks; `next` is not there on the last page.
@@ -167,7 +177,7 @@ def get_tessellation(
     media_type = choose(accept, [JSON, GEOJSON, SVG])
     seen = reading.Tessellated(service.database, collection, submap)
     etag = f"{seen.etag}-{media_type.split('/')[1].split('+')[0]}"
-    unmodified = not_modified(if_none_match, etag)
+    unmodified = not_modified(if_none_match, etag, vary="Accept")
     if unmodified is not None:
         return unmodified
     headers = etag_header(etag) | {"Vary": "Accept"}
@@ -189,8 +199,8 @@ def list_sessions(
     request: Request,
     collection: CollectionId,
     service: ServiceDep,
-    limit: Annotated[int | None, Query(description="Rows of the page, at most 1000.", examples=[100])] = None,
-    cursor: Annotated[str | None, Query(description="`next` of the page before.")] = None,
+    limit: PageLimit = None,
+    cursor: PageCursor = None,
 ) -> Response:
     """By name, with how many submaps each has and when they were seen. Submaps without a session are left out."""
     page = reading.sessions(service.database, service.settings.limits, collection, limit, cursor)

@@ -24,12 +24,9 @@ class ArrivingSubmap(SubmapInput):
         None, description="Ask first where else it was seen, and how: {} as usual. It does not find itself."
     )
 
-    def question(self, own_id: str | None) -> QueryInput:
-        """The query to ask before this is stored under an id."""
+    def question(self) -> QueryInput:
+        """The query to ask before this is stored."""
         options = self.query or QueryOptions()
-        if own_id is not None:
-            exclude = options.exclude.model_copy(update={"submap_ids": [*options.exclude.submap_ids, own_id]})
-            options = options.model_copy(update={"exclude": exclude})
         members = {name: getattr(self, name) for name in ("xy", "ids", "landmarks", "frame_id", "stamp")}
         # What is checked already is not checked again.
         return QueryInput.model_construct(

@@ -64,6 +64,13 @@ def _check_stamp(value: object) -> object:
     return value
 
 
+def check_digits(value: object) -> object:
+    """Refuse what Python would read as a whole number and a caller hardly means as one: `1_0`, `+1`, `1.0`."""
+    if isinstance(value, str) and not (value.isascii() and value.removeprefix("-").isdigit()):
+        raise ValueError("must be a whole number, in digits")
+    return value
+
+
 def write_stamp(value: datetime) -> str:
     """RFC 3339 in UTC, microseconds only where there are any."""
     return value.astimezone(UTC).isoformat().replace("+00:00", "Z")

@@ -214,6 +214,7 @@ class SessionSummary(Answer):
 
     session: str
     submaps: int
+    landmarks: int = Field(description="Of all its submaps.")
     first: _Written | None = Field(description="The earliest stamp of its submaps.")
     last: _Written | None = Field(description="The latest.")
 

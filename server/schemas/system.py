@@ -32,6 +32,7 @@ class Retention(Answer):
     """How long things are kept."""
 
     stored_queries: int = Field(description="Kept per collection; the oldest go first.")
+    idempotency_hours: float = Field(description="For so long a POST sent again is answered as the first time.")
 
 
 class LimitsAnswer(Answer):
@@ -54,6 +55,6 @@ LIMITS_EXAMPLE: dict[str, Any] = {
         "page_max": 1000,
     },
     "rates": {},
-    "retention": {"stored_queries": 10000},
+    "retention": {"stored_queries": 10000, "idempotency_hours": 24.0},
     "versions": {"service": "0.1.0", "api": "v1", "schema": "0001"},
 }

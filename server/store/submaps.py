@@ -5,13 +5,15 @@ from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from typing import Any, TypeVar
 
-from sqlalchemy import ColumnElement, Select, delete, func, insert, select, update
+from sqlalchemy import ColumnElement, Integer, Select, delete, func, insert, literal_column, select, update
 from sqlalchemy.orm import Session, undefer
 
 from server.store.tables import DeletionRow, SubmapRow, beside_key
 
 _T = TypeVar("_T")
 _VARIABLES = 500  # ids per statement, well below SQLite's limit on bound values
+_STRETCH = 1000  # submaps that are looked at in order before a filter's own index is
+_ROUNDING = 1e-9  # relative, and generous
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,42 +193,50 @@ class Submaps:
 
     def page(self, chosen: SubmapFilter, *, after_key: int = 0, limit: int, landmarks: bool) -> Sequence[SubmapRow]:
         """Up to `limit` submaps in the order they were added, beginning after a key."""
-        query = self._all().where(*_conditions(chosen), SubmapRow.key > after_key)
-        query = query.order_by(SubmapRow.key).limit(limit)
-        return self._session.scalars(query.options(*_LANDMARKS) if landmarks else query).all()
-
-    def sessions(self, after: str, limit: int) -> Sequence[tuple[str, int, datetime | None, datetime | None]]:
-        """Up to `limit` sessions by name, after one: its name, submaps, first and last stamp; from an index alone."""
-        query = (
-            select(SubmapRow.session, func.count(), func.min(SubmapRow.stamp), func.max(SubmapRow.stamp))
-            .where(SubmapRow.collection_key == self._collection_key, SubmapRow.session > after)
-            .group_by(SubmapRow.session)
-            .order_by(SubmapRow.session)
-            .limit(limit)
-        )
-        return [(row[0] or "", row[1], row[2], row[3]) for row in self._session.execute(query)]
-
-    def session_names(self, keys: Collection[int]) -> dict[int, str | None]:
-        """The sessions of submaps by key."""
-        found: dict[int, str | None] = {}
-        for some in _batches(list(keys)):
-            query = select(SubmapRow.key, SubmapRow.session).where(
-                beside_key(self._collection_key), SubmapRow.key.in_(some)
-            )
-            found.update({row.key: row.session for row in self._session.execute(query)})
-        return found
-
-    def beside(self, key: int) -> set[int]:
-        """Keys of all submaps of a submap's session, or of all without one where it has none."""
-        session = self._session.scalar(select(SubmapRow.session).where(SubmapRow.key == key))
-        same = SubmapRow.session.is_(None) if session is None else SubmapRow.session == session
-        query = select(SubmapRow.key).where(SubmapRow.collection_key == self._collection_key, same)
-        return set(self._session.scalars(query))
+        options = _LANDMARKS if landmarks else ()
+        if chosen == SubmapFilter():
+            query = self._all().where(SubmapRow.key > after_key).order_by(SubmapRow.key).limit(limit)
+            return self._session.scalars(query.options(*options)).all()
+        rows: list[SubmapRow] = []
+        for some in _batches(self._page_keys(chosen, after_key, limit)):
+            of_keys = select(SubmapRow).where(beside_key(self._collection_key), SubmapRow.key.in_(some))
+            rows += self._session.scalars(of_keys.order_by(SubmapRow.key).options(*options))
+        return rows
 
     def matching(self, chosen: SubmapFilter) -> set[int]:
         """Keys of the submaps that are chosen."""
-        query = select(SubmapRow.key).where(SubmapRow.collection_key == self._collection_key, *_conditions(chosen))
-        return set(self._session.scalars(query))
+        return set(self._session.scalars(self._keys().where(*self._conditions(chosen))))
+
+    def _page_keys(self, chosen: SubmapFilter, after_key: int, limit: int) -> list[int]:
+        """Keys of a page. No index has both the filter and the order, and each way alone can be slow.
+
+        Where many submaps are chosen, walking on in order soon fills the page, so a stretch of that is tried first.
+        Where few are, all of them are taken from the filter's own index and sorted. A session is taken to be few.
+        """
+        conditions = self._conditions(chosen)
+        if chosen.session is None:
+            ahead = self._keys().where(SubmapRow.key > after_key).order_by(SubmapRow.key).limit(_STRETCH).subquery()
+            walk = select(SubmapRow.key).where(beside_key(self._collection_key), *conditions)
+            walk = walk.where(SubmapRow.key.in_(select(ahead.c.key))).order_by(SubmapRow.key).limit(limit)
+            keys = list(self._session.scalars(walk))
+            if len(keys) == limit:
+                return keys
+        # The plus keeps SQLite from walking through all of the collection in order.
+        key = literal_column("+submaps.key", Integer)
+        return list(self._session.scalars(self._keys().where(*conditions, key > after_key).order_by(key).limit(limit)))
+
+    def _conditions(self, chosen: SubmapFilter) -> list[ColumnElement[bool]]:
+        conditions = _conditions(chosen)
+        if chosen.bbox is not None and chosen.map_frame_id is not None:
+            of_frame = (SubmapRow.collection_key == self._collection_key, SubmapRow.map_frame_id == chosen.map_frame_id)
+            widest = self._session.scalar(select(func.max(SubmapRow.map_width)).where(*of_frame)) or 0.0
+            # What the rest implies, with room for what rounding takes away: it ends the search in the index early.
+            reach = widest * (1.0 + _ROUNDING) + abs(chosen.bbox[0]) * _ROUNDING
+            conditions.append(SubmapRow.map_min_x >= chosen.bbox[0] - reach)
+        return conditions
+
+    def _keys(self) -> Select[int]:
+        return select(SubmapRow.key).where(SubmapRow.collection_key == self._collection_key)
 
     def _all(self) -> Select[SubmapRow]:
         return select(SubmapRow).where(SubmapRow.collection_key == self._collection_key)

@@ -8,6 +8,7 @@ from sqlalchemy import (
     BigInteger,
     Boolean,
     ColumnElement,
+    Computed,
     Dialect,
     Float,
     ForeignKey,
@@ -95,8 +96,8 @@ class SubmapRow(Table):
         Index(None, "collection_key", "content_revision"),
         # In the order of the keys, for pages.
         Index(None, "collection_key"),
-        # With the stamp, to tell when a session was without reading its rows.
-        Index(None, "collection_key", "session", "stamp"),
+        # With stamp and count, to tell when a session was and what it saw without reading its rows.
+        Index(None, "collection_key", "session", "stamp", "landmark_count"),
         Index(None, "collection_key", "stamp"),
         # Covers the extent and the bbox filter.
         Index(
@@ -108,6 +109,8 @@ class SubmapRow(Table):
             "map_max_x",
             "map_max_y",
         ),
+        # Its end is the widest footprint, which bounds how far a search by `map_min_x` goes.
+        Index("ix_submaps_width", "collection_key", "map_frame_id", "map_width"),
         {"sqlite_autoincrement": True},
     )
 
@@ -129,6 +132,9 @@ class SubmapRow(Table):
     map_min_y: Mapped[float | None] = mapped_column(Float)
     map_max_x: Mapped[float | None] = mapped_column(Float)
     map_max_y: Mapped[float | None] = mapped_column(Float)
+    map_width: Mapped[float | None] = mapped_column(
+        Float, Computed("map_max_x - map_min_x", persisted=False), deferred=True
+    )
     properties: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
     landmarks_hash: Mapped[str] = mapped_column(Text)
     etag: Mapped[str] = mapped_column(Text)

@@ -245,10 +245,10 @@ def test_paths_and_methods_that_are_not_served(client: httpx.Client) -> None:
         problem(client.get(path), 404)
     found = client.post(SUBMAP, json={})
     problem(found, 405)
-    assert found.headers["Allow"] == "DELETE, GET, PATCH, PUT"
+    assert found.headers["Allow"] == "DELETE, GET, HEAD, OPTIONS, PATCH, PUT"
     assert problem(client.request("BREW", "/livez"), 405)["type"] == "/problems/method-not-allowed"
-    assert client.delete("/v1/collections").headers["Allow"] == "GET"
-    assert client.put("/openapi.json").headers["Allow"] == "GET, HEAD"
+    assert client.delete("/v1/collections").headers["Allow"] == "GET, HEAD, OPTIONS"
+    assert client.put("/openapi.json").headers["Allow"] == "GET, HEAD, OPTIONS"
 
 
 def test_unforeseen_failures_tell_nothing_but_an_id(client: httpx.Client, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -160,7 +160,7 @@ def test_a_loop_is_closed_in_one_call(client: httpx.Client, how: str, method: st
 
 def test_a_question_that_cannot_be_asked_stores_nothing(client: httpx.Client) -> None:
     response = client.post(SUBMAPS, json=body(1, query={"limit": 1000}))
-    assert (response.status_code, response.json()["errors"][0]["pointer"]) == (422, "/limit")
+    assert (response.status_code, response.json()["errors"][0]["pointer"]) == (422, "/query/limit")
     response = client.post(SUBMAPS, json=body(1, query={"limits": 1}))
     assert response.json()["errors"][0]["pointer"] == "/query/limits"
     assert count(client) == 0
@@ -176,8 +176,14 @@ def test_sessions_by_name(client: httpx.Client) -> None:
         put_submap(client, "plots", f"p{i}", i, session=session, stamp=stamp).raise_for_status()
     first = client.get("/v1/collections/plots/sessions", params={"limit": "2"}).json()
     assert first["sessions"] == [
-        {"session": "a", "submaps": 1, "first": None, "last": None},
-        {"session": "b", "submaps": 2, "first": "2026-05-01T08:00:00Z", "last": "2026-05-01T10:00:00Z"},
+        {"session": "a", "submaps": 1, "landmarks": 60, "first": None, "last": None},
+        {
+            "session": "b",
+            "submaps": 2,
+            "landmarks": 120,
+            "first": "2026-05-01T08:00:00Z",
+            "last": "2026-05-01T10:00:00Z",
+        },
     ]
     response = client.get("/v1/collections/plots/sessions", params={"limit": "2", "cursor": first["next"]})
     assert [one["session"] for one in response.json()["sessions"]] == ["c"]

@@ -125,8 +125,8 @@ def test_limits(client: httpx.Client, service: Service) -> None:
     limits = client.get("/v1/limits").json()
     assert limits["limits"]["body_bytes"] == 8 * 1024 * 1024
     assert set(limits["limits"]) | {"stored_queries"} == set(type(service.settings.limits).model_fields)
-    assert limits["retention"] == {"stored_queries": 10_000}
-    assert limits["versions"]["schema"] == "0005"
+    assert limits["retention"] == {"stored_queries": 10_000, "idempotency_hours": 24.0}
+    assert limits["versions"]["schema"] == "0006"
 
 
 def test_landing_page_for_people_and_programs(client: httpx.Client) -> None:

@@ -280,7 +280,7 @@ class Limits(Model):
 
     limits: dict[str, int]
     rates: dict[str, int] = Field(default_factory=dict)
-    retention: dict[str, int] = Field(default_factory=dict)
+    retention: dict[str, float] = Field(default_factory=dict)
     versions: dict[str, str] = Field(default_factory=dict)
 
 

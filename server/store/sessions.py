@@ -1,0 +1,55 @@
+"""Sessions of a collection: the drives, flights and seasons that its submaps belong to."""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from datetime import datetime
+
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session
+
+from server.store.tables import SubmapRow, beside_key
+
+
+@dataclass(frozen=True, slots=True)
+class SessionRow:
+    """A session of a collection; `first` and `last` stamp are None where none of its submaps has one."""
+
+    session: str
+    submaps: int
+    landmarks: int
+    first: datetime | None
+    last: datetime | None
+
+
+class Sessions:
+    """Repository of one collection's sessions."""
+
+    def __init__(self, session: Session, collection_key: int) -> None:
+        self._session = session
+        self._collection_key = collection_key
+
+    def page(self, after: str, limit: int) -> list[SessionRow]:
+        """Up to `limit` sessions by name, after one; from an index alone."""
+        count, trees = func.count(), func.sum(SubmapRow.landmark_count)
+        query = (
+            select(SubmapRow.session, count, trees, func.min(SubmapRow.stamp), func.max(SubmapRow.stamp))
+            .where(SubmapRow.collection_key == self._collection_key, SubmapRow.session > after)
+            .group_by(SubmapRow.session)
+            .order_by(SubmapRow.session)
+            .limit(limit)
+        )
+        return [SessionRow(row[0] or "", *row[1:]) for row in self._session.execute(query)]
+
+    def names(self, keys: Collection[int]) -> dict[int, str | None]:
+        """The sessions of a few submaps, by key."""
+        query = select(SubmapRow.key, SubmapRow.session).where(
+            beside_key(self._collection_key), SubmapRow.key.in_(keys)
+        )
+        return {row.key: row.session for row in self._session.execute(query)}
+
+    def beside(self, key: int) -> set[int]:
+        """Keys of all submaps of a submap's session, or of all without one where it has none."""
+        session = self._session.scalar(select(SubmapRow.session).where(SubmapRow.key == key))
+        same = SubmapRow.session.is_(None) if session is None else SubmapRow.session == session
+        query = select(SubmapRow.key).where(SubmapRow.collection_key == self._collection_key, same)
+        return set(self._session.scalars(query))
