@@ -49,7 +49,9 @@ class _Inside(httpx.BaseTransport):
         self._app = httpx.ASGITransport(app, raise_app_exceptions=False)
 
     def handle_request(self, request: httpx.Request) -> httpx.Response:
-        return self._portal.call(self._handle, request)
+        # Whole, because what is read from a file can be read by one side only.
+        whole = httpx.Request(request.method, request.url, headers=request.headers, content=request.read())
+        return self._portal.call(self._handle, whole)
 
     async def _handle(self, request: httpx.Request) -> httpx.Response:
         answered = await self._app.handle_async_request(request)

@@ -6,7 +6,8 @@ with Client("http://127.0.0.1:8420") as client:
 """
 
 from urquhart_client._bodies import UNSET
-from urquhart_client.client import Client
+from urquhart_client._retry import Retry
+from urquhart_client.client import AsyncClient, Client
 from urquhart_client.errors import ConnectionFailed, ProblemError, UnexpectedAnswer, UrquhartError
 from urquhart_client.models import (
     Candidate,
@@ -29,9 +30,11 @@ from urquhart_client.models import (
     Tessellation,
     Transform,
 )
+from urquhart_client.work import Job, JobLine, Progress, SessionSummary, Snapshot
 
 __all__ = [
     "UNSET",
+    "AsyncClient",
     "Candidate",
     "Client",
     "Collection",
@@ -41,14 +44,20 @@ __all__ = [
     "Finding",
     "Gates",
     "Inlier",
+    "Job",
+    "JobLine",
     "Landmark",
     "Limits",
     "MapPose",
     "Page",
     "Polygon",
     "ProblemError",
+    "Progress",
     "QueryResult",
+    "Retry",
     "Rival",
+    "SessionSummary",
+    "Snapshot",
     "Stage",
     "Submap",
     "SubmapReceipt",

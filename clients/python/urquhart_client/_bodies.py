@@ -66,6 +66,7 @@ def submap_body(
     session: str | None,
     map_pose: Pose | None,
     properties: Mapping[str, Any] | None,
+    query: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """A submap: its landmarks, and whatever else is given."""
     return dict(landmarks_body) | given(
@@ -74,6 +75,51 @@ def submap_body(
         session=session,
         map_pose=None if map_pose is None else _plain(map_pose),
         properties=None if properties is None else dict(properties),
+        query=None if query is None else dict(query),
+    )
+
+
+def observation(
+    xy: Points | None,
+    ids: Iterable[str] | None,
+    dbh: Diameters | None,
+    listed: Landmarks | None,
+    submap_id: str | None,
+) -> dict[str, Any]:
+    """What is asked with: landmarks, or a stored submap."""
+    if submap_id is None:
+        return landmarks(xy, ids, dbh, listed)
+    if xy is not None or listed is not None or ids is not None or dbh is not None:
+        raise ValueError("give either landmarks or submap_id, not both")
+    return {"submap_id": submap_id}
+
+
+def query_body(
+    observed: Mapping[str, Any],
+    *,
+    limit: int,
+    method: str | None,
+    seed: int | None,
+    store: bool,
+    explain: bool,
+    per_session: bool,
+    frame_id: str | None,
+    stamp: datetime | str | None,
+    near: Mapping[str, Any] | None,
+    exclude: Mapping[str, Any] | None,
+) -> dict[str, Any]:
+    """A query: what is asked with, and whatever else is given."""
+    return dict(observed) | given(
+        limit=limit,
+        method=method,
+        seed=seed,
+        store=store or None,
+        explain=explain or None,
+        per_session=per_session or None,
+        frame_id=frame_id,
+        stamp=rfc3339(stamp),
+        near=None if near is None else dict(near),
+        exclude=None if exclude is None else dict(exclude),
     )
 
 

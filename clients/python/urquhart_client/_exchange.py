@@ -1,19 +1,26 @@
 """One request and how its answer is read: the types between the builders in `_requests` and the clients' shells."""
 
+import gzip
 import json
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import Any, Generic, TypeVar
+import zlib
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Final, Generic, TypeVar
 
+import anyio.to_thread
 import httpx
 from pydantic import BaseModel, ValidationError
 
-from urquhart_client.errors import ProblemError, UnexpectedAnswer
+from urquhart_client.errors import ConnectionFailed, ProblemError, UnexpectedAnswer
 from urquhart_client.models import Page
 
 T = TypeVar("T")
 M = TypeVar("M", bound=BaseModel)
+_PIECE: Final = 1 << 18
+_LEAST: Final = 8192
+"""Bytes from which on a body is packed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,22 +32,66 @@ class Request(Generic[T]):
     parse: Callable[[httpx.Response], T]
     params: Mapping[str, str | int | float] = field(default_factory=dict)
     headers: Mapping[str, str] = field(default_factory=dict)
-    content: bytes | None = None
+    content: "bytes | Upload | None" = None
+    harmless: bool = False
+
+    @property
+    def repeatable(self) -> bool:
+        """Whether it may be sent again when it is not known what became of it."""
+        return self.harmless or self.method in ("GET", "HEAD", "PUT", "DELETE") or "Idempotency-Key" in self.headers
+
+    def packed(self) -> "Request[T]":
+        """The same with its body packed, where that is worth it."""
+        if not isinstance(self.content, bytes) or len(self.content) < _LEAST or "Content-Encoding" in self.headers:
+            return self
+        body = gzip.compress(self.content, 4, mtime=0)
+        return replace(self, content=body, headers={**self.headers, "Content-Encoding": "gzip"})
 
 
-def answer(request: Request[T], response: httpx.Response) -> T:
+class Upload:
+    """A body that is read from a file as it is sent, and from its beginning each time that it is sent."""
+
+    def __init__(self, source: Path, *, packed: bool, sent: Callable[[int], None]) -> None:
+        self._source, self._packed, self._sent = source, packed, sent
+
+    def __iter__(self) -> Iterator[bytes]:
+        packer = None if self._packed else zlib.compressobj(4, wbits=31)
+        read = 0
+        with self._source.open("rb") as file:
+            while piece := file.read(_PIECE):
+                read += len(piece)
+                self._sent(read)
+                if out := piece if packer is None else packer.compress(piece):
+                    yield out
+        if packer is not None:
+            yield packer.flush()
+
+    async def __aiter__(self) -> AsyncIterator[bytes]:
+        pieces = iter(self)
+        while (piece := await anyio.to_thread.run_sync(next, pieces, None)) is not None:
+            yield piece
+
+
+def failed(request: Request[Any], error: Exception) -> ConnectionFailed:
+    """What a connection that cannot be made, or breaks, is told as; keys are in headers, and not in this."""
+    return ConnectionFailed(f"{request.method} {request.path}: {error or type(error).__name__}")
+
+
+def answer(request: Request[T], response: httpx.Response, *, lost: bool = False) -> T:
     """Read `response`, whose body has been received.
+
+    `lost`: the request was sent before, and it is not known what became of it. What is gone then was deleted by it.
 
     Raises:
         ProblemError: the service refused.
         UnexpectedAnswer: the response is not one of the service.
     """
-    if response.is_success:
+    if response.is_success or (lost and request.method == "DELETE" and response.status_code == 404):
         return request.parse(response)
     document = _json(response) if "json" in response.headers.get("content-type", "") else None
     if not isinstance(document, dict):
         raise _unexpected(response, f"{response.status_code} without a problem document")
-    raise ProblemError(response.status_code, document, _retry_after(response))
+    raise ProblemError(response.status_code, document, retry_after(response))
 
 
 def _json(response: httpx.Response) -> Any:
@@ -95,7 +146,8 @@ def page(name: str, item: type[M]) -> Callable[[httpx.Response], Page[M]]:
     return parse
 
 
-def _retry_after(response: httpx.Response) -> float | None:
+def retry_after(response: httpx.Response) -> float | None:
+    """Seconds that an answer asks to wait, None where it does not."""
     try:
         seconds = float(response.headers.get("retry-after", ""))
     except ValueError:  # absent, or a date, which this service does not send

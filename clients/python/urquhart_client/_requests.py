@@ -5,27 +5,28 @@ shell sends it in its own way (blocking or awaiting) and hands the response to `
 """
 
 import json
+import uuid
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from datetime import datetime
 from typing import Any, Final, TypeVar
 from urllib.parse import quote
 
 import httpx
 
-from urquhart_client._bodies import given, rfc3339
+from urquhart_client._bodies import given
 from urquhart_client._exchange import Request, document, model, nothing, page, text
+from urquhart_client.errors import ProblemError, UnexpectedAnswer
 from urquhart_client.models import (
     Collection,
     Explanation,
     Limits,
-    Method,
     Page,
     QueryResult,
     Submap,
     SubmapReceipt,
     Tessellation,
 )
+from urquhart_client.work import SessionSummary
 
 T = TypeVar("T")
 
@@ -62,7 +63,7 @@ def get_limits() -> Request[Limits]:
 def get_collections(limit: int | None, cursor: str | None) -> Request[Page[Collection]]:
     """A page of collections."""
     return Request(
-        "GET", "/v1/collections", page("collections", Collection), params=_params(limit=limit, cursor=cursor)
+        "GET", "/v1/collections", page("collections", Collection), params=parameters(limit=limit, cursor=cursor)
     )
 
 
@@ -80,22 +81,22 @@ def put_collection(
         crs=crs,
         origin=None if origin is None else [float(value) for value in origin],
     )
-    return _with_body("PUT", _collection(collection), body, model(Collection))
+    return with_body("PUT", collection_path(collection), body, model(Collection))
 
 
 def get_collection(collection: str) -> Request[Collection]:
     """One collection."""
-    return Request("GET", _collection(collection), model(Collection))
+    return Request("GET", collection_path(collection), model(Collection))
 
 
 def patch_collection(collection: str, changes: Mapping[str, Any]) -> Request[Collection]:
     """Change fields of a collection."""
-    return _with_body("PATCH", _collection(collection), changes, model(Collection))
+    return with_body("PATCH", collection_path(collection), changes, model(Collection))
 
 
 def delete_collection(collection: str) -> Request[None]:
     """Drop a collection."""
-    return Request("DELETE", _collection(collection), nothing)
+    return Request("DELETE", collection_path(collection), nothing)
 
 
 # ---------------------------------------------------------------- submaps
@@ -109,8 +110,24 @@ def put_submap(
     if_none_match: str | None,
 ) -> Request[SubmapReceipt]:
     """Store a submap under an id."""
-    request = _with_body("PUT", _submap(collection, submap_id), body, model(SubmapReceipt))
+    request = with_body("PUT", _submap(collection, submap_id), body, model(SubmapReceipt))
     return _conditional(request, if_match, if_none_match)
+
+
+def post_submap(collection: str, body: Mapping[str, Any], key: str | None) -> Request[SubmapReceipt]:
+    """Store a submap under an id of the service's."""
+    once = {"Idempotency-Key": key if key is not None else uuid.uuid4().hex}
+    return with_body("POST", f"{collection_path(collection)}/submaps", body, model(SubmapReceipt), once)
+
+
+def get_sessions(collection: str, limit: int | None, cursor: str | None) -> Request[Page[SessionSummary]]:
+    """A page of sessions."""
+    return Request(
+        "GET",
+        f"{collection_path(collection)}/sessions",
+        page("sessions", SessionSummary),
+        params=parameters(limit=limit, cursor=cursor),
+    )
 
 
 def get_submaps(
@@ -123,10 +140,10 @@ def get_submaps(
 ) -> Request[Page[Submap]]:
     """A page of submaps."""
     box = None if bbox is None else ",".join(repr(float(value)) for value in bbox)
-    params = _params(bbox=box, datetime=interval, session=session, limit=limit, cursor=cursor)
+    params = parameters(bbox=box, datetime=interval, session=session, limit=limit, cursor=cursor)
     return Request(
         "GET",
-        f"{_collection(collection)}/submaps",
+        f"{collection_path(collection)}/submaps",
         page("submaps", Submap),
         params=params,
         headers={"Accept": JSON},
@@ -140,7 +157,7 @@ def get_submap(collection: str, submap_id: str) -> Request[Submap]:
 
 def patch_submap(collection: str, submap_id: str, changes: Mapping[str, Any], if_match: str | None) -> Request[Submap]:
     """Change fields of a submap."""
-    request = _with_body("PATCH", _submap(collection, submap_id), changes, model(Submap))
+    request = with_body("PATCH", _submap(collection, submap_id), changes, model(Submap))
     return _conditional(request, if_match, None)
 
 
@@ -164,85 +181,95 @@ def get_tessellation_svg(collection: str, submap_id: str) -> Request[str]:
 # ---------------------------------------------------------------- queries
 
 
-def post_query(
-    collection: str,
-    observation: Mapping[str, Any],
-    limit: int,
-    method: Method | None,
-    seed: int | None,
-    store: bool,
-    explain: bool,
-    frame_id: str | None,
-    stamp: datetime | str | None,
-    near: Mapping[str, Any] | None,
-    exclude: Mapping[str, Any] | None,
-) -> Request[QueryResult]:
+def post_query(collection: str, body: Mapping[str, Any]) -> Request[QueryResult]:
     """Ask where an observation was made."""
-    body = dict(observation) | given(
-        limit=limit,
-        method=method,
-        seed=seed,
-        store=store or None,
-        explain=explain or None,
-        frame_id=frame_id,
-        stamp=rfc3339(stamp),
-        near=None if near is None else dict(near),
-        exclude=None if exclude is None else dict(exclude),
-    )
-    return _with_body("POST", f"{_collection(collection)}/queries", body, model(QueryResult))
+    request = with_body("POST", f"{collection_path(collection)}/queries", body, model(QueryResult))
+    return replace(request, harmless=not body.get("store", False))
+
+
+def post_batch(
+    collection: str, queries: Sequence[Mapping[str, Any]]
+) -> Request[tuple[QueryResult | ProblemError, ...]]:
+    """Ask several questions."""
+
+    def parse(response: httpx.Response) -> tuple[QueryResult | ProblemError, ...]:
+        found = document(response).get("results")
+        if not isinstance(found, list) or len(found) != len(queries):
+            raise UnexpectedAnswer("not an answer to each query", response.status_code, response.text[:500])
+        return tuple(
+            ProblemError(int(one["problem"]["status"]), one["problem"])
+            if "problem" in one
+            else QueryResult.model_validate(one)
+            for one in found
+        )
+
+    request = with_body("POST", f"{collection_path(collection)}/queries/batch", {"queries": list(queries)}, parse)
+    return replace(request, harmless=not any(query.get("store", False) for query in queries))
 
 
 def get_query(collection: str, query_id: str) -> Request[QueryResult]:
     """A stored answer."""
-    return Request("GET", f"{_collection(collection)}/queries/{_segment(query_id, 'query')}", model(QueryResult))
+    return Request("GET", f"{collection_path(collection)}/queries/{segment(query_id, 'query')}", model(QueryResult))
 
 
 def get_match_svg(collection: str, query_id: str, rank: int) -> Request[str]:
     """A stored answer's candidate, drawn."""
-    path = f"{_collection(collection)}/queries/{_segment(query_id, 'query')}/candidates/{rank}/match"
+    path = f"{collection_path(collection)}/queries/{segment(query_id, 'query')}/candidates/{rank}/match"
     return Request("GET", path, text, headers={"Accept": SVG})
 
 
 def get_explanation(collection: str, query_id: str) -> Request[Explanation]:
     """Why a stored answer is what it is, as data."""
-    path = f"{_collection(collection)}/queries/{_segment(query_id, 'query')}/explanation"
+    path = f"{collection_path(collection)}/queries/{segment(query_id, 'query')}/explanation"
     return Request("GET", path, model(Explanation), headers={"Accept": JSON})
 
 
 def get_explanation_svg(collection: str, query_id: str) -> Request[str]:
     """Why a stored answer is what it is, drawn."""
-    path = f"{_collection(collection)}/queries/{_segment(query_id, 'query')}/explanation"
+    path = f"{collection_path(collection)}/queries/{segment(query_id, 'query')}/explanation"
     return Request("GET", path, text, headers={"Accept": SVG})
 
 
 # ------------------------------------------------------------------- parts
 
 
-def _collection(collection: str) -> str:
-    return f"/v1/collections/{_segment(collection, 'collection')}"
+def collection_path(collection: str) -> str:
+    """Path of a collection."""
+    return f"/v1/collections/{segment(collection, 'collection')}"
 
 
 def _submap(collection: str, submap_id: str) -> str:
-    return f"{_collection(collection)}/submaps/{_segment(submap_id, 'submap')}"
+    return f"{collection_path(collection)}/submaps/{segment(submap_id, 'submap')}"
 
 
-def _segment(name: str, kind: str) -> str:
+def segment(name: str, kind: str) -> str:
+    """A name as part of a path. Raises ValueError for what cannot be one."""
     # "." and ".." are resolved as paths on the way, whatever their escape: the request would reach another resource.
     if name in ("", ".", ".."):
         raise ValueError(f"{name!r} is not the id of a {kind}")
     return quote(name, safe="")
 
 
-def _params(**fields: str | int | float | None) -> dict[str, str | int | float]:
+def parameters(**fields: str | int | float | None) -> dict[str, str | int | float]:
+    """Those query parameters that are given."""
     return {name: value for name, value in fields.items() if value is not None}
 
 
-def _with_body(method: str, path: str, body: Mapping[str, Any], parse: Callable[[httpx.Response], T]) -> Request[T]:
+def with_body(
+    method: str,
+    path: str,
+    body: Mapping[str, Any],
+    parse: Callable[[httpx.Response], T],
+    headers: Mapping[str, str] | None = None,
+) -> Request[T]:
+    """A request with a JSON body. Raises ValueError for numbers that JSON does not have."""
     try:
         content = json.dumps(body, allow_nan=False, separators=(",", ":")).encode()
     except ValueError as error:
         raise ValueError("the request holds a number that is not finite") from error
-    return Request(method, path, parse, headers={"Content-Type": JSON, "Accept": JSON}, content=content)
+    return Request(
+        method, path, parse, headers={"Content-Type": JSON, "Accept": JSON, **(headers or {})}, content=content
+    )
 
 
 def _conditional(request: Request[T], if_match: str | None, if_none_match: str | None) -> Request[T]:

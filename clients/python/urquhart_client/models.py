@@ -235,6 +235,7 @@ class SubmapReceipt(Model):
     etag: str
     revision: int
     links: dict[str, Any] = Field(default_factory=dict)
+    query: QueryResult | None = None
 
 
 class Submap(Model):

@@ -1,0 +1,1 @@
+"""The awaiting client, in parts; `_async` is made by `mirror.py`."""

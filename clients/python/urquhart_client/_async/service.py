@@ -1,0 +1,69 @@
+"""Calls about the service itself and its collections."""
+
+from collections.abc import AsyncIterator, Mapping, Sequence
+from typing import Any
+
+from urquhart_client import _bodies, _requests
+from urquhart_client._async.connection import AsyncConnection
+from urquhart_client._bodies import UNSET, Unset
+from urquhart_client.models import Collection, Limits
+
+
+class AsyncServiceCalls(AsyncConnection):
+    """The service and its collections."""
+
+    async def landing(self) -> dict[str, Any]:
+        """What the service is and where its parts are."""
+        return await self._send(_requests.get_landing())
+
+    async def live(self) -> dict[str, Any]:
+        """Answers when the process runs."""
+        return await self._send(_requests.get_probe("livez"))
+
+    async def ready(self) -> dict[str, Any]:
+        """Answers when the service takes requests; until then a `ProblemError` with status 503 names the open check."""
+        return await self._send(_requests.get_probe("readyz"))
+
+    async def metrics(self) -> str:
+        """The service's metrics, in Prometheus' text format."""
+        return await self._send(_requests.get_metrics())
+
+    async def limits(self) -> Limits:
+        """What requests are held to."""
+        return await self._send(_requests.get_limits())
+
+    def collections(self, *, page_size: int | None = None) -> AsyncIterator[Collection]:
+        """All collections; a page is fetched when it is needed."""
+        return self._pages(lambda cursor: _requests.get_collections(page_size, cursor))
+
+    async def get_collection(self, collection: str) -> Collection:
+        """One collection, with its counts and revision."""
+        return await self._send(_requests.get_collection(collection))
+
+    async def put_collection(
+        self,
+        collection: str,
+        *,
+        title: str | None = None,
+        config: Mapping[str, Any] | None = None,
+        crs: str | None = None,
+        origin: Sequence[float] | None = None,
+    ) -> Collection:
+        """Create a collection. With the same content it may be repeated; with another `config` it is refused (409)."""
+        return await self._send(_requests.put_collection(collection, title, config, crs, origin))
+
+    async def patch_collection(
+        self,
+        collection: str,
+        *,
+        title: str | Unset | None = UNSET,
+        crs: str | Unset | None = UNSET,
+        origin: Sequence[float] | Unset | None = UNSET,
+    ) -> Collection:
+        """Change what is given; None clears a field."""
+        changes = _bodies.changes(title=title, crs=crs, origin=origin)
+        return await self._send(_requests.patch_collection(collection, changes))
+
+    async def delete_collection(self, collection: str) -> None:
+        """Delete a collection and its submaps."""
+        await self._send(_requests.delete_collection(collection))

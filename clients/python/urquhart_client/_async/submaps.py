@@ -1,0 +1,128 @@
+"""Calls about submaps."""
+
+from collections.abc import AsyncIterator, Iterable, Mapping, Sequence
+from datetime import datetime
+from typing import Any
+
+from urquhart_client import _bodies, _requests
+from urquhart_client._async.connection import AsyncConnection
+from urquhart_client._bodies import UNSET, Diameters, Landmarks, Points, Pose, Unset
+from urquhart_client.models import Submap, SubmapReceipt, Tessellation
+from urquhart_client.work import SessionSummary
+
+
+class AsyncSubmapCalls(AsyncConnection):
+    """Submaps of a collection."""
+
+    async def put_submap(
+        self,
+        collection: str,
+        submap_id: str,
+        *,
+        xy: Points | None = None,
+        ids: Iterable[str] | None = None,
+        dbh: Diameters | None = None,
+        landmarks: Landmarks | None = None,
+        frame_id: str | None = None,
+        stamp: datetime | str | None = None,
+        session: str | None = None,
+        map_pose: Pose | None = None,
+        properties: Mapping[str, Any] | None = None,
+        query: Mapping[str, Any] | None = None,
+        if_match: str | None = None,
+        if_none_match: str | None = None,
+    ) -> SubmapReceipt:
+        """Store a submap under the caller's id; the next query finds it.
+
+        Args:
+            xy: N pairs (x, y), metres, in the submap's own frame; a (N, 2) array will do.
+            ids: N landmark ids, unique; default "0", "1", ... in the order of `xy`.
+            dbh: N stem diameters, metres, None or NaN where one is not known; evidence where a query has them too.
+            landmarks: instead of `xy`, `ids` and `dbh`, landmarks with whatever else is known of each.
+            stamp: when it was seen, with a time zone, or as RFC 3339 text.
+            map_pose: where the submap's frame lies in a map; editable later.
+            query: ask first where else it was seen, and how, `{}` as usual; the answer is `receipt.query`.
+            if_match: the `etag` that must be stored, or `*` for any; otherwise the service refuses (412).
+            if_none_match: `*` to create only.
+        """
+        body = _bodies.submap_body(
+            _bodies.landmarks(xy, ids, dbh, landmarks), frame_id, stamp, session, map_pose, properties, query
+        )
+        return await self._send(_requests.put_submap(collection, submap_id, body, if_match, if_none_match))
+
+    async def post_submap(
+        self,
+        collection: str,
+        *,
+        xy: Points | None = None,
+        ids: Iterable[str] | None = None,
+        dbh: Diameters | None = None,
+        landmarks: Landmarks | None = None,
+        frame_id: str | None = None,
+        stamp: datetime | str | None = None,
+        session: str | None = None,
+        map_pose: Pose | None = None,
+        properties: Mapping[str, Any] | None = None,
+        query: Mapping[str, Any] | None = None,
+        idempotency_key: str | None = None,
+    ) -> SubmapReceipt:
+        """Store a new submap under an id that the service makes: `receipt.id`. Arguments as of `put_submap`.
+
+        Args:
+            idempotency_key: the same for every attempt to store this submap; made up when left out, so that this call
+                may send it again, but another call would store it again.
+        """
+        body = _bodies.submap_body(
+            _bodies.landmarks(xy, ids, dbh, landmarks), frame_id, stamp, session, map_pose, properties, query
+        )
+        return await self._send(_requests.post_submap(collection, body, idempotency_key))
+
+    def submaps(
+        self,
+        collection: str,
+        *,
+        bbox: Sequence[float] | None = None,
+        interval: str | None = None,
+        session: str | None = None,
+        page_size: int | None = None,
+    ) -> AsyncIterator[Submap]:
+        """The submaps of a collection that pass the filters; a page is fetched when it is needed.
+
+        Args:
+            bbox: (x minimum, y minimum, x maximum, y maximum), metres, map frame.
+            interval: an instant or an interval `from/to` in RFC 3339, either end `..` for open.
+        """
+        return self._pages(lambda cursor: _requests.get_submaps(collection, bbox, interval, session, page_size, cursor))
+
+    async def get_submap(self, collection: str, submap_id: str) -> Submap:
+        """One submap with its landmarks."""
+        return await self._send(_requests.get_submap(collection, submap_id))
+
+    async def patch_submap(
+        self,
+        collection: str,
+        submap_id: str,
+        *,
+        map_pose: Pose | Unset | None = UNSET,
+        properties: Mapping[str, Any] | Unset | None = UNSET,
+        if_match: str | None = None,
+    ) -> Submap:
+        """Change the pose in the map or the properties; None clears a field. The landmarks stay as they are."""
+        changes = _bodies.changes(map_pose=map_pose, properties=properties)
+        return await self._send(_requests.patch_submap(collection, submap_id, changes, if_match))
+
+    async def delete_submap(self, collection: str, submap_id: str, *, if_match: str | None = None) -> None:
+        """Delete a submap; the next query does not find it."""
+        await self._send(_requests.delete_submap(collection, submap_id, if_match))
+
+    async def tessellation(self, collection: str, submap_id: str) -> Tessellation:
+        """Triangles, interior polygons and descriptors of a submap."""
+        return await self._send(_requests.get_tessellation(collection, submap_id))
+
+    async def tessellation_svg(self, collection: str, submap_id: str) -> str:
+        """The tessellation as a drawing."""
+        return await self._send(_requests.get_tessellation_svg(collection, submap_id))
+
+    def sessions(self, collection: str, *, page_size: int | None = None) -> AsyncIterator[SessionSummary]:
+        """The sessions of a collection by name; a page is fetched when it is needed."""
+        return self._pages(lambda cursor: _requests.get_sessions(collection, page_size, cursor))

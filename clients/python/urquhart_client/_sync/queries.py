@@ -1,0 +1,94 @@
+"""Calls about queries."""
+
+from collections.abc import Iterable, Mapping
+from datetime import datetime
+from typing import Any
+
+from urquhart_client import _bodies, _requests
+from urquhart_client._bodies import Diameters, Landmarks, Points
+from urquhart_client._sync.connection import Connection
+from urquhart_client.errors import ProblemError
+from urquhart_client.models import Explanation, Method, QueryResult
+
+
+class QueryCalls(Connection):
+    """Where is this?"""
+
+    def query(
+        self,
+        collection: str,
+        xy: Points | None = None,
+        ids: Iterable[str] | None = None,
+        *,
+        dbh: Diameters | None = None,
+        landmarks: Landmarks | None = None,
+        submap_id: str | None = None,
+        limit: int = 5,
+        method: Method | None = None,
+        seed: int | None = None,
+        store: bool = False,
+        explain: bool = False,
+        per_session: bool = False,
+        frame_id: str | None = None,
+        stamp: datetime | str | None = None,
+        near: Mapping[str, Any] | None = None,
+        exclude: Mapping[str, Any] | None = None,
+    ) -> QueryResult:
+        """Ask where an observation was made.
+
+        Args:
+            xy: N pairs (x, y), metres, in the observer's frame; a (N, 2) array will do. Any N gets an answer.
+            ids: N landmark ids; default "0", "1", ...
+            dbh: N stem diameters, metres, None or NaN where one is not known.
+            landmarks: instead of `xy`, `ids` and `dbh`.
+            submap_id: instead of landmarks, a stored submap.
+            limit: most candidates to answer.
+            method: "robust" (the default of the service) or "paper".
+            seed: of the random choices, for the same answer again.
+            store: keep the answer, under `result.id`, so that its drawing and explanation can be fetched.
+            explain: answer what each level found in each submap, too (`result.findings`).
+            per_session: who has been here, and when: the best candidate of every session.
+            near: about where in a map it was made, `{"x": ..., "y": ..., "radius": ..., "frame_id": "map"}`, metres.
+            exclude: what must not be found, e.g. `{"submap_ids": [...]}`, `{"session": "monday"}`, or
+                `{"within_seconds": 60}` of `stamp`.
+        """
+        body = _bodies.query_body(
+            _bodies.observation(xy, ids, dbh, landmarks, submap_id),
+            limit=limit,
+            method=method,
+            seed=seed,
+            store=store,
+            explain=explain,
+            per_session=per_session,
+            frame_id=frame_id,
+            stamp=stamp,
+            near=near,
+            exclude=exclude,
+        )
+        return self._send(_requests.post_query(collection, body))
+
+    def query_batch(
+        self, collection: str, queries: Iterable[Mapping[str, Any]]
+    ) -> tuple[QueryResult | ProblemError, ...]:
+        """Ask several questions at once, each the body of a query; where one is wrong, its problem stands in its place.
+
+        Args:
+            queries: each like `{"xy": [[x, y], ...], "limit": 3}` or `{"submap_id": "p7"}`.
+        """
+        return self._send(_requests.post_batch(collection, [dict(query) for query in queries]))
+
+    def get_query(self, collection: str, query_id: str) -> QueryResult:
+        """A stored query's result again."""
+        return self._send(_requests.get_query(collection, query_id))
+
+    def match_svg(self, collection: str, query_id: str, rank: int = 1) -> str:
+        """A stored query's candidate as a drawing: both sets of landmarks, overlaid, and the inlier pairs."""
+        return self._send(_requests.get_match_svg(collection, query_id, rank))
+
+    def explanation(self, collection: str, query_id: str) -> Explanation:
+        """Why a stored query was answered as it was: stages, findings, rivals, gates."""
+        return self._send(_requests.get_explanation(collection, query_id))
+
+    def explanation_svg(self, collection: str, query_id: str) -> str:
+        """The explanation as a drawing."""
+        return self._send(_requests.get_explanation_svg(collection, query_id))

@@ -1,0 +1,69 @@
+"""Calls about the service itself and its collections."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from urquhart_client import _bodies, _requests
+from urquhart_client._bodies import UNSET, Unset
+from urquhart_client._sync.connection import Connection
+from urquhart_client.models import Collection, Limits
+
+
+class ServiceCalls(Connection):
+    """The service and its collections."""
+
+    def landing(self) -> dict[str, Any]:
+        """What the service is and where its parts are."""
+        return self._send(_requests.get_landing())
+
+    def live(self) -> dict[str, Any]:
+        """Answers when the process runs."""
+        return self._send(_requests.get_probe("livez"))
+
+    def ready(self) -> dict[str, Any]:
+        """Answers when the service takes requests; until then a `ProblemError` with status 503 names the open check."""
+        return self._send(_requests.get_probe("readyz"))
+
+    def metrics(self) -> str:
+        """The service's metrics, in Prometheus' text format."""
+        return self._send(_requests.get_metrics())
+
+    def limits(self) -> Limits:
+        """What requests are held to."""
+        return self._send(_requests.get_limits())
+
+    def collections(self, *, page_size: int | None = None) -> Iterator[Collection]:
+        """All collections; a page is fetched when it is needed."""
+        return self._pages(lambda cursor: _requests.get_collections(page_size, cursor))
+
+    def get_collection(self, collection: str) -> Collection:
+        """One collection, with its counts and revision."""
+        return self._send(_requests.get_collection(collection))
+
+    def put_collection(
+        self,
+        collection: str,
+        *,
+        title: str | None = None,
+        config: Mapping[str, Any] | None = None,
+        crs: str | None = None,
+        origin: Sequence[float] | None = None,
+    ) -> Collection:
+        """Create a collection. With the same content it may be repeated; with another `config` it is refused (409)."""
+        return self._send(_requests.put_collection(collection, title, config, crs, origin))
+
+    def patch_collection(
+        self,
+        collection: str,
+        *,
+        title: str | Unset | None = UNSET,
+        crs: str | Unset | None = UNSET,
+        origin: Sequence[float] | Unset | None = UNSET,
+    ) -> Collection:
+        """Change what is given; None clears a field."""
+        changes = _bodies.changes(title=title, crs=crs, origin=origin)
+        return self._send(_requests.patch_collection(collection, changes))
+
+    def delete_collection(self, collection: str) -> None:
+        """Delete a collection and its submaps."""
+        self._send(_requests.delete_collection(collection))

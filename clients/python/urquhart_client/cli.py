@@ -1,0 +1,176 @@
+"""`urquhart-client`: the service from a shell, on any machine that reaches it."""
+
+import argparse
+import csv
+import json
+import os
+import sys
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel
+
+from urquhart_client.client import Client
+from urquhart_client.errors import UrquhartError
+from urquhart_client.work import Job, Progress
+
+
+class _BadInput(Exception):
+    pass
+
+
+def run(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; its exit code: 0, 1 where a job failed, 2 for what cannot be done."""
+    options = _parser().parse_args(arguments)
+    url = options.url or os.environ.get("URQUHART_URL", "http://127.0.0.1:8420")
+    try:
+        with Client(url, api_key=os.environ.get("URQUHART_API_KEY")) as client:
+            return int(options.command(client, options))
+    except (UrquhartError, _BadInput, ValueError) as error:
+        return _refuse(str(error))
+    except OSError as error:
+        return _refuse(f"{error.filename or url}: {error.strerror or error}")
+    except KeyboardInterrupt:
+        return 130
+
+
+def main() -> None:
+    """Entry point of the console script."""
+    sys.exit(run())
+
+
+def _collections(client: Client, options: argparse.Namespace) -> int:
+    for one in client.collections():
+        _tell(options, one, f"{one.id}: {one.counts.get('submaps', 0)} submaps, revision {one.revision}")
+    return 0
+
+
+def _put(client: Client, options: argparse.Namespace) -> int:
+    client.put_collection(options.collection)
+    receipt = client.put_submap(options.collection, options.submap, session=options.session, **_landmarks(options.file))
+    _tell(options, receipt, f"{receipt.id}: {receipt.outcome}, revision {receipt.revision}")
+    return 0
+
+
+def _query(client: Client, options: argparse.Namespace) -> int:
+    result = client.query(options.collection, limit=options.limit, **_landmarks(options.file))
+    lines = [f"{result.verdict} ({result.reason})"]
+    for one in result.candidates:
+        at = one.transform
+        lines.append(
+            f"  {one.submap_id}: x {at.x:.2f} m, y {at.y:.2f} m, yaw {at.yaw:.4f} rad, "
+            f"{one.inlier_count} inliers, confidence {one.confidence:.4f}"
+        )
+    _tell(options, result, "\n".join(lines))
+    return 0
+
+
+def _import(client: Client, options: argparse.Namespace) -> int:
+    client.put_collection(options.collection)
+    job = client.import_file(
+        options.collection,
+        options.file,
+        on_conflict=options.on_conflict,
+        mode=options.mode,
+        progress=_show if sys.stderr.isatty() else None,
+    )
+    if sys.stderr.isatty():
+        sys.stderr.write("\r\033[K")
+    refused = job.counts.get("refused", 0)
+    for line in client.job_errors(job.id) if refused else ():
+        sys.stderr.write(f"line {line.line}: {(line.problem or {}).get('detail', 'refused')}\n")
+    _tell_job(options, job)
+    return 0 if job.is_successful and not refused else 1
+
+
+def _jobs(client: Client, options: argparse.Namespace) -> int:
+    for job in client.jobs(state=options.state):
+        _tell_job(options, job)
+    return 0
+
+
+def _snapshot(client: Client, options: argparse.Namespace) -> int:
+    made = client.create_snapshot(options.name)
+    _tell(options, made, f"{made.name}: {made.bytes} bytes, sha256 {made.sha256}")
+    if options.download is not None:
+        client.download_snapshot(made.name, options.download)
+    return 0
+
+
+def _landmarks(path: Path) -> dict[str, Any]:
+    """Landmarks of a CSV with x and y (or x_m, y_m), or of a JSON body."""
+    if path.suffix == ".json":
+        body = json.loads(path.read_text())
+        if not isinstance(body, dict):
+            raise _BadInput(f"{path}: not a JSON object")
+        return {name: body[name] for name in ("xy", "ids", "landmarks") if name in body}
+    with path.open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    return {"xy": list(_points(path, rows))}
+
+
+def _points(path: Path, rows: Iterable[dict[str, str]]) -> Iterable[tuple[float, float]]:
+    for number, row in enumerate(rows, start=2):
+        try:
+            yield float(row.get("x_m") or row["x"]), float(row.get("y_m") or row["y"])
+        except (KeyError, TypeError, ValueError) as error:
+            raise _BadInput(f"{path}, line {number}: needs numbers in the columns x and y, or x_m and y_m") from error
+
+
+def _show(progress: Progress) -> None:
+    part = f" of {progress.total}" if progress.total else ""
+    left = f", {progress.eta_seconds:.0f} s left" if progress.eta_seconds is not None else ""
+    sys.stderr.write(f"\r\033[K{progress.phase} {progress.done}{part}{left}")
+
+
+def _tell_job(options: argparse.Namespace, job: Job) -> None:
+    counts = ", ".join(f"{count} {outcome}" for outcome, count in job.counts.items())
+    why = f": {job.problem['detail']}" if job.problem else ""
+    _tell(options, job, f"{job.id} {job.kind} on {job.collection}: {job.state}{why} ({counts or 'nothing yet'})")
+
+
+def _tell(options: argparse.Namespace, model: BaseModel, line: str) -> None:
+    sys.stdout.write(f"{model.model_dump_json() if options.json else line}\n")
+
+
+def _refuse(message: str) -> int:
+    sys.stderr.write(f"urquhart-client: {' '.join(message.split())}\n")
+    return 2
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="urquhart-client",
+        description="Urquhart from a shell. URQUHART_URL says where the service is, URQUHART_API_KEY holds the key.",
+    )
+    parser.add_argument("--url", help="where the service is (default: URQUHART_URL or http://127.0.0.1:8420)")
+    parser.add_argument("--json", action="store_true", help="a line of JSON for each answer")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    def command(name: str, does: Any, about: str) -> argparse.ArgumentParser:
+        made = commands.add_parser(name, help=about, description=about)
+        made.set_defaults(command=does)
+        return made
+
+    command("collections", _collections, "List the collections.")
+    put = command("put", _put, "Store a submap from a CSV or JSON file.")
+    put.add_argument("collection")
+    put.add_argument("submap")
+    put.add_argument("file", type=Path)
+    put.add_argument("--session")
+    query = command("query", _query, "Ask where what is in a CSV or JSON file was seen.")
+    query.add_argument("collection")
+    query.add_argument("file", type=Path)
+    query.add_argument("--limit", type=int, default=5)
+    upload = command("import", _import, "Store the submaps of an NDJSON file, packed or not; exit code 1 if not all.")
+    upload.add_argument("collection")
+    upload.add_argument("file", type=Path)
+    upload.add_argument("--on-conflict", choices=["replace", "skip", "fail"], default="replace")
+    upload.add_argument("--mode", choices=["continue", "all"], default="continue")
+    jobs = command("jobs", _jobs, "List the jobs, the newest first.")
+    jobs.add_argument("--state", choices=["accepted", "running", "successful", "failed", "dismissed"])
+    snapshot = command("snapshot", _snapshot, "Keep the whole database as it is now.")
+    snapshot.add_argument("name", nargs="?")
+    snapshot.add_argument("--download", type=Path, metavar="FILE", help="and write it to a file here")
+    return parser

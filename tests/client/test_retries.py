@@ -1,0 +1,169 @@
+"""What is sent again, when, and what is not; and that nothing is done twice for it."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from tests.client.fake import COLLECTION, RECEIPT, RESULT
+from urquhart_client import AsyncClient, Client, ConnectionFailed, ProblemError, Retry
+
+Answer = httpx.Response | Exception
+BUSY = httpx.Response(503, json={"title": "busy", "status": 503}, headers={"Retry-After": "0"})
+LOST = httpx.ReadError("the link is gone")
+FAST = Retry(attempts=4, first=0.001, most=0.002, deadline=5.0)
+
+
+class Service:
+    """Answers in turn, the last for ever; keeps what came in."""
+
+    def __init__(self, *answers: Answer) -> None:
+        self.answers, self.requests = list(answers), list[httpx.Request]()
+
+    def __call__(self, request: httpx.Request) -> httpx.Response:
+        request.read()
+        self.requests.append(request)
+        answer = self.answers[min(len(self.requests), len(self.answers)) - 1]
+        if isinstance(answer, Exception):
+            raise answer
+        return answer
+
+
+def client(service: Service, retry: Retry = FAST) -> Client:
+    return Client("http://service", transport=httpx.MockTransport(service), retry=retry)
+
+
+def ok(document: Any, status: int = 200) -> httpx.Response:
+    return httpx.Response(status, json=document)
+
+
+CALLS: list[tuple[str, Callable[[Client], object], httpx.Response]] = [
+    ("get", lambda c: c.get_collection("plots"), ok(COLLECTION)),
+    ("put", lambda c: c.put_submap("plots", "p7", xy=[(0, 0)]), ok(RECEIPT)),
+    ("post", lambda c: c.post_submap("plots", xy=[(0, 0)]), ok(RECEIPT, 201)),
+    ("query", lambda c: c.query("plots", xy=[(0, 0)]), ok(RESULT)),
+    ("batch", lambda c: c.query_batch("plots", [{"xy": [[0, 0]]}]), ok({"results": [RESULT]})),
+    ("delete", lambda c: c.delete_submap("plots", "p7"), httpx.Response(204)),
+]
+
+
+@pytest.mark.parametrize(("name", "call", "answer"), CALLS, ids=[name for name, *_ in CALLS])
+@pytest.mark.parametrize("trouble", [BUSY, LOST, httpx.ConnectError("no route")], ids=["busy", "lost", "no route"])
+def test_what_is_harmless_is_sent_again(
+    name: str, call: Callable[[Client], object], answer: httpx.Response, trouble: Answer
+) -> None:
+    service = Service(trouble, trouble, answer)
+    call(client(service))
+    assert len(service.requests) == 3
+    first, *others = service.requests
+    for other in others:
+        assert (other.method, other.url, other.content) == (first.method, first.url, first.content)
+        assert other.headers.get("Idempotency-Key") == first.headers.get("Idempotency-Key")
+    assert (name == "post") == ("Idempotency-Key" in first.headers)
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda c: c.query("plots", xy=[(0, 0)], store=True),
+        lambda c: c.query_batch("plots", [{"xy": [], "store": True}]),
+        lambda c: c.patch_submap("plots", "p7", properties={}),
+    ],
+)
+def test_what_may_do_harm_is_not(call: Callable[[Client], object]) -> None:
+    service = Service(LOST)
+    with pytest.raises(ConnectionFailed):
+        call(client(service))
+    assert len(service.requests) == 1
+
+
+@pytest.mark.parametrize("status", [400, 401, 403, 404, 409, 412, 413, 422, 500, 507])
+def test_a_refusal_is_final(status: int) -> None:
+    service = Service(httpx.Response(status, json={"title": "no", "status": status}))
+    with pytest.raises(ProblemError) as refused:
+        client(service).get_collection("plots")
+    assert (refused.value.status, len(service.requests)) == (status, 1)
+
+
+@pytest.mark.parametrize("status", [408, 429, 502, 503, 504])
+def test_it_gives_up_in_the_end(status: int) -> None:
+    service = Service(httpx.Response(status, json={"title": "later", "status": status}))
+    with pytest.raises(ProblemError):
+        client(service).get_collection("plots")
+    assert len(service.requests) == 4
+    with pytest.raises(ProblemError):
+        client(Service(BUSY), Retry(attempts=1)).get_collection("plots")
+
+
+def test_a_delete_that_was_lost_and_done_is_done() -> None:
+    gone = httpx.Response(404, json={"title": "not found", "status": 404})
+    client(Service(LOST, gone)).delete_submap("plots", "p7")
+    with pytest.raises(ProblemError):
+        client(Service(gone)).delete_submap("plots", "p7")
+    with pytest.raises(ProblemError):
+        client(Service(BUSY, gone)).delete_submap("plots", "p7")
+
+
+def test_pauses_grow_and_end() -> None:
+    retry = Retry(attempts=10, first=1.0, most=4.0, deadline=30.0)
+    for attempt, most in ((1, 1.0), (2, 2.0), (3, 4.0), (9, 4.0)):
+        drawn = [retry.pause(attempt, 0.0) for _ in range(200)]
+        assert all(pause is not None and 0.0 <= pause <= most for pause in drawn)
+        assert max(pause or 0.0 for pause in drawn) > 0.7 * most
+    assert retry.pause(10, 0.0) is None
+    assert retry.pause(1, 30.0) is None
+    asked = retry.pause(1, 0.0, status=503, asked=5.0)
+    assert asked is not None and 5.0 <= asked <= 6.0
+    assert retry.pause(1, 0.0, status=503, asked=60.0) is None
+    assert retry.pause(1, 0.0, status=404) is None
+
+
+def test_an_upload_is_sent_whole_each_time(tmp_path: Path) -> None:
+    import gzip
+
+    content = b'{"id": "a"}\n' * 100_000
+    (tmp_path / "season.ndjson").write_bytes(content)
+    job = {"id": "j", "kind": "import", "collection": "plots", "state": "accepted", "created": "2026-05-04T09:30:00Z"}
+    service, told = Service(LOST, BUSY, ok(job, 202)), list[int]()
+    client(service).import_file(
+        "plots", tmp_path / "season.ndjson", wait=False, progress=lambda progress: told.append(progress.done)
+    )
+    assert [gzip.decompress(request.content) for request in service.requests] == [content] * 3
+    assert len({request.headers["Idempotency-Key"] for request in service.requests}) == 1
+    assert told[-1] == len(content)
+
+
+def test_keys_are_sent_and_not_shown() -> None:
+    service = Service(LOST)
+    keyed = Client("http://service", api_key="urq_secret", transport=httpx.MockTransport(service), retry=FAST)
+    with pytest.raises(ConnectionFailed) as failed:
+        keyed.get_collection("plots")
+    assert service.requests[0].headers["Authorization"] == "Bearer urq_secret"
+    assert "secret" not in repr(keyed) + str(failed.value)
+
+
+def test_large_bodies_are_packed() -> None:
+    service = Service(ok(RECEIPT))
+    client(service).put_submap("plots", "p7", xy=[(float(i), 0.5) for i in range(3000)])
+    assert service.requests[0].headers["Content-Encoding"] == "gzip"
+    plain = Client("http://service", compress=False, transport=httpx.MockTransport(service))
+    plain.put_submap("plots", "p7", xy=[(float(i), 0.5) for i in range(3000)])
+    assert "Content-Encoding" not in service.requests[1].headers
+
+
+@pytest.mark.anyio
+async def test_the_awaiting_client_does_the_same() -> None:
+    busy = httpx.Response(503, content=b'{"title": "busy"}', headers={"Content-Type": "application/json"})
+    service = Service(LOST, busy, ok(RECEIPT, 201))
+    async with AsyncClient("http://service", transport=httpx.MockTransport(service), retry=FAST) as awaiting:
+        receipt = await awaiting.post_submap("plots", xy=[(0, 0)])
+    assert receipt.id == "p7"
+    assert len({request.headers["Idempotency-Key"] for request in service.requests}) == 1
+    assert len(service.requests) == 3
+
+
+@pytest.fixture
+def anyio_backend() -> str:
+    return "asyncio"
