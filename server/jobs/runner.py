@@ -17,7 +17,7 @@ from typing import Any, Final, Protocol
 from sqlalchemy.orm import Session
 
 from server.catalog import Catalog
-from server.errors import DomainError, NotFound, StorageBusy, StorageError, WorkerLost
+from server.errors import DomainError, NotFound, StorageBusy, StorageError, StorageFull, WorkerLost
 from server.jobs.folder import ARRIVING, FOUND, INPUT, RESULTS, JobFolder
 from server.kinds import INTERNAL, document
 from server.metrics import Metrics
@@ -237,9 +237,13 @@ class Runner:
             with self._tools.database.write() as session:
                 Jobs(session).change(job_id, state=state, problem=problem, finished=datetime.now(UTC))
 
-        # Only then, and else it is swept: until it is noted, somebody may have to go on.
-        if _persistently(note, self._stopping):
+        def make_room() -> None:
             self._tools.folder.input(job_id).unlink(missing_ok=True)
+
+        # Until it is noted somebody may go on with the job. He finds that nothing is left to do, or fails for want of
+        # the input, which is as good; but on a full disk it may be the input that leaves no room for the note.
+        if _persistently(note, self._stopping, make_room):
+            make_room()
 
     def _put_back(self, job_id: str, starts: int) -> None:
         """Leave a job to whoever takes it next, with so much more on the count of its starts."""
@@ -255,13 +259,17 @@ class Runner:
         _persistently(note, self._stopping)
 
 
-def _persistently(note: Callable[[], None], stopping: threading.Event) -> bool:
+def _persistently(
+    note: Callable[[], None], stopping: threading.Event, make_room: Callable[[], None] | None = None
+) -> bool:
     """Note what became of a job, again and again where the database is full or busy; whether it is noted."""
     while True:
         try:
             note()
         except StorageError as error:
-            _log.warning("the end of a job cannot be noted yet: %s", error)
+            _log.warning("what became of a job cannot be noted yet: %s", error)
+            if make_room is not None and isinstance(error, StorageFull):
+                make_room()
             if stopping.wait(1.0):
                 return False  # it is taken up again, finds nothing left to do, and ends
         else:
