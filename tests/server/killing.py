@@ -2,7 +2,7 @@
 
 `python -m tests.server.killing FOLDER MODE LINES.ndjson` runs an import in processes of its own: the first is killed at
 the first point, the second, on another copy of the database, at the second, and so on until one comes to its end. After
-each, another process goes on. Printed is what each job came to in the end, a line of JSON for each point.
+each, another process goes on, and is killed, too, and a third one. Printed is what each job came to in the end, a line of JSON for each point.
 """
 
 import os
@@ -34,6 +34,8 @@ from server.store import schema
 from server.store.database import Database
 
 _JOB = "job"
+_POINTS = 12
+"""Of a process that goes on, those at which it is killed."""
 
 
 def main(folder: Path, mode: str, lines: Path) -> None:
@@ -48,6 +50,8 @@ def main(folder: Path, mode: str, lines: Path) -> None:
         copy = folder / f"point-{point}"
         shutil.copytree(base, copy)
         killed = _in_a_process(partial(_work, copy / "killed.db", point)) == -signal.SIGKILL
+        # Who goes on is killed as well, now here, now there: a restart has its own points.
+        _in_a_process(partial(_work, copy / "killed.db", point * 7 % _POINTS + 1))
         _in_a_process(partial(_work, copy / "killed.db", 0))
         _in_a_process(partial(_tell, copy / "killed.db"))
 
@@ -116,12 +120,11 @@ def _work(path: Path, point: int) -> None:
         return called
 
     def write_half(results: BinaryIO, lines: list[bulk.Line]) -> None:
-        before = results.tell()
+        before = results.seek(0, os.SEEK_END)
         results.write(b'{"line": 7, "outco')
         results.flush()
         reached()
         results.truncate(before)
-        results.seek(before)
         write(results, lines)
 
     write, describe = imports._write_results, bulk.describe_lines
