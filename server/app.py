@@ -120,8 +120,9 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     finally:
         service.readiness.report(SHUTDOWN, "the service is stopping")
         stop.set()
-        await anyio.to_thread.run_sync(service.jobs.runner.stop)
+        # The upkeep first: it also stops the job that writes an index anew.
         await anyio.to_thread.run_sync(service.upkeep.stop)
+        await anyio.to_thread.run_sync(service.jobs.runner.stop)
         await anyio.to_thread.run_sync(warm_up.join)
         await anyio.to_thread.run_sync(service.database.dispose)
 

@@ -32,6 +32,8 @@ _Item = TypeVar("_Item")
 _MOST_BYTES: Final = 4 * 1024 * 1024
 """Of a batch, about: submaps of thousands of landmarks come in smaller ones, a few of which fit into memory."""
 _LANDMARK_BYTES: Final = 40
+_LONGEST_ID: Final = 128
+"""Characters of an id that is repeated in a report; one that is longer is no id."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -211,7 +213,7 @@ def _id_in(line: bytes, error: DomainError) -> str | None:
     """The id of a line that is JSON but no submap, for the report."""
     if isinstance(error, InvalidField):
         members = orjson.loads(line)
-        if isinstance(members, dict) and isinstance(members.get("id"), str):
+        if isinstance(members, dict) and isinstance(members.get("id"), str) and len(members["id"]) <= _LONGEST_ID:
             return str(members["id"])
     return None
 

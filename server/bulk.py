@@ -14,7 +14,7 @@ from server.ingest import Outcome, same_collection, store
 from server.schemas.submaps import NamedSubmap
 from server.settings import Limits
 from server.store.database import Database
-from server.store.submaps import Identity, SubmapRecord, Submaps
+from server.store.submaps import SubmapRecord, Submaps
 from server.threads import pin_threads
 from server.workers import Work, Workers
 
@@ -32,15 +32,15 @@ class Line:
     Attributes:
         position: in what was given, from 0.
         id: None where not even that could be read.
-        outcome: `superseded` is one that the same id came after, in the same transaction; `withheld` one that is
-            sound, where all or nothing was to be stored.
+        outcome: as if one after the other were stored, wherever a batch ends; `skipped` is one that was left out for
+            what is there already, or because all or nothing was to be stored and others were refused.
         revision: the collection's at the submap's last write, where there is one.
         error: why it was refused.
     """
 
     position: int
     id: str | None
-    outcome: Outcome | Literal["superseded", "skipped", "refused", "withheld"]
+    outcome: Outcome | Literal["skipped", "refused"]
     revision: int | None = None
     error: DomainError | None = None
 
@@ -62,7 +62,7 @@ class BatchResult:
     @property
     def replaced(self) -> int:
         """How many took the place of others, those that did not keep it among them."""
-        return self._count("replaced") + self._count("superseded")
+        return self._count("replaced")
 
     @property
     def unchanged(self) -> int:
@@ -168,40 +168,46 @@ def write(
 
 
 def write_in(session: Session, collection_id: str, batch: Described, on_conflict: OnConflict) -> BatchResult:
-    """Store a batch in a transaction that others share. Raises NotFound and Conflict."""
+    """Store a batch in a transaction that others share, as if one submap were stored after the other.
+
+    Of an id that comes again the last one is written, and each has the outcome that it would have had by itself.
+    Raises NotFound and Conflict.
+    """
     collection = same_collection(session, collection_id, batch.collection_key)
     known = Submaps(session, collection.key).identities({record.id for _, record in batch.records})
+    etags = {submap_id: identity.etag for submap_id, identity in known.items()}
+    chosen: dict[str, SubmapRecord] = {}
+    told: list[tuple[int, str, Outcome | Literal["skipped"]]] = []
     lines = [Line(one.position, one.submap_id, "refused", error=one.error) for one in batch.refused]
-    chosen: dict[str, tuple[int, SubmapRecord]] = {}
     for position, record in batch.records:
-        taken, earlier = known.get(record.id), chosen.get(record.id)
-        if on_conflict == "replace":
-            if earlier is not None:
-                lines.append(Line(earlier[0], record.id, "superseded"))
-            chosen[record.id] = (position, record)
-        elif earlier is None and (taken is None or taken.etag == record.etag):
-            chosen[record.id] = (position, record)
-        elif earlier is not None and earlier[1].etag == record.etag:
-            lines.append(Line(position, record.id, "unchanged"))
+        there = etags.get(record.id)
+        if there is None or there == record.etag or on_conflict == "replace":
+            told.append((position, record.id, _outcome(there, record.etag)))
+            chosen[record.id], etags[record.id] = record, record.etag
+        elif on_conflict == "skip":
+            told.append((position, record.id, "skipped"))
         else:
-            lines.append(_conflicting(position, record, taken, on_conflict))
-    records = [(known.get(record.id), record) for _, record in chosen.values()]
-    receipts = store(session, collection, records)
-    for (position, record), receipt in zip(chosen.values(), receipts, strict=True):
-        lines.append(Line(position, record.id, receipt.outcome, receipt.revision))
+            lines.append(Line(position, record.id, "refused", error=_conflict(record.id, record.id in known)))
+    receipts = store(session, collection, [(known.get(record.id), record) for record in chosen.values()])
+    revisions = {submap_id: identity.revision for submap_id, identity in known.items()}
+    revisions |= {submap_id: receipt.revision for submap_id, receipt in zip(chosen, receipts, strict=True)}
+    lines += [Line(position, submap_id, outcome, revisions[submap_id]) for position, submap_id, outcome in told]
     lines.sort(key=lambda line: line.position)
     revision = max((receipt.revision for receipt in receipts), default=collection.revision)
     return BatchResult(lines, batch.landmarks, revision, batch.following)
 
 
-def _conflicting(position: int, record: SubmapRecord, taken: Identity | None, on_conflict: OnConflict) -> Line:
-    if on_conflict == "skip":
-        return Line(position, record.id, "skipped", taken.revision if taken is not None else None)
-    where = "in the collection" if taken is not None else "on an earlier line"
-    error = Conflict(
-        f"There is a submap {record.id!r} with other content {where}; on_conflict=replace would replace it."
+def _outcome(there: str | None, etag: str) -> Outcome:
+    if there is None:
+        return "created"
+    return "unchanged" if there == etag else "replaced"
+
+
+def _conflict(submap_id: str, known: bool) -> Conflict:
+    where = "in the collection" if known else "on an earlier line"
+    return Conflict(
+        f"There is a submap {submap_id!r} with other content {where}; on_conflict=replace would replace it."
     )
-    return Line(position, record.id, "refused", error=error)
 
 
 def _described(

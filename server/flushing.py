@@ -108,15 +108,21 @@ def flush_state(shop: Shop, collection_key: int, state: State) -> int:
 def rebuild(shop: Shop, collection_id: str, *, progress: Progress | None = None) -> int:
     """Write all submaps of a collection to new segments, and list these in the place of all that are; how many.
 
-    Raises OSError, StorageError.
+    None are where the collection is gone, or goes meanwhile. Raises OSError, StorageError, Stopped.
     """
     made: list[Listed] = []
-    with shop.folder.lock("flush", wait=lambda: True), shop.folder.lock("merge", wait=lambda: True):
+    key: int | None = None
+    with (
+        shop.folder.lock("flush", wait=lambda: not shop.stopping()),
+        shop.folder.lock("merge", wait=lambda: not shop.stopping()),
+    ):
         try:
             while True:
+                shop.check()  # where it is set, the locks may not be held
                 with shop.database.read() as session:
                     collection = Collections(session).get(collection_id)
-                    if collection is None:
+                    if collection is None or collection.key != (key := key or collection.key):
+                        shop.folder.remove(segment.name for segment in made)
                         return 0
                     since = made[-1].revision if made else 0
                     parts, end = _read_block(shop, session, collection, since)

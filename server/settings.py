@@ -25,6 +25,9 @@ class Limits(BaseModel):
     batch_queries: int = Field(200, ge=1, description="Most queries in one batch.")
     import_bytes: int = Field(8 * 1024**3, ge=1024, description="Largest import, in bytes, unpacked.")
     import_all_lines: int = Field(20_000, ge=1, description="Most lines of an import that stores all or none.")
+    import_all_bytes: int = Field(
+        256 * 1024 * 1024, ge=1024, description="Largest import that stores all or none, in bytes, unpacked."
+    )
     page: int = Field(100, ge=1, description="Rows of a page when `limit` is not given.")
     page_max: int = Field(1000, ge=1, description="Largest `limit` of a page.")
     stored_queries: int = Field(10_000, ge=0, description="Stored queries kept per collection; the oldest go first.")
@@ -63,6 +66,7 @@ class JobSettings(BaseModel):
         None, ge=1, le=256, description="Processes that describe imported submaps, the service among them; one a core."
     )
     keep_days: float = Field(7.0, gt=0, le=3650, description="Days for which results of finished jobs are kept.")
+    keep_rows: int = Field(10_000, ge=1, description="Finished jobs that are told of; the oldest are forgotten first.")
 
 
 class Settings(BaseSettings):

@@ -3,16 +3,22 @@
 import fcntl
 import os
 import time
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import BinaryIO, Final
+from typing import IO, Any, Final
 
 from server.store.database import Database
 
-_ARRIVING: Final = ".part"
+ARRIVING: Final = ".part"
+INPUT: Final = ".input"
+RESULTS: Final = ".results"
+FOUND: Final = ".found"
 _GRACE: Final = 60.0
-"""Seconds that a file may wait for its job's row."""
+"""Seconds for which a file is left alone, whatever it is: most are young, and not worth a closer look."""
+
+Unwanted = Callable[[Sequence[Path]], list[Path]]
+"""Which of some files nobody will ask for any more."""
 
 
 class JobFolder:
@@ -24,19 +30,19 @@ class JobFolder:
 
     def arriving(self, job_id: str) -> Path:
         """Where an input lies while it comes in."""
-        return self.path / f"{job_id}{_ARRIVING}"
+        return self.path / f"{job_id}{ARRIVING}"
 
     def input(self, job_id: str) -> Path:
         """Where a job's input lies."""
-        return self.path / f"{job_id}.input"
+        return self.path / f"{job_id}{INPUT}"
 
     def results(self, job_id: str) -> Path:
         """Where what came of it lies."""
-        return self.path / f"{job_id}.results"
+        return self.path / f"{job_id}{RESULTS}"
 
     def found(self, job_id: str) -> Path:
         """Where a job notes what it has found so far."""
-        return self.path / f"{job_id}.found"
+        return self.path / f"{job_id}{FOUND}"
 
     def make(self) -> None:
         """Make the folder. Raises OSError."""
@@ -45,6 +51,10 @@ class JobFolder:
     def publish(self, written: Path, path: Path) -> None:
         """Give a whole file its name, for good. Raises OSError."""
         written.rename(path)
+        self.sync()
+
+    def sync(self) -> None:
+        """Put the names of the files onto the disk. Raises OSError."""
         descriptor = os.open(self.path, os.O_RDONLY)
         try:
             os.fsync(descriptor)
@@ -60,21 +70,26 @@ class JobFolder:
     def turn(self, collection_key: int) -> Iterator[bool]:
         """Be the only one, in this process or another, who works for a collection; whether it is so. Raises OSError."""
         self.make()
+        path = self.path / f"{collection_key}.lock"
         # Held by the open file: it is free again when the process ends, however that comes.
-        with (self.path / f"{collection_key}.lock").open("a") as file:
-            yield try_lock(file)
-
-    def sweep(self, known: Collection[str]) -> int:
-        """Remove what belongs to no job of `known`, and what nobody sends any more; how many files. Raises OSError."""
-        swept = 0
-        for path in list(self.path.iterdir()) if self.path.is_dir() else []:
-            if path.suffix not in {_ARRIVING, ".input", ".results", ".found"} or path.stem in known:
-                continue
+        with path.open("a") as file:
+            # Who held it removes it: a lock on a file that is there no more keeps nobody out.
+            ours = try_lock(file) and _is_at(path, file)
             try:
-                if time.time() - path.stat().st_mtime < _GRACE:
-                    continue
+                yield ours
+            finally:
+                if ours:
+                    path.unlink(missing_ok=True)
+
+    def sweep(self, unwanted: Unwanted) -> int:
+        """Remove what is not wanted, and what nobody sends any more; how many files. Raises OSError."""
+        swept = 0
+        for path in unwanted([path for path in self.path.iterdir() if _is_old(path)] if self.path.is_dir() else []):
+            try:
                 with path.open("rb") as file:
-                    if try_lock(file):  # who sends it still holds it
+                    # Whoever sends it, or works with it, holds it until its row tells of it: so the rows are looked at
+                    # once more when it is free.
+                    if try_lock(file) and unwanted([path]):
                         path.unlink(missing_ok=True)
                         swept += 1
             except FileNotFoundError:
@@ -82,10 +97,24 @@ class JobFolder:
         return swept
 
 
-def try_lock(file: "BinaryIO | object") -> bool:
+def _is_old(path: Path) -> bool:
+    try:
+        return time.time() - path.stat().st_mtime >= _GRACE
+    except FileNotFoundError:
+        return False
+
+
+def _is_at(path: Path, file: IO[Any]) -> bool:
+    try:
+        return os.path.samestat(path.stat(), os.fstat(file.fileno()))
+    except FileNotFoundError:
+        return False
+
+
+def try_lock(file: IO[Any]) -> bool:
     """Lock an open file for as long as it is open, unless somebody else has; whether it is ours."""
     try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # type: ignore[arg-type]
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         return False
     return True

@@ -17,7 +17,7 @@ from sqlalchemy.orm import Session
 
 from server import batches, bulk
 from server.bulk import BatchResult, Line
-from server.errors import LinesRefused, TooLarge
+from server.errors import LinesRefused, StorageUnavailable, TooLarge
 from server.jobs.runner import Assignment, Tools
 from server.kinds import document
 from server.store.database import storage_errors
@@ -31,30 +31,42 @@ def run_import(assignment: Assignment, tools: Tools) -> None:
     with tools.database.read() as session:
         assignment.collection(session)
     with storage_errors(tools.folder.path), tools.folder.results(assignment.id).open("a+b") as results:
-        # What a transaction wrote that was never committed.
-        results.truncate(assignment.progress.get("written", 0))
+        tools.folder.sync()  # the name of the file, without which its content is not there after a power cut
+        _cut(results, assignment.progress.get("written", 0))
         source = _Source(tools.folder.input(assignment.id), assignment, tools.settings.limits.body_bytes)
         if assignment.parameters["mode"] == "all":
             _all_or_nothing(assignment, tools, source, results)
         else:
             _one_by_one(assignment, tools, source, results)
-    tools.folder.input(assignment.id).unlink(missing_ok=True)
+
+
+def _cut(results: BinaryIO, written: int) -> None:
+    """Drop what was written and never committed. Raises StorageUnavailable where more is gone than that."""
+    if results.seek(0, os.SEEK_END) < written:
+        raise StorageUnavailable("Results of this job are gone from the folder of jobs; what it stored is stored.")
+    results.truncate(written)
+    results.seek(written)
 
 
 class _Source:
     """The lines from where the job stands, and where in the file it will stand after a batch of them."""
 
     def __init__(self, path: Path, assignment: Assignment, longest: int) -> None:
-        self._path, self._longest = path, longest
+        self._path, self._longest, self._total = path, longest, assignment.total
         self.first: int = assignment.progress.get("line", 0)
         self._offset: int = assignment.progress.get("offset", 0)
         self._ends: deque[int] = deque()
         self._taken = self.first
 
     def lines(self) -> Iterator[bytes]:
-        """Each as it was sent; of one that is too long only as much as shows that."""
-        if not self._path.exists():
+        """Each as it was sent; of one that is too long only as much as shows that.
+
+        Raises StorageUnavailable where the upload is not there any more.
+        """
+        if self.first == self._total:
             return  # it was read to its end, and only that could not be noted
+        if not self._path.exists():
+            raise StorageUnavailable("The upload is gone from the folder of jobs; send again what has no result yet.")
         with self._path.open("rb") as file:
             file.seek(self._offset)
             while line := file.readline(self._longest + 2):
@@ -102,11 +114,12 @@ def _one_by_one(assignment: Assignment, tools: Tools, source: _Source, results: 
 def _all_or_nothing(assignment: Assignment, tools: Tools, source: _Source, results: BinaryIO) -> None:
     if source.first:
         return  # it was stored, and only that could not be noted
-    results.truncate(0)
-    most = tools.settings.limits.import_all_lines
+    # What was refused may have been told of already, and only the job's end not.
+    assignment.done, assignment.counts = 0, {}
+    assignment.report(written=0)
+    _cut(results, 0)
+    _check_size(assignment, tools)
     found, refused = list[batches.Described](), list[Line]()
-    if assignment.total is not None and assignment.total > most:
-        raise TooLarge("import_all_lines", most, assignment.total, "Send it in parts, or with mode=continue.")
     with batches.describers(tools.settings.jobs.processes) as workers:
         describing = bulk.describe_lines(
             tools.database, assignment.collection_id, source.lines(), limits=tools.settings.limits, workers=workers
@@ -119,18 +132,29 @@ def _all_or_nothing(assignment: Assignment, tools: Tools, source: _Source, resul
     if not refused:
         refused = _store_all(assignment, tools, found, results)
     if refused:
-        withheld = {line.position for line in refused}
+        at_fault = {line.position for line in refused}
         lines = refused + [
-            Line(position, record.id, "withheld")
+            Line(position, record.id, "skipped")
             for batch in found
             for position, record in batch.records
-            if position not in withheld
+            if position not in at_fault
         ]
         lines.sort(key=lambda line: line.position)
         _write_results(results, lines)
         _count(assignment, lines, found[-1].following)
         assignment.report(written=results.tell())
         raise LinesRefused(f"Nothing was stored: {len(refused)} lines cannot be, and mode=all asks for all or none.")
+
+
+def _check_size(assignment: Assignment, tools: Tools) -> None:
+    """All of it is in memory, and then in one transaction, so it may not be as large as others. Raises TooLarge."""
+    limits, path = tools.settings.limits, tools.folder.input(assignment.id)
+    for name, allowed, got in (
+        ("import_all_lines", limits.import_all_lines, assignment.total or 0),
+        ("import_all_bytes", limits.import_all_bytes, path.stat().st_size if path.exists() else 0),
+    ):
+        if got > allowed:
+            raise TooLarge(name, allowed, got, "Send it in parts, or with mode=continue.")
 
 
 class _Undone(Exception):
@@ -151,7 +175,7 @@ def _store_all(assignment: Assignment, tools: Tools, found: list[batches.Describ
                 refused += [line for line in stored[-1].lines if line.outcome == "refused"]
             if refused:
                 raise _Undone
-            lines = _final([line for batch in stored for line in batch.lines])
+            lines = [line for batch in stored for line in batch.lines]
             _write_results(results, lines)
             _count(assignment, lines, found[-1].following if found else 0)
             assignment.report(session, line=assignment.done, written=results.tell())
@@ -160,17 +184,6 @@ def _store_all(assignment: Assignment, tools: Tools, found: list[batches.Describ
     for result in stored:
         _observe(tools, result)
     return []
-
-
-def _final(lines: list[Line]) -> list[Line]:
-    """In one transaction an earlier line of the same id is superseded, whatever batch it was in."""
-    last = {line.id: line.position for line in lines if line.outcome in ("created", "replaced")}
-    return [
-        Line(line.position, line.id, "superseded")
-        if line.outcome in ("created", "replaced") and last[line.id] != line.position
-        else line
-        for line in lines
-    ]
 
 
 def _write_results(results: BinaryIO, lines: list[Line]) -> None:

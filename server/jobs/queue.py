@@ -1,7 +1,9 @@
 """Jobs as callers see them: taken on, told of, dismissed."""
 
 from collections.abc import Callable
-from typing import Any, Literal
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any, BinaryIO, Literal
 
 import orjson
 from sqlalchemy.orm import Session
@@ -9,7 +11,7 @@ from sqlalchemy.orm import Session
 from server import links
 from server.access import Caller
 from server.constraints import write_out
-from server.errors import Conflict, Gone, NotFound
+from server.errors import Conflict, Gone, NotFound, StorageReadOnly
 from server.idempotency import Kept, Once, keep, recall
 from server.identifiers import new_id
 from server.jobs.folder import JobFolder
@@ -19,7 +21,7 @@ from server.schemas.common import to_json
 from server.schemas.constraints import ConstraintFormat
 from server.schemas.jobs import JobAnswer, JobLinks, JobPage, JobState
 from server.settings import Limits
-from server.store.database import Database
+from server.store.database import Database, storage_errors
 from server.store.jobs import UNFINISHED, Jobs
 from server.store.submaps import Submaps, stored_place
 from server.store.tables import CollectionRow, JobRow
@@ -70,6 +72,14 @@ def accept(
         return keep(session, once, operation, answer)
 
 
+def check(database: Database, collection_id: str) -> None:
+    """Refuse what could not be taken on, before all of it is sent. Raises NotFound and StorageError."""
+    with database.read() as session:
+        get_collection(session, collection_id)
+    if database.read_only:
+        raise StorageReadOnly("The service only reads this database: nothing can be imported.")
+
+
 def read(database: Database, caller: Caller, job_id: str) -> JobAnswer:
     """A job. Raises NotFound."""
     with database.read() as session:
@@ -104,41 +114,61 @@ def page(
 
 
 def dismiss(database: Database, folder: JobFolder, caller: Caller, job_id: str) -> JobAnswer | None:
-    """End a job, which may take until what is at hand is done; or forget a finished one (None) with its files.
+    """End a job, at once or when what is at hand is done; or forget a finished one (None) with its files.
 
     Raises NotFound and StorageError.
     """
     with database.write() as session:
         row, jobs = _row(session, caller, job_id), Jobs(session)
+        answer = None
+        match row.state:
+            case "running":
+                jobs.change(job_id, dismissed=True)
+            case "accepted":  # whoever begins it says so in a transaction: nobody is at it
+                jobs.change(job_id, dismissed=True, state="dismissed", finished=datetime.now(UTC))
+            case _:
+                jobs.remove([job_id])
         if row.state in UNFINISHED:
-            jobs.change(job_id, dismissed=True)
             session.refresh(row)
-            return describe(row)
-        jobs.remove([job_id])
-    folder.remove(job_id)
-    return None
+            answer = describe(row)
+    with storage_errors(folder.path):
+        if answer is None:
+            folder.remove(job_id)
+        elif answer.finished is not None:
+            folder.input(job_id).unlink(missing_ok=True)
+    return answer
 
 
-def results(database: Database, folder: JobFolder, caller: Caller, job_id: str) -> int:
-    """How many bytes of a job's results can be read. Raises NotFound, Conflict (unfinished), Gone (swept)."""
+@dataclass(frozen=True, slots=True)
+class Results:
+    """What came of a job: an open file, and how much of it counts, in bytes."""
+
+    file: BinaryIO
+    size: int
+
+
+def results(database: Database, folder: JobFolder, caller: Caller, job_id: str) -> Results:
+    """A job's results, to be closed. Raises NotFound, Conflict (unfinished), Gone (swept)."""
     with database.read() as session:
         row = _row(session, caller, job_id)
     if row.state in UNFINISHED:
         raise Conflict(f"The job {job_id} is {row.state}; ask for its results when it is finished.")
-    if not folder.results(job_id).is_file():
-        raise Gone(f"The job {job_id} left no results, or they were kept long enough and are gone.")
-    return int(row.progress.get("written", 0))
+    try:
+        # Open, they can be read to their end, whoever forgets the job meanwhile.
+        file = folder.results(job_id).open("rb")
+    except FileNotFoundError as error:
+        raise Gone(f"The job {job_id} left no results, or they were kept long enough and are gone.") from error
+    return Results(file, int(row.progress.get("written", 0)))
 
 
 def constraints(database: Database, folder: JobFolder, caller: Caller, job_id: str, wanted: ConstraintFormat) -> bytes:
     """The results of a job that looked for constraints, in a format. Raises as `results`, and Conflict for others."""
-    size = results(database, folder, caller, job_id)
-    with database.read() as session:
+    left = results(database, folder, caller, job_id)
+    with left.file as file, database.read() as session:
         row = _row(session, caller, job_id)
         if row.kind != "constraints":
             raise Conflict(f"The job {job_id} is of the kind {row.kind}; only constraints come in other formats.")
-        with folder.results(job_id).open("rb") as file:
-            found = [orjson.loads(line) for line in file.read(size).splitlines()]
+        found = [orjson.loads(line) for line in file.read(left.size).splitlines()]
         names = {name for one in found for name in (one["from"], one["to"])}
         submaps = Submaps(session, row.collection_key)
         poses = {

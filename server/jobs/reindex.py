@@ -7,10 +7,20 @@ from server.upkeep import Upkeep
 
 
 def run_reindex(assignment: Assignment, tools: Tools) -> None:
-    """Write all submaps to new segments, and merge them. Begun again from the start after a restart.
+    """Write all submaps to new segments, and merge them. Begun again after a restart, where these are not listed yet.
 
     Raises NotFound, StorageError, Interrupted, Dismissed.
     """
+    try:
+        with storage_errors(tools.catalog.folder.path):
+            if not assignment.progress.get("listed", False):
+                _rebuild(assignment, tools)
+            Upkeep(tools.database, tools.catalog, tools.metrics).merge_all(assignment.collection_id)
+    except Stopped as error:
+        raise Interrupted from error
+
+
+def _rebuild(assignment: Assignment, tools: Tools) -> None:
     with tools.database.read() as session:
         assignment.total, assignment.done = assignment.collection(session).submap_count, 0
     assignment.report()
@@ -19,11 +29,8 @@ def run_reindex(assignment: Assignment, tools: Tools) -> None:
         assignment.done += submaps
         assignment.report()
 
-    try:
-        with storage_errors(tools.catalog.folder.path):
-            written = rebuild(tools.catalog.shop, assignment.collection_id, progress=advance)
-            Upkeep(tools.database, tools.catalog, tools.metrics).merge_all(assignment.collection_id)
-    except Stopped as error:
-        raise Interrupted from error
+    written = rebuild(tools.catalog.shop, assignment.collection_id, progress=advance)
+    with tools.database.read() as session:
+        assignment.collection(session)
     assignment.done, assignment.counts = written, {"indexed": written}
-    assignment.report()
+    assignment.report(listed=True)

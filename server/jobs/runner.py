@@ -8,16 +8,17 @@ that is gone, and whoever gets the lock goes on with it. No clock is asked.
 import logging
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 from typing import Any, Final, Protocol
 
 from sqlalchemy.orm import Session
 
 from server.catalog import Catalog
-from server.errors import DomainError, NotFound, StorageBusy, StorageError
-from server.jobs.folder import JobFolder
+from server.errors import DomainError, NotFound, StorageBusy, StorageError, StorageFull, WorkerLost
+from server.jobs.folder import ARRIVING, FOUND, INPUT, RESULTS, JobFolder
 from server.kinds import INTERNAL, document
 from server.metrics import Metrics
 from server.settings import Settings
@@ -32,8 +33,10 @@ _LOOK: Final = 0.5
 _SWEEP: Final = 600.0
 _PATIENCE: Final = 30.0
 """Seconds that what is at hand may take when the service stops."""
+_LONGEST_PAUSE: Final = 60.0
+"""Seconds between two looks, as long as these fail."""
 _STARTS: Final = 5
-"""Times that a job is begun without getting on, before it is given up: it may be what ends the process."""
+"""Times that a job is begun and ends the process, or one that works for it, before it is given up."""
 _log = logging.getLogger(__name__)
 
 
@@ -125,7 +128,10 @@ class Runner:
         self._news.set()
 
     def stop(self) -> None:
-        """End after what is at hand; the job goes on where it was when a service is started again."""
+        """End after what is at hand; the job goes on where it was when a service is started again.
+
+        A job that writes segments ends when the catalog's `stopping` is set, too: set that before.
+        """
         self._stopping.set()
         self._news.set()
         if self._thread is not None:
@@ -133,21 +139,22 @@ class Runner:
 
     def _run(self) -> None:
         pin_threads()
+        pause = _LOOK
         while not self._stopping.is_set():
             try:
-                busy = self.run_once()
+                busy, pause = self.run_once(), _LOOK
                 if time.monotonic() - self._swept >= _SWEEP:
                     self._swept = time.monotonic()
                     self.sweep()
-            except (OSError, StorageError):
+            except Exception:  # noqa: BLE001  a thread that ended would leave all jobs undone, and nobody would know
                 _log.exception("jobs cannot be looked at; trying again")
-                busy = False
+                busy, pause = False, min(2.0 * pause, _LONGEST_PAUSE)
             if not busy:
-                self._news.wait(_LOOK)
+                self._news.wait(pause)
                 self._news.clear()
 
     def run_once(self) -> bool:
-        """Do the job that has waited longest, of those that nobody else is at; whether there was one."""
+        """Do the job that has waited longest, of those that nobody else is at; whether one was brought forward."""
         with self._tools.database.read() as session:
             waiting = Jobs(session).waiting()
         for key in waiting:
@@ -159,22 +166,23 @@ class Runner:
         return False
 
     def sweep(self) -> None:
-        """Remove the files of jobs that were finished long ago, and later their rows. Raises OSError, StorageError."""
-        keep = timedelta(days=self._tools.settings.jobs.keep_days)
-        now = datetime.now(UTC)
+        """Remove the files of jobs that were finished long ago, and rows beyond those that are kept.
+
+        Raises OSError and StorageError.
+        """
         with self._tools.database.read() as session:
-            jobs = Jobs(session)
-            stale, forgotten, known = (
-                jobs.finished_before(now - keep),
-                jobs.finished_before(now - 10 * keep),
-                jobs.ids(),
-            )
-        if forgotten:
+            surplus = Jobs(session).surplus(self._tools.settings.jobs.keep_rows)
+        if surplus:
             with self._tools.database.write() as session:
-                Jobs(session).remove(forgotten)
-        for job_id in stale:
-            self._tools.folder.remove(job_id)
-        self._tools.folder.sweep(known - set(forgotten))
+                Jobs(session).remove(surplus)
+        self._tools.folder.sweep(self._unwanted)
+
+    def _unwanted(self, paths: Sequence[Path]) -> list[Path]:
+        since = datetime.now(UTC) - timedelta(days=self._tools.settings.jobs.keep_days)
+        with self._tools.database.read() as session:
+            with_input, with_results = Jobs(session).with_input(), Jobs(session).with_results(since)
+        wanted = {INPUT: with_input, RESULTS: with_results, FOUND: with_results, ARRIVING: set[str]()}
+        return [path for path in paths if path.suffix in wanted and path.stem not in wanted[path.suffix]]
 
     def _take(self, collection_key: int) -> bool:
         with self._tools.database.write() as session:
@@ -197,19 +205,23 @@ class Runner:
         elif starts > _STARTS:
             self._finish(row.id, "failed", _given_up(starts))
         else:
-            self._do(row.kind, assignment)
+            return self._do(row.kind, assignment)
         return True
 
-    def _do(self, kind: str, assignment: Assignment) -> None:
+    def _do(self, kind: str, assignment: Assignment) -> bool:
+        """Bring a job to its end, or as far as possible now; whether it is at its end."""
         try:
             self._works[kind](assignment, self._tools)
         except Interrupted:
-            self._change(assignment.id, state="accepted")
+            self._put_back(assignment.id, starts=-1)
+            return False
         except Dismissed:
             self._finish(assignment.id, "dismissed")
-        except StorageBusy as error:
+        except (StorageBusy, WorkerLost) as error:
             _log.warning("job %s (%s) goes on later: %s", assignment.id, kind, error)
-            self._change(assignment.id, state="accepted")
+            # Who is busy will have done; what ended a process may do so again.
+            self._put_back(assignment.id, starts=0 if isinstance(error, WorkerLost) else -1)
+            return False
         except DomainError as error:
             _log.warning("job %s (%s) failed: %s", assignment.id, kind, error)
             self._finish(assignment.id, "failed", document(error))
@@ -218,33 +230,56 @@ class Runner:
             self._finish(assignment.id, "failed", _internal("The log of the service tells why."))
         else:
             self._finish(assignment.id, "successful")
+        return True
 
     def _finish(self, job_id: str, state: str, problem: dict[str, Any] | None = None) -> None:
-        self._change(job_id, state=state, problem=problem, finished=datetime.now(UTC))
+        def note() -> None:
+            with self._tools.database.write() as session:
+                Jobs(session).change(job_id, state=state, problem=problem, finished=datetime.now(UTC))
 
-    def _change(self, job_id: str, **values: Any) -> None:
-        """What became of a job has to be noted: a database that is full or busy is tried again."""
-        _persistently(lambda: self._write(job_id, values), self._stopping)
+        def make_room() -> None:
+            self._tools.folder.input(job_id).unlink(missing_ok=True)
 
-    def _write(self, job_id: str, values: Mapping[str, Any]) -> None:
-        with self._tools.database.write() as session:
-            Jobs(session).change(job_id, **values)
+        # Until it is noted somebody may go on with the job. He finds that nothing is left to do, or fails for want of
+        # the input, which is as good; but on a full disk it may be the input that leaves no room for the note.
+        if _persistently(note, self._stopping, make_room):
+            make_room()
+
+    def _put_back(self, job_id: str, starts: int) -> None:
+        """Leave a job to whoever takes it next, with so much more on the count of its starts."""
+
+        def note() -> None:
+            with self._tools.database.write() as session:
+                jobs = Jobs(session)
+                # What the assignment says of its progress may be of a transaction that was undone.
+                if (row := jobs.get(job_id)) is not None:
+                    count = max(int(row.progress.get("starts", 0)) + starts, 0)
+                    jobs.change(job_id, state="accepted", progress={**row.progress, "starts": count})
+
+        _persistently(note, self._stopping)
 
 
-def _persistently(work: Callable[[], None], stopping: threading.Event) -> None:
+def _persistently(
+    note: Callable[[], None], stopping: threading.Event, make_room: Callable[[], None] | None = None
+) -> bool:
+    """Note what became of a job, again and again where the database is full or busy; whether it is noted."""
     while True:
         try:
-            work()
+            note()
         except StorageError as error:
-            _log.warning("the end of a job cannot be noted yet: %s", error)
+            _log.warning("what became of a job cannot be noted yet: %s", error)
+            if make_room is not None and isinstance(error, StorageFull):
+                make_room()
             if stopping.wait(1.0):
-                return  # it is taken up again, finds nothing left to do, and ends
+                return False  # it is taken up again, finds nothing left to do, and ends
         else:
-            return
+            return True
 
 
 def _given_up(starts: int) -> dict[str, Any]:
-    return _internal(f"It was begun {starts - 1} times and never got on; perhaps memory is short.")
+    return _internal(
+        f"It was begun {starts - 1} times, each time a process ended, and it never got on; perhaps memory is short."
+    )
 
 
 def _internal(detail: str) -> dict[str, Any]:

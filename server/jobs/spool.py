@@ -3,12 +3,13 @@
 import hashlib
 import os
 from collections.abc import AsyncIterator
+from contextlib import ExitStack, asynccontextmanager
 from dataclasses import dataclass
 from typing import BinaryIO, Final, Protocol
 
 import anyio.to_thread
 
-from server.errors import TooLarge
+from server.errors import MalformedBody, TooLarge
 from server.jobs.folder import JobFolder, try_lock
 from server.store.database import storage_errors
 
@@ -35,29 +36,36 @@ class Spooled:
     digest: str
 
 
-async def spool(
+@asynccontextmanager
+async def spooled(
     folder: JobFolder, job_id: str, pieces: AsyncIterator[bytes], limit: int, inflater: Inflating | None
-) -> Spooled:
-    """Write an upload to the job's input, and onto the disk.
+) -> AsyncIterator[Spooled]:
+    """Write an upload to the job's input, and onto the disk; within the block its job is taken on.
 
-    Raises TooLarge, MalformedBody, StorageError, and what ends the pieces; then nothing is left of it.
+    Raises TooLarge, MalformedBody, StorageError, and what ends the pieces. Then, and where the block raises, nothing is
+    left of it.
     """
     path = folder.arriving(job_id)
-    with storage_errors(folder.path):
-        folder.make()
     try:
-        with storage_errors(folder.path), path.open("xb") as file:
-            try_lock(file)  # for as long as it comes in, nobody takes it for a left-over
-            writer = _Writer(file, limit, inflater)
-            async for piece in pieces:
-                if piece:
-                    await anyio.to_thread.run_sync(writer.write, piece)
-            await anyio.to_thread.run_sync(writer.close)
-            folder.publish(path, folder.input(job_id))
+        with ExitStack() as held:
+            with storage_errors(folder.path):
+                folder.make()
+                file = held.enter_context(path.open("xb"))
+                try_lock(file)  # until its job is there, nobody takes it for a left-over
+                writer = _Writer(file, limit, inflater)
+                async for piece in pieces:
+                    if piece:
+                        await anyio.to_thread.run_sync(writer.write, piece)
+                await anyio.to_thread.run_sync(writer.close)
+                folder.publish(path, folder.input(job_id))
+            yield Spooled(writer.size, writer.lines, writer.digest.hexdigest())
+    except Exception:
+        folder.remove(job_id)
+        raise
     except BaseException:
+        # Cut short, with the job perhaps there already: its input is swept if it is not.
         path.unlink(missing_ok=True)
         raise
-    return Spooled(writer.size, writer.lines, writer.digest.hexdigest())
 
 
 class _Writer:
@@ -79,8 +87,12 @@ class _Writer:
             piece = b""
 
     def close(self) -> None:
-        if self._inflater is not None:
-            self._inflater.finish()
+        try:
+            if self._inflater is not None:
+                self._inflater.finish()
+        except MalformedBody as error:
+            where = f"It breaks off in line {self.lines + 1}; nothing was taken on."
+            raise MalformedBody(f"{error} {where}") from error
         self.lines += self._open_line
         self._file.flush()
         os.fsync(self._file.fileno())

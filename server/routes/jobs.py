@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Iterator
-from pathlib import Path as FilePath
 from typing import Annotated, Literal
 
 import anyio
@@ -58,6 +57,8 @@ _INPUT = '{"id": "p7", "xy": [[1.2, 3.4], [4.9, -2.2], [-3.1, 0.7]]}\n'
 _MEDIA_TYPES = frozenset({NDJSON, "application/ndjson", "application/jsonl"})
 _LOOK = 0.2
 """Seconds between two looks at a job that somebody waits for."""
+_PIECE = 1 << 18
+"""Bytes of results that are read and sent at once."""
 JobId = Annotated[str, Path(description="`id` of the job.", examples=[JOB_EXAMPLE["id"]], alias="job", max_length=64)]
 
 
@@ -95,11 +96,12 @@ async def post_import(
     """
     _check_media_type(request.headers.get("content-type"))
     inflater = _inflater(request.headers.get("content-encoding"))
-    await anyio.to_thread.run_sync(read_collection, service.database, collection)
+    limit = service.settings.limits.import_bytes
+    _check_length(request.headers.get("content-length"), limit)
+    await anyio.to_thread.run_sync(queue.check, service.database, collection)
     folder, job_id = service.jobs.folder, new_id()
-    arrived = await spool(folder, job_id, request.stream(), service.settings.limits.import_bytes, inflater)
-    once = once_of(service, caller, idempotency_key, request.url.query.encode() + arrived.digest.encode())
-    try:
+    async with spooled(folder, job_id, request.stream(), limit, inflater) as arrived:
+        once = once_of(service, caller, idempotency_key, request.url.query.encode() + arrived.digest.encode())
         kept = await anyio.to_thread.run_sync(
             lambda: queue.accept(
                 service.database,
@@ -112,9 +114,6 @@ async def post_import(
                 total=arrived.lines,
             )
         )
-    except BaseException:
-        folder.remove(job_id)
-        raise
     if kept.replayed:
         folder.remove(job_id)
     service.jobs.runner.wake()
@@ -249,12 +248,15 @@ def get_job_results(
 ) -> Response:
     """Of an import: for each line of input a line with its number, `outcome`, and `problem` where it was refused. Of
     constraints: a line for each, `from`, `to` and the transform from_T_to; or all of them in another `format`.
+
+    `created`, `replaced`, `unchanged` are as of a PUT. `skipped` is left out: for what is there, with on_conflict=skip;
+    or, with mode=all, because other lines were refused.
     """
-    size = queue.results(service.database, service.jobs.folder, caller, job)
     if wanted not in (None, "ndjson"):
         text = queue.constraints(service.database, service.jobs.folder, caller, job, wanted)
         return Response(text, media_type=JSON if wanted == "json" else "text/plain")
-    return StreamingResponse(_pieces(service.jobs.folder.results(job), size), media_type=NDJSON)
+    found = queue.results(service.database, service.jobs.folder, caller, job)
+    return StreamingResponse(_pieces(found), media_type=NDJSON)
 
 
 @router.get(
@@ -266,23 +268,36 @@ def get_job_results(
 )
 def get_job_errors(job: JobId, service: ServiceDep, caller: CallerDep) -> Response:
     """The lines of the results that tell of something refused."""
-    size = queue.results(service.database, service.jobs.folder, caller, job)
-    return StreamingResponse(_refused(service.jobs.folder.results(job), size), media_type=NDJSON)
+    found = queue.results(service.database, service.jobs.folder, caller, job)
+    return StreamingResponse(_refused(found), media_type=NDJSON)
 
 
-def _pieces(path: FilePath, size: int) -> Iterator[bytes]:
-    with path.open("rb") as file:
-        while piece := file.read(min(1 << 18, size)):
-            size -= len(piece)
+def _pieces(found: queue.Results) -> Iterator[bytes]:
+    left = found.size
+    with found.file as file:
+        while piece := file.read(min(_PIECE, left)):
+            left -= len(piece)
             yield piece
 
 
-def _refused(path: FilePath, size: int) -> Iterator[bytes]:
-    with path.open("rb") as file:
-        while (line := file.readline()) and size > 0:
-            size -= len(line)
+def _refused(found: queue.Results) -> Iterator[bytes]:
+    """In large pieces: each one that is handed over costs more than many lines."""
+    left, piece = found.size, bytearray()
+    with found.file as file:
+        while left > 0 and (line := file.readline()):
+            left -= len(line)
             if b'"outcome":"refused"' in line:
-                yield line
+                piece += line
+            if len(piece) >= _PIECE:
+                yield bytes(piece)
+                piece.clear()
+    yield bytes(piece)
+
+
+def _check_length(declared: str | None, limit: int) -> None:
+    """Before a byte is read: nobody should send gigabytes to be told that it was for nothing."""
+    if declared is not None and declared.isascii() and declared.isdigit() and int(declared) > limit:
+        raise TooLarge("import_bytes", limit, int(declared), "Send it in parts.")
 
 
 def _check_media_type(content_type: str | None) -> None:

@@ -112,13 +112,19 @@ class Jobs:
         """Whether somebody wants the job ended, or it is no more."""
         return self._session.scalar(select(JobRow.dismissed).where(JobRow.id == job_id)) is not False
 
-    def finished_before(self, moment: datetime) -> list[str]:
-        """Ids of the jobs that were finished before a moment."""
-        return list(self._session.scalars(select(JobRow.id).where(JobRow.finished < moment)))
+    def with_results(self, since: datetime) -> set[str]:
+        """Ids of the jobs that are unfinished, or were finished at a moment or later."""
+        query = select(JobRow.id).where(or_(JobRow.finished.is_(None), JobRow.finished >= since))
+        return set(self._session.scalars(query))
 
-    def ids(self) -> set[str]:
-        """Ids of all jobs."""
-        return set(self._session.scalars(select(JobRow.id)))
+    def with_input(self) -> set[str]:
+        """Ids of the jobs that are unfinished."""
+        return set(self._session.scalars(select(JobRow.id).where(JobRow.state.in_(UNFINISHED))))
+
+    def surplus(self, most: int) -> list[str]:
+        """Ids of the finished jobs beyond so many, the oldest ones."""
+        query = select(JobRow.id).where(JobRow.finished.is_not(None)).order_by(JobRow.key.desc())
+        return list(self._session.scalars(query.offset(most)))
 
     def remove(self, ids: Collection[str]) -> None:
         """Remove jobs."""

@@ -138,7 +138,7 @@ def test_of_an_id_that_comes_again_the_last_stands(plots: Database, pool: Worker
         assert [one.replaced for one in results] == [0, 1, 0, 1, 1, 1]
         assert [one.unchanged for one in results] == [1, 0, 1, 0, 0, 0]
         (result,) = ingest_many(plots, "plots", [*again, NamedSubmap.model_validate(body("a", 3))], workers=workers)
-        assert (result.replaced, result.landmarks) == (7, 7 * 30)
+        assert (result.replaced, result.unchanged, result.landmarks) == (5, 2, 7 * 30)
         assert list(findings(plots)) == []
 
 

@@ -13,12 +13,12 @@ import pytest
 from fastapi import FastAPI
 
 from server import bulk, keys
-from server.access import Scope
+from server.access import ANYBODY, Scope
 from server.app import create_app
-from server.errors import StorageFull
+from server.errors import StorageBusy, StorageFull, WorkerLost
 from server.http.dependencies import Service
-from server.jobs import imports, runner
-from server.jobs.folder import try_lock
+from server.jobs import imports, queue, runner
+from server.jobs.folder import JobFolder, try_lock
 from server.jobs.runner import Assignment
 from server.keys import Doorkeeper
 from server.settings import Limits, Settings
@@ -97,11 +97,11 @@ def test_every_line_has_its_result(client: httpx.Client) -> None:
         (7, "flat", "refused"),
         (8, None, "refused"),
         (9, "a/b", "refused"),
-        (10, "same", "superseded"),
-        (11, "same", "created"),
+        (10, "same", "created"),
+        (11, "same", "replaced"),
     ]
     assert (job["total"], job["done"]) == (11, 11)
-    assert job["counts"] == {"created": 2, "refused": 5, "replaced": 1, "superseded": 1, "unchanged": 1}
+    assert job["counts"] == {"created": 2, "refused": 5, "replaced": 2, "unchanged": 1}
     errors = results(client, job, "errors")
     assert [one["line"] for one in errors] == [4, 5, 7, 8, 9]
     problem = errors[2]["problem"]
@@ -117,7 +117,7 @@ def test_every_line_has_its_result(client: httpx.Client) -> None:
 @pytest.mark.parametrize(
     ("on_conflict", "expected"),
     [
-        ("replace", ["replaced", "unchanged", "superseded", "created"]),
+        ("replace", ["replaced", "unchanged", "created", "replaced"]),
         ("skip", ["skipped", "unchanged", "created", "skipped"]),
         ("fail", ["refused", "unchanged", "created", "refused"]),
     ],
@@ -141,14 +141,15 @@ def test_all_or_nothing(client: httpx.Client) -> None:
     revision = client.get("/v1/collections/plots").json()["revision"]
     job = finished(client, upload(client, [line("a", 1), b"{", line("b", 2)], mode="all"))
     assert (job["state"], job["problem"]["type"]) == ("failed", "/problems/lines-refused")
-    assert outcomes(client, job) == [(1, "a", "withheld"), (2, None, "refused"), (3, "b", "withheld")]
+    assert outcomes(client, job) == [(1, "a", "skipped"), (2, None, "refused"), (3, "b", "skipped")]
+    assert job["counts"] == {"refused": 1, "skipped": 2}
     assert client.get("/v1/collections/plots").json()["revision"] == revision
     job = finished(client, upload(client, [line("a", 1), line("b", 2), line("a", 3)], mode="all"))
     assert job["state"] == "successful"
-    assert outcomes(client, job) == [(1, "a", "superseded"), (2, "b", "created"), (3, "a", "created")]
+    assert outcomes(client, job) == [(1, "a", "created"), (2, "b", "created"), (3, "a", "replaced")]
     job = finished(client, upload(client, [line("c", 1), line("b", 9)], mode="all", on_conflict="fail"))
     assert job["state"] == "failed"
-    assert outcomes(client, job) == [(1, "c", "withheld"), (2, "b", "refused")]
+    assert outcomes(client, job) == [(1, "c", "skipped"), (2, "b", "refused")]
     assert count(client) == 2
 
 
@@ -166,9 +167,10 @@ def test_packed_uploads(client: httpx.Client) -> None:
     job = finished(client, client.post(IMPORTS, content=packed, headers=headers))
     assert outcomes(client, job) == [(1, "a", "created"), (2, "b", "created")]
     assert job["total"] == 2
-    for broken in (packed[:-9], b"not gzip", packed + b"junk"):
+    for broken, where in ((packed[:-9], "in line 2;"), (b"not gzip", "not gzip"), (packed + b"junk", "not gzip")):
         response = client.post(IMPORTS, content=broken, headers=headers)
         assert (response.status_code, response.json()["type"]) == (400, "/problems/malformed-json")
+        assert where in response.json()["detail"]
     assert client.post(IMPORTS, content=packed, headers=NDJSON | {"Content-Encoding": "br"}).status_code == 415
     assert client.post(IMPORTS, content=content, headers={"Content-Type": "text/csv"}).status_code == 415
     assert client.post(IMPORTS, content=content, headers=NDJSON, params={"on_conflict": "x"}).status_code == 422
@@ -178,7 +180,7 @@ def test_packed_uploads(client: httpx.Client) -> None:
 @pytest.fixture
 def small(settings: Settings) -> Iterator[httpx.Client]:
     """A service of small limits."""
-    limits = Limits(body_bytes=20_000, import_bytes=100_000, import_all_lines=3)
+    limits = Limits(body_bytes=20_000, import_bytes=100_000, import_all_lines=3, import_all_bytes=3000)
     with TestClient(create_app(settings.model_copy(update={"limits": limits}))) as started:
         started.put("/v1/collections/plots", json={}).raise_for_status()
         yield started
@@ -202,8 +204,73 @@ def test_limits_of_uploads(small: httpx.Client, settings: Settings) -> None:
     assert results(small, job, "errors")[0]["problem"]["limit"] == "body_bytes"
     job = finished(small, upload(small, [line(name, 1) for name in "cdef"], mode="all"))
     assert (job["state"], job["problem"]["limit"]) == ("failed", "import_all_lines")
+    job = finished(small, upload(small, [line(name, 1) for name in "cd"], mode="all"))
+    assert (job["state"], job["problem"]["limit"]) == ("failed", "import_all_bytes")
     assert count(small) == 2
     assert small.get("/v1/limits").json()["limits"]["import_bytes"] == 100_000
+
+
+def test_an_upload_that_says_it_is_too_large_is_not_read(small: httpx.Client) -> None:
+    read: list[bytes] = []
+
+    def pieces() -> Iterator[bytes]:
+        for _ in range(11):
+            read.append(b" " * 10_000)
+            yield read[-1]
+
+    headers = NDJSON | {"Content-Length": "110000"}
+    response = small.post(IMPORTS, content=pieces(), headers=headers)
+    assert (response.status_code, response.json()["got"]) == (413, 110_000)
+
+
+def test_blank_lines_have_no_result_and_are_counted(client: httpx.Client, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where a whole batch is blank, and what was written before it has to be cut off."""
+    monkeypatch.setattr(bulk, "describe_lines", _small_batches(bulk.describe_lines))
+    real, stopped = Assignment.report, list[int]()
+
+    def report(self: Assignment, session: Any = None, **progress: Any) -> None:
+        if self.done == 2 and not stopped:
+            stopped.append(1)
+            with service_folder(client).results(self.id).open("ab") as file:
+                file.write(b"never committed\n" * 100)
+            raise runner.Interrupted
+        real(self, session, **progress)
+
+    monkeypatch.setattr(Assignment, "report", report)
+    job = finished(client, upload(client, [b"", b" ", b"\t", b"", line("a", 1), b"{", b"", b""]))
+    assert stopped
+    assert (job["state"], job["done"], job["total"]) == ("successful", 8, 8)
+    assert outcomes(client, job) == [(5, "a", "created"), (6, None, "refused")]
+
+
+def service_folder(client: httpx.Client) -> JobFolder:
+    """Of the service in this process."""
+    parts: Service = client.app.state.service  # type: ignore[attr-defined]
+    return parts.jobs.folder
+
+
+def test_outcomes_do_not_depend_on_batches(client: httpx.Client, monkeypatch: pytest.MonkeyPatch) -> None:
+    lines = [line("a", 1), line("a", 1), line("a", 2), line("b", 3), line("a", 1), line("b", 3)]
+    expected = {
+        "replace": ["created", "unchanged", "replaced", "created", "replaced", "unchanged"],
+        "skip": ["created", "unchanged", "skipped", "created", "unchanged", "unchanged"],
+        "fail": ["created", "unchanged", "refused", "created", "unchanged", "unchanged"],
+    }
+    describe = bulk.describe_lines
+    for size in (1, 2, 3, 6):
+        monkeypatch.setattr(
+            bulk, "describe_lines", lambda *a, size=size, **named: describe(*a, **(named | {"batch_size": size}))
+        )
+        for on_conflict, outcome in expected.items():
+            client.delete("/v1/collections/plots").raise_for_status()
+            client.put("/v1/collections/plots", json={}).raise_for_status()
+            job = finished(client, upload(client, lines, on_conflict=on_conflict))
+            assert [one for _, _, one in outcomes(client, job)] == outcome, (size, on_conflict)
+            revision = client.get("/v1/collections/plots").json()["revision"]
+            assert all(one["revision"] <= revision for one in results(client, job) if "revision" in one)
+            stored = client.get("/v1/collections/plots/submaps/a").json()["landmarks"][0]
+            assert (stored["x"], stored["y"]) == tuple(forest(1)[0])
+            assert count(client) == 2
 
 
 def test_an_upload_sent_again_is_done_once(client: httpx.Client, settings: Settings) -> None:
@@ -236,6 +303,7 @@ def test_a_full_disk_takes_nothing_on(
         job = finished(client, upload(client, [line("a", 1)]))
     assert (job["state"], job["problem"]["status"]) == ("failed", 507)
     assert count(client) == 0
+    assert left(client, settings) == [f"{job['id']}.results"]  # what was sent makes room
     with pytest.raises(StorageFull), storage_errors(settings.database_path):
         full()
 
@@ -298,6 +366,24 @@ def test_a_job_at_work_can_be_dismissed(client: httpx.Client, monkeypatch: pytes
     assert client.get(f"{url}/results").status_code == 410
 
 
+def test_a_job_that_waits_is_dismissed_at_once(
+    client: httpx.Client, settings: Settings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    go: list[bool] = []
+    held(monkeypatch, lambda: bool(go))
+    first = client.post("/v1/collections/plots/reindex")
+    _until(lambda: client.get(first.headers["Location"]).json()["state"] == "running")
+    second = upload(client, [line("a", 1)])
+    assert second.json()["state"] == "accepted"
+    dismissed = client.delete(second.headers["Location"])
+    assert (dismissed.status_code, dismissed.json()["state"]) == (202, "dismissed")
+    assert left(client, settings) == []
+    assert client.delete(second.headers["Location"]).status_code == 204
+    go.append(True)
+    assert finished(client, first)["state"] == "successful"
+    assert count(client) == 0
+
+
 def test_a_dismissed_import_keeps_what_it_stored(client: httpx.Client, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bulk, "describe_lines", _small_batches(bulk.describe_lines))
     real, reported = Assignment.report, list[int]()
@@ -339,14 +425,53 @@ def test_a_stopped_job_goes_on_where_it_was(settings: Settings, monkeypatch: pyt
         assert job["counts"] == {"created": 10}
 
 
-def test_a_job_that_never_gets_on_is_given_up(client: httpx.Client, monkeypatch: pytest.MonkeyPatch) -> None:
-    def never(*_: object, **__: object) -> None:
-        raise runner.Interrupted
+def failing(monkeypatch: pytest.MonkeyPatch, error: Exception, times: int) -> list[int]:
+    """Reports raise an error so many times, whoever makes them; how often they were made."""
+    real, reports = Assignment.report, list[int]()
 
-    monkeypatch.setattr(Assignment, "report", never)
+    def report(self: Assignment, session: Any = None, **progress: Any) -> None:
+        reports.append(self.done)
+        if len(reports) <= times:
+            raise error
+        real(self, session, **progress)
+
+    monkeypatch.setattr(Assignment, "report", report)
+    return reports
+
+
+def test_a_job_that_ends_processes_is_given_up(client: httpx.Client, monkeypatch: pytest.MonkeyPatch) -> None:
+    reports = failing(monkeypatch, WorkerLost("gone"), 100)
     job = finished(client, upload(client, [line("a", 1)]))
     assert (job["state"], job["problem"]["type"]) == ("failed", "/problems/internal-error")
     assert "never got on" in job["problem"]["detail"]
+    assert len(reports) == 5
+
+
+@pytest.mark.parametrize(
+    ("error", "times"), [(runner.Interrupted(), 9), (StorageBusy("busy"), 9), (WorkerLost("gone"), 3)]
+)
+def test_what_is_no_fault_of_a_job_does_not_end_it(
+    client: httpx.Client, monkeypatch: pytest.MonkeyPatch, error: Exception, times: int
+) -> None:
+    monkeypatch.setattr(runner, "_LOOK", 0.01)
+    reports = failing(monkeypatch, error, times)
+    job = finished(client, upload(client, [line("a", 1)]))
+    assert (job["state"], len(reports)) == ("successful", times + 1)
+    assert outcomes(client, job) == [(1, "a", "created")]
+
+
+def test_a_look_that_fails_is_not_the_last(client: httpx.Client, monkeypatch: pytest.MonkeyPatch) -> None:
+    real, failed = Jobs.waiting, list[int]()
+
+    def waiting(self: Jobs) -> list[int]:
+        if not failed:
+            failed.append(1)
+            raise RuntimeError("unforeseen")
+        return real(self)
+
+    monkeypatch.setattr(Jobs, "waiting", waiting)
+    assert finished(client, upload(client, [line("a", 1)]))["state"] == "successful"
+    assert failed
 
 
 def test_a_defect_fails_the_job_and_not_the_service(
@@ -361,7 +486,9 @@ def test_a_defect_fails_the_job_and_not_the_service(
     assert finished(client, upload(client, [line("a", 1)]))["state"] == "successful"
 
 
-def test_a_collection_that_is_gone_fails_its_jobs(client: httpx.Client, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_collection_that_is_gone_fails_its_jobs(
+    client: httpx.Client, service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
     go: list[bool] = []
     held(monkeypatch, lambda: bool(go))
     first = client.post("/v1/collections/plots/reindex")
@@ -369,12 +496,31 @@ def test_a_collection_that_is_gone_fails_its_jobs(client: httpx.Client, monkeypa
     second = upload(client, [line("a", 1)])
     client.delete("/v1/collections/plots").raise_for_status()
     client.put("/v1/collections/plots", json={}).raise_for_status()
+    put_submap(client, "plots", "new", 3).raise_for_status()
     go.append(True)
     for accepted in (first, second):
         job = finished(client, accepted)
-        assert job["state"] in ("failed", "successful")
-    assert finished(client, second)["problem"]["status"] in (404, 409)
-    assert count(client) == 0
+        assert (job["state"], job["problem"]["type"]) == ("failed", "/problems/not-found")
+    assert count(client) == 1
+    assert left(client, service.settings) == []
+
+
+def test_a_collection_that_goes_in_the_middle_of_an_import(
+    client: httpx.Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(bulk, "describe_lines", _small_batches(bulk.describe_lines))
+    real, gone = imports._observe, list[int]()
+
+    def observe(*arguments: Any) -> None:
+        real(*arguments)
+        gone.append(1)
+        if len(gone) == 2:
+            client.delete("/v1/collections/plots").raise_for_status()
+
+    monkeypatch.setattr(imports, "_observe", observe)
+    job = finished(client, upload(client, [line(f"p{i}", i) for i in range(10)]))
+    assert (job["state"], job["problem"]["type"], job["done"]) == ("failed", "/problems/not-found", 4)
+    assert outcomes(client, job) == [(i + 1, f"p{i}", "created") for i in range(4)]
 
 
 def test_reindexing(client: httpx.Client, service: Service) -> None:
@@ -396,10 +542,65 @@ def test_results_are_swept_in_time(
     assert results(client, job)
     old = settings.jobs.model_copy(update={"keep_days": 1e-9})
     monkeypatch.setattr(service.jobs.runner, "_tools", _with(service.jobs.runner._tools, old))
+    monkeypatch.setattr("server.jobs.folder._GRACE", 0.0)
     time.sleep(0.01)
     service.jobs.runner.sweep()
     assert left(client, settings) == []
-    assert client.get(f"{job['links']['self']}").status_code == 404
+    assert client.get(job["links"]["self"]).json()["counts"] == {"created": 1}
+    for what in ("results", "errors"):
+        response = client.get(job["links"][what])
+        assert (response.status_code, response.json()["type"]) == (410, "/problems/gone")
+
+
+def test_the_newest_jobs_are_remembered(
+    client: httpx.Client, service: Service, settings: Settings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = [finished(client, upload(client, [line("a", i)]))["id"] for i in range(3)]
+    few = settings.jobs.model_copy(update={"keep_rows": 2})
+    monkeypatch.setattr(service.jobs.runner, "_tools", _with(service.jobs.runner._tools, few))
+    monkeypatch.setattr("server.jobs.folder._GRACE", 0.0)
+    service.jobs.runner.sweep()
+    assert [job["id"] for job in client.get("/v1/jobs").json()["jobs"]] == [made[2], made[1]]
+    assert left(client, settings) == sorted(f"{job}.results" for job in made[1:])
+
+
+def test_an_upload_is_not_swept_before_its_job_is_there(
+    client: httpx.Client, service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However long it lay there, and whatever the clock says."""
+    monkeypatch.setattr("server.jobs.folder._GRACE", -1.0)
+    real = queue.accept
+
+    def accept(*arguments: Any, **named: Any) -> Any:
+        service.jobs.runner.sweep()
+        return real(*arguments, **named)
+
+    monkeypatch.setattr(queue, "accept", accept)
+    job = finished(client, upload(client, [line("a", 1)]))
+    assert outcomes(client, job) == [(1, "a", "created")]
+
+
+def test_an_upload_that_is_gone_is_no_success(
+    client: httpx.Client, service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real = queue.accept
+
+    def accept(*arguments: Any, **named: Any) -> Any:
+        service.jobs.folder.input(named["job_id"]).unlink()
+        return real(*arguments, **named)
+
+    monkeypatch.setattr(queue, "accept", accept)
+    job = finished(client, upload(client, [line("a", 1)]))
+    assert (job["state"], job["problem"]["status"]) == ("failed", 503)
+    assert "upload is gone" in job["problem"]["detail"]
+
+
+def test_results_are_read_to_their_end_although_the_job_is_forgotten(client: httpx.Client, service: Service) -> None:
+    job = finished(client, upload(client, [line("a", 1)]))
+    found = queue.results(service.database, service.jobs.folder, ANYBODY, job["id"])
+    assert client.delete(job["links"]["self"]).status_code == 204
+    with found.file as file:
+        assert orjson.loads(file.read(found.size))["outcome"] == "created"
 
 
 def _with(tools: runner.Tools, jobs: Any) -> runner.Tools:

@@ -1,8 +1,12 @@
 """Jobs outlive the processes that do them, however these end."""
 
+import os
 import random
 import signal
+import subprocess
+import sys
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -53,6 +57,71 @@ def pauses(seed: int, most: float) -> Iterator[float]:
     rng = random.Random(seed)
     while True:
         yield rng.uniform(0.0, most)
+
+
+CREATED = [(1, "created"), (2, "created"), (3, "refused"), (5, "replaced"), (6, "created"), (7, "unchanged")]
+
+
+@pytest.mark.parametrize(("mode", "sound"), [("continue", False), ("all", True), ("all", False)])
+def test_killed_at_every_point(tmp_path: Path, mode: str, sound: bool) -> None:
+    """Whatever was on the disk by then, the end is the same."""
+    trees = [points(forest(seed, 30)) for seed in range(4)]
+    ids = [("a", 0), ("b", 1), None, None, ("a", 2), ("c", 3), ("b", 1)]
+    lines = [orjson.dumps({"id": one[0], "xy": trees[one[1]]}) if one else b"" for one in ids]
+    lines[2] = b"" if sound else b"{"
+    (tmp_path / "lines").write_bytes(b"".join(line + b"\n" for line in lines))
+    ran = subprocess.run(
+        [sys.executable, "-m", "tests.server.killing", str(tmp_path / "runs"), mode, str(tmp_path / "lines")],
+        capture_output=True,
+        check=False,
+        timeout=300,
+    )
+    assert ran.returncode == 0, ran.stderr.decode()
+    told = [orjson.loads(line) for line in ran.stdout.splitlines()]
+    assert len(told) > (30 if mode == "continue" else 15)
+    results = [one for one in CREATED if not sound or one[1] != "refused"]
+    if mode == "all" and not sound:
+        results = [(number, outcome if outcome == "refused" else "skipped") for number, outcome in results]
+    expected = {
+        "state": "failed" if mode == "all" and not sound else "successful",
+        "done": 7,
+        "counts": dict(sorted(Counter(outcome for _, outcome in results).items())),
+        "results": [list(one) for one in results],
+        "submaps": 0 if mode == "all" and not sound else 3,
+        "files": ["job.results"],
+    }
+    assert [one for one in told if one != expected] == []
+
+
+def test_a_worker_process_that_is_killed_costs_nothing(serve: Callable[..., Server], tmp_path: Path) -> None:
+    """As a supervisor does that ends all processes of a service at once, or a machine short of memory."""
+    server = serve(tmp_path / "workers.db", URQUHART_JOBS__PROCESSES="2")
+    trees = [points(forest(seed, 100)) for seed in range(20)]
+    content = b"".join(orjson.dumps({"id": f"p{i}", "xy": trees[i % 20]}) + b"\n" for i in range(20_000))
+    url = post(server, content)
+    killed = set[int]()
+    while not (job := server.client.get(url).json())["finished"]:
+        if not killed:
+            killed = workers_of(server)
+            for pid in killed:
+                os.kill(pid, signal.SIGTERM)
+        time.sleep(0.02)
+    assert killed, "the work was over before a process was started for it"
+    assert (job["state"], job["counts"]) == ("successful", {"created": 20_000})
+    assert "goes on later" in server.log.read_text()
+    lines = [orjson.loads(line)["line"] for line in server.client.get(f"{url}/results").content.splitlines()]
+    assert lines == list(range(1, 20_001))
+
+
+def workers_of(server: Server) -> set[int]:
+    """Processes that describe for a server."""
+    found = set[int]()
+    for task in Path(f"/proc/{server.process.pid}/task").iterdir():
+        for child in (task / "children").read_text().split():
+            command = Path(f"/proc/{child}/cmdline").read_bytes()
+            if b"spawn_main" in command:
+                found.add(int(child))
+    return found
 
 
 def test_killed_again_and_again(serve: Callable[..., Server], tmp_path: Path, upload: bytes) -> None:
