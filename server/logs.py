@@ -81,9 +81,11 @@ class JsonLines(logging.Formatter):
         if record.exc_info:
             line["exception"] = self.formatException(record.exc_info)
         try:
-            return orjson.dumps(line, default=str).decode()
+            text = orjson.dumps(line, default=str).decode()
         except orjson.JSONEncodeError:  # halves of surrogate pairs, which only Python has
             return json.dumps(line, default=str)
+        # JSON allows separators of lines that some readers of logs take for the end of one.
+        return text if text.isprintable() else json.dumps(line, default=str)
 
 
 class TextLines(logging.Formatter):
