@@ -1,7 +1,7 @@
 """What slow callers cost the others: `python -m benchmarks.overload`.
 
-A caller asks one query after another on one connection, first alone, then while many others send a body byte by byte, or
-half a head, or nothing.
+A caller asks one query after another on one connection, first alone, then while many others send a body byte by byte,
+or half a head, or nothing.
 """
 
 import argparse
@@ -44,9 +44,7 @@ def main() -> None:
             with _slow_callers(port, slow) as held:
                 times = _ask(port, bodies, arguments.asked)
                 p50, p99 = np.percentile(times, (50, 99))
-                print(
-                    f"{name}: p50 {p50:.2f} ms, p99 {p99:.2f} ms, slowest {max(times):.1f} ms; {held()} connections held"
-                )
+                print(f"{name}: p50 {p50:.2f} ms, p99 {p99:.2f} ms, slowest {max(times):.1f} ms; {held()} held")
 
 
 def _store(port: int) -> list[bytes]:

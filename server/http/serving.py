@@ -67,7 +67,7 @@ class _Drained(Server):
                 signal.signal(number, handler)
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
-        """The first signal begins the end, the second one is it. It may come while any lock is held, so none is taken."""
+        """The first signal begins the end, the second is it. One may come while any lock is held: none is taken."""
         if self._signal is None:
             self._signal = sig
         elif self._alone:
