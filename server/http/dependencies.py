@@ -207,7 +207,6 @@ def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
         401: "No usable key, where keys are asked for.",
         403: "The key does not allow this.",
         404: "Not found.",
-        408: "The body did not arrive in time.",
         405: "Method not allowed.",
         406: "Not acceptable.",
         408: "The request did not arrive in time.",

@@ -10,7 +10,8 @@ from pathlib import Path
 import httpx
 import pytest
 
-from server import lookup
+from server import keys, lookup
+from server.access import Scope
 from server.app import create_app
 from server.errors import Overloaded, TooManyRequests
 from server.http.gate import Gate
@@ -169,6 +170,17 @@ def test_who_asks_too_often_is_told_when_to_come_back(start: Start) -> None:
     assert server.rejected("rate") == 1.0
     for path in ("/livez", "/", "/problems/too-many-requests"):
         assert server.client.get(path).status_code == 200
+
+
+def test_each_key_has_a_rate_of_its_own_and_forgers_have_that_of_their_address(start: Start) -> None:
+    server = start(requests_per_second=0.01)
+    made = [keys.make(server.service.database, name, [Scope.READ], ["*"])[0] for name in ("a", "b")]
+    time.sleep(1.1)  # until it is known that there are keys
+    bearers = [{"Authorization": f"Bearer {key}"} for key in made]
+    asked = [server.client.get("/v1/collections", headers=one).status_code for one in (*bearers, *bearers)]
+    assert asked == [200, 200, 429, 429]
+    forged = {"Authorization": f"Bearer {made[0][:-3]}xyz"}
+    assert server.client.get("/v1/collections", headers=forged).status_code == 429  # spent when the collection was made
 
 
 def test_the_rate_is_published(start: Start) -> None:
