@@ -10,19 +10,24 @@ from fastapi import FastAPI
 from fastapi.staticfiles import StaticFiles
 
 import urquhart
+from server import configuration, logs
 from server.catalog import Catalog
 from server.errors import DomainError
+from server.exchange import Exchange
 from server.http import problems
 from server.http.compression import DeflateAnswers, InflateRequests
 from server.http.dependencies import JobRoom, Service
 from server.http.document import openapi_document
+from server.http.gate import Gate
 from server.http.middleware import BodyLimit, RequestContext
+from server.http.overload import Overload
 from server.http.readiness import SHUTDOWN, Readiness
 from server.jobs.folder import JobFolder
 from server.jobs.kinds import WORKS
 from server.jobs.runner import Runner, Tools
 from server.keys import Doorkeeper, check_exposure
 from server.metrics import Metrics
+from server.rates import Rates
 from server.routes import arrivals, collections, jobs, pages, queries, submaps, system
 from server.settings import Settings
 from server.store.database import Database
@@ -31,6 +36,7 @@ from server.threads import pin_threads
 from server.upkeep import Upkeep
 from server.version import service_version
 
+_SPARE_THREADS = 8
 _log = logging.getLogger(__name__)
 # The framework tries route after route: what is asked most and matters most comes first.
 _ROUTERS = (
@@ -58,16 +64,32 @@ Transforms are `submap_T_query`: p_submap = R(yaw) p_query + t, in metres and ra
 Errors are `application/problem+json` (RFC 9457), and their `type` leads to an explanation."""
 
 
-def create_app(settings: Settings) -> FastAPI:
-    """The service over the database that the settings name; the database is opened when the app starts."""
+def create_app(settings: Settings, exchange: Exchange | None = None) -> FastAPI:
+    """The service over the database that the settings name; the database is opened when the app starts.
+
+    With an `exchange`, this is one process of several whose metrics are told together.
+    """
     database = Database(
         settings.database_path, busy_timeout=settings.busy_timeout, read_only=settings.database_read_only
     )
-    metrics = Metrics()
+    metrics = Metrics(settings.metrics_collections)
     catalog = Catalog(database, metrics, settings.index)
     tools = Tools(settings, database, catalog, metrics, JobFolder(database))
-    room = JobRoom(tools.folder, Runner(tools, WORKS))
-    service = Service(settings, database, catalog, metrics, Readiness(), Upkeep(database, catalog, metrics), room)
+    gate, readiness = Gate(settings.limits), Readiness()
+    metrics.in_flight.set_function(lambda: gate.running)
+    metrics.queued.set_function(lambda: gate.waiting)
+    service = Service(
+        settings,
+        database,
+        catalog,
+        metrics,
+        readiness,
+        Upkeep(database, catalog, metrics),
+        JobRoom(tools.folder, Runner(tools, WORKS)),
+        Rates(settings.limits.requests_per_second),
+        exchange,
+        gate,
+    )
     app = FastAPI(
         title="Urquhart",
         version=service_version(),
@@ -90,14 +112,20 @@ def create_app(settings: Settings) -> FastAPI:
     app.add_middleware(InflateRequests, limit=settings.limits.body_bytes)
     app.add_middleware(DeflateAnswers)
     app.add_middleware(BodyLimit, limit=settings.limits.body_bytes)
+    app.add_middleware(Overload, limits=settings.limits, gate=gate, metrics=metrics, readiness=readiness)
     app.add_middleware(RequestContext, metrics=metrics)
     app.openapi = lambda: openapi_document(app)  # type: ignore[method-assign]
     return app
 
 
 def create_app_from_env() -> FastAPI:
-    """The app with settings from the environment: `uvicorn --factory server.app:create_app_from_env`."""
-    return create_app(Settings())
+    """The app with settings from file and environment: `uvicorn --factory server.app:create_app_from_env`.
+
+    Raises Misconfigured.
+    """
+    settings = configuration.load()
+    logs.configure(settings.log)
+    return create_app(settings)
 
 
 @asynccontextmanager
@@ -110,6 +138,11 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         service.database.dispose()
         raise
     service.readiness.passed("migrations")
+    # Some more than there are places, so that probes and metrics find one whatever goes on.
+    threads = anyio.to_thread.current_default_thread_limiter()
+    threads.total_tokens = service.settings.limits.concurrent_requests + _SPARE_THREADS
+    if service.exchange is not None:
+        service.exchange.start(service.metrics)
     stop, warm = threading.Event(), threading.Event()
     service.upkeep.start(warm)
     warm_up = threading.Thread(target=_warm_up, args=(service, stop, warm), name="warm-up", daemon=True)
@@ -125,6 +158,8 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         await anyio.to_thread.run_sync(service.jobs.runner.stop)
         await anyio.to_thread.run_sync(warm_up.join)
         await anyio.to_thread.run_sync(service.database.dispose)
+        if service.exchange is not None:
+            await anyio.to_thread.run_sync(service.exchange.stop)
 
 
 def _warm_up(service: Service, stop: threading.Event, warm: threading.Event) -> None:

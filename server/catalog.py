@@ -120,7 +120,7 @@ class Catalog:
                 collection = Collections(session).get(collection_id)
                 if collection is not None and collection.key == live.key:
                     live.refresh(session, collection)
-                    self._observe(live, lag=0)
+                    self._observe(live)
         except Unusable as obstacle:
             self._look_into(collection_id, obstacle, set())
 
@@ -168,7 +168,7 @@ class Catalog:
         before = live.state
         state = live.catch_up(session, collection, seen, most)
         if state is not before:
-            self._observe(live, lag=state.revision - (before.revision if before is not None else 0))
+            self._observe(live)
         source = FeatureReader(session, live.key, live.config, self._cache, live.owner, state.revision)
         return View(session, collection, Recognizer(live.config, state.index, source), state.revision)
 
@@ -205,9 +205,9 @@ class Catalog:
         elif live is not None:
             self.distrust(live, obstacle)
 
-    def _observe(self, live: LiveIndex, *, lag: int) -> None:
+    def _observe(self, live: LiveIndex) -> None:
         state = live.state
         if state is not None:
             chain = state.chain
-            self._metrics.observe_index(live.id, revision=state.revision, submaps=len(state.index), lag=lag)
+            self._metrics.observe_index(live.id, revision=state.revision, submaps=len(state.index))
             self._metrics.observe_segments(live.id, len(chain), sum(segment.size for segment in chain))

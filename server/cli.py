@@ -9,13 +9,13 @@ from collections.abc import Sequence
 from typing import Annotated, Final
 
 import typer
-from pydantic import ValidationError
 from typer.exceptions import TyperException
 
-from server.commands import db, index, keys, locate, reference, serve
+from server.commands import config, db, index, keys, locate, reference, serve
 from server.commands.demo import command as demo
 from server.commands.failure import Failure
 from server.errors import DomainError
+from server.sources import Misconfigured
 from server.stem_maps.reader import StemMapError
 from server.version import service_version
 from urquhart import ConfigError, LandmarkError
@@ -35,6 +35,7 @@ app.command()(index.index)
 app.command()(locate.locate)
 app.command()(demo.demo)
 app.command("reference")(reference.reference_page)
+app.command()(config.config)
 app.add_typer(db.app, name="db")
 app.add_typer(keys.app, name="keys")
 
@@ -63,9 +64,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
         code = app(args=arguments, prog_name="urquhart", standalone_mode=False)
     except TyperException as error:
         return _refuse(f"{error.format_message()} (see urquhart --help)")
-    except ValidationError as error:
-        return _refuse(_settings_sentence(error))
-    except (Failure, DomainError, StemMapError, ConfigError, LandmarkError) as error:
+    except (Failure, Misconfigured, DomainError, StemMapError, ConfigError, LandmarkError) as error:
         return _refuse(str(error))
     except OSError as error:
         if error.filename is None:
@@ -85,13 +84,6 @@ def _refuse(message: str) -> int:
     line = " ".join(message.split())
     typer.echo(f"urquhart: {line}", err=True)
     return EXIT_BAD_INPUT
-
-
-def _settings_sentence(error: ValidationError) -> str:
-    first = error.errors()[0]
-    name = "URQUHART_" + "__".join(str(part).upper() for part in first["loc"]) if first["loc"] else ""
-    message = first["msg"].removeprefix("Value error, ")
-    return f"setting {name}: {message}" if name else message
 
 
 if __name__ == "__main__":

@@ -123,6 +123,26 @@ class LinesRefused(DomainError):
     """An import that was to store all lines or none met some that cannot be stored."""
 
 
+class Busy(DomainError):
+    """The service has more to do than it can, or the caller asks too often: try again after `retry_after` seconds."""
+
+    def __init__(self, message: str, retry_after: float) -> None:
+        super().__init__(message)
+        self.retry_after = retry_after
+
+
+class Overloaded(Busy):
+    """As much as the service takes on at once is being worked on, and waits."""
+
+
+class TooManyRequests(Busy):
+    """This caller asks more often than `limits.requests_per_second` allows."""
+
+
+class TooSlow(DomainError):
+    """The request does not arrive within the time that it has."""
+
+
 class WorkerLost(DomainError):
     """A process that worked for this one ended before it was done."""
 

@@ -105,6 +105,26 @@ TABLE: Mapping[type[errors.DomainError], Kind] = {
     errors.NotReady: Kind(
         503, "not-ready", "Not ready", "The service is starting; `check` names what is still open. Try again shortly."
     ),
+    errors.Overloaded: Kind(
+        503,
+        "overloaded",
+        "Overloaded",
+        "The service has as much to do as it takes on at once. Nothing was done; try again after Retry-After seconds.",
+    ),
+    errors.TooManyRequests: Kind(
+        429,
+        "too-many-requests",
+        "Too many requests",
+        "One key, or one address, asks more often than `rates` in GET /v1/limits allows. Nothing was done; try again "
+        "after Retry-After seconds.",
+    ),
+    errors.TooSlow: Kind(
+        408,
+        "request-timeout",
+        "The request came too slowly",
+        "The head or the body did not arrive in the time that GET /v1/limits gives it. Nothing was stored, and the "
+        "connection is closed; send it again.",
+    ),
     errors.StorageFull: Kind(
         507, "storage-full", "The disk is full", "Nothing was stored; what was stored before is intact."
     ),

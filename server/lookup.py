@@ -14,6 +14,7 @@ from server.errors import InvalidField, NotFound, TooLarge
 from server.explanations import Explained
 from server.metrics import Metrics
 from server.narrowing import keys_excluded, keys_near
+from server.notes import note_query
 from server.prepare import check_landmark_count, invalid_landmarks
 from server.schemas.queries import QueryAnswer, QueryInput, QueryLinks
 from server.settings import Limits
@@ -140,6 +141,7 @@ def look_up(
     metrics.verdicts.labels(answer.verdict).inc()
     for stage in answer.stages:
         metrics.observe_stage(stage.name, stage.milliseconds)
+    note_query(answer.verdict, ((stage.name, stage.milliseconds) for stage in answer.stages))
     return Look(asked, view.collection, answer, found.candidates, landmarks)
 
 

@@ -1,11 +1,13 @@
-"""Everything that can be set, from `URQUHART_*` in the environment; checked together, once, at construction."""
+"""Everything that can be set, from a file and `URQUHART_*` in the environment; checked together, at construction."""
 
 from pathlib import Path
-from typing import Self
+from typing import Any, Literal, Self
 from urllib.parse import unquote
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
-from pydantic_settings import BaseSettings, SettingsConfigDict
+from pydantic_settings import BaseSettings, InitSettingsSource, PydanticBaseSettingsSource, SettingsConfigDict
+
+from server.sources import NESTED, PREFIX, check_environment, config_file, read_file
 
 _SQLITE_URL = "sqlite:///"
 
@@ -31,6 +33,34 @@ class Limits(BaseModel):
     page: int = Field(100, ge=1, description="Rows of a page when `limit` is not given.")
     page_max: int = Field(1000, ge=1, description="Largest `limit` of a page.")
     stored_queries: int = Field(10_000, ge=0, description="Stored queries kept per collection; the oldest go first.")
+    concurrent_requests: int = Field(
+        32, ge=1, le=100, description="Requests that a process works on at once; more wait in the queue."
+    )
+    queued_requests: int = Field(256, ge=0, description="Requests that wait in a process; more are answered 503.")
+    queue_seconds: float = Field(
+        5.0, gt=0, le=600, description="Seconds that a request waits before it is answered 503."
+    )
+    requests_per_second: float = Field(
+        0.0, ge=0, description="Requests a second of one key, or of one address without a key, in a process; 0: any."
+    )
+    connections: int = Field(
+        1000, ge=2, description="Open connections of a process; for one more the longest idle one is closed."
+    )
+    header_seconds: float = Field(
+        10.0, gt=0, le=3600, description="Seconds within which the head of a request must arrive; then it is 408."
+    )
+    body_seconds: float = Field(
+        20.0,
+        gt=0,
+        le=3600,
+        description="Seconds within which a body must arrive, apart from `body_rate`; then it is 408.",
+    )
+    body_rate: int = Field(
+        16 * 1024, ge=1, description="Bytes a second: each that arrives gives the body 1 / `body_rate` seconds more."
+    )
+    buffered_bytes: int = Field(
+        256 * 1024 * 1024, ge=1024, description="Bytes of bodies that a process holds at once; more are answered 503."
+    )
 
     @model_validator(mode="after")
     def _pages_agree(self) -> Self:
@@ -69,13 +99,29 @@ class JobSettings(BaseModel):
     keep_rows: int = Field(10_000, ge=1, description="Finished jobs that are told of; the oldest are forgotten first.")
 
 
-class Settings(BaseSettings):
-    """The service's settings. Nested ones use two underscores: `URQUHART_LIMITS__BODY_BYTES=1048576`."""
+class LogSettings(BaseModel):
+    """What is written to standard error, and how."""
 
-    model_config = SettingsConfigDict(
-        env_prefix="URQUHART_", env_nested_delimiter="__", frozen=True, extra="forbid", env_ignore_empty=True
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    format: Literal["text", "json"] = Field("text", description="A line for people, or a JSON object in a line.")
+    level: Literal["debug", "info", "warning", "error"] = Field(
+        "info",
+        description="The least level that is written; the line of each request is `info`, or `warning` from 500 on.",
     )
 
+
+class Settings(BaseSettings):
+    """The service's settings. Nested ones use two underscores: `URQUHART_LIMITS__BODY_BYTES=1048576`.
+
+    Raises `sources.Misconfigured` for names that are no setting, besides what pydantic raises for values.
+    """
+
+    model_config = SettingsConfigDict(
+        env_prefix=PREFIX, env_nested_delimiter=NESTED, frozen=True, extra="forbid", env_ignore_empty=True
+    )
+
+    config: str = Field("", description="The settings file, TOML; empty: `urquhart.toml`, where it is there.")
     database: str = Field(
         "urquhart.db", description="Path of the SQLite file, or an URL `sqlite:///path[?mode=ro]`.", min_length=1
     )
@@ -92,7 +138,21 @@ class Settings(BaseSettings):
         "",
         description="Where the documentation is served, linked from the landing page; empty: the service's own /docs.",
     )
-    limits: Limits = Field(default_factory=Limits, description="Sizes that requests are held to.")
+    notice_seconds: float = Field(
+        1.0,
+        ge=0,
+        le=600,
+        description="Seconds after SIGTERM for which requests are still taken while /readyz says 503; "
+        "more than the interval of what watches it.",
+    )
+    drain_seconds: float = Field(
+        30.0, ge=0, le=3600, description="Seconds that requests at hand have to be finished before the service ends."
+    )
+    metrics_collections: int = Field(
+        20, ge=0, le=1000, description="Collections that metrics tell by name, the largest; the rest is `other`."
+    )
+    log: LogSettings = Field(default_factory=LogSettings, description="What is written to standard error, and how.")
+    limits: Limits = Field(default_factory=Limits, description="Sizes and times that requests are held to.")
     index: IndexSettings = Field(default_factory=IndexSettings, description="How the index is kept.")
     jobs: JobSettings = Field(default_factory=JobSettings, description="How long work is done beside the requests.")
 
@@ -105,6 +165,22 @@ class Settings(BaseSettings):
         if path in {"", ":memory:"}:
             raise ValueError("the database must be a file: several connections and processes share it")
         return value
+
+    @classmethod
+    def settings_customise_sources(
+        cls,
+        settings_cls: type[BaseSettings],
+        init_settings: PydanticBaseSettingsSource,
+        env_settings: PydanticBaseSettingsSource,
+        dotenv_settings: PydanticBaseSettingsSource,
+        file_secret_settings: PydanticBaseSettingsSource,
+    ) -> tuple[PydanticBaseSettingsSource, ...]:
+        """What is given goes before the environment, and that before the file. Raises Misconfigured."""
+        check_environment(cls)
+        given: dict[str, Any] = getattr(init_settings, "init_kwargs", {})
+        path = config_file(given.get("config"))
+        values = {} if path is None else read_file(path, cls)
+        return init_settings, env_settings, InitSettingsSource(settings_cls, init_kwargs=values)
 
     @property
     def database_path(self) -> Path:

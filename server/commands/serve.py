@@ -1,22 +1,18 @@
 """`urquhart serve`: the service on one address, in one process or several."""
 
 import errno
-import multiprocessing
-import multiprocessing.connection
-import os
-import signal
 import socket
-import threading
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-import uvicorn
-from fastapi import FastAPI
-from uvicorn.supervisors import Multiprocess
 
-from server.app import create_app, create_app_from_env
+from server import configuration, logs
+from server.app import create_app
+from server.commands.config import ConfigOption
 from server.commands.failure import Failure
+from server.commands.supervisor import supervise
+from server.http.serving import serve_app
 from server.keys import check_exposure
 from server.settings import Settings
 from server.store.database import Database
@@ -51,13 +47,17 @@ def serve(
             help="Listen on an address that other machines can reach, although there is no key to ask them for.",
         ),
     ] = False,
+    config: ConfigOption = None,
 ) -> None:
     """Serve the REST API.
 
-    Settings come from the environment (URQUHART_...); an option given here goes before them. The documentation of the
-    API is served at /docs.
+    Settings come from a file (urquhart.toml) and from the environment (URQUHART_...); the environment goes before the
+    file, and an option given here before both: see urquhart config. The documentation of the API is served at /docs.
+
+    SIGTERM and Ctrl-C let it finish the requests at hand; a second one ends it at once.
     """
-    settings = settings_with(host=host, port=port, database=database, insecure=insecure or None)
+    settings = settings_with(host=host, port=port, database=database, insecure=insecure or None, config=config)
+    logs.configure(settings.log)
     # Refuses here, in one line, what would otherwise stop every worker.
     store = open_database(settings)
     try:
@@ -69,17 +69,20 @@ def serve(
     typer.echo(f"urquhart: serving on http://{address}:{listener.getsockname()[1]} ; API at /docs, stop with Ctrl-C")
     with listener:
         if workers == 1:
-            uvicorn.Server(uvicorn.Config(create_app(settings), log_level="warning")).run(sockets=[listener])
+            serve_app(create_app(settings), listener, alone=True)
         else:
-            _serve_with(workers, settings, listener)
+            code = supervise(workers, settings, listener)
+            if code:
+                raise typer.Exit(code)
 
 
 def settings_with(**given: Any) -> Settings:
-    """The settings of the environment, with those that are `given` (not None) in their place."""
-    values: dict[str, Any] = {
-        name: str(value) if isinstance(value, Path) else value for name, value in given.items() if value is not None
-    }
-    return Settings(**values)
+    """The settings, with those that are `given` (not None) before those of file and environment.
+
+    Raises:
+        Misconfigured: in a sentence, which cannot be used and why.
+    """
+    return configuration.load(**given)
 
 
 def open_database(settings: Settings) -> Database:
@@ -122,26 +125,3 @@ def bind(host: str, port: int) -> socket.socket:
             ) from error
         raise Failure(f"cannot listen on {host}, port {port}: {error.strerror}") from error
     return listener
-
-
-def _serve_with(workers: int, settings: Settings, listener: socket.socket) -> None:
-    # Worker processes read the settings from their environment: what was given as an option must be there.
-    for name in ("host", "port", "database", "insecure"):
-        os.environ[f"URQUHART_{name.upper()}"] = str(getattr(settings, name))
-    config = uvicorn.Config(
-        "server.commands.serve:create_worker_app", factory=True, workers=workers, log_level="warning"
-    )
-    Multiprocess(config, [listener]).run()
-
-
-def create_worker_app() -> FastAPI:
-    """The app of one worker process, which stops when the process that started it is gone, however that ended."""
-    threading.Thread(target=_stop_with_parent, name="parent-watch", daemon=True).start()
-    return create_app_from_env()
-
-
-def _stop_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        multiprocessing.connection.wait([parent.sentinel])
-        os.kill(os.getpid(), signal.SIGTERM)

@@ -8,9 +8,10 @@ from fastapi import Request, Response
 from fastapi.routing import APIRoute
 
 from server.access import NOBODY, Caller
-from server.errors import InvalidField, NotFound, Unauthorized
+from server.errors import InvalidField, NotFound, TooManyRequests, Unauthorized
 from server.http.scopes import SCOPES
 from server.keys import Doorkeeper
+from server.rates import Rates
 
 
 class GuardedRoute(APIRoute):
@@ -28,12 +29,12 @@ class GuardedRoute(APIRoute):
             return handle
 
         async def handle_admitted(request: Request) -> Response:
-            caller = await who_asks(request)
+            caller = await _who_may_ask_now(request)
+            request.state.caller = caller
             caller.require(scope)
             collection = request.path_params.get("collection")
             if collection is not None and not caller.sees(collection):
                 raise NotFound("collection", collection)
-            request.state.caller = caller
             _check_parameters(request, known)
             return await handle(request)
 
@@ -65,6 +66,27 @@ async def who_asks(request: Request) -> Caller:
     if remembered is not None:
         return remembered
     return await anyio.to_thread.run_sync(keeper.ask, authorization)
+
+
+async def _who_may_ask_now(request: Request) -> Caller:
+    """The caller, counted: by key, or by address where there is none. Raises Unauthorized, TooManyRequests."""
+    rates: Rates = request.app.state.service.rates
+    address = request.client.host if request.client is not None else ""
+    try:
+        caller = await who_asks(request)
+    except Unauthorized:
+        _take(request, rates, f"address {address}")
+        raise
+    _take(request, rates, f"key {caller.id}" if caller.id else f"address {address}")
+    return caller
+
+
+def _take(request: Request, rates: Rates, caller: str) -> None:
+    try:
+        rates.take(caller)
+    except TooManyRequests:
+        request.app.state.service.metrics.rejected.labels("rate").inc()
+        raise
 
 
 async def get_caller(request: Request) -> Caller:

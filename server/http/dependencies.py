@@ -14,7 +14,9 @@ from pydantic import BaseModel, BeforeValidator
 from server.access import Caller
 from server.catalog import Catalog
 from server.errors import MalformedBody, UnsupportedMediaType
+from server.exchange import Exchange
 from server.http.authorization import GuardedRoute, get_caller, get_visitor
+from server.http.gate import Gate
 from server.http.problems import MEDIA_TYPE
 from server.http.readiness import Readiness
 from server.idempotency import Kept, Once
@@ -22,6 +24,7 @@ from server.jobs.folder import JobFolder
 from server.jobs.runner import Runner
 from server.metrics import Metrics
 from server.preconditions import Preconditions
+from server.rates import Rates
 from server.schemas.common import PROBLEM_EXAMPLE, Problem, ResourceId, check_digits, to_json
 from server.settings import Settings
 from server.store.database import Database
@@ -49,6 +52,9 @@ class Service:
     readiness: Readiness
     upkeep: Upkeep
     jobs: JobRoom
+    rates: Rates
+    exchange: Exchange | None
+    gate: Gate
 
 
 # Not `async` for what they wait for: the framework would send a plain function to a thread and back.
@@ -201,17 +207,18 @@ def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
         401: "No usable key, where keys are asked for.",
         403: "The key does not allow this.",
         404: "Not found.",
-        408: "The body did not arrive in time.",
         405: "Method not allowed.",
         406: "Not acceptable.",
+        408: "The request did not arrive in time.",
         409: "Conflict with what is stored.",
         410: "No longer kept.",
         412: "A precondition does not hold.",
         413: "A limit is exceeded.",
         415: "The body is not sent as JSON.",
         422: "The request is not valid.",
+        429: "This key, or address, asks too often.",
         500: "Internal error.",
-        503: "Not ready, or the database is busy or cannot be written.",
+        503: "Not ready, overloaded, or the database is busy or cannot be written.",
         507: "The disk is full.",
     }
     return {

@@ -6,6 +6,7 @@ from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 
 from server.http.dependencies import problems
+from server.http.overload import ALWAYS_ANSWERED
 from server.http.scopes import SCOPES
 from server.schemas.common import Problem
 
@@ -20,10 +21,12 @@ def openapi_document(app: FastAPI) -> dict[str, Any]:
         problem = Problem.model_json_schema(ref_template="#/components/schemas/{model}")
         schemas.update(problem.pop("$defs", {}))
         schemas["Problem"] = problem
-        for path in document["paths"].values():
-            for operation in path.values():
+        for path, operations in document["paths"].items():
+            for operation in operations.values():
                 _only_problems(operation)
                 _guarded(operation)
+                if path not in ALWAYS_ANSWERED:
+                    _may_be_refused(operation)
         document["components"]["securitySchemes"] = {
             "key": {"type": "http", "scheme": "bearer", "description": "An API key: urq_<id>_<secret>."}
         }
@@ -54,3 +57,11 @@ def _guarded(operation: dict[str, Any]) -> None:
     operation["x-scope"] = scope.value
     responses = operation["responses"] | {str(status): said for status, said in problems(401, 403).items()}
     operation["responses"] = dict(sorted(responses.items()))
+
+
+def _may_be_refused(operation: dict[str, Any]) -> None:
+    """Say how a request is answered when there is too much to do."""
+    slow = (408,) if "requestBody" in operation else ()
+    often = (429,) if SCOPES[operation["operationId"]] is not None else ()
+    refusals = {str(status): said for status, said in problems(*slow, *often, 503).items()}
+    operation["responses"] = dict(sorted((refusals | operation["responses"]).items()))

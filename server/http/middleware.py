@@ -12,7 +12,9 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from server.errors import TooLarge
 from server.http.problems import domain_problem, internal_problem
+from server.logs import log_access, shortened
 from server.metrics import Metrics
+from server.notes import begin as begin_notes
 
 _log = logging.getLogger("server")
 _GIVEN_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
@@ -24,7 +26,8 @@ _PATIENCE = 4
 class RequestContext:
     """Gives each request an id (the caller's X-Request-Id, if it is a plain one), counts it, and answers HEAD as GET.
 
-    An exception that nothing handled is logged here with the id and answered as a problem.
+    Each is a line of the log, without what was sent or answered. An exception that nothing handled is logged here with
+    the id and answered as a problem.
     """
 
     def __init__(self, app: ASGIApp, metrics: Metrics) -> None:
@@ -44,27 +47,29 @@ class RequestContext:
         scope = {**scope, "headers": _folded(scope["headers"]), "state": state}
         if method == "HEAD":
             scope["method"] = "GET"
-        status = 500
+        status, bytes_in, bytes_out, begun = 500, 0, 0, False
         started = time.perf_counter()
+        notes = begin_notes()
+
+        async def receive_counting() -> Message:
+            nonlocal bytes_in
+            message = await receive()
+            bytes_in += len(message.get("body", b""))
+            return message
 
         async def send_with_id(message: Message) -> None:
-            nonlocal status
+            nonlocal status, bytes_out, begun
             if message["type"] == "http.response.start":
-                status = message["status"]
+                begun, status = True, message["status"]
                 MutableHeaders(scope=message)["X-Request-Id"] = request_id
-            elif message["type"] == "http.response.body" and method == "HEAD":
-                message = {**message, "body": b""}
+            elif message["type"] == "http.response.body":
+                if method == "HEAD":
+                    message = {**message, "body": b""}
+                bytes_out += len(message.get("body", b""))
             await send(message)
 
-        begun = False
-
-        async def send_noting(message: Message) -> None:
-            nonlocal begun
-            begun = begun or message["type"] == "http.response.start"
-            await send_with_id(message)
-
         try:
-            await self._app(scope, receive, send_noting)
+            await self._app(scope, receive_counting, send_with_id)
         except ClientDisconnect:
             status = 499  # as others log a caller that went away; nobody is left to be answered
         except Exception:
@@ -73,10 +78,27 @@ class RequestContext:
                 raise
             await internal_problem(scope)(scope, receive, send_with_id)
         finally:
+            spent = time.perf_counter() - started
             route = getattr(scope.get("route"), "path", "unmatched")
             labelled = method if method in _METHODS else "other"
             self._metrics.requests.labels(route, labelled, str(status)).inc()
-            self._metrics.request_seconds.labels(route, labelled).observe(time.perf_counter() - started)
+            self._metrics.request_seconds.labels(route, labelled).observe(spent)
+            caller = scope["state"].get("caller")
+            log_access(
+                {
+                    "request_id": request_id,
+                    "method": method if labelled == method else method[:20],
+                    "route": route,
+                    "path": shortened(scope["path"]),
+                    "status": status,
+                    "ms": round(spent * 1e3, 2),
+                    "bytes_in": bytes_in,
+                    "bytes_out": bytes_out,
+                    "key": caller.id if caller is not None else "",
+                    "collection": scope.get("path_params", {}).get("collection", ""),
+                    **notes.told(),
+                }
+            )
 
 
 class BodyLimit:

@@ -1,6 +1,7 @@
 """Every error as application/problem+json (RFC 9457)."""
 
 import logging
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -40,9 +41,14 @@ def domain_problem(error: errors.DomainError, scope: Scope) -> Response:
             headers = {"ETag": f'"{error.etag}"'}
         case errors.Unauthorized():
             headers = {"WWW-Authenticate": 'Bearer error="invalid_token"' if error.given else "Bearer"}
+        case errors.Busy():
+            headers = {"Retry-After": str(max(1, math.ceil(error.retry_after)))}
+        case errors.TooSlow():
+            headers = {"Connection": "close"}
     if type(error) in _RETRY:
         headers["Retry-After"] = "1"
-    if kind.status >= 500 and not isinstance(error, errors.NotReady):
+    # What only says that it is too early or too much is counted; a line of the log for each would make it worse.
+    if kind.status >= 500 and not isinstance(error, errors.NotReady | errors.Busy):
         _log.error(
             "request %s: %s", _request_id(scope), error, exc_info=error.__cause__ if kind.status == 500 else None
         )

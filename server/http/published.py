@@ -7,12 +7,12 @@ from server.version import service_version
 
 
 def limits(settings: Settings) -> LimitsAnswer:
-    """Sizes that requests are held to, under the names that a refusal gives."""
+    """Sizes and times that requests are held to, under the names that a refusal gives."""
     sizes = settings.limits.model_dump()
-    kept = sizes.pop("stored_queries")
+    kept, often = sizes.pop("stored_queries"), sizes.pop("requests_per_second")
     return LimitsAnswer(
         limits=sizes,
-        rates={},
+        rates={"requests_per_second": often} if often else {},
         retention=Retention(stored_queries=kept, idempotency_hours=settings.idempotency_hours),
         versions=Versions(service=service_version(), api="v1", schema=expected_revision()),
     )

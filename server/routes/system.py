@@ -2,6 +2,7 @@
 
 from fastapi import APIRouter, Response
 
+from server import gauges
 from server.http import published
 from server.http.authorization import GuardedRoute
 from server.http.dependencies import CallerDep, ServiceDep, json_response, problems
@@ -41,7 +42,10 @@ async def livez() -> Response:
     },
 )
 async def readyz(service: ServiceDep) -> Response:
-    """503 while migrations, kernels or the index are open, naming which; requests are answered all the same."""
+    """503 while migrations, kernels or the index are open, or the service is about to end, naming which.
+
+    Requests are answered all the same.
+    """
     service.readiness.require()
     return json_response(Readiness(status="ok", checks=dict(service.readiness.states())))
 
@@ -65,9 +69,10 @@ async def readyz(service: ServiceDep) -> Response:
     },
 )
 def metrics(service: ServiceDep, caller: CallerDep) -> Response:
-    """Of this process. They name collections, so a key must see them all."""
+    """Of all processes of this service. They name collections, so a key must see them all."""
     caller.require_all()
-    return Response(service.metrics.exposition(), headers={"Content-Type": Metrics.content_type})
+    told = gauges.exposition(service.database, service.metrics, service.exchange)
+    return Response(told, headers={"Content-Type": Metrics.content_type})
 
 
 @router.get(
@@ -78,6 +83,6 @@ def metrics(service: ServiceDep, caller: CallerDep) -> Response:
     responses={200: {"content": {"application/json": {"example": LIMITS_EXAMPLE}}}, **problems()},
 )
 def limits(service: ServiceDep) -> Response:
-    """Sizes, retention and versions; a 413 names the limit as it is named here."""
+    """Sizes, times, rates, retention and versions; a refusal names the limit as it is named here."""
     answer = published.limits(service.settings)
     return Response(answer.model_dump_json(by_alias=True), media_type="application/json")

@@ -36,10 +36,12 @@ class Retention(Answer):
 
 
 class LimitsAnswer(Answer):
-    """Sizes that requests are held to; the 413 that enforces one names it as here."""
+    """What requests are held to; the refusal that enforces a limit names it as here."""
 
-    limits: dict[str, int]
-    rates: dict[str, int] = Field(description="Requests per second; none are enforced.")
+    limits: dict[str, int | float]
+    rates: dict[str, float] = Field(
+        description="`requests_per_second` of a key, or of an address without one; empty where none is enforced."
+    )
     retention: Retention
     versions: Versions
 
@@ -53,6 +55,14 @@ LIMITS_EXAMPLE: dict[str, Any] = {
         "excluded_submaps": 10000,
         "page": 100,
         "page_max": 1000,
+        "concurrent_requests": 32,
+        "queued_requests": 256,
+        "queue_seconds": 5.0,
+        "connections": 1000,
+        "header_seconds": 10.0,
+        "body_seconds": 20.0,
+        "body_rate": 16384,
+        "buffered_bytes": 268435456,
     },
     "rates": {},
     "retention": {"stored_queries": 10000, "idempotency_hours": 24.0},

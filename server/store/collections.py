@@ -25,6 +25,16 @@ class Extent:
     max_y: float
 
 
+@dataclass(frozen=True, slots=True)
+class Size:
+    """How much is in a collection."""
+
+    id: str
+    submaps: int
+    landmarks: int
+    revision: int
+
+
 class Collections:
     """Repository of collections; the session is the caller's, and so is the commit."""
 
@@ -50,6 +60,18 @@ class Collections:
         """Key, id and revision of all collections."""
         query = select(CollectionRow.key, CollectionRow.id, CollectionRow.revision).order_by(CollectionRow.key)
         return [(row.key, row.id, row.revision) for row in self._session.execute(query)]
+
+    def largest(self, limit: int) -> list[Size]:
+        """Up to `limit` collections with the most submaps, the largest first."""
+        columns = (CollectionRow.id, CollectionRow.submap_count, CollectionRow.landmark_count, CollectionRow.revision)
+        order = (CollectionRow.submap_count.desc(), CollectionRow.key)
+        return [Size(*row) for row in self._session.execute(select(*columns).order_by(*order).limit(limit))]
+
+    def totals(self) -> tuple[int, int, int]:
+        """How many collections there are, and the submaps and landmarks in all of them."""
+        submaps, landmarks = func.sum(CollectionRow.submap_count), func.sum(CollectionRow.landmark_count)
+        counted = self._session.execute(select(func.count(), submaps, landmarks).select_from(CollectionRow)).one()
+        return counted[0], counted[1] or 0, counted[2] or 0
 
     def create(
         self,

@@ -95,6 +95,7 @@ class Database:
             poolclass=QueuePool,
             pool_size=_POOL_SIZE,
             max_overflow=_POOL_SIZE,
+            hide_parameters=True,  # an error's text goes to the log, what callers sent does not
             json_serializer=lambda value: orjson.dumps(value).decode(),
             json_deserializer=orjson.loads,
         )

@@ -124,7 +124,9 @@ def test_metrics(client: httpx.Client) -> None:
 def test_limits(client: httpx.Client, service: Service) -> None:
     limits = client.get("/v1/limits").json()
     assert limits["limits"]["body_bytes"] == 8 * 1024 * 1024
-    assert set(limits["limits"]) | {"stored_queries"} == set(type(service.settings.limits).model_fields)
+    assert set(limits["limits"]) | {"stored_queries", "requests_per_second"} == set(
+        type(service.settings.limits).model_fields
+    )
     assert limits["retention"] == {"stored_queries": 10_000, "idempotency_hours": 24.0}
     assert limits["versions"]["schema"] == "0006"
 

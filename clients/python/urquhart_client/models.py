@@ -279,8 +279,8 @@ class Tessellation(Model):
 class Limits(Model):
     """What requests are held to, by the name that a refusal gives."""
 
-    limits: dict[str, int]
-    rates: dict[str, int] = Field(default_factory=dict)
+    limits: dict[str, int | float]
+    rates: dict[str, float] = Field(default_factory=dict)
     retention: dict[str, float] = Field(default_factory=dict)
     versions: dict[str, str] = Field(default_factory=dict)
 

@@ -1,0 +1,151 @@
+"""Connections: how many there may be, how long one may take to say what it wants, and how they end."""
+
+import asyncio
+from collections.abc import Callable
+from typing import Any
+
+import h11
+import orjson
+from uvicorn.config import Config
+from uvicorn.protocols.http.h11_impl import H11Protocol
+from uvicorn.server import ServerState
+
+from server.errors import DomainError, Overloaded, TooSlow
+from server.http.problems import MEDIA_TYPE
+from server.kinds import document
+from server.settings import Limits
+
+_LAST_WORD = 0.25
+"""Seconds that an idle connection has, when the service ends, to say what it was about to say."""
+_FLUSH = 30.0
+"""Seconds that a caller has to take the rest of an answer after its connection was closed."""
+
+
+class ServerConfig(Config):
+    """The web server's configuration, with what the connections are held to."""
+
+    def __init__(self, app: Any, limits: Limits, reject: Callable[[str], None], **options: Any) -> None:
+        """`reject` is told the reason when a connection is refused or closed to protect the others."""
+        self.limits, self.reject = limits, reject
+        super().__init__(app, http=Connection, **options)
+
+
+class Connection(H11Protocol):
+    """A connection whose caller has `header_seconds` for the head of each request.
+
+    Where there are too many, the one that is idle for longest is closed; if none is, the new one is refused.
+    """
+
+    config: ServerConfig
+
+    def __init__(
+        self,
+        config: ServerConfig,
+        server_state: ServerState,
+        app_state: dict[str, Any],
+        _loop: asyncio.AbstractEventLoop | None = None,
+    ) -> None:
+        super().__init__(config, server_state, app_state, _loop)
+        self._head_timer: asyncio.TimerHandle | None = None
+        self._leaving = False
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """A caller is here."""
+        super().connection_made(transport)
+        if len(self.connections) > self.config.limits.connections and not self._make_room():
+            self.config.reject("connections")
+            most = self.config.limits.connections
+            self._refuse(Overloaded(f"All {most} connections are in use; try again shortly.", 1.0))
+            return
+        self._await_head()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """The caller is gone."""
+        self._head_arrived()
+        super().connection_lost(exc)
+
+    def data_received(self, data: bytes) -> None:
+        """Bytes of a request. Those of a body whose answer is given already are waited for no longer than a head."""
+        if self.transport.is_closing():
+            return
+        super().data_received(data)
+        if self.is_idle:
+            self._await_head()
+        else:
+            self._head_arrived()
+            if self._leaving:
+                self.cycle.keep_alive = False
+
+    def shutdown(self) -> None:
+        """The service ends: finish what is at hand. What is on its way while nothing is may still come."""
+        if not self.is_idle:
+            self.cycle.keep_alive = False
+            return
+        self._leaving = True
+        self.loop.call_later(_LAST_WORD, self._close_if_idle)
+
+    def timeout_keep_alive_handler(self) -> None:
+        """Nothing came for long after an answer."""
+        super().timeout_keep_alive_handler()
+        self._abort_later()
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether no request is at hand: nothing was asked yet, or all is answered."""
+        return self.cycle is None or self.cycle.response_complete
+
+    def _make_room(self) -> bool:
+        # In the order in which they came, more or less: a set has none, so the deadline of the head tells.
+        idle = [one for one in self.connections if isinstance(one, Connection) and one is not self and one.is_idle]
+        if not idle:
+            return False
+        oldest = min(idle, key=lambda one: one._due)
+        self.config.reject("connections")
+        oldest.transport.abort()
+        self.connections.discard(oldest)
+        return True
+
+    @property
+    def _due(self) -> float:
+        timers = [timer.when() for timer in (self._head_timer, self.timeout_keep_alive_task) if timer is not None]
+        return min(timers, default=0.0)
+
+    def _await_head(self) -> None:
+        if self._head_timer is None:
+            self._head_timer = self.loop.call_later(self.config.limits.header_seconds, self._head_is_late)
+
+    def _head_arrived(self) -> None:
+        if self._head_timer is not None:
+            self._head_timer.cancel()
+            self._head_timer = None
+
+    def _head_is_late(self) -> None:
+        self._head_timer = None
+        if self.transport.is_closing() or not self.is_idle:
+            return
+        self.config.reject("slow_head")
+        seconds = self.config.limits.header_seconds
+        self._refuse(TooSlow(f"The head of a request must arrive within {seconds:g} s (header_seconds)."))
+
+    def _refuse(self, error: DomainError) -> None:
+        """Answer before anything was asked, where that is still possible, and close."""
+        if self.conn.our_state is h11.IDLE:
+            said = document(error)
+            body = orjson.dumps(said)
+            headers = [("Content-Type", MEDIA_TYPE), ("Content-Length", str(len(body))), ("Connection", "close")]
+            if isinstance(error, Overloaded):
+                headers.append(("Retry-After", "1"))
+            head = h11.Response(status_code=said["status"], headers=headers, reason=said["title"].encode())
+            for event in (head, h11.Data(data=body), h11.EndOfMessage()):
+                self.transport.write(self.conn.send(event) or b"")
+        self.transport.close()
+        self._abort_later()
+
+    def _close_if_idle(self) -> None:
+        if self.is_idle and not self.transport.is_closing():
+            self.transport.close()
+            self._abort_later()
+
+    def _abort_later(self) -> None:
+        """One who does not take the rest of an answer must not hold the connection for ever."""
+        self.loop.call_later(_FLUSH, self.transport.abort)

@@ -1,0 +1,43 @@
+"""What the parts note about the request at hand, for the line that the log has of it."""
+
+from collections import Counter
+from collections.abc import Iterable
+from contextvars import ContextVar
+from dataclasses import dataclass, field
+from typing import Any
+
+
+@dataclass(slots=True)
+class Notes:
+    """Verdicts of the queries that a request asked, and the milliseconds of their stages, summed."""
+
+    verdicts: Counter[str] = field(default_factory=Counter)
+    stages: dict[str, float] = field(default_factory=dict)
+
+    def told(self) -> dict[str, Any]:
+        """As members of a log line: `verdict` of one query, `verdicts` of several, `stages`."""
+        if not self.verdicts:
+            return {}
+        only = len(self.verdicts) == 1 and self.verdicts.total() == 1
+        verdict = {"verdict": next(iter(self.verdicts))} if only else {"verdicts": dict(self.verdicts)}
+        return {**verdict, "stages": {name: round(spent, 3) for name, spent in self.stages.items()}}
+
+
+_notes: ContextVar[Notes | None] = ContextVar("notes", default=None)
+
+
+def begin() -> Notes:
+    """Notes of the request that this task, and the threads it waits for, work on from now on."""
+    notes = Notes()
+    _notes.set(notes)
+    return notes
+
+
+def note_query(verdict: str, stages: Iterable[tuple[str, float]]) -> None:
+    """A query was answered; `stages` are names and milliseconds. Nothing happens where no request is at hand."""
+    notes = _notes.get()
+    if notes is None:
+        return
+    notes.verdicts[verdict] += 1
+    for name, spent in stages:
+        notes.stages[name] = notes.stages.get(name, 0.0) + spent

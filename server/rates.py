@@ -1,0 +1,45 @@
+"""How often each caller may ask: a bucket of tokens for each, filled at a steady rate."""
+
+import threading
+import time
+from collections import OrderedDict
+from collections.abc import Callable
+from typing import Final
+
+from server.errors import TooManyRequests
+
+_MOST: Final = 10_000
+"""Callers that are remembered; one that was not seen for longest is forgotten, and begins with a full bucket."""
+
+
+class Rates:
+    """Requests a second of each caller of this process. A bucket holds what may be asked in a second, at least one.
+
+    Thread-safe.
+    """
+
+    def __init__(self, per_second: float, clock: Callable[[], float] = time.monotonic) -> None:
+        """At most `per_second` requests; 0 for any number. `clock` in seconds."""
+        self.per_second = per_second
+        self._burst = max(per_second, 1.0)
+        self._clock = clock
+        self._buckets: OrderedDict[str, tuple[float, float]] = OrderedDict()
+        self._guard = threading.Lock()
+
+    def take(self, caller: str) -> None:
+        """Count one request. Raises TooManyRequests, and does not count it."""
+        if not self.per_second:
+            return
+        now = self._clock()
+        with self._guard:
+            tokens, then = self._buckets.pop(caller, (self._burst, now))
+            tokens = min(self._burst, tokens + (now - then) * self.per_second)
+            enough = tokens >= 1.0
+            self._buckets[caller] = (tokens - 1.0 if enough else tokens, now)
+            if len(self._buckets) > _MOST:
+                self._buckets.popitem(last=False)
+        if not enough:
+            wait = (1.0 - tokens) / self.per_second
+            raise TooManyRequests(
+                f"The limit requests_per_second is {self.per_second:g}; ask again in {wait:.2g} s.", wait
+            )

@@ -1,0 +1,160 @@
+"""Servers on real sockets: `urquhart serve` as an operator starts it, and the app in a thread of this process."""
+
+import os
+import queue
+import re
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import httpx
+from fastapi import FastAPI
+from uvicorn.server import Server
+
+from server.commands.serve import bind
+from server.http.dependencies import Service
+from server.http.protocol import Connection, ServerConfig
+
+_ROOT = Path(__file__).parents[2]
+_SERVING = re.compile(r"serving on (http://127\.0\.0\.1:(\d+))")
+PATIENCE = 120.0
+
+
+class Served:
+    """The command on a free port; `client` talks to it once it is ready."""
+
+    def __init__(self, folder: Path, *options: str, **environment: str) -> None:
+        self.log = folder / "served.log"
+        self.temporary = folder / "tmp"
+        self.temporary.mkdir(exist_ok=True)
+        self.database = folder / "urquhart.db"
+        command = [sys.executable, "-m", "server.cli", "serve", "--port", "0", "--database", str(self.database)]
+        with self.log.open("wb") as errors:
+            self.process = subprocess.Popen(
+                [*command, *options],
+                cwd=folder,
+                env=os.environ | {"PYTHONPATH": str(_ROOT), "TMPDIR": str(self.temporary)} | environment,
+                stdout=subprocess.PIPE,
+                stderr=errors,
+                text=True,
+            )
+        assert self.process.stdout is not None
+        found = _SERVING.search(self.process.stdout.readline())
+        assert found, self.log.read_text()
+        self.url, self.port = found.group(1), int(found.group(2))
+        self.client = httpx.Client(base_url=self.url, timeout=60.0)
+        wait_until(self.ready, self)
+
+    def ready(self) -> bool:
+        """Whether a process says that it is ready."""
+        try:
+            return httpx.get(f"{self.url}/readyz", timeout=10.0).status_code == 200
+        except httpx.TransportError:
+            return False
+
+    def workers(self) -> list[int]:
+        """Process ids of those that answer requests."""
+        text = Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children").read_text()
+        named = [(int(pid), Path(f"/proc/{pid}/cmdline").read_bytes()) for pid in text.split()]
+        return [pid for pid, command in named if b"spawn_main" in command]
+
+    def signal(self, number: int = signal.SIGTERM) -> None:
+        """Send a signal to the one that was started."""
+        self.process.send_signal(number)
+
+    def wait(self) -> int:
+        """The exit code."""
+        return self.process.wait(PATIENCE)
+
+    def close(self) -> None:
+        """End it, however."""
+        self.client.close()
+        if self.process.poll() is None:
+            children = self.workers()
+            self.process.kill()
+            self.process.wait()
+            for pid in children:
+                try:
+                    os.kill(pid, signal.SIGKILL)
+                except ProcessLookupError:
+                    continue
+        assert self.process.stdout is not None
+        self.process.stdout.close()
+
+
+def wait_until(condition: Callable[[], bool], served: Served | None = None) -> None:
+    """Until it holds, for as long as patience lasts."""
+    deadline = time.monotonic() + PATIENCE
+    while not condition():
+        said = served.log.read_text() if served is not None else ""
+        assert served is None or served.process.poll() is None, said
+        assert time.monotonic() < deadline, said
+        time.sleep(0.02)
+
+
+def together(count: int, work: Callable[[int], object]) -> list[object]:
+    """What `count` threads return that do this at once, in no order."""
+    done: queue.Queue[object] = queue.Queue()
+    threads = [threading.Thread(target=lambda number=number: done.put(work(number))) for number in range(count)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(PATIENCE)
+    return [done.get_nowait() for _ in range(done.qsize())]
+
+
+class Threaded:
+    """An app on a real socket, in a thread of this process, so that its parts can be seen and held up."""
+
+    def __init__(self, app: FastAPI) -> None:
+        service: Service = app.state.service
+        self.service = service
+        self.listener = bind("127.0.0.1", 0)
+        self.port = int(self.listener.getsockname()[1])
+        self.url = f"http://127.0.0.1:{self.port}"
+        config = ServerConfig(
+            app, service.settings.limits, lambda reason: service.metrics.rejected.labels(reason).inc(), log_config=None
+        )
+        self._server = Server(config)
+        self._thread = threading.Thread(target=self._server.run, kwargs={"sockets": [self.listener]})
+        self._thread.start()
+        self.client = httpx.Client(base_url=self.url, timeout=PATIENCE)
+        wait_until(lambda: self._server.started)
+
+    def connect(self) -> socket.socket:
+        """A connection on which nothing was said."""
+        return socket.create_connection(("127.0.0.1", self.port), timeout=PATIENCE)
+
+    @property
+    def busy(self) -> int:
+        """Connections on which a request is at hand."""
+        connections = self._server.server_state.connections
+        return sum(isinstance(one, Connection) and not one.is_idle for one in connections)
+
+    def rejected(self, reason: str) -> float:
+        """How many were refused for this reason."""
+        value = self.service.metrics.registry.get_sample_value("urquhart_requests_rejected_total", {"reason": reason})
+        return value or 0.0
+
+    def close(self) -> None:
+        """End it."""
+        self.client.close()
+        self._server.should_exit = self._server.force_exit = True
+        self._thread.join(PATIENCE)
+        self.listener.close()
+
+
+def read_all(connection: socket.socket) -> bytes:
+    """What comes until the other side closes; nothing where it only does that."""
+    said = b""
+    try:
+        while piece := connection.recv(65536):
+            said += piece
+    except ConnectionResetError:
+        return said
+    return said
