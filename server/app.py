@@ -23,8 +23,9 @@ from server.jobs.kinds import WORKS
 from server.jobs.runner import Runner, Tools
 from server.keys import Doorkeeper, check_exposure
 from server.metrics import Metrics
-from server.routes import arrivals, collections, jobs, pages, queries, submaps, system
+from server.routes import arrivals, collections, jobs, pages, queries, snapshots, submaps, system
 from server.settings import Settings
+from server.snapshot_folder import SnapshotFolder
 from server.store.database import Database
 from server.store.renewal import bring_up_to_date
 from server.threads import pin_threads
@@ -40,6 +41,7 @@ _ROUTERS = (
     collections.router,
     jobs.router,
     jobs.streams,
+    snapshots.router,
     system.router,
     pages.router,
 )
@@ -48,6 +50,7 @@ _TAGS = [
     {"name": "submaps", "description": "Tree positions in one rigid frame, the unit that is stored and found."},
     {"name": "queries", "description": "Where is this? A verdict, candidates, and the evidence for each."},
     {"name": "jobs", "description": "Long work: imports, a new index. It outlives a restart."},
+    {"name": "snapshots", "description": "Copies of the whole database, made while it is in use."},
     {"name": "system", "description": "Probes, metrics, limits."},
     {"name": "pages", "description": "For people, and as JSON."},
 ]
@@ -67,7 +70,16 @@ def create_app(settings: Settings) -> FastAPI:
     catalog = Catalog(database, metrics, settings.index)
     tools = Tools(settings, database, catalog, metrics, JobFolder(database))
     room = JobRoom(tools.folder, Runner(tools, WORKS))
-    service = Service(settings, database, catalog, metrics, Readiness(), Upkeep(database, catalog, metrics), room)
+    service = Service(
+        settings,
+        database,
+        catalog,
+        metrics,
+        Readiness(),
+        Upkeep(database, catalog, metrics),
+        room,
+        SnapshotFolder(database.path),
+    )
     app = FastAPI(
         title="Urquhart",
         version=service_version(),
@@ -110,6 +122,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         service.database.dispose()
         raise
     service.readiness.passed("migrations")
+    await anyio.to_thread.run_sync(_sweep_snapshots, service)
     stop, warm = threading.Event(), threading.Event()
     service.upkeep.start(warm)
     warm_up = threading.Thread(target=_warm_up, args=(service, stop, warm), name="warm-up", daemon=True)
@@ -124,6 +137,15 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         await anyio.to_thread.run_sync(service.upkeep.stop)
         await anyio.to_thread.run_sync(warm_up.join)
         await anyio.to_thread.run_sync(service.database.dispose)
+
+
+def _sweep_snapshots(service: Service) -> None:
+    """Remove what a process left of a snapshot that ended while it was making it."""
+    try:
+        if not service.database.read_only:
+            service.snapshots.sweep()
+    except OSError as error:
+        _log.warning("left-over snapshots cannot be removed: %s", error)
 
 
 def _warm_up(service: Service, stop: threading.Event, warm: threading.Event) -> None:

@@ -12,7 +12,7 @@ import typer
 from pydantic import ValidationError
 from typer.exceptions import TyperException
 
-from server.commands import db, index, keys, locate, serve
+from server.commands import db, index, keys, locate, serve, snapshot
 from server.commands.demo import command as demo
 from server.commands.failure import Failure
 from server.errors import DomainError
@@ -36,6 +36,7 @@ app.command()(locate.locate)
 app.command()(demo.demo)
 app.add_typer(db.app, name="db")
 app.add_typer(keys.app, name="keys")
+app.add_typer(snapshot.app, name="snapshot")
 
 
 def _print_version(wanted: bool) -> None:

@@ -24,6 +24,7 @@ from server.metrics import Metrics
 from server.preconditions import Preconditions
 from server.schemas.common import PROBLEM_EXAMPLE, Problem, ResourceId, to_json
 from server.settings import Settings
+from server.snapshot_folder import SnapshotFolder
 from server.store.database import Database
 from server.upkeep import Upkeep
 
@@ -49,6 +50,7 @@ class Service:
     readiness: Readiness
     upkeep: Upkeep
     jobs: JobRoom
+    snapshots: SnapshotFolder
 
 
 # Not `async` for what they wait for: the framework would send a plain function to a thread and back.
@@ -205,6 +207,7 @@ def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
         412: "A precondition does not hold.",
         413: "A limit is exceeded.",
         415: "The body is not sent as JSON.",
+        416: "The file does not reach to where the range begins.",
         422: "The request is not valid.",
         500: "Internal error.",
         503: "Not ready, or the database is busy or cannot be written.",

@@ -51,6 +51,11 @@ class Collections:
         query = select(CollectionRow.key, CollectionRow.id, CollectionRow.revision).order_by(CollectionRow.key)
         return [(row.key, row.id, row.revision) for row in self._session.execute(query)]
 
+    def contents(self) -> list[tuple[str, int, int]]:
+        """Id, revision and number of submaps of all collections, oldest first."""
+        query = select(CollectionRow.id, CollectionRow.revision, CollectionRow.submap_count)
+        return [(row[0], row[1], row[2]) for row in self._session.execute(query.order_by(CollectionRow.key))]
+
     def create(
         self,
         collection_id: str,

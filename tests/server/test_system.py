@@ -45,6 +45,10 @@ OPERATIONS = {
     "getQuery": "get /v1/collections/{collection}/queries/{query}",
     "getMatch": "get /v1/collections/{collection}/queries/{query}/candidates/{rank}/match",
     "getExplanation": "get /v1/collections/{collection}/queries/{query}/explanation",
+    "postSnapshot": "post /v1/snapshots",
+    "listSnapshots": "get /v1/snapshots",
+    "getSnapshot": "get /v1/snapshots/{snapshot}",
+    "deleteSnapshot": "delete /v1/snapshots/{snapshot}",
 }
 
 
@@ -203,7 +207,7 @@ def check_response(name: str, status: str, response: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize(
-    "operation", ["putCollection", "patchCollection", "putSubmap", "postSubmap", "patchSubmap", "query"]
+    "operation", ["putCollection", "patchCollection", "putSubmap", "postSubmap", "patchSubmap", "query", "postSnapshot"]
 )
 def test_examples_of_bodies_are_accepted(client: httpx.Client, operation: str) -> None:
     document = client.get("/openapi.json").json()
