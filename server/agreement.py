@@ -48,9 +48,12 @@ def _collection(session: Session, folder: SegmentFolder, collection: CollectionR
             segment = folder.open(listed, collection.key, config)
             if segment.file is not None:
                 segment.file.check()
+            size = folder.file(listed.name).stat().st_size
         except (SegmentDamaged, OSError) as error:
             yield f"segment {listed.name} cannot be used: {error}"
             return
+        if size != listed.size:
+            yield f"segment {listed.name} has {size} bytes, {listed.size} are listed"
         yield from _contents(segment, listed, keys, revisions)
         segments.append(segment)
     covered = chain[-1].revision if chain else 0

@@ -28,8 +28,9 @@ from server.jobs.runner import Runner, Tools
 from server.keys import Doorkeeper, check_exposure
 from server.metrics import Metrics
 from server.rates import Rates
-from server.routes import arrivals, collections, jobs, pages, queries, submaps, system
+from server.routes import arrivals, collections, imports, jobs, pages, queries, snapshots, submaps, system
 from server.settings import Settings
+from server.snapshot_folder import SnapshotFolder
 from server.store.database import Database
 from server.store.renewal import bring_up_to_date
 from server.threads import pin_threads
@@ -45,7 +46,8 @@ _ROUTERS = (
     submaps.router,
     collections.router,
     jobs.router,
-    jobs.streams,
+    imports.router,
+    snapshots.router,
     system.router,
     pages.router,
 )
@@ -54,6 +56,7 @@ _TAGS = [
     {"name": "submaps", "description": "Tree positions in one rigid frame, the unit that is stored and found."},
     {"name": "queries", "description": "Where is this? A verdict, candidates, and the evidence for each."},
     {"name": "jobs", "description": "Long work: imports, a new index. It outlives a restart."},
+    {"name": "snapshots", "description": "Copies of the whole database, made while it is in use."},
     {"name": "system", "description": "Probes, metrics, limits."},
     {"name": "pages", "description": "For people, and as JSON."},
 ]
@@ -89,6 +92,7 @@ def create_app(settings: Settings, exchange: Exchange | None = None) -> FastAPI:
         Rates(settings.limits.requests_per_second),
         exchange,
         gate,
+        SnapshotFolder(database.path),
     )
     app = FastAPI(
         title="Urquhart",
@@ -143,6 +147,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     threads.total_tokens = service.settings.limits.concurrent_requests + _SPARE_THREADS
     if service.exchange is not None:
         service.exchange.start(service.metrics)
+    await anyio.to_thread.run_sync(_sweep_snapshots, service)
     stop, warm = threading.Event(), threading.Event()
     service.upkeep.start(warm)
     warm_up = threading.Thread(target=_warm_up, args=(service, stop, warm), name="warm-up", daemon=True)
@@ -160,6 +165,15 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         await anyio.to_thread.run_sync(service.database.dispose)
         if service.exchange is not None:
             await anyio.to_thread.run_sync(service.exchange.stop)
+
+
+def _sweep_snapshots(service: Service) -> None:
+    """Remove what a process left of a snapshot that ended while it was making it."""
+    try:
+        if not service.database.read_only:
+            service.snapshots.sweep()
+    except OSError as error:
+        _log.warning("left-over snapshots cannot be removed: %s", error)
 
 
 def _warm_up(service: Service, stop: threading.Event, warm: threading.Event) -> None:

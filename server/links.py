@@ -48,3 +48,13 @@ def explanation(collection_id: str, number: int | str) -> str:
 def match(collection_id: str, number: int, rank: int) -> str:
     """Path of the drawing of a stored query's candidate."""
     return f"{query(collection_id, number)}/candidates/{rank}/match"
+
+
+def snapshots() -> str:
+    """Path of the snapshots."""
+    return f"{ROOT}/snapshots"
+
+
+def snapshot(name: str) -> str:
+    """Path of a snapshot."""
+    return f"{snapshots()}/{quote(name, safe='')}"

@@ -144,8 +144,11 @@ def get_collection(session: Session, collection_id: str) -> CollectionRow:
 
 
 def etag_of(row: CollectionRow) -> str:
-    """Entity tag of a collection: every write moves its revision, and no key comes twice."""
-    return f"{row.key}-{row.revision}"
+    """Entity tag of a collection: every write moves its revision, and no key comes twice.
+
+    With the time of the last write: a database that was restored comes to the same revision again.
+    """
+    return f"{row.key}-{row.revision}-{row.updated.timestamp() * 1e6:.0f}"
 
 
 def read_config(values: dict[str, Any] | None) -> Config:

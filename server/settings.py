@@ -111,6 +111,14 @@ class LogSettings(BaseModel):
     )
 
 
+class SnapshotSettings(BaseModel):
+    """How snapshots of the whole database are kept."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    keep: int = Field(5, ge=0, description="Snapshots that are kept; a new one removes the oldest beyond. 0 keeps all.")
+
+
 class Settings(BaseSettings):
     """The service's settings. Nested ones use two underscores: `URQUHART_LIMITS__BODY_BYTES=1048576`.
 
@@ -155,6 +163,7 @@ class Settings(BaseSettings):
     limits: Limits = Field(default_factory=Limits, description="Sizes and times that requests are held to.")
     index: IndexSettings = Field(default_factory=IndexSettings, description="How the index is kept.")
     jobs: JobSettings = Field(default_factory=JobSettings, description="How long work is done beside the requests.")
+    snapshots: SnapshotSettings = Field(default_factory=SnapshotSettings, description="How snapshots are kept.")
 
     @field_validator("database")
     @classmethod

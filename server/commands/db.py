@@ -4,20 +4,20 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated
 
+import orjson
 import typer
 from rich.console import Console
 
-from server.agreement import index_findings
 from server.catalog import Catalog
 from server.commands.failure import Failure
 from server.commands.index import progress_bar
 from server.commands.serve import settings_with
 from server.flushing import rebuild
+from server.inspection import inspect
 from server.metrics import Metrics
 from server.registry import known_collections, read
 from server.settings import Settings
 from server.store.database import Database
-from server.store.integrity import findings
 from server.store.renewal import bring_up_to_date, renew
 from server.store.schema import expected_revision, upgrade
 from server.upkeep import Upkeep
@@ -51,25 +51,31 @@ def upgrade_database(database: DatabaseOption = None) -> None:
 
 
 @app.command("check")
-def check_database(database: DatabaseOption = None) -> None:
-    """Prove that file, schema, counts, features and index agree. Exit code 1 when they do not; nothing is changed."""
-    settings = settings_with(database=database)
-    store = existing_database(settings)
-    count = 0
+def check_database(
+    database: DatabaseOption = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Tell it as JSON.")] = False,
+) -> None:
+    """Prove that file, schema, rows, features and index agree. Exit code 1 when they do not; nothing is changed."""
+    store = existing_database(settings_with(database=database))
     try:
-        for finding in findings(store):
-            count += 1
-            typer.echo(f"{finding.where}: {finding.what}" if finding.where else finding.what)
-        if not count:
-            for finding in index_findings(store):
-                count += 1
-                typer.echo(f"{finding.where}: {finding.what}")
+        if tell_findings(store, as_json=as_json):
+            raise typer.Exit(1)
     finally:
         store.dispose()
-    if count:
-        typer.echo(f"{store.path}: {count} findings")
-        raise typer.Exit(1)
-    typer.echo(f"{store.path}: clean")
+
+
+def tell_findings(store: Database, *, as_json: bool = False) -> int:
+    """Inspect a database and print what is found; how much that was. Raises StorageError."""
+    found = []
+    for finding in inspect(store):
+        found.append({"where": finding.where, "what": finding.what})
+        if not as_json:
+            typer.echo(f"{finding.where}: {finding.what}" if finding.where else finding.what)
+    if as_json:
+        typer.echo(orjson.dumps({"database": str(store.path), "clean": not found, "findings": found}).decode())
+    else:
+        typer.echo(f"{store.path}: {len(found)} findings" if found else f"{store.path}: clean")
+    return len(found)
 
 
 @app.command("reindex")

@@ -27,6 +27,7 @@ from server.preconditions import Preconditions
 from server.rates import Rates
 from server.schemas.common import PROBLEM_EXAMPLE, Problem, ResourceId, check_digits, to_json
 from server.settings import Settings
+from server.snapshot_folder import SnapshotFolder
 from server.store.database import Database
 from server.upkeep import Upkeep
 
@@ -55,6 +56,7 @@ class Service:
     rates: Rates
     exchange: Exchange | None
     gate: Gate
+    snapshots: SnapshotFolder
 
 
 # Not `async` for what they wait for: the framework would send a plain function to a thread and back.
@@ -215,6 +217,7 @@ def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
         412: "A precondition does not hold.",
         413: "A limit is exceeded.",
         415: "The body is not sent as JSON.",
+        416: "The file does not reach to where the range begins.",
         422: "The request is not valid.",
         429: "This key, or address, asks too often.",
         500: "Internal error.",

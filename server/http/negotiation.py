@@ -9,6 +9,7 @@ GEOJSON = "application/geo+json"
 SVG = "image/svg+xml"
 NDJSON = "application/x-ndjson"
 HTML = "text/html"
+SQLITE = "application/vnd.sqlite3"
 
 
 def choose(accept: str | None, offered: Sequence[str]) -> str:

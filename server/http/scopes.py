@@ -38,4 +38,8 @@ SCOPES: Final[Mapping[str, Scope | None]] = {
     "getQuery": Scope.READ,
     "getMatch": Scope.READ,
     "getExplanation": Scope.READ,
+    "postSnapshot": Scope.ADMIN,
+    "listSnapshots": Scope.ADMIN,
+    "getSnapshot": Scope.ADMIN,
+    "deleteSnapshot": Scope.ADMIN,
 }

@@ -1,23 +1,18 @@
-"""Long work: uploads and rebuilding taken on, followed, dismissed, and what came of it."""
+"""Long work: taken on, followed, dismissed, and what came of it."""
 
 import time
 from collections.abc import Iterator
-from typing import Annotated, Literal
+from typing import Annotated
 
 import anyio
 import anyio.to_thread
 from fastapi import APIRouter, Path, Query, Request, Response
 from starlette.responses import StreamingResponse
 
-from server.bulk import OnConflict
 from server.constraints import chosen_submaps
-from server.errors import UnsupportedMediaType
-from server.http.authorization import GuardedRoute
-from server.http.compression import Inflater
 from server.http.dependencies import (
     CallerDep,
     CollectionId,
-    IdempotencyKey,
     JsonRoute,
     OnceDep,
     PageCursor,
@@ -26,21 +21,17 @@ from server.http.dependencies import (
     json_response,
     kept_response,
     next_link,
-    once_of,
     problems,
 )
 from server.http.negotiation import JSON, NDJSON
-from server.identifiers import new_id
 from server.jobs import queue
-from server.jobs.spool import spool
-from server.registry import read as read_collection
 from server.schemas.constraints import CONSTRAINT_EXAMPLE, ConstraintFormat, ConstraintsInput
 from server.schemas.jobs import JOB_EXAMPLE, JobAnswer, JobPage, JobState
 
 router = APIRouter(route_class=JsonRoute, tags=["jobs"])
-streams = APIRouter(route_class=GuardedRoute, tags=["jobs"])
 _JOB = {"content": {JSON: {"example": JOB_EXAMPLE}}}
-_ACCEPTED = {"description": "Taken on; `Location` is the job.", "model": JobAnswer, **_JOB}
+ACCEPTED = {"description": "Taken on; `Location` is the job.", "model": JobAnswer, **_JOB}
+"""How the answer of a route that takes a job on is described."""
 _LINE = '{"line": 1, "id": "p1", "outcome": "created", "revision": 4}\n'
 _LINES = {"content": {NDJSON: {"schema": {"type": "string"}, "example": _LINE}}}
 _RESULTS = {
@@ -53,71 +44,11 @@ _RESULTS = {
         },
     }
 }
-_INPUT = '{"id": "p7", "xy": [[1.2, 3.4], [4.9, -2.2], [-3.1, 0.7]]}\n'
-_MEDIA_TYPES = frozenset({NDJSON, "application/ndjson", "application/jsonl"})
 _LOOK = 0.2
 """Seconds between two looks at a job that somebody waits for."""
 _PIECE = 1 << 18
 """Bytes of results that are read and sent at once."""
 JobId = Annotated[str, Path(description="`id` of the job.", examples=[JOB_EXAMPLE["id"]], alias="job", max_length=64)]
-
-
-@streams.post(
-    "/v1/collections/{collection}/imports",
-    operation_id="postImport",
-    summary="Store many submaps",
-    response_model=JobAnswer,
-    status_code=202,
-    responses={202: _ACCEPTED, **problems(400, 404, 413, 415, 422, 503, 507)},
-    openapi_extra={
-        "requestBody": {
-            "required": True,
-            "description": "A line for each submap: the body of a PUT, with its `id`; Content-Encoding: gzip is fine.",
-            "content": {NDJSON: {"schema": {"type": "string"}, "example": _INPUT}},
-        }
-    },
-)
-async def post_import(
-    request: Request,
-    collection: CollectionId,
-    service: ServiceDep,
-    caller: CallerDep,
-    on_conflict: Annotated[
-        OnConflict, Query(description="Where an id is taken by other content: replace it, skip the line, or refuse it.")
-    ] = "replace",
-    mode: Annotated[
-        Literal["continue", "all"], Query(description="Go on past lines that are refused, or store all or none.")
-    ] = "continue",
-    idempotency_key: IdempotencyKey = None,
-) -> Response:
-    """As NDJSON, which goes to the disk as it comes in; then a job stores it, with a line of result for each line.
-
-    Nothing is taken on unless all of it arrives. An id that comes again in one upload is stored as it came last.
-    """
-    _check_media_type(request.headers.get("content-type"))
-    inflater = _inflater(request.headers.get("content-encoding"))
-    limit = service.settings.limits.import_bytes
-    _check_length(request.headers.get("content-length"), limit)
-    await anyio.to_thread.run_sync(queue.check, service.database, collection)
-    folder, job_id = service.jobs.folder, new_id()
-    async with spooled(folder, job_id, request.stream(), limit, inflater) as arrived:
-        once = once_of(service, caller, idempotency_key, request.url.query.encode() + arrived.digest.encode())
-        kept = await anyio.to_thread.run_sync(
-            lambda: queue.accept(
-                service.database,
-                collection,
-                caller,
-                "import",
-                once,
-                job_id=job_id,
-                parameters={"on_conflict": on_conflict, "mode": mode},
-                total=arrived.lines,
-            )
-        )
-    if kept.replayed:
-        folder.remove(job_id)
-    service.jobs.runner.wake()
-    return kept_response(kept)
 
 
 @router.post(
@@ -126,7 +57,7 @@ async def post_import(
     summary="Write the index anew",
     response_model=JobAnswer,
     status_code=202,
-    responses={202: _ACCEPTED, **problems(404, 409, 422, 503, 507)},
+    responses={202: ACCEPTED, **problems(404, 409, 422, 503, 507)},
 )
 def post_reindex(collection: CollectionId, service: ServiceDep, caller: CallerDep, once: OnceDep) -> Response:
     """From the landmarks; the old index serves until the new one takes its place. 409 while one is at work."""
@@ -141,7 +72,7 @@ def post_reindex(collection: CollectionId, service: ServiceDep, caller: CallerDe
     summary="Find how submaps lie to each other",
     response_model=JobAnswer,
     status_code=202,
-    responses={202: _ACCEPTED, **problems(400, 404, 413, 415, 422, 503, 507)},
+    responses={202: ACCEPTED, **problems(400, 404, 413, 415, 422, 503, 507)},
 )
 def post_constraints(
     collection: CollectionId, body: ConstraintsInput, service: ServiceDep, caller: CallerDep, once: OnceDep
@@ -219,7 +150,7 @@ async def get_job(
     summary="Dismiss or forget a job",
     response_class=Response,
     status_code=204,
-    responses={202: _ACCEPTED | {"description": "It ends after what is at hand."}, **problems(404, 422, 503, 507)},
+    responses={202: ACCEPTED | {"description": "It ends after what is at hand."}, **problems(404, 422, 503, 507)},
 )
 def delete_job(job: JobId, service: ServiceDep, caller: CallerDep) -> Response:
     """An unfinished one ends after what is at hand, and what it did stays (202); a finished one is forgotten with its
@@ -292,24 +223,3 @@ def _refused(found: queue.Results) -> Iterator[bytes]:
                 yield bytes(piece)
                 piece.clear()
     yield bytes(piece)
-
-
-def _check_length(declared: str | None, limit: int) -> None:
-    """Before a byte is read: nobody should send gigabytes to be told that it was for nothing."""
-    if declared is not None and declared.isascii() and declared.isdigit() and int(declared) > limit:
-        raise TooLarge("import_bytes", limit, int(declared), "Send it in parts.")
-
-
-def _check_media_type(content_type: str | None) -> None:
-    name = (content_type or "nothing").split(";")[0].strip().lower()
-    if name not in _MEDIA_TYPES:
-        raise UnsupportedMediaType(f"Content-Type says {name[:100]}; send NDJSON with Content-Type: {NDJSON}.")
-
-
-def _inflater(encoding: str | None) -> Inflater | None:
-    name = (encoding or "identity").strip().lower()
-    if name in ("gzip", "x-gzip"):
-        return Inflater()
-    if name != "identity":
-        raise UnsupportedMediaType(f"Content-Encoding says {name[:50]!r}; send gzip, or the lines as they are.")
-    return None

@@ -73,6 +73,11 @@ class Collections:
         counted = self._session.execute(select(func.count(), submaps, landmarks).select_from(CollectionRow)).one()
         return counted[0], counted[1] or 0, counted[2] or 0
 
+    def contents(self) -> list[tuple[str, int, int]]:
+        """Id, revision and number of submaps of all collections, oldest first."""
+        query = select(CollectionRow.id, CollectionRow.revision, CollectionRow.submap_count)
+        return [(row[0], row[1], row[2]) for row in self._session.execute(query.order_by(CollectionRow.key))]
+
     def create(
         self,
         collection_id: str,

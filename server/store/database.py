@@ -4,7 +4,7 @@ import errno
 import sqlite3
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import NoReturn
@@ -17,8 +17,10 @@ from sqlalchemy.orm import Session
 from sqlalchemy.pool import QueuePool
 
 from server import errors
+from server.store import occupancy
 
 _WRITE = "urquhart_write"
+_PIECE = 256  # pages of a copy that are written at once, about a megabyte
 _POOL_SIZE = 64  # above the threads that serve requests, so that no request waits for a connection
 
 
@@ -37,6 +39,8 @@ class Database:
         self._busy_timeout = busy_timeout
         # Queueing writers of this process here wakes them at once; SQLite's own waiting polls with growing sleeps.
         self._writer = threading.Lock()
+        self._occupancy: int | None = None
+        self._moving_in = threading.Lock()
         self.engine = self._make_engine()
         self._write_engine = self.engine.execution_options(**{_WRITE: True})
 
@@ -84,9 +88,35 @@ class Database:
                         raise
                     time.sleep(0.01)
 
+    def occupy(self) -> None:
+        """Keep everybody from replacing the file until `dispose`. Raises StorageError."""
+        with self._moving_in:
+            if self._occupancy is None:
+                with storage_errors(self.path):
+                    self._occupancy = occupancy.occupy(self.path, self._busy_timeout, read_only=self.read_only)
+                # What was opened before may be a file that is not of this name any more.
+                self.engine.dispose()
+
+    def copy_to(self, target: Path, *, between: Callable[[], None]) -> None:
+        """Write a copy of the file as it is now, with all that is committed, while others read and write.
+
+        The copy is one file without a log beside it, not yet synced. `between` is called after every megabyte; what it
+        raises ends the copying. Raises StorageError.
+        """
+        with self._translated(), closing(self._connect()) as source, closing(_new_file(target)) as copy:
+            # In one read transaction, however long: else every write by others would make it begin again.
+            source.execute("BEGIN")
+            source.execute("SELECT count(*) FROM sqlite_master").fetchone()
+            source.backup(copy, pages=_PIECE, progress=lambda *_: between())
+            copy.execute("PRAGMA journal_mode = DELETE")
+
     def dispose(self) -> None:
         """Close all idle connections; the last one to close folds the write-ahead log into the file."""
         self.engine.dispose()
+        with self._moving_in:
+            if self._occupancy is not None:
+                occupancy.leave(self._occupancy)
+                self._occupancy = None
 
     def _make_engine(self) -> Engine:
         engine = create_engine(
@@ -167,6 +197,14 @@ def _configure(connection: sqlite3.Connection) -> None:
     connection.execute("PRAGMA cache_size = -16384")
     # The first to read the file: what is no database fails here, before a pool owns the connection.
     connection.execute("PRAGMA schema_version").fetchone()
+
+
+def _new_file(path: Path) -> sqlite3.Connection:
+    connection = sqlite3.connect(path, isolation_level=None)
+    # Nobody needs it before it is complete, and then it is synced as a whole.
+    connection.execute("PRAGMA journal_mode = OFF")
+    connection.execute("PRAGMA synchronous = OFF")
+    return connection
 
 
 def _begin(connection: Connection) -> None:

@@ -11,6 +11,7 @@ import urquhart
 from server.store import schema
 from server.store.codec import digest, unpack_attributes, unpack_diameters, unpack_ids, unpack_positions
 from server.store.database import Database
+from server.store.impossible import impossible_rows
 from server.store.tables import CollectionRow, DeletionRow, QueryRow, SubmapRow
 from urquhart import Config, ConfigError, Features, FeaturesError, LandmarkError
 
@@ -35,21 +36,41 @@ def findings(database: Database) -> Iterator[Finding]:
     if revision != expected:
         yield Finding("", f"the schema is {revision}, this version needs {expected}; run `urquhart db upgrade`")
         return
+    broken = False
+    for finding in file_findings(database):
+        broken = True
+        yield finding
+    if broken:
+        return  # what follows would read the damaged pages
+    for difference in schema.drift(database):
+        yield Finding("", f"the schema differs from what this version needs: {difference}")
     with database.read() as session:
-        broken = False
-        for (line,) in session.connection().exec_driver_sql("PRAGMA integrity_check").all():
+        unreadable = False
+        for impossible in impossible_rows(session):
+            unreadable = unreadable or impossible.unreadable
+            yield Finding(impossible.where, impossible.what)
+        if unreadable:
+            return  # what follows would stumble over it
+        for collection in session.scalars(select(CollectionRow).order_by(CollectionRow.key)).all():
+            yield from _collection(session, collection)
+
+
+def file_findings(database: Database, *, quick: bool = False) -> Iterator[Finding]:
+    """What SQLite itself finds wrong with the file; `quick` leaves out whether indexes agree with their tables.
+
+    Raises StorageError.
+    """
+    check = "PRAGMA quick_check" if quick else "PRAGMA integrity_check"
+    with database.read() as session:
+        connection, broken = session.connection(), False
+        for (line,) in connection.exec_driver_sql(check).all():
             if line != "ok":
                 broken = True
                 yield Finding("", f"integrity check: {line}")
         if broken:
-            return  # what follows would read the damaged pages
-        for table, row, parent, _ in session.connection().exec_driver_sql("PRAGMA foreign_key_check").all():
+            return
+        for table, row, parent, _ in connection.exec_driver_sql("PRAGMA foreign_key_check").all():
             yield Finding("", f"row {row} of {table} belongs to a row of {parent} that is not there")
-    for difference in schema.drift(database):
-        yield Finding("", f"the schema differs from what this version needs: {difference}")
-    with database.read() as session:
-        for collection in session.scalars(select(CollectionRow).order_by(CollectionRow.key)).all():
-            yield from _collection(session, collection)
 
 
 def _collection(session: Session, collection: CollectionRow) -> Iterator[Finding]:
@@ -86,9 +107,16 @@ def _collection(session: Session, collection: CollectionRow) -> Iterator[Finding
         if len(row.landmarks) != 16 * row.landmark_count or digest(row.landmarks) != row.landmarks_hash:
             yield Finding(where, "the landmarks are not those that were stored")
             continue
-        lists = [unpack_ids(row.landmark_ids, row.landmark_count), *unpack_attributes(row.attributes).values()]
-        if any(len(values) != row.landmark_count for values in lists):
-            yield Finding(where, "ids or attributes are not as many as the landmarks")
+        try:
+            ids = unpack_ids(row.landmark_ids, row.landmark_count)
+            lists = [ids, *unpack_attributes(row.attributes).values()]
+            counted = all(isinstance(values, list) and len(values) == row.landmark_count for values in lists)
+            unpack_diameters(row.attributes)
+        except (ValueError, TypeError, OverflowError) as error:
+            yield Finding(where, f"ids or attributes cannot be read: {error}")
+            continue
+        if not counted or len(set(ids)) < len(ids):
+            yield Finding(where, "ids or attributes are not one for each landmark")
             continue
         for what in _features(row.features, row.landmarks, row.attributes, row.counts, row.polygon_count, config):
             yield Finding(where, what)
@@ -146,6 +174,11 @@ def _features(
         and np.array_equal(stored.origin, made.origin)
         and np.array_equal(stored.diameters, made.diameters, equal_nan=True)
         and np.array_equal(stored.tessellation.triangles, made.tessellation.triangles)
+        and np.array_equal(stored.tessellation.vertices, made.tessellation.vertices)
+        and np.array_equal(stored.tessellation.vertex_offsets, made.tessellation.vertex_offsets)
+        and np.array_equal(stored.tessellation.members, made.tessellation.members)
+        and np.array_equal(stored.tessellation.member_offsets, made.tessellation.member_offsets)
+        and np.allclose(stored.density, made.density, rtol=1e-4)
         and stored.descriptors.shape == made.descriptors.shape
         and np.allclose(stored.descriptors, made.descriptors, rtol=1e-4, atol=1e-4)
     )

@@ -108,6 +108,17 @@ class Jobs:
             execution_options={"synchronize_session": False},
         )
 
+    def end_unfinished(self, problem: dict[str, Any]) -> int:
+        """Let every unfinished job fail, for one reason; how many there were."""
+        statement = (
+            update(JobRow)
+            .where(JobRow.state.in_(UNFINISHED))
+            .values(state="failed", problem=problem, finished=datetime.now(UTC))
+            .returning(JobRow.key)
+            .execution_options(synchronize_session=False)
+        )
+        return len(self._session.scalars(statement).all())
+
     def is_dismissed(self, job_id: str) -> bool:
         """Whether somebody wants the job ended, or it is no more."""
         return self._session.scalar(select(JobRow.dismissed).where(JobRow.id == job_id)) is not False

@@ -11,6 +11,7 @@ from sqlalchemy import Connection, inspect
 
 from server.errors import DatabaseNotUpgraded, DatabaseTooNew, NotADatabase
 from server.store.database import Database
+from server.store.occupancy import lock_path
 
 
 def expected_revision() -> str:
@@ -30,14 +31,26 @@ def current_revision(database: Database) -> str | None:
         return _current(connection, database.path)
 
 
+def claim(database: Database) -> str | None:
+    """The schema revision, None for an empty database or none, with the file held until `database.dispose()`.
+
+    Nobody can put another file in its place meanwhile. Raises what `current_revision` does, and StorageBusy.
+    """
+    there = database.path.exists() or database.read_only
+    if there and not lock_path(database.path).exists():
+        current_revision(database)  # what is not ours gets no lock beside it
+    database.occupy()
+    return current_revision(database) if there else None
+
+
 def upgrade(database: Database) -> bool:
-    """Bring the database to the expected revision; True when something had to be done.
+    """Bring the database to the expected revision, and hold it; True when something had to be done.
 
     All steps are one transaction, and several processes may start at once: the later ones find the work done.
     Raises what `current_revision` does, and DatabaseNotUpgraded for an old file that may not be written.
     """
     expected = expected_revision()
-    found = current_revision(database) if database.path.exists() or database.read_only else None
+    found = claim(database)
     if found == expected:
         database.use_wal()
         return False

@@ -2,7 +2,8 @@
 
 `python -m tests.server.killing FOLDER MODE LINES.ndjson` runs an import in processes of its own: the first is killed at
 the first point, the second, on another copy of the database, at the second, and so on until one comes to its end. After
-each, another process goes on, and is killed, too, and a third one. Printed is what each job came to in the end, a line of JSON for each point.
+each, another process goes on, and is killed, too, and a third one. Printed is what each job came to in the end, a line
+of JSON for each point.
 """
 
 import os

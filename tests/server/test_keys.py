@@ -242,6 +242,10 @@ OWN_RULES = {
     "getJobResults",
     "getJobErrors",
     "deleteJob",
+    "postSnapshot",
+    "listSnapshots",
+    "getSnapshot",
+    "deleteSnapshot",
 }
 """Operations without a collection in their path: each has a test of its own."""
 

@@ -47,6 +47,10 @@ OPERATIONS = {
     "getQuery": "get /v1/collections/{collection}/queries/{query}",
     "getMatch": "get /v1/collections/{collection}/queries/{query}/candidates/{rank}/match",
     "getExplanation": "get /v1/collections/{collection}/queries/{query}/explanation",
+    "postSnapshot": "post /v1/snapshots",
+    "listSnapshots": "get /v1/snapshots",
+    "getSnapshot": "get /v1/snapshots/{snapshot}",
+    "deleteSnapshot": "delete /v1/snapshots/{snapshot}",
 }
 
 
@@ -213,6 +217,7 @@ def check_response(name: str, status: str, response: dict[str, Any]) -> None:
         "patchCollection",
         "putSubmap",
         "postSubmap",
+        "postSnapshot",
         "patchSubmap",
         "query",
         "queryBatch",

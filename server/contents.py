@@ -1,0 +1,83 @@
+"""Is what stands beside the landmarks of each submap what they make: its entity tag, its footprint, its ids?"""
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+from sqlalchemy import select
+from sqlalchemy.orm import Session, undefer
+
+from server.prepare import content_etag, place_from
+from server.schemas.common import MapPose, check_id
+from server.store.codec import unpack_positions
+from server.store.database import Database
+from server.store.integrity import Finding
+from server.store.submaps import Place, stored_place
+from server.store.tables import CollectionRow, SubmapRow
+
+_BATCH: Final = 200
+_FOOTPRINT: Final = ("map_min_x", "map_min_y", "map_max_x", "map_max_y")
+
+
+def content_findings(database: Database) -> Iterator[Finding]:
+    """All submaps whose derived columns are not what their content makes. Raises StorageError."""
+    with database.read() as session:
+        for collection in session.scalars(select(CollectionRow).order_by(CollectionRow.key)).all():
+            if not _is_id(collection.id):
+                yield Finding(collection.id, "its id is none that a collection can have")
+            for row in _rows(session, collection.key):
+                for what in _submap(row):
+                    yield Finding(f"{collection.id}/{row.id}", what)
+                session.expunge(row)
+
+
+def _rows(session: Session, collection_key: int) -> Iterator[SubmapRow]:
+    query = select(SubmapRow).where(SubmapRow.collection_key == collection_key).order_by(SubmapRow.key)
+    landmarks = (undefer(column) for column in (SubmapRow.landmarks, SubmapRow.landmark_ids, SubmapRow.attributes))
+    return iter(session.scalars(query.options(*landmarks).execution_options(yield_per=_BATCH)))
+
+
+def _submap(row: SubmapRow) -> Iterator[str]:
+    if not _is_id(row.id):
+        yield "its id is none that a submap can have"
+    place = stored_place(row)
+    if place is not None:
+        yield from _footprint(row, place)
+    etag = content_etag(
+        row.landmarks_hash,
+        row.landmark_ids,
+        row.attributes,
+        frame_id=row.frame_id,
+        session=row.session,
+        stamp=row.stamp,
+        place=place,
+        properties=row.properties,
+    )
+    if etag != row.etag:
+        yield f"the entity tag is {row.etag}, its content's is {etag}"
+
+
+def _footprint(row: SubmapRow, place: Place) -> Iterator[str]:
+    try:
+        pose = MapPose(
+            frame_id=place.map_frame_id,
+            x=place.map_x,
+            y=place.map_y,
+            yaw=place.map_yaw,
+            covariance=place.map_covariance,
+        )
+    except ValueError as error:
+        yield f"the map pose cannot be used: {' '.join(str(error).split())}"
+        return
+    made = place_from(pose, unpack_positions(row.landmarks))
+    kept, expected = ([getattr(of, name) for name in _FOOTPRINT] for of in (place, made))
+    if not np.allclose(kept, expected, rtol=1e-9, atol=1e-6):
+        yield f"the footprint is {kept}, that of its landmarks is {expected}"
+
+
+def _is_id(value: str) -> bool:
+    try:
+        check_id(value)
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,24 @@
+"""Everything that can be proven of a database: file, schema, rows, features, what is derived, and the index."""
+
+from collections.abc import Iterator
+
+from server.agreement import index_findings
+from server.contents import content_findings
+from server.store import schema
+from server.store.database import Database
+from server.store.integrity import Finding, findings
+
+
+def inspect(database: Database) -> Iterator[Finding]:
+    """All that does not agree, in the order in which one thing stands on another; what stands on nothing is left out.
+
+    Nothing is changed. Raises StorageError.
+    """
+    schema.claim(database)
+    sound = True
+    for finding in findings(database):
+        sound = False
+        yield finding
+    if sound:
+        yield from content_findings(database)
+        yield from index_findings(database)

@@ -1,0 +1,248 @@
+"""A snapshot put in the place of a database: proven first, made ready beside it, and put there in one step.
+
+Whenever this is interrupted, the old database is there or the new one.
+"""
+
+import logging
+import os
+import shutil
+import sqlite3
+import stat
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Final
+
+from server.derive import config_of
+from server.errors import Conflict, NotADatabase, NotFound, StorageDamaged, StorageUnavailable
+from server.kinds import document
+from server.registry import get_collection
+from server.schemas.snapshots import Snapshot
+from server.segment_folder import SegmentFolder
+from server.snapshot_folder import SnapshotFolder, is_name, read_manifest, sha256, sync
+from server.snapshots import moment_name
+from server.store import schema
+from server.store.collections import Collections
+from server.store.database import Database, storage_errors
+from server.store.integrity import file_findings
+from server.store.jobs import Jobs
+from server.store.occupancy import alone
+from server.store.renewal import bring_up_to_date
+from server.store.segments import Segments
+from urquhart.segment_file import SegmentDamaged
+
+_BESIDE: Final = ("-wal", "-journal", "-shm")
+"""Files that SQLite keeps beside a database, and would apply to any other that comes to its name."""
+_PATIENCE: Final = 2.0
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A snapshot's file, and what it has to be: by its manifest, by a checksum that was given, or neither."""
+
+    file: Path
+    manifest: Snapshot | None
+    checksum: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class Restored:
+    """What came of it: where the old database lies now, and how many jobs were ended that had been under way."""
+
+    aside: Path | None
+    jobs_ended: int
+
+
+def find(database: Path, wanted: str, checksum: str | None = None) -> Source:
+    """The snapshot of that name beside a database, or else the file of that name. Raises NotFound and StorageError."""
+    folder = SnapshotFolder(database)
+    if is_name(wanted) and folder.manifest(wanted).is_file() and folder.file(wanted).is_file():
+        file = folder.file(wanted)
+    elif Path(wanted).is_file():
+        file = Path(wanted)
+    else:
+        raise NotFound("snapshot", wanted)
+    with storage_errors(file):
+        manifest = read_manifest(file.with_suffix(".json"))
+    if checksum is None and manifest is not None:
+        checksum = manifest.sha256
+    return Source(file, manifest, checksum.lower() if checksum else None)
+
+
+def verify(source: Source) -> str:
+    """Prove that a snapshot is whole and can be read; its checksum. Raises StorageError and Conflict."""
+    _no_log_beside(source.file)
+    with storage_errors(source.file):
+        found = sha256(source.file)
+    _check_sum(source, found)
+    _prove(source, source.file)
+    return found
+
+
+def restore(source: Source, path: Path, *, force: bool = False, discard: bool = False) -> Restored:
+    """Put a snapshot in the place of the database at `path`, brought to this version's schema and features.
+
+    Args:
+        force: also where there is a database already; it is put aside as `<file>.before-restore-<time>`,
+        discard: unless it is not to be kept.
+
+    Raises:
+        Conflict: there is a database and `force` is not said, or somebody has it open.
+        StorageError: the snapshot is not sound, or cannot be written here. The old database is as it was.
+    """
+    path = path.resolve()
+    _no_log_beside(source.file)
+    with storage_errors(path), alone(path):
+        _mend(path)
+        if path.exists() and not force:
+            raise Conflict(f"{path} is there already; say --force to put it aside and this in its place.")
+        with _workshop(path) as folder:
+            fresh = folder / path.name
+            with fresh.open("xb") as copy:
+                found = sha256(source.file, between=copy.write)
+            _check_sum(source, found)
+            _fold(fresh)
+            _prove(source, fresh)
+            ended = _make_ready(fresh)
+            _belong(fresh, path)
+            sync(fresh)
+            aside = _swap(fresh, path, discard=discard)
+    return Restored(aside, ended)
+
+
+def forget_unusable(database: Database) -> int:
+    """Take segments off the list that are not there or not sound; how many. The service writes them anew."""
+    folder, dropped = SegmentFolder(database), 0
+    with database.write() as session:
+        for key, collection_id, _ in Collections(session).revisions():
+            config, segments = config_of(get_collection(session, collection_id)), Segments(session, key)
+            for listed in segments.chain():
+                try:
+                    segment = folder.open(listed, key, config)
+                    if segment.file is not None:
+                        segment.file.check()
+                except (SegmentDamaged, OSError) as error:
+                    _log.info("segment %s is made anew: %s", listed.name, error)
+                    dropped += segments.drop_from(listed.name)
+                    break
+    return dropped
+
+
+def _check_sum(source: Source, found: str) -> None:
+    if source.checksum is not None and found != source.checksum:
+        raise StorageDamaged(
+            f"{source.file} is not what it was: its SHA-256 is {found}, {source.checksum} is noted. Take another copy."
+        )
+
+
+def _no_log_beside(file: Path) -> None:
+    log = file.with_name(f"{file.name}-wal")
+    if log.exists() and log.stat().st_size:
+        raise Conflict(f"{file} is a database in use, or was left in the middle of it ({log.name}); take a snapshot.")
+
+
+def _prove(source: Source, file: Path) -> None:
+    """Raise StorageError unless a file is a sound database of ours that holds what its manifest says."""
+    copy = Database(file, read_only=True)
+    try:
+        revision = schema.current_revision(copy)
+        if revision is None:
+            raise NotADatabase(f"{source.file} is an empty database, and none of this service.")
+        for finding in file_findings(copy):
+            raise StorageDamaged(f"{source.file} is damaged: {finding.what}. Take another snapshot.")
+        with copy.read() as session:
+            contents = Collections(session).contents()
+    finally:
+        copy.dispose()
+    if source.manifest is not None:
+        told = [(of.id, of.revision, of.submaps) for of in source.manifest.collections]
+        if (revision, contents) != (source.manifest.schema_, told):
+            raise StorageDamaged(f"{source.file} does not hold what its manifest says; take another snapshot.")
+
+
+def _make_ready(file: Path) -> int:
+    """Bring a copy up to date and end its unfinished jobs, in one file without a log; how many jobs that were."""
+    store = Database(file)
+    try:
+        bring_up_to_date(store)
+        problem = document(Conflict("The database was put back to an earlier state while this was under way."))
+        with store.write() as session:
+            ended = Jobs(session).end_unfinished(problem)
+    finally:
+        store.dispose()
+    _fold(file)
+    return ended
+
+
+def _fold(file: Path) -> bool:
+    """Bring a log into its database, which only works for who is alone with it; whether SQLite can read it at all."""
+    try:
+        with closing(sqlite3.connect(f"{file.as_uri()}?mode=rw", uri=True, timeout=_PATIENCE)) as connection:
+            return bool(connection.execute("PRAGMA journal_mode = DELETE").fetchone()[0] == "delete")
+    except sqlite3.DatabaseError as error:
+        code = (error.sqlite_errorcode or 0) & 0xFF
+        if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
+            raise Conflict(f"{file} is open in another program; close it and try again.") from error
+        if code in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB):
+            return False
+        raise StorageUnavailable(f"{file} cannot be written: {error}.") from error
+
+
+def _belong(fresh: Path, path: Path) -> None:
+    """Give the new file the owner and the permissions of the old one."""
+    if not path.exists():
+        return
+    old = path.stat()
+    fresh.chmod(stat.S_IMODE(old.st_mode))
+    if (old.st_uid, old.st_gid) != (os.getuid(), os.getgid()) and os.geteuid() == 0:
+        os.chown(fresh, old.st_uid, old.st_gid)
+
+
+def _swap(fresh: Path, path: Path, *, discard: bool) -> Path | None:
+    aside = path.with_name(f"{path.name}.before-restore-{moment_name(datetime.now(UTC))}")
+    there = path.exists()
+    if there:
+        _fold(path)  # what SQLite cannot read keeps its log, and both go
+        if not discard:
+            aside.hardlink_to(path)
+    for ending in _BESIDE:
+        beside = path.with_name(path.name + ending)
+        if beside.exists():
+            if discard or ending == "-shm":
+                beside.unlink()
+            else:
+                beside.rename(aside.with_name(aside.name + ending))
+    sync(path.parent)
+    fresh.replace(path)
+    sync(path.parent)
+    return aside if there and not discard else None
+
+
+def _mend(path: Path) -> None:
+    """Undo what an interrupted restore has begun: the database has two names for a moment, and must have one."""
+    if _workshop_path(path).exists():
+        shutil.rmtree(_workshop_path(path))
+    for aside in list(path.parent.iterdir()):
+        if aside.name.startswith(f"{path.name}.before-restore-") and path.exists() and aside.samefile(path):
+            for ending in _BESIDE:
+                beside = aside.with_name(aside.name + ending)
+                if beside.exists():
+                    beside.rename(path.with_name(path.name + ending))
+            aside.unlink()
+
+
+def _workshop_path(path: Path) -> Path:
+    return path.with_name(f"{path.name}.restoring")
+
+
+@contextmanager
+def _workshop(path: Path) -> Iterator[Path]:
+    folder = _workshop_path(path)
+    folder.mkdir()
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder)

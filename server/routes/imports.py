@@ -1,0 +1,109 @@
+"""Uploads of many submaps, which become jobs."""
+
+from typing import Annotated, Literal
+
+import anyio.to_thread
+from fastapi import APIRouter, Query, Request, Response
+
+from server.bulk import OnConflict
+from server.errors import TooLarge, UnsupportedMediaType
+from server.http.authorization import GuardedRoute
+from server.http.compression import Inflater
+from server.http.dependencies import (
+    CallerDep,
+    CollectionId,
+    IdempotencyKey,
+    ServiceDep,
+    kept_response,
+    once_of,
+    problems,
+)
+from server.http.negotiation import NDJSON
+from server.identifiers import new_id
+from server.jobs import queue
+from server.jobs.spool import spooled
+from server.routes.jobs import ACCEPTED
+from server.schemas.jobs import JobAnswer
+
+router = APIRouter(route_class=GuardedRoute, tags=["jobs"])
+_INPUT = '{"id": "p7", "xy": [[1.2, 3.4], [4.9, -2.2], [-3.1, 0.7]]}\n'
+_MEDIA_TYPES = frozenset({NDJSON, "application/ndjson", "application/jsonl"})
+
+
+@router.post(
+    "/v1/collections/{collection}/imports",
+    operation_id="postImport",
+    summary="Store many submaps",
+    response_model=JobAnswer,
+    status_code=202,
+    responses={202: ACCEPTED, **problems(400, 404, 413, 415, 422, 503, 507)},
+    openapi_extra={
+        "requestBody": {
+            "required": True,
+            "description": "A line for each submap: the body of a PUT, with its `id`; Content-Encoding: gzip is fine.",
+            "content": {NDJSON: {"schema": {"type": "string"}, "example": _INPUT}},
+        }
+    },
+)
+async def post_import(
+    request: Request,
+    collection: CollectionId,
+    service: ServiceDep,
+    caller: CallerDep,
+    on_conflict: Annotated[
+        OnConflict, Query(description="Where an id is taken by other content: replace it, skip the line, or refuse it.")
+    ] = "replace",
+    mode: Annotated[
+        Literal["continue", "all"], Query(description="Go on past lines that are refused, or store all or none.")
+    ] = "continue",
+    idempotency_key: IdempotencyKey = None,
+) -> Response:
+    """As NDJSON, which goes to the disk as it comes in; then a job stores it, with a line of result for each line.
+
+    Nothing is taken on unless all of it arrives. An id that comes again in one upload is stored as it came last.
+    """
+    _check_media_type(request.headers.get("content-type"))
+    inflater = _inflater(request.headers.get("content-encoding"))
+    limit = service.settings.limits.import_bytes
+    _check_length(request.headers.get("content-length"), limit)
+    await anyio.to_thread.run_sync(queue.check, service.database, collection)
+    folder, job_id = service.jobs.folder, new_id()
+    async with spooled(folder, job_id, request.stream(), limit, inflater) as arrived:
+        once = once_of(service, caller, idempotency_key, request.url.query.encode() + arrived.digest.encode())
+        kept = await anyio.to_thread.run_sync(
+            lambda: queue.accept(
+                service.database,
+                collection,
+                caller,
+                "import",
+                once,
+                job_id=job_id,
+                parameters={"on_conflict": on_conflict, "mode": mode},
+                total=arrived.lines,
+            )
+        )
+    if kept.replayed:
+        folder.remove(job_id)
+    service.jobs.runner.wake()
+    return kept_response(kept)
+
+
+def _check_length(declared: str | None, limit: int) -> None:
+    """Before a byte is read: nobody should send gigabytes to be told that it was for nothing."""
+    if declared is not None and declared.isascii() and declared.isdigit() and int(declared) > limit:
+        raise TooLarge("import_bytes", limit, int(declared), "Send it in parts.")
+
+
+def _check_media_type(content_type: str | None) -> None:
+    name = (content_type or "nothing").split(";")[0].strip().lower()
+    if name not in _MEDIA_TYPES:
+        raise UnsupportedMediaType(f"Content-Type says {name[:100]}; send NDJSON with Content-Type: {NDJSON}.")
+
+
+def _inflater(encoding: str | None) -> Inflater | None:
+    name = (encoding or "identity").strip().lower()
+    if name in ("gzip", "x-gzip"):
+        return Inflater()
+    if name != "identity":
+        raise UnsupportedMediaType(f"Content-Encoding says {name[:50]!r}; send gzip, or the lines as they are.")
+    return None

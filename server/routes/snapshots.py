@@ -1,0 +1,156 @@
+"""Snapshots of the whole database: for keys that see all collections."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Path, Query, Request, Response
+from starlette.exceptions import HTTPException
+from starlette.responses import FileResponse
+from starlette.types import Message, Receive, Scope, Send
+
+from server import links, snapshots
+from server.http.dependencies import (
+    Accept,
+    CallerDep,
+    IfNoneMatch,
+    JsonRoute,
+    OnceDep,
+    ServiceDep,
+    etag_header,
+    json_response,
+    kept_response,
+    next_link,
+    not_modified,
+    problems,
+)
+from server.http.negotiation import JSON, SQLITE, choose
+from server.schemas.common import ResourceId
+from server.schemas.snapshots import SNAPSHOT_EXAMPLE, Snapshot, SnapshotInput, SnapshotPage
+
+router = APIRouter(route_class=JsonRoute, tags=["snapshots"])
+_PATH = "/v1/snapshots"
+_EXAMPLE = {"content": {JSON: {"example": SNAPSHOT_EXAMPLE}}}
+SnapshotName = Annotated[
+    ResourceId, Path(description="`name` of the snapshot.", examples=[SNAPSHOT_EXAMPLE["name"]], alias="snapshot")
+]
+
+
+class _Download(FileResponse):
+    """A file, or the range of it that was asked for; a range that cannot be is a problem like any other."""
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        async def checked(message: Message) -> None:
+            if message["type"] == "http.response.start" and message["status"] in {400, 416}:
+                headers = {name.decode(): value.decode() for name, value in message["headers"]}
+                kept = {name: value for name, value in headers.items() if name == "content-range"}
+                raise HTTPException(message["status"], "The header Range asks for what is not there.", kept)
+            await send(message)
+
+        await super().__call__(scope, receive, checked)
+
+
+@router.post(
+    _PATH,
+    operation_id="postSnapshot",
+    summary="Make a snapshot",
+    response_model=Snapshot,
+    status_code=201,
+    responses={
+        201: {"description": "It is made, proven and on the disk; `Location` is where it is read.", **_EXAMPLE},
+        **problems(400, 409, 413, 415, 422, 503, 507),
+    },
+)
+def post_snapshot(body: SnapshotInput, service: ServiceDep, caller: CallerDep, once: OnceDep) -> Response:
+    """A copy of the whole database, API keys' hashes included, while everybody goes on reading and writing.
+
+    What was acknowledged before is in it. The oldest ones beyond `snapshots.keep` are removed. 409 while one is made.
+    """
+    caller.require_all()
+    keep = service.settings.snapshots.keep
+    return kept_response(snapshots.make_once(service.database, service.snapshots, body.name, keep, once))
+
+
+@router.get(
+    _PATH,
+    operation_id="listSnapshots",
+    summary="List the snapshots",
+    response_model=SnapshotPage,
+    responses={
+        200: {
+            "content": {JSON: {"example": {"snapshots": [SNAPSHOT_EXAMPLE], "next": "WyJzbmFwc2hvdHMiLCJ4Il0"}}},
+        },
+        **problems(422, 503),
+    },
+)
+def list_snapshots(
+    request: Request,
+    service: ServiceDep,
+    caller: CallerDep,
+    limit: Annotated[int | None, Query(description="Rows of the page, at most 1000.", examples=[100])] = None,
+    cursor: Annotated[str | None, Query(description="`next` of the page before.")] = None,
+) -> Response:
+    """Oldest first; `next` is not there on the last page."""
+    caller.require_all()
+    page = snapshots.page(service.snapshots, service.settings.limits, limit, cursor)
+    headers = {} if page.next is None else {"Link": next_link(links.snapshots(), request, page.next)}
+    return json_response(page.document(), headers=headers)
+
+
+@router.get(
+    f"{_PATH}/{{snapshot}}",
+    operation_id="getSnapshot",
+    summary="Read or download a snapshot",
+    response_model=Snapshot,
+    responses={
+        200: {
+            "content": {
+                JSON: {"example": SNAPSHOT_EXAMPLE},
+                SQLITE: {"schema": {"type": "string", "format": "binary"}, "example": "SQLite format 3"},
+            }
+        },
+        206: {
+            "description": "The range that was asked for.",
+            "content": {SQLITE: {"schema": {"type": "string", "format": "binary"}, "example": "format 3"}},
+        },
+        304: {"description": "Not modified."},
+        **problems(404, 406, 416, 422, 503),
+    },
+)
+def get_snapshot(
+    snapshot: SnapshotName,
+    service: ServiceDep,
+    caller: CallerDep,
+    accept: Accept = None,
+    if_none_match: IfNoneMatch = None,
+) -> Response:
+    """What it is; with Accept: application/vnd.sqlite3 the file, whose entity tag is its SHA-256. Ranges are answered.
+
+    `urquhart snapshot restore` on the host puts it back.
+    """
+    caller.require_all()
+    found = service.snapshots.get(snapshot)
+    if choose(accept, [JSON, SQLITE]) == JSON:
+        tag = snapshots.snapshot_etag(found)
+        return not_modified(if_none_match, tag) or json_response(
+            found.document(), headers={**etag_header(tag), "Vary": "Accept"}
+        )
+    return not_modified(if_none_match, found.sha256) or _Download(
+        service.snapshots.file(found.name),
+        media_type=SQLITE,
+        filename=f"{found.name}.db",
+        headers={**etag_header(found.sha256), "Vary": "Accept"},
+    )
+
+
+@router.delete(
+    f"{_PATH}/{{snapshot}}",
+    operation_id="deleteSnapshot",
+    summary="Delete a snapshot",
+    status_code=204,
+    response_class=Response,
+    responses=problems(404, 422, 503),
+)
+def delete_snapshot(snapshot: SnapshotName, service: ServiceDep, caller: CallerDep) -> Response:
+    """For good."""
+    caller.require_all()
+    service.snapshots.remove(snapshot)
+    return Response(status_code=204)

@@ -1,0 +1,163 @@
+"""The files of snapshots, in a folder beside the database: named, made known, listed, checked, swept.
+
+A snapshot is `<name>.db` and its manifest `<name>.json`, which comes last and goes first: what has no manifest does not
+exist. What is being made lies in the folder `making`.
+"""
+
+import hashlib
+import logging
+import os
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Final
+
+from pydantic import ValidationError
+
+from server.errors import Conflict, InvalidField, NotFound, StorageDamaged
+from server.jobs.folder import try_lock
+from server.schemas.snapshots import Snapshot
+from server.store.database import storage_errors
+
+_FILE: Final = ".db"
+_MANIFEST: Final = ".json"
+_LONGEST: Final = 200
+"""Bytes of a name: file systems allow 255 with the ending."""
+_PIECE: Final = 1 << 20
+_log = logging.getLogger(__name__)
+
+
+class SnapshotFolder:
+    """The folder `<database file>.snapshots`, made with the first snapshot."""
+
+    def __init__(self, database: Path) -> None:
+        """Beside a database file, which need not be there."""
+        file = database.resolve()
+        self.path = file.with_name(f"{file.name}.snapshots")
+        self.making = self.path / "making"
+
+    def file(self, name: str) -> Path:
+        """Where a snapshot lies."""
+        return self.path / f"{name}{_FILE}"
+
+    def manifest(self, name: str) -> Path:
+        """Where its manifest lies."""
+        return self.path / f"{name}{_MANIFEST}"
+
+    @contextmanager
+    def turn(self) -> Iterator[None]:
+        """Be the only one, in this process or another, who makes a snapshot here; what others left half made is gone.
+
+        Raises Conflict and OSError.
+        """
+        self.path.mkdir(exist_ok=True)
+        # Held by the open file: it is free again when the process ends, however that comes.
+        with (self.path / "snapshot.lock").open("a") as file:
+            if not try_lock(file):
+                raise Conflict("A snapshot is being made already; wait until it is there.")
+            self._sweep()
+            self.making.mkdir()
+            try:
+                yield
+            finally:
+                shutil.rmtree(self.making)
+
+    def sweep(self) -> None:
+        """Remove what is left over of processes that ended at work. Nothing while another is at it. Raises OSError."""
+        if self.path.is_dir():
+            with suppress(Conflict), self.turn():
+                pass
+
+    def publish(self, written: Path, snapshot: Snapshot) -> None:
+        """Give a whole file its name and then its manifest, for good; nothing is left if that fails. Raises OSError."""
+        prepared = self.making / "manifest"
+        file = self.file(snapshot.name)
+        try:
+            written.rename(file)
+            prepared.write_bytes(snapshot.document())
+            sync(prepared)
+            sync(self.path)
+            prepared.rename(self.manifest(snapshot.name))
+        except BaseException:
+            file.unlink(missing_ok=True)
+            raise
+        sync(self.path)
+
+    def all(self) -> list[Snapshot]:
+        """All that exist, oldest first. Raises StorageError."""
+        with storage_errors(self.path):
+            names = [path.stem for path in self.path.glob(f"*{_MANIFEST}")] if self.path.is_dir() else []
+            found = [snapshot for name in names if (snapshot := self._read(name)) is not None]
+        return sorted(found, key=lambda snapshot: (snapshot.created, snapshot.name))
+
+    def get(self, name: str) -> Snapshot:
+        """The snapshot of that name. Raises NotFound and StorageError."""
+        with storage_errors(self.path):
+            snapshot = self._read(name) if is_name(name) else None
+        if snapshot is None:
+            raise NotFound("snapshot", name)
+        return snapshot
+
+    def remove(self, name: str) -> None:
+        """Remove a snapshot; who reads it at the moment reads on. Raises NotFound and StorageError."""
+        self.get(name)
+        with storage_errors(self.path):
+            self.manifest(name).unlink(missing_ok=True)
+            sync(self.path)
+            self.file(name).unlink(missing_ok=True)
+
+    def _read(self, name: str) -> Snapshot | None:
+        try:
+            snapshot = read_manifest(self.manifest(name))
+        except StorageDamaged as error:
+            _log.warning("%s", error)
+            return None
+        return snapshot if snapshot is not None and snapshot.name == name and self.file(name).is_file() else None
+
+    def _sweep(self) -> None:
+        if self.making.exists():
+            shutil.rmtree(self.making)
+        for path in self.path.glob(f"*{_FILE}"):
+            if not self.manifest(path.stem).exists():
+                path.unlink(missing_ok=True)
+
+
+def is_name(name: str) -> bool:
+    """Whether a file of that name can lie in the folder and nowhere else."""
+    return bool(name) and "/" not in name and "\0" not in name and len(name.encode()) <= _LONGEST
+
+
+def check_name(name: str) -> None:
+    """Raise InvalidField for a name that is too long for a file."""
+    if not is_name(name):
+        raise InvalidField(f"is too long for a file: at most {_LONGEST} bytes", code="too_long", pointer="/name")
+
+
+def read_manifest(path: Path) -> Snapshot | None:
+    """What a manifest says, None where there is none. Raises StorageDamaged and OSError."""
+    try:
+        return Snapshot.model_validate_json(path.read_bytes())
+    except FileNotFoundError:
+        return None
+    except ValidationError as error:
+        raise StorageDamaged(f"{path.name} is not the manifest of a snapshot; it is left as it is.") from error
+
+
+def sha256(path: Path, *, between: Callable[[bytes], object] = len) -> str:
+    """SHA-256 of a file, in hexadecimal; `between` gets each piece of it. Raises OSError."""
+    digest = hashlib.sha256()
+    with path.open("rb") as file:
+        while piece := file.read(_PIECE):
+            digest.update(piece)
+            between(piece)
+    return digest.hexdigest()
+
+
+def sync(path: Path) -> None:
+    """Bring a file, or the names in a folder, onto the disk. Raises OSError."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

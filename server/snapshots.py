@@ -1,0 +1,139 @@
+"""Snapshots: copies of the whole database, made while the service goes on, listed, and removed.
+
+Everything that was acknowledged before a snapshot was asked for is in it. It is proven before it gets its name.
+"""
+
+import logging
+import shutil
+import time
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Final
+
+from server import links
+from server.errors import Conflict, StorageDamaged, StorageFull, StorageReadOnly
+from server.idempotency import Kept, Once, keep, recall
+from server.paging import page_size, read_name_cursor, write_cursor
+from server.schemas.snapshots import Snapshot, SnapshotCollection, SnapshotPage
+from server.settings import Limits
+from server.snapshot_folder import SnapshotFolder, check_name, sha256, sync
+from server.store import schema
+from server.store.collections import Collections
+from server.store.database import Database, storage_errors
+from server.store.integrity import file_findings
+from server.version import service_version
+
+_OPERATION: Final = "postSnapshot"
+_BREATH: Final = 0.001
+"""Seconds after every megabyte in which the disk is left to those who write."""
+_SPARE: Final = 1 << 20
+_log = logging.getLogger(__name__)
+
+
+def make(database: Database, folder: SnapshotFolder, name: str | None, keep_last: int) -> Snapshot:
+    """Make a snapshot, then remove the oldest ones beyond `keep_last` (0: none).
+
+    Raises:
+        Conflict: one is being made, or there is one of that name.
+        InvalidField, StorageError; nothing is left of it then.
+    """
+    created = datetime.now(UTC)
+    name = name or moment_name(created)
+    check_name(name)
+    with storage_errors(folder.path), folder.turn():
+        if folder.manifest(name).exists():
+            raise Conflict(f"There is a snapshot {name!r} already; give another name, or delete it first.")
+        _check_room(database, folder)
+        file = folder.making / "snapshot"
+        database.copy_to(file, between=lambda: time.sleep(_BREATH))
+        shutil.copymode(database.path, file)
+        sync(file)
+        snapshot = _described(file, name=name, created=created)
+        folder.publish(file, snapshot)
+        _remove_oldest(folder, keep_last, name)
+    return snapshot
+
+
+def make_once(database: Database, folder: SnapshotFolder, name: str | None, keep_last: int, once: Once | None) -> Kept:
+    """Make a snapshot, unless this was done before; what is answered. Raises what `make` does, and KeyReused."""
+    if once is not None and database.read_only:
+        raise StorageReadOnly("The database is only read, so no Idempotency-Key can be kept; send it without.")
+    with database.read() as session:
+        kept = recall(session, once, _OPERATION)
+    if kept is not None:
+        return kept
+    snapshot = make(database, folder, name, keep_last)
+    answer = Kept(
+        201, {"Location": links.snapshot(snapshot.name), "ETag": f'"{snapshot_etag(snapshot)}"'}, snapshot.document()
+    )
+    if once is None:
+        return answer
+    with database.write() as session:
+        return keep(session, once, _OPERATION, answer)
+
+
+def page(folder: SnapshotFolder, limits: Limits, limit: int | None, cursor: str | None) -> SnapshotPage:
+    """A page of snapshots, oldest first. Raises InvalidField and StorageError."""
+    size, after = page_size(limit, limits), read_name_cursor("snapshots", cursor)
+    there = [snapshot for snapshot in folder.all() if _place(snapshot) > after]
+    return SnapshotPage(
+        snapshots=there[:size],
+        next=write_cursor("snapshots", _place(there[size - 1])) if len(there) > size else None,
+    )
+
+
+def snapshot_etag(snapshot: Snapshot) -> str:
+    """Entity tag of a snapshot's document; that of its file is the checksum alone."""
+    return f"{snapshot.sha256}-document"
+
+
+def moment_name(moment: datetime) -> str:
+    """A moment as a name: `20260504T093000.000000Z`."""
+    return moment.astimezone(UTC).strftime("%Y%m%dT%H%M%S.%fZ")
+
+
+def _check_room(database: Database, folder: SnapshotFolder) -> None:
+    # Seen before it is tried: a disk that a snapshot fills up fails the writes of everybody else, too.
+    needed, free = database.path.stat().st_size + _SPARE, shutil.disk_usage(folder.path).free
+    if free < needed:
+        raise StorageFull(
+            f"A snapshot needs {needed:,} bytes, and {free:,} are free: nothing was stored. Delete old snapshots, "
+            "or free some space."
+        )
+
+
+def _described(file: Path, *, name: str, created: datetime) -> Snapshot:
+    """The manifest of a copy, as the copy itself has it. Raises StorageDamaged where it is not sound."""
+    copy = Database(file, read_only=True)
+    try:
+        for finding in file_findings(copy, quick=True):
+            raise StorageDamaged(
+                f"The database is damaged, and so is its copy, which was not kept: {finding.what}. Restore a snapshot "
+                "that is sound."
+            )
+        revision = schema.current_revision(copy)
+        with copy.read() as session:
+            contents = Collections(session).contents()
+    finally:
+        copy.dispose()
+    return Snapshot(
+        name=name,
+        created=created,
+        size=file.stat().st_size,
+        sha256=sha256(file),
+        schema_=revision or "",
+        version=service_version(),
+        collections=[SnapshotCollection(id=id_, revision=at, submaps=submaps) for id_, at, submaps in contents],
+    )
+
+
+def _remove_oldest(folder: SnapshotFolder, keep_last: int, made: str) -> None:
+    old = [snapshot.name for snapshot in folder.all() if snapshot.name != made]
+    for name in old[: max(len(old) + 1 - keep_last, 0)] if keep_last else []:
+        folder.remove(name)
+        _log.info("snapshot %s removed: the last %d are kept", name, keep_last)
+
+
+def _place(snapshot: Snapshot) -> str:
+    """Where it stands in a listing."""
+    return f"{moment_name(snapshot.created)} {snapshot.name}"
