@@ -25,6 +25,8 @@ from server.settings import Limits
 from server.stem_maps.reader import StemMapError, read_stem_map
 from server.store import schema
 from server.store.database import Database
+from server.threads import pin_threads
+from urquhart import Config, warm_up
 
 
 class Reader(NamedTuple):
@@ -74,6 +76,8 @@ def lines(folder: Path) -> Iterator[Reader]:
     database = Database(folder / "lines.db")
     schema.upgrade(database)
     registry.ensure(database, "plots", CollectionPut())
+    pin_threads()
+    warm_up(Config())
     work = batches.of_lines(database, "plots", Limits())
 
     def read(line: bytes) -> str | None:
