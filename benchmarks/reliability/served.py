@@ -6,7 +6,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +15,7 @@ from typing import Final
 import httpx
 
 _SERVING: Final = re.compile(r"serving on (http://\S+)")
+_PROGRAM: Final = ("-m", "server.cli")
 PATIENCE: Final = 180.0
 """Seconds within which a server starts or stops."""
 
@@ -59,14 +60,16 @@ class Served:
         return [line[:300] for line in lines if " failed" in line or line.startswith("Traceback")]
 
 
-def start(database: Path, log: Path, **settings: str) -> Served:
+def start(database: Path, log: Path, program: Sequence[str] = _PROGRAM, **settings: str) -> Served:
     """Start a server over `database` and wait until it is ready; `settings` are URQUHART_... by their full names.
+
+    `program`: what Python runs as the command line.
 
     Raises:
         RuntimeError: it ended, or was not ready in time.
     """
     environment = {name: value for name, value in os.environ.items() if not name.startswith("URQUHART_")}
-    command = [sys.executable, "-m", "server.cli", "serve", "--port", "0", "--database", str(database)]
+    command = [sys.executable, *program, "serve", "--port", "0", "--database", str(database)]
     began = time.perf_counter()
     with log.open("wb") as output:
         process = subprocess.Popen(
@@ -91,9 +94,9 @@ def start(database: Path, log: Path, **settings: str) -> Served:
 
 
 @contextmanager
-def served(database: Path, log: Path, **settings: str) -> Iterator[Served]:
+def served(database: Path, log: Path, program: Sequence[str] = _PROGRAM, **settings: str) -> Iterator[Served]:
     """A server for the block, ended after it, however that ends."""
-    server = start(database, log, **settings)
+    server = start(database, log, program, **settings)
     try:
         yield server
     finally:
