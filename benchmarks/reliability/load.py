@@ -1,7 +1,7 @@
 """Part `load`: a fleet at work, more of it than the service can serve, and then as before.
 
-The clients run in this process, the service in another, on the same machine: they share its cores. What every client was
-told to be stored is read back at the end, and found by a query.
+The clients run in this process, the service in another, on the same machine: they share its cores. What every client
+was told to be stored is read back at the end, and found by a query.
 """
 
 import asyncio
@@ -18,7 +18,7 @@ from benchmarks.reliability.traffic import BASE, COLLECTION, Question, Told, dri
 from benchmarks.reliability.trees import body, forest
 from benchmarks.scale.job import spread
 from benchmarks.scale.world import World
-from server import batches, ingest, registry
+from server import batches, bulk, registry
 from server.schemas.collections import CollectionPut
 from server.schemas.submaps import NamedSubmap
 from server.store import schema
@@ -76,7 +76,7 @@ def _fill(path: Path, world: World) -> None:
             batches.line_of(NamedSubmap(id=f"s{index}", xy=world.submap(index).xy.tolist()))
             for index in range(world.submaps)
         )
-        for _ in ingest.ingest_lines(database, COLLECTION, lines):
+        for _ in bulk.ingest_lines(database, COLLECTION, lines):
             pass
     finally:
         database.dispose()

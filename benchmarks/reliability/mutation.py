@@ -105,7 +105,9 @@ def _like(rng: random.Random, item: Any) -> Any:
         case int() | float():
             return rng.choice(_NUMBERS) if rng.random() < 0.4 else round(item + rng.gauss(0.0, 5.0), 3)
         case str():
-            return rng.choice(_WORDS) if rng.random() < 0.6 else item[: rng.randrange(len(item) + 1)] + rng.choice(_WORDS)
+            return (
+                rng.choice(_WORDS) if rng.random() < 0.6 else item[: rng.randrange(len(item) + 1)] + rng.choice(_WORDS)
+            )
         case _:
             return value(rng)
 

@@ -182,7 +182,9 @@ def _json(rng: random.Random, goods: list[Any]) -> bytes:
 def _csv(rng: random.Random) -> bytes:
     if rng.random() < 0.7:
         return damaged(rng, rng.choice(_CSV), rng.choice(_CSV))
-    names = [rng.choice(("tree_id", "x_m", "y_m", "x", "y", "dbh", "species", "", "X")) for _ in range(rng.randrange(6))]
+    names = [
+        rng.choice(("tree_id", "x_m", "y_m", "x", "y", "dbh", "species", "", "X")) for _ in range(rng.randrange(6))
+    ]
     rows = [
         ",".join(str(value(rng, 9)) for _ in range(max(0, len(names) + rng.choice((0, 0, 0, 1, -1)))))
         for _ in range(rng.randrange(5))

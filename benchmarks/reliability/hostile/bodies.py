@@ -34,35 +34,34 @@ def run(*, quick: bool, seed: int) -> Figures:
     """Send each to each route; answers, seconds, and how long another caller waited meanwhile."""
     problems: list[str] = []
     rows = []
-    with tempfile.TemporaryDirectory() as folder:
-        with served(Path(folder) / "bodies.db", Path(folder) / "log") as server:
-            with httpx.Client(base_url=server.url, timeout=120.0) as client, _Watch(server.url) as watch:
-                client.put("/v1/collections/plots", json={}).raise_for_status()
-                client.put("/v1/collections/plots/submaps/p", json=body(seed)).raise_for_status()
-                memory = server.megabytes()
-                for name, make, packed in _bodies(10 if quick else 1):
-                    raw = make()
-                    for method, path in _ROUTES[4:] if quick else _ROUTES:
-                        headers = {"Content-Type": "application/json"} | ({"Content-Encoding": "gzip"} if packed else {})
-                        watch.settle()
-                        watch.longest = 0.0
-                        began = time.perf_counter()
-                        try:
-                            response = client.request(method, path, content=raw, headers=headers)
-                        except httpx.TransportError as error:
-                            problems.append(f"{name} to {method} {path}: {type(error).__name__}")
-                            continue
-                        spent = time.perf_counter() - began
-                        watch.settle()
-                        rows.append((name, response.status_code, len(raw), spent, watch.longest))
-                        if not 200 <= response.status_code < 500:
-                            problems.append(f"{name} to {method} {path} is answered {response.status_code}")
-                        if watch.longest > _LONGEST:
-                            problems.append(f"{name} to {method} {path} keeps others waiting {watch.longest:.1f} s")
-                grown = server.megabytes() - memory
-                if grown > _MOST:
-                    problems.append(f"the server grew by {grown:.0f} MB")
-            problems += server.failures()
+    with tempfile.TemporaryDirectory() as folder, served(Path(folder) / "bodies.db", Path(folder) / "log") as server:
+        with httpx.Client(base_url=server.url, timeout=120.0) as client, _Watch(server.url) as watch:
+            client.put("/v1/collections/plots", json={}).raise_for_status()
+            client.put("/v1/collections/plots/submaps/p", json=body(seed)).raise_for_status()
+            memory = server.megabytes()
+            for name, make, packed in _bodies(10 if quick else 1):
+                raw = make()
+                for method, path in _ROUTES[4:] if quick else _ROUTES:
+                    headers = {"Content-Type": "application/json"} | ({"Content-Encoding": "gzip"} if packed else {})
+                    watch.settle()
+                    watch.longest = 0.0
+                    began = time.perf_counter()
+                    try:
+                        response = client.request(method, path, content=raw, headers=headers)
+                    except httpx.TransportError as error:
+                        problems.append(f"{name} to {method} {path}: {type(error).__name__}")
+                        continue
+                    spent = time.perf_counter() - began
+                    watch.settle()
+                    rows.append((name, response.status_code, len(raw), spent, watch.longest))
+                    if not 200 <= response.status_code < 500:
+                        problems.append(f"{name} to {method} {path} is answered {response.status_code}")
+                    if watch.longest > _LONGEST:
+                        problems.append(f"{name} to {method} {path} keeps others waiting {watch.longest:.1f} s")
+            grown = server.megabytes() - memory
+            if grown > _MOST:
+                problems.append(f"the server grew by {grown:.0f} MB")
+        problems += server.failures()
     return {"bodies": _worst(rows), "megabytes": grown, "problems": problems[:40]}
 
 

@@ -57,17 +57,15 @@ def _live(client: httpx.Client, seed: int, number: int) -> list[str]:
     revision = client.get(_BASE).json()["revision"]
     for turn in range(8):
         client.put(f"{_BASE}/submaps/n{number}-{turn}", json=body(seed, number, turn)).raise_for_status()
-    for turn in range(8):
-        if _found(client, seed, number, turn) != f"n{number}-{turn}":
-            wrong.append(f"submap {turn} is not found")
+    found = {turn: _found(client, seed, number, turn) for turn in range(8)}
+    wrong += [f"submap {turn} is {name}" for turn, name in found.items() if name != f"n{number}-{turn}"]
     client.put(f"{_BASE}/submaps/n{number}-0", json=body(seed, number, 100)).raise_for_status()
     client.put(f"{_BASE}/submaps/gone", json=body(seed, number, 101)).raise_for_status()
     client.delete(f"{_BASE}/submaps/gone").raise_for_status()
     if _found(client, seed, number, 100) != f"n{number}-0":
         wrong.append("what was replaced is not found as it is now")
-    for turn in (0, 101):
-        if (found := _found(client, seed, number, turn)) is not None:
-            wrong.append(f"{found} is found where nothing is any more")
+    left = [_found(client, seed, number, turn) for turn in (0, 101)]
+    wrong += [f"{name} is found where nothing is any more" for name in left if name is not None]
     if client.get(_BASE).json()["revision"] != revision + 11:
         wrong.append("the revision does not count the writes")
     return wrong

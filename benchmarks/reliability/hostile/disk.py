@@ -55,7 +55,11 @@ def _fill(disk: Path, log: Path, seed: int) -> Figures:
         server.kill()
     problems += [line for line in server.failures() if "507" not in line and "full" not in line]
     # At a start on a disk that is still full: what is there is read, whatever cannot be written.
-    with suppress(RuntimeError), served(path, log) as server, httpx.Client(base_url=server.url, timeout=120.0) as client:
+    with (
+        suppress(RuntimeError),
+        served(path, log) as server,
+        httpx.Client(base_url=server.url, timeout=120.0) as client,
+    ):
         figures["started_on_a_full_disk"] = True
         problems += _intact(client, seed, stored)
     figures.setdefault("started_on_a_full_disk", False)

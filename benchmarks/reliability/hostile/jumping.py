@@ -39,9 +39,9 @@ class Clock:
         time.time_ns = lambda: self._real_ns() + int(1e9 * self.offset())
         for name, module in list(sys.modules.items()):
             # Schemas do not look at the clock; they ask whether something is a datetime.
-            if name.startswith("server.") and not name.startswith("server.schemas"):
-                if getattr(module, "datetime", None) is datetime:
-                    setattr(module, "datetime", Jumped)
+            looks = name.startswith("server.") and not name.startswith("server.schemas")
+            if looks and getattr(module, "datetime", None) is datetime:
+                vars(module)["datetime"] = Jumped
 
 
 def main() -> None:

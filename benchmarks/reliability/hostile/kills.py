@@ -112,9 +112,7 @@ def _write(url: str, journal: _Journal, writer: int) -> None:
                     journal.posted[key] = response.json()["id"]
 
 
-def _missing(
-    client: httpx.Client, journal: _Journal, rng: random.Random, *, all_of_them: bool = False
-) -> list[str]:
+def _missing(client: httpx.Client, journal: _Journal, rng: random.Random, *, all_of_them: bool = False) -> list[str]:
     """Acknowledged writes that are not there; and of some, or all, those that a query does not find."""
     wrong = []
     seen, cursor = set(), ""
@@ -140,9 +138,7 @@ def _twice(client: httpx.Client, journal: _Journal) -> list[str]:
     new = 0
     for key, name in list(journal.posted.items())[-200:]:
         place = int(key[1:])
-        response = client.post(
-            f"{_BASE}/submaps", json=body(journal.seed, place), headers={"Idempotency-Key": key}
-        )
+        response = client.post(f"{_BASE}/submaps", json=body(journal.seed, place), headers={"Idempotency-Key": key})
         replayed = "Idempotency-Replayed" in response.headers
         new += not replayed
         if response.status_code != 201 or (name is not None and (not replayed or response.json()["id"] != name)):

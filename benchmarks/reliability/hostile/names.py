@@ -19,8 +19,8 @@ _GOOD: Final = (
 )  # fmt: skip
 """Letters, digits and the four marks, of any script, composed."""
 _BAD: Final = (
-    "..", ".", "e\u0301", "a b", "a/b", "a\\b", "a%b", "🌲", "a\u202eb", "\u200b", "a\u200db", "a:b", "a?b", "a#b", "a;b",
-    "a,b", "a'b", 'a"b', "a<b", "a\x00b", "a\nb", "\ufeffa", "x" * 129, "\U000e0041",
+    "..", ".", "e\u0301", "a b", "a/b", "a\\b", "a%b", "🌲", "a\u202eb", "\u200b", "a\u200db", "a:b", "a?b", "a#b",
+    "a;b", "a,b", "a'b", 'a"b', "a<b", "a\x00b", "a\nb", "\ufeffa", "x" * 129, "\U000e0041",
 )  # fmt: skip
 _RAW: Final = ("%ff", "%c0%ae", "%ed%a0%80", "%", "%2", "%zz", "%00", "a%2fb", "%2e%2e", "a%252fb")
 """Put into the path as they are."""
@@ -29,20 +29,19 @@ _RAW: Final = ("%ff", "%c0%ae", "%ed%a0%80", "%", "%2", "%zz", "%00", "a%2fb", "
 def run(*, quick: bool, seed: int) -> Figures:
     """Store, read, list, find and delete under each good name; be refused under each bad one."""
     problems: list[str] = []
-    with tempfile.TemporaryDirectory() as folder:
-        with served(Path(folder) / "names.db", Path(folder) / "log") as server:
-            with httpx.Client(base_url=server.url, timeout=60.0) as client:
-                for number, name in enumerate(_GOOD):
-                    problems += [f"{name!a}: {what}" for what in _round(client, name, seed, number)]
-                listed = [one["id"] for one in client.get("/v1/collections?limit=1000").json()["collections"]]
-                expected = [name for name in _GOOD if unicodedata.is_normalized("NFC", name)]
-                if sorted(listed) != sorted(expected):
-                    problems.append(f"listed are {sorted(set(listed) ^ set(expected))!a} too many or too few")
-                for name in _BAD:
-                    problems += _refused(client, quote(name, safe=""), name)
-                for raw in _RAW:
-                    problems += _refused(client, raw, raw)
-            problems += server.failures()
+    with tempfile.TemporaryDirectory() as folder, served(Path(folder) / "names.db", Path(folder) / "log") as server:
+        with httpx.Client(base_url=server.url, timeout=60.0) as client:
+            for number, name in enumerate(_GOOD):
+                problems += [f"{name!a}: {what}" for what in _round(client, name, seed, number)]
+            listed = [one["id"] for one in client.get("/v1/collections?limit=1000").json()["collections"]]
+            expected = [name for name in _GOOD if unicodedata.is_normalized("NFC", name)]
+            if sorted(listed) != sorted(expected):
+                problems.append(f"listed are {sorted(set(listed) ^ set(expected))!a} too many or too few")
+            for name in _BAD:
+                problems += _refused(client, quote(name, safe=""), name)
+            for raw in _RAW:
+                problems += _refused(client, raw, raw)
+        problems += server.failures()
     return {"good": len(_GOOD), "bad": len(_BAD) + len(_RAW), "problems": problems[:40]}
 
 

@@ -24,33 +24,32 @@ def run(*, quick: bool, seed: int) -> Figures:
     """How long an honest caller waits while others dawdle, and what is left of those afterwards."""
     count, rounds, hold = (50, 20, 3.0) if quick else (400, 200, 90.0)
     problems: list[str] = []
-    with tempfile.TemporaryDirectory() as folder:
-        with served(Path(folder) / "slow.db", Path(folder) / "log") as server:
-            with httpx.Client(base_url=server.url, timeout=60.0) as client:
-                client.put("/v1/collections/plots", json={}).raise_for_status()
-                client.put("/v1/collections/plots/submaps/p", json=body(seed)).raise_for_status()
-                before = _ask(client, rounds, seed, problems)
-                memory = server.megabytes()
-                heads = [_open(server, _HEAD[: 20 + number % 100]) for number in range(count)]
-                halves = [_open(server, _HEAD + b"\r\n" + b'{"xy": [[1.0, ' * (number % 9)) for number in range(count)]
-                began = time.perf_counter()
-                during = []
-                for number in range(rounds):
-                    time.sleep(hold / rounds)
-                    _dawdle([*heads, *halves][number % 7 :: 7])
-                    during += _ask(client, 1, seed, problems)
-                memory = server.megabytes() - memory
-                held = sum(_is_open(one) for one in (*heads, *halves))
-                seconds = time.perf_counter() - began
-                for number, one in enumerate((*heads, *halves)):
-                    if number % 2:  # some say that they go, others are cut off
-                        one.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\x01\0\0\0\0\0\0\0")
-                    one.close()
-                after = _ask(client, rounds, seed, problems)
-            code, stop_seconds = server.stop()
-            if code not in (0, -15):
-                problems.append(f"the server ended with {code}")
-            problems += server.failures()
+    with tempfile.TemporaryDirectory() as folder, served(Path(folder) / "slow.db", Path(folder) / "log") as server:
+        with httpx.Client(base_url=server.url, timeout=60.0) as client:
+            client.put("/v1/collections/plots", json={}).raise_for_status()
+            client.put("/v1/collections/plots/submaps/p", json=body(seed)).raise_for_status()
+            before = _ask(client, rounds, seed, problems)
+            memory = server.megabytes()
+            heads = [_open(server, _HEAD[: 20 + number % 100]) for number in range(count)]
+            halves = [_open(server, _HEAD + b"\r\n" + b'{"xy": [[1.0, ' * (number % 9)) for number in range(count)]
+            began = time.perf_counter()
+            during = []
+            for number in range(rounds):
+                time.sleep(hold / rounds)
+                _dawdle([*heads, *halves][number % 7 :: 7])
+                during += _ask(client, 1, seed, problems)
+            memory = server.megabytes() - memory
+            held = sum(_is_open(one) for one in (*heads, *halves))
+            seconds = time.perf_counter() - began
+            for number, one in enumerate((*heads, *halves)):
+                if number % 2:  # some say that they go, others are cut off
+                    one.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\x01\0\0\0\0\0\0\0")
+                one.close()
+            after = _ask(client, rounds, seed, problems)
+        code, stop_seconds = server.stop()
+        if code not in (0, -15):
+            problems.append(f"the server ended with {code}")
+        problems += server.failures()
     return {
         "slow": 2 * count,
         "before": spread(before),
