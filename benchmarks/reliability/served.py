@@ -15,6 +15,8 @@ from typing import Final
 import httpx
 
 _SERVING: Final = re.compile(r"serving on (http://\S+)")
+_FAILED: Final = re.compile(r"request \S+: \S+ \S+ failed")
+_ERROR: Final = re.compile(r"[\w.]+(Error|Exception)\b")
 _PROGRAM: Final = ("-m", "server.cli")
 PATIENCE: Final = 180.0
 """Seconds within which a server starts or stops."""
@@ -57,7 +59,8 @@ class Served:
     def failures(self) -> list[str]:
         """Lines of its log that tell of a failure: an exception that nothing handled."""
         lines = self.log.read_text(encoding="utf-8", errors="replace").splitlines()
-        return [line[:300] for line in lines if " failed" in line or line.startswith("Traceback")]
+        told = [line[:300] for line in lines if line.startswith("Traceback") or _FAILED.fullmatch(line)]
+        return told + [line[:300] for line in lines if told and _ERROR.match(line)]
 
 
 def start(database: Path, log: Path, program: Sequence[str] = _PROGRAM, **settings: str) -> Served:

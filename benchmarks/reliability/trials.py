@@ -105,7 +105,7 @@ def _kills(trial: Figures) -> str:
             "Jobs were not part of it: the service had none."
             if jobs is None
             else f"""Beside them imports of {jobs["lines"]:,} lines, and reindexing: {jobs["interrupted"]} were under
-            way when the service started again. How all ended: {ended}. Each import had to leave a result for each line
+            way when the service was ended. How all ended: {ended}. Each import had to leave a result for each line
             in its order, with the outcome that the line deserves, and what it stored had to be found."""
         ),
     )

@@ -68,11 +68,14 @@ class Interrupted:
             other.raise_for_status()
             self.under_way.append(("reindex", other.headers["Location"], number))
 
+    def note(self, client: httpx.Client) -> None:
+        """Count those that have not ended, right before the server is."""
+        self.interrupted += sum(client.get(path).json().get("state") not in _DONE for _, path, _ in self.under_way)
+
     def look(self, client: httpx.Client) -> list[str]:
         """What is wrong with those that were started before, once each has ended."""
         wrong, self.under_way, before = list[str](), [], self.under_way
         for kind, path, number in before:
-            self.interrupted += client.get(path).json().get("state") not in _DONE
             job = finished(client, path)
             self.ended[f"{kind} {job.get('state')}"] = self.ended.get(f"{kind} {job.get('state')}", 0) + 1
             if job.get("state") != "successful":

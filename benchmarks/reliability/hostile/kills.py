@@ -55,6 +55,8 @@ def run(*, quick: bool, seed: int) -> Figures:
                 for writer in writers:
                     writer.start()
                 time.sleep(rng.uniform(0.2, 1.5))
+                if with_jobs:
+                    jobs.note(client)
                 _end(server, number, stops, problems)
                 for writer in writers:
                     writer.join()
