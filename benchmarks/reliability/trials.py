@@ -70,7 +70,8 @@ def _crowd(trial: Figures) -> str:
             it, {number(trial["megabytes_after"], 0)} MB after all this. All are listed in
             {number(trial["list_seconds"], 1)} s, no page in more than {number(trial["slowest_page_seconds"], 2)} s. A
             first query takes {number(trial["first_query_milliseconds"], 0)} ms, another collection
-            {number(trial["one_more_milliseconds"], 0)} ms. `/metrics` has {trial["metrics_bytes"] / 1e6:,.1f} MB."""
+            {number(trial["one_more_milliseconds"], 0)} ms. With nothing to do the service
+            keeps {number(trial["idle_cores"], 2)} cores busy. `/metrics` has {trial["metrics_bytes"] / 1e6:,.1f} MB."""
         ),
     )
 

@@ -1,5 +1,6 @@
 """A hundred thousand collections: made, listed, started with, asked."""
 
+import os
 import tempfile
 import time
 from pathlib import Path
@@ -8,7 +9,7 @@ from typing import Final
 import httpx
 
 from benchmarks.experiments import Figures
-from benchmarks.reliability.served import served
+from benchmarks.reliability.served import Served, served
 from benchmarks.reliability.trees import body
 from server import registry
 from server.schemas.collections import CollectionPut
@@ -17,6 +18,11 @@ from server.store.database import Database
 
 _FILLED: Final = 100
 """Every so many collections, one has a submap."""
+
+_IDLE: Final = 10.0
+"""Seconds for which nothing is asked,"""
+_BUSY: Final = 0.25
+"""and cores that the service may keep busy meanwhile."""
 
 
 def run(*, quick: bool, seed: int) -> Figures:
@@ -63,6 +69,11 @@ def run(*, quick: bool, seed: int) -> Figures:
             began = time.perf_counter()
             client.put("/v1/collections/one-more", json={}).raise_for_status()
             one_more = time.perf_counter() - began
+            spent = _cpu_seconds(server)
+            time.sleep(_IDLE)
+            idle = (_cpu_seconds(server) - spent) / _IDLE
+            if idle > _BUSY:
+                problems.append(f"with nothing to do the service keeps {idle:.2f} cores busy")
             metrics = len(client.get("/metrics").content)
             grown, ready = server.megabytes(), server.ready_seconds
             problems += server.failures()
@@ -79,6 +90,13 @@ def run(*, quick: bool, seed: int) -> Figures:
         "slowest_page_seconds": slowest,
         "first_query_milliseconds": 1e3 * sorted(times)[len(times) // 2],
         "one_more_milliseconds": 1e3 * one_more,
+        "idle_cores": idle,
         "metrics_bytes": metrics,
         "problems": problems[:20],
     }
+
+
+def _cpu_seconds(server: Served) -> float:
+    """Processor time that the server has used."""
+    fields = Path(f"/proc/{server.process.pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
