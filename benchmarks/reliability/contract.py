@@ -5,6 +5,7 @@ are mostly those of what earlier answers told of (Location), so that one operati
 answer is held against the document: its status, its media type, its headers, its schema.
 """
 
+import json
 import re
 import tempfile
 from collections import Counter
@@ -52,7 +53,7 @@ _TIMEOUT: Final = 60.0
 @schemathesis.serializer("application/x-ndjson")
 def _ndjson(context: schemathesis.SerializationContext, value: Any) -> bytes:
     """Text as it is; for what is against the document, JSON."""
-    return value.encode(errors="replace") if isinstance(value, str) else orjson.dumps(value, default=str)
+    return value.encode(errors="replace") if isinstance(value, str) else json.dumps(value, default=str).encode()
 
 
 @dataclass
