@@ -106,7 +106,7 @@ def run(*, quick: bool, seed: int) -> Figures:
 
 def examine(url: str, *, rounds: int, each: int, seed: int) -> Seen:
     """Ask the server at `url` for everything in its document: so many cases of each kind an operation and round."""
-    schema = schemathesis.openapi.from_url(f"{url}/openapi.json")
+    schema = schema_of(url)
     operations = [result.ok() for result in schema.get_all_operations() if isinstance(result, Ok)]
     operations.sort(key=lambda operation: (_id(operation) in _LATE, not _id(operation).startswith("put")))
     templates = [(_pattern(operation.path), operation.path) for operation in operations]
@@ -119,6 +119,13 @@ def examine(url: str, *, rounds: int, each: int, seed: int) -> Seen:
                     if mode is GenerationMode.POSITIVE or _can_be_wrong(operation):
                         _ask(operation, mode, session, seen, templates, each, seed + number)
     return seen
+
+
+def schema_of(url: str) -> Any:
+    """What the server at `url` says of itself, to draw from."""
+    schema = schemathesis.openapi.from_dict(httpx.get(f"{url}/openapi.json").raise_for_status().json())
+    schema.config.update(base_url=url)
+    return schema
 
 
 def _ask(

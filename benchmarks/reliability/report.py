@@ -60,7 +60,7 @@ def _contract(figures: Figures) -> str:
         "## The contract",
         prose(
             f"""{figures["cases"]:,} requests to {len(figures["operations"])} operations, drawn from the OpenAPI
-            document: half as it describes them, half against it, mostly on what earlier requests made. Each answer is
+            document: as it describes them and against it, mostly on what earlier requests made. Each answer is
             held against the document: is its status told of, its media type, its headers, does its body fit the schema;
             and a status of 500 or more must be a 503 or 507 that the operation tells of. Answers: {statuses}.
             {len(figures["failures"])} kinds of answers were not as documented."""

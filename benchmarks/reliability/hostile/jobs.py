@@ -56,17 +56,18 @@ class Interrupted:
     interrupted: int = 0
 
     def start(self, client: httpx.Client, number: int) -> None:
-        """An import, and every third time a reindex beside it."""
+        """An import, and beside it now a reindex, now a search for constraints."""
         client.put(_BASE, json={}).raise_for_status()
         raw = ndjson(self.seed, number, self.lines)
         headers = {"Content-Type": "application/x-ndjson"}
         accepted = client.post(f"{_BASE}/imports", content=raw, headers=headers)
         accepted.raise_for_status()
         self.under_way.append(("import", accepted.headers["Location"], number))
-        if number % 3 == 2:
-            other = client.post("/v1/collections/plots/reindex")
-            other.raise_for_status()
-            self.under_way.append(("reindex", other.headers["Location"], number))
+        for kind, turn, members in (("reindex", 2, None), ("constraints", 0, {"exclude": {"same_session": False}})):
+            if number % 3 == turn and number:
+                other = client.post(f"/v1/collections/plots/{kind}", json=members)
+                other.raise_for_status()
+                self.under_way.append((kind, other.headers["Location"], number))
 
     def note(self, client: httpx.Client) -> None:
         """Count those that have not ended, right before the server is."""
@@ -80,6 +81,8 @@ class Interrupted:
             self.ended[f"{kind} {job.get('state')}"] = self.ended.get(f"{kind} {job.get('state')}", 0) + 1
             if job.get("state") != "successful":
                 wrong.append(f"{kind} {path} is {job.get('state')}: {job.get('problem')}")
+            elif kind == "constraints" and client.get(f"{path}/results").status_code != 200:
+                wrong.append(f"{path} has no results")
             elif kind == "import":
                 wrong += [f"{path}: {what}" for what in self._imported(client, path, number)]
         return wrong
