@@ -15,11 +15,11 @@ UV_COMPILE = $(UV) pip compile --quiet --universal --python-version 3.11 --gener
 	--no-emit-index-url --no-emit-find-links --custom-compile-command "make lock"
 
 .DEFAULT_GOAL := help
-.PHONY: help demo serve test lint bench bench-paper bench-robust bench-scale lock clean
+.PHONY: help demo serve test lint bench bench-paper bench-robust bench-scale bench-reliability lock clean
 .DELETE_ON_ERROR:
 
 help: ## print every verb
-	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{ printf "  make %-12s %s\n", $$1, $$2 }'
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{ printf "  make %-18s %s\n", $$1, $$2 }'
 
 demo: $(VENV)/runtime.stamp ## recognise places in two real forests over HTTP and print how well it went
 	@$(BIN)/urquhart demo $(ARGS)
@@ -46,6 +46,9 @@ bench-robust: $(VENV)/dev.stamp ## how the default method holds: noise, plantati
 
 bench-scale: $(VENV)/dev.stamp ## how the database grows to 100k submaps; ARGS="--max-n 1000000" for a million
 	@$(BIN)/python -m benchmarks.scale $(ARGS)
+
+bench-reliability: $(VENV)/dev.stamp ## is the contract kept, under load and on bad days: docs/reliability.md
+	@$(BIN)/python -m benchmarks.reliability $(ARGS)
 
 lock: ## resolve the lock files anew (needs uv)
 	@$(UV_COMPILE) pyproject.toml --output-file requirements.lock

@@ -19,6 +19,7 @@ from server.derive import config_of
 from server.errors import DomainError, InvalidField, MalformedBody, TooLarge
 from server.prepare import Prepared
 from server.registry import get_collection
+from server.schemas.common import check_breadth
 from server.schemas.pointers import field_problems
 from server.schemas.submaps import NamedSubmap
 from server.settings import Limits
@@ -147,6 +148,7 @@ def read_line(line: bytes) -> NamedSubmap:
     """The submap of one line of NDJSON. Raises MalformedBody and InvalidField."""
     try:
         members = orjson.loads(line)
+        check_breadth(members, len(line))
     except orjson.JSONDecodeError as error:
         raise MalformedBody(f"The line is not JSON: {error.msg.split(': line')[0]} (column {error.colno}).") from error
     try:

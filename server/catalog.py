@@ -90,9 +90,11 @@ class Catalog:
                 self._look_into(collection_id, obstacle, missed)
 
     def warm_up(self) -> Iterator[tuple[str, int, int]]:
-        """Open or catch up every collection's index; yields its id, how many are done and how many there are."""
+        """Open or catch up the index of every collection in which something was stored; yields its id, how many are
+        done and how many there are. An empty one is opened as fast by the first who asks.
+        """
         with self._database.read() as session:
-            ids = Collections(session).ids()
+            ids = [collection_id for _, collection_id, revision in Collections(session).revisions() if revision]
         for done, collection_id in enumerate(ids, start=1):
             try:
                 with self.view(collection_id):

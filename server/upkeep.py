@@ -19,7 +19,7 @@ from server.live_index import LiveIndex, Unusable
 from server.metrics import Metrics
 from server.store.collections import Collections
 from server.store.database import Database
-from server.store.segments import Listed, Segments
+from server.store.segments import Listed, all_chains
 from server.threads import pin_threads
 from urquhart.segment_file import SegmentDamaged
 
@@ -70,18 +70,21 @@ class Upkeep:
         """
         with self._database.read() as session:
             revisions = Collections(session).revisions()
-            chains = {key: Segments(session, key).chain() for key, _, _ in revisions}
+            chains = all_chains(session)
         for key, collection_id, revision in revisions:
-            seen = (revision, chains[key])
+            seen = (revision, chains.get(key, ()))
+            if seen == (0, ()):  # nothing was ever stored in it
+                self._settled[key] = seen
             if self._settled.get(key) != seen:
                 self._settled.pop(key, None)
                 if self._try(f"collection {collection_id}", partial(self._tend, collection_id)):
                     self._settled[key] = seen
-        self._settled = {key: seen for key, seen in self._settled.items() if key in chains}
+        there = {key for key, _, _ in revisions}
+        self._settled = {key: seen for key, seen in self._settled.items() if key in there}
         if time.monotonic() - self._swept >= _SWEEP:
             self._swept = time.monotonic()
             self._try("left-over segments", self._sweep)
-        return len(self._settled) == len(chains)
+        return len(self._settled) == len(there)
 
     def settle(self, collection_id: str, *, least: int = 1, progress: Progress | None = None) -> int:
         """Write what no segment holds, `least` submaps or more, and merge what is to be merged; how many were written.

@@ -31,6 +31,7 @@ VERBS = {
     "bench-paper",
     "bench-robust",
     "bench-scale",
+    "bench-reliability",
     "lock",
     "clean",
 }

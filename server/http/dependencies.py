@@ -13,7 +13,7 @@ from pydantic import BaseModel, BeforeValidator
 
 from server.access import Caller
 from server.catalog import Catalog
-from server.errors import MalformedBody, UnsupportedMediaType
+from server.errors import DomainError, InvalidField, MalformedBody, UnsupportedMediaType
 from server.exchange import Exchange
 from server.http.authorization import GuardedRoute, get_caller, get_visitor
 from server.http.gate import Gate
@@ -25,7 +25,7 @@ from server.jobs.runner import Runner
 from server.metrics import Metrics
 from server.preconditions import Preconditions
 from server.rates import Rates
-from server.schemas.common import PROBLEM_EXAMPLE, Problem, ResourceId, check_digits, to_json
+from server.schemas.common import PROBLEM_EXAMPLE, Problem, ResourceId, check_breadth, check_digits, to_json
 from server.settings import Settings
 from server.snapshot_folder import SnapshotFolder
 from server.store.database import Database
@@ -126,13 +126,21 @@ class _JsonRequest(Request):
     async def json(self) -> Any:
         body = await self.body()
         try:
-            return orjson.loads(body)
+            content = orjson.loads(body)
+            check_breadth(content, len(body))
         except orjson.JSONDecodeError as error:
-            raise _Malformed(_malformed_detail(error, body)) from error
+            raise _Refused(MalformedBody(_malformed_detail(error, body))) from error
+        except InvalidField as error:
+            raise _Refused(error) from error
+        return content
 
 
-class _Malformed(Exception):
-    """Carries the sentence past the framework, which turns other errors of the body into its own."""
+class _Refused(Exception):
+    """Carries an error past the framework, which turns other errors of the body into its own."""
+
+    def __init__(self, error: DomainError) -> None:
+        super().__init__(str(error))
+        self.error = error
 
 
 class JsonRoute(GuardedRoute):
@@ -153,8 +161,8 @@ class JsonRoute(GuardedRoute):
             try:
                 return await handle(request)
             except Exception as error:
-                if isinstance(error.__cause__, _Malformed):
-                    raise MalformedBody(str(error.__cause__)) from error.__cause__
+                if isinstance(error.__cause__, _Refused):
+                    raise error.__cause__.error from error.__cause__
                 raise
 
         return handle_json

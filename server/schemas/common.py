@@ -16,8 +16,12 @@ from pydantic import (
     PlainSerializer,
 )
 
+from server.errors import InvalidField
+
 _RFC3339 = re.compile(r"\d{4}-\d{2}-\d{2}[Tt ]\d{2}:\d{2}:\d{2}(\.\d+)?([Zz]|[+-]\d{2}:\d{2})")
 _DEPTH = 32
+_MEMBERS = 5_000
+_FEW_BYTES = 1 << 16
 _ID_MARKS = frozenset("._~-")
 _ID_RULE = "1 to 128 letters, digits, '.', '_', '~' or '-'; not '.' or '..'"
 
@@ -54,6 +58,30 @@ def _check_depth(value: dict[str, Any]) -> dict[str, Any]:
         if not level:
             return value
     raise ValueError(f"must not be nested more than {_DEPTH} deep")
+
+
+def check_breadth(content: Any, size: int) -> None:
+    """Refuse JSON of `size` bytes in which an object has very many members, before each is told of by itself.
+
+    No request has so many, and hundreds of thousands of errors take seconds, in which nobody else is answered. What
+    `properties` holds is the caller's own, and has its own limit. Raises InvalidField.
+    """
+    level: list[Any] = [content] if size > _FEW_BYTES else []
+    while level:
+        wide = next((outer for outer in level if isinstance(outer, dict) and len(outer) > _MEMBERS), None)
+        if wide is not None:
+            raise InvalidField(
+                f"an object has {len(wide)} members, and none of a request has more than {_MEMBERS}",
+                code="too_many_members",
+                pointer="",
+            )
+        inner: list[Any] = []
+        for outer in level:
+            if isinstance(outer, dict):
+                inner += [v for k, v in outer.items() if isinstance(v, dict | list) and k != "properties"]
+            elif isinstance(outer, list):  # points are lists of numbers: there is nothing to be found in them
+                inner += [value for value in outer if isinstance(value, dict)]
+        level = inner
 
 
 def _check_stamp(value: object) -> object:

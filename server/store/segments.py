@@ -28,6 +28,16 @@ class Listed:
     size: int
 
 
+def all_chains(session: Session) -> dict[int, tuple[Listed, ...]]:
+    """The segments of every collection that has any, by its key, as `Segments.chain`, with one look at the table."""
+    columns = (SegmentRow.name, SegmentRow.since, SegmentRow.revision, SegmentRow.submaps, SegmentRow.size)
+    query = select(SegmentRow.collection_key, *columns).order_by(SegmentRow.since, SegmentRow.key)
+    chains: dict[int, tuple[Listed, ...]] = {}
+    for key, name, since, revision, submaps, size in session.execute(query):
+        chains[key] = (*chains.get(key, ()), Listed(name, since, revision, submaps, size))
+    return chains
+
+
 class Segments:
     """Repository of one collection's segments; the session is the caller's, and so is the commit."""
 

@@ -5,8 +5,11 @@ from collections.abc import Iterator
 from typing import Any
 
 import httpx
+import orjson
 import pytest
 
+from server.batches import read_line
+from server.errors import InvalidField
 from tests.server.world import forest, points, put_submap
 
 PLOTS = "/v1/collections/plots"
@@ -181,6 +184,27 @@ def test_many_wrong_things_make_a_short_problem(client: httpx.Client) -> None:
     assert 1 < len(found["errors"]) <= 20
     strings = json.dumps({"xy": [["a", "b"]] * 200_000})
     assert len(problem(client.put(SUBMAP, content=strings, headers=JSON), 422)["errors"]) <= 2
+
+
+MANY = {f"k{i}": 1 for i in range(20_000)}
+
+
+@pytest.mark.parametrize("body", [MANY, {"xy": GOOD, "map_pose": MANY}, {"landmarks": [{"x": 1, "y": 2}, MANY]}])
+def test_objects_of_very_many_members_are_told_of_once(client: httpx.Client, body: dict[str, Any]) -> None:
+    told = problem(client.put(SUBMAP, json=body), 422)
+    assert [(entry["pointer"], entry["code"]) for entry in told["errors"]] == [("", "too_many_members")]
+    line = orjson.dumps({"id": "bad", **body})
+    with pytest.raises(InvalidField, match=r"2000\d members"):
+        read_line(line)
+    nothing_stored(client)
+
+
+def test_large_bodies_are_not_taken_for_wide_ones(client: httpx.Client) -> None:
+    trees = [{"x": x, "y": y, "dbh": 0.3} for x, y in points(forest(1, count=300, radius=90.0))]
+    properties = {f"k{i}": "value" for i in range(900)}
+    body = {"landmarks": [tree | {"species": "x" * 128} for tree in trees], "properties": properties}
+    assert len(json.dumps(body)) > 1 << 16
+    assert client.put(SUBMAP, json=body).status_code == 201
 
 
 @pytest.mark.parametrize(

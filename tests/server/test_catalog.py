@@ -288,11 +288,16 @@ def test_a_database_that_was_put_back_and_written_to(pair: tuple[Process, Proces
     assert (two.found(2), two.found(3)) == (None, "c")
 
 
-def test_warm_up_builds_every_index(pair: tuple[Process, Process]) -> None:
+def test_warm_up_builds_every_index_but_empty_ones(pair: tuple[Process, Process]) -> None:
     one, two = pair
     one.put("a", 1)
+    registry.ensure(one.database, "never", CollectionPut())
     registry.ensure(one.database, "other", CollectionPut())
+    ingest.put(one.database, "other", "b", SubmapInput(xy=points(forest(2))), Limits())
     assert list(two.catalog.warm_up()) == [("plots", 1, 2), ("other", 2, 2)]
+    assert two.catalog.live("never") is None
+    with two.catalog.view("never") as view:
+        assert view.recognizer.recognize(forest(1)).verdict == "no_match"
 
 
 def test_ingest_many(database: Database) -> None:

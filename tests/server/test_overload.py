@@ -300,7 +300,10 @@ def test_half_a_head_after_a_whole_request_is_not_waited_for(start: Start) -> No
     with server.connect() as slow:
         for _ in range(3):
             slow.sendall(b"GET /livez HTTP/1.1\r\nHost: x\r\n\r\n")
-            assert slow.recv(65536).startswith(b"HTTP/1.1 200 ")
+            said = b""
+            while not said.endswith(b"}"):  # head and body may come one after the other
+                said += slow.recv(65536)
+            assert said.startswith(b"HTTP/1.1 200 ")
         slow.sendall(b"GET /livez HT")
         assert read_all(slow).startswith(b"HTTP/1.1 408 ")
 

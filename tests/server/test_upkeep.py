@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 from fastapi import FastAPI
+from sqlalchemy import event
 
 from server import flushing, registry, upkeep
 from server.app import create_app
@@ -22,6 +23,7 @@ from server.http.dependencies import Service
 from server.schemas.collections import CollectionPut
 from server.settings import IndexSettings, Settings
 from server.store.database import Database
+from server.store.segments import all_chains
 from tests.server.index_world import Process
 from tests.server.world import TestClient, forest, points, put_submap
 from urquhart.segment import merge_segments
@@ -48,6 +50,28 @@ def wait_for(condition: Callable[[], bool]) -> None:
     while not condition():
         assert time.monotonic() < deadline
         time.sleep(0.02)
+
+
+def test_a_look_at_many_collections_is_one_look(process: Process) -> None:
+    process.put_many(range(5))
+    for number in range(40):
+        registry.ensure(process.database, f"empty{number}", CollectionPut())
+    process.upkeep.run()
+    assert process.upkeep.run()
+    statements: list[str] = []
+
+    def note(_connection: object, _cursor: object, statement: str, *_: object) -> None:
+        statements.append(statement)
+
+    event.listen(process.database.engine, "before_cursor_execute", note)
+    try:
+        assert process.upkeep.run()
+    finally:
+        event.remove(process.database.engine, "before_cursor_execute", note)
+    assert 0 < len(statements) < 10
+    assert process.catalog.live("empty7") is None
+    with process.database.read() as session:
+        assert list(all_chains(session).values()) == [process.chain()]
 
 
 def test_what_is_in_memory_is_written_when_it_is_much(process: Process) -> None:
