@@ -10,19 +10,7 @@ Parts = Mapping[str, Any]
 ASKED_OF: Final = (100_000, 1_000_000)
 """Sizes that something is asked of."""
 
-_NEGATIVE: Final = "query p95, not in the database, 20 cm, 90 %"
-CAUSES: Final[dict[tuple[str, int], str]] = {
-    (
-        _NEGATIVE,
-        100_000,
-    ): "measured while other programs kept 1.3 of the 2 cores busy; the same kind of query at 40 cm and "
-    "80 % was asked on an idle machine, and took 54 ms at p95.",
-    (
-        _NEGATIVE,
-        1_000_000,
-    ): "measured while other programs kept 1.2 of the 2 cores busy, and not yet again; three quarters "
-    "of the time is the search with lengths that may be off by 0.75 m, which waits for memory.",
-}
+CAUSES: Final[dict[tuple[str, int], str]] = {}
 """Why a requirement is missed at a size, for the page, by its name and the number of submaps."""
 
 
