@@ -9,6 +9,7 @@ from sqlalchemy.orm import Session
 
 from server.constraints import agree, chosen_submaps, from_candidates, question, write_out
 from server.errors import NotFound
+from server.jobs.folder import cut
 from server.jobs.runner import Assignment, Tools
 from server.lookup import look_up
 from server.schemas.constraints import ConstraintsInput
@@ -22,6 +23,8 @@ _PAGE: Final = 50
 
 def run_constraints(assignment: Assignment, tools: Tools) -> None:
     """Look submaps up one by one; at the end keep one constraint for each pair. Raises NotFound, StorageError ..."""
+    if "written" in assignment.progress:
+        return  # only the end could not be noted
     body = ConstraintsInput.model_validate(assignment.parameters)
     found_file, results_file = tools.folder.found(assignment.id), tools.folder.results(assignment.id)
     if assignment.total is None:
@@ -29,24 +32,26 @@ def run_constraints(assignment: Assignment, tools: Tools) -> None:
             assignment.total = len(_matching(assignment, session, body))
     with storage_errors(tools.folder.path):
         with found_file.open("a+b") as found:
-            found.truncate(assignment.progress.get("found", 0))
+            tools.folder.sync()
+            cut(found, assignment.progress.get("found", 0))
             for rows in _pages(assignment, tools, body):
                 for row in rows:
                     constraints = _look_up(assignment, tools, row, body)
                     found.writelines(orjson.dumps(one) + b"\n" for one in constraints)
                 found.flush()
+                os.fsync(found.fileno())
                 assignment.done += len(rows)
                 assignment.report(after=rows[-1].key, found=found.tell())
             found.seek(0)
             kept, contradictions = agree(orjson.loads(line) for line in found)
         with results_file.open("wb") as results:
+            tools.folder.sync()
             results.write(write_out(kept, "ndjson", {}))
             results.flush()
             os.fsync(results.fileno())
             size = results.tell()
         assignment.counts = {"constraints": len(kept), "inconsistent": contradictions}
         assignment.report(written=size)
-        found_file.unlink(missing_ok=True)
 
 
 def _pages(assignment: Assignment, tools: Tools, body: ConstraintsInput) -> Iterator[list[SubmapRow]]:

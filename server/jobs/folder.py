@@ -6,8 +6,9 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO, Any, Final
+from typing import IO, Any, BinaryIO, Final
 
+from server.errors import StorageUnavailable
 from server.store.database import Database
 
 ARRIVING: Final = ".part"
@@ -61,6 +62,11 @@ class JobFolder:
         finally:
             os.close(descriptor)
 
+    def clear(self, job_id: str) -> None:
+        """Remove what a job needs only until its end. Raises OSError."""
+        for path in (self.input(job_id), self.found(job_id)):
+            path.unlink(missing_ok=True)
+
     def remove(self, job_id: str) -> None:
         """Remove the files of a job. Raises OSError."""
         for path in (self.arriving(job_id), self.input(job_id), self.results(job_id), self.found(job_id)):
@@ -109,6 +115,14 @@ def _is_at(path: Path, file: IO[Any]) -> bool:
         return os.path.samestat(path.stat(), os.fstat(file.fileno()))
     except FileNotFoundError:
         return False
+
+
+def cut(file: BinaryIO, written: int) -> None:
+    """Drop what was written and never committed. Raises StorageUnavailable where more is gone than that."""
+    if file.seek(0, os.SEEK_END) < written:
+        raise StorageUnavailable("What this job had written is gone from the folder of jobs; what it stored is stored.")
+    file.truncate(written)
+    file.seek(written)
 
 
 def try_lock(file: IO[Any]) -> bool:

@@ -18,6 +18,7 @@ from sqlalchemy.orm import Session
 from server import batches, bulk
 from server.bulk import BatchResult, Line
 from server.errors import LinesRefused, StorageUnavailable, TooLarge
+from server.jobs.folder import cut
 from server.jobs.runner import Assignment, Tools
 from server.kinds import document
 from server.store.database import storage_errors
@@ -32,20 +33,12 @@ def run_import(assignment: Assignment, tools: Tools) -> None:
         assignment.collection(session)
     with storage_errors(tools.folder.path), tools.folder.results(assignment.id).open("a+b") as results:
         tools.folder.sync()  # the name of the file, without which its content is not there after a power cut
-        _cut(results, assignment.progress.get("written", 0))
+        cut(results, assignment.progress.get("written", 0))
         source = _Source(tools.folder.input(assignment.id), assignment, tools.settings.limits.body_bytes)
         if assignment.parameters["mode"] == "all":
             _all_or_nothing(assignment, tools, source, results)
         else:
             _one_by_one(assignment, tools, source, results)
-
-
-def _cut(results: BinaryIO, written: int) -> None:
-    """Drop what was written and never committed. Raises StorageUnavailable where more is gone than that."""
-    if results.seek(0, os.SEEK_END) < written:
-        raise StorageUnavailable("Results of this job are gone from the folder of jobs; what it stored is stored.")
-    results.truncate(written)
-    results.seek(written)
 
 
 class _Source:
@@ -117,7 +110,7 @@ def _all_or_nothing(assignment: Assignment, tools: Tools, source: _Source, resul
     # What was refused may have been told of already, and only the job's end not.
     assignment.done, assignment.counts = 0, {}
     assignment.report(written=0)
-    _cut(results, 0)
+    cut(results, 0)
     _check_size(assignment, tools)
     found, refused = list[batches.Described](), list[Line]()
     with batches.describers(tools.settings.jobs.processes) as workers:

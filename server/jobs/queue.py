@@ -135,7 +135,7 @@ def dismiss(database: Database, folder: JobFolder, caller: Caller, job_id: str) 
         if answer is None:
             folder.remove(job_id)
         elif answer.finished is not None:
-            folder.input(job_id).unlink(missing_ok=True)
+            folder.clear(job_id)
     return answer
 
 

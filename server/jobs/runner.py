@@ -180,8 +180,8 @@ class Runner:
     def _unwanted(self, paths: Sequence[Path]) -> list[Path]:
         since = datetime.now(UTC) - timedelta(days=self._tools.settings.jobs.keep_days)
         with self._tools.database.read() as session:
-            with_input, with_results = Jobs(session).with_input(), Jobs(session).with_results(since)
-        wanted = {INPUT: with_input, RESULTS: with_results, FOUND: with_results, ARRIVING: set[str]()}
+            unfinished, with_results = Jobs(session).unfinished_ids(), Jobs(session).with_results(since)
+        wanted = {INPUT: unfinished, FOUND: unfinished, RESULTS: with_results, ARRIVING: set[str]()}
         return [path for path in paths if path.suffix in wanted and path.stem not in wanted[path.suffix]]
 
     def _take(self, collection_key: int) -> bool:
@@ -238,7 +238,7 @@ class Runner:
                 Jobs(session).change(job_id, state=state, problem=problem, finished=datetime.now(UTC))
 
         def make_room() -> None:
-            self._tools.folder.input(job_id).unlink(missing_ok=True)
+            self._tools.folder.clear(job_id)
 
         # Until it is noted somebody may go on with the job. He finds that nothing is left to do, or fails for want of
         # the input, which is as good; but on a full disk it may be the input that leaves no room for the note.

@@ -128,7 +128,7 @@ class Jobs:
         query = select(JobRow.id).where(or_(JobRow.finished.is_(None), JobRow.finished >= since))
         return set(self._session.scalars(query))
 
-    def with_input(self) -> set[str]:
+    def unfinished_ids(self) -> set[str]:
         """Ids of the jobs that are unfinished."""
         return set(self._session.scalars(select(JobRow.id).where(JobRow.state.in_(UNFINISHED))))
 

@@ -9,6 +9,9 @@ import orjson
 import pytest
 
 from server.constraints import agree, write_out
+from server.jobs import runner
+from server.jobs.folder import JobFolder
+from server.jobs.runner import Assignment
 from tests.server.test_jobs import finished
 from tests.server.world import forest, observed, points
 from urquhart import SE2
@@ -111,6 +114,37 @@ def test_every_format_tells_the_same(client: httpx.Client, truth: dict[str, SE2]
         a, b, c, d, e, f = map(float, edge[6:])
         assert np.all(np.linalg.eigvalsh(np.array([[a, b, c], [b, d, e], [c, e, f]])) > 0)
     assert client.get(url, params={"format": "kml"}).status_code == 422
+
+
+def test_a_search_that_is_stopped_at_any_point_finds_the_same(
+    client: httpx.Client, truth: dict[str, SE2], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where more was written than was noted, or the end was noted and nothing after it."""
+    assert truth
+    expected = found(client, {})
+    monkeypatch.setattr("server.jobs.constraints._PAGE", 2)
+    monkeypatch.setattr(runner, "_LOOK", 0.01)
+    real, runs = Assignment.report, 0
+    folder: JobFolder = client.app.state.service.jobs.folder  # type: ignore[attr-defined]
+    while True:
+        runs, left = runs + 1, runs + 1
+
+        def report(self: Assignment, session: Any = None, runs: int = runs, **progress: Any) -> None:
+            nonlocal left
+            left -= 1
+            if left == 0 and runs % 2:
+                raise runner.Interrupted
+            real(self, session, **progress)
+            if left == 0:
+                with folder.found(self.id).open("ab") as file:
+                    file.write(b'{"from": "a1", "to')
+                raise runner.Interrupted
+
+        monkeypatch.setattr(Assignment, "report", report)
+        assert found(client, {}) == expected
+        if left > 0:
+            break
+    assert runs > 4
 
 
 def test_only_constraints_come_in_formats(client: httpx.Client) -> None:

@@ -308,6 +308,18 @@ def test_a_full_disk_takes_nothing_on(
         full()
 
 
+def test_a_service_that_only_reads_takes_nothing_on(settings: Settings) -> None:
+    with TestClient(create_app(settings)) as client:
+        client.put("/v1/collections/plots", json={}).raise_for_status()
+        made = finished(client, upload(client, [line("a", 1)]))
+    reading = settings.model_copy(update={"database": f"sqlite:///{settings.database_path}?mode=ro"})
+    with TestClient(create_app(reading)) as client:
+        for response in (upload(client, [line("b", 2)]), client.post("/v1/collections/plots/reindex")):
+            assert (response.status_code, response.json()["type"]) == (503, "/problems/storage-read-only")
+        assert outcomes(client, made) == [(1, "a", "created")]
+        assert left(client, settings) == [f"{made['id']}.results"]
+
+
 # --------------------------------------------------------- the life of a job
 
 
