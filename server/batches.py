@@ -154,7 +154,10 @@ def read_line(line: bytes) -> NamedSubmap:
     try:
         return NamedSubmap.model_validate(members)
     except ValidationError as error:
-        raise _invalid(error) from error
+        invalid = _invalid(error)
+    # Not from within: a refusal that is kept would keep the other error, and through what that one knows of its own
+    # frames itself, in a circle that no collection of garbage sees.
+    raise invalid
 
 
 def _invalid(error: ValidationError) -> InvalidField:

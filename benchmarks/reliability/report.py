@@ -7,6 +7,9 @@ from benchmarks.experiments import Figures, provenance
 from benchmarks.markdown import bullets, number, page, prose, table
 from benchmarks.reliability.trials import trials_section
 
+GROWTH: Final = 20.0
+"""MB by which a reader may grow over half a million inputs."""
+
 
 def write_report(results: Mapping[str, Figures]) -> str:
     """The page, from the figures of the parts that were run, by name."""
@@ -22,6 +25,11 @@ def faults(results: Mapping[str, Figures]) -> list[str]:
         found += [f"contract, the log: {line}" for line in contract["logged"]]
     if readers := results.get("readers"):
         found += [f"readers, {name}: {one['what']}" for name, r in readers["readers"].items() for one in r["findings"]]
+        found += [
+            f"readers, {name}: {r['growth_megabytes']:.0f} MB are not given back"
+            for name, r in readers["readers"].items()
+            if r["growth_megabytes"] > GROWTH
+        ]
     if load := results.get("load"):
         for phase in ("normal", "overload"):
             found += [f"load, {phase}: {count} x {what}" for what, count in load[phase]["errors"].items()]

@@ -92,6 +92,15 @@ def _check_stamp(value: object) -> object:
     return value
 
 
+def _check_moment(value: datetime) -> datetime:
+    """Refuse what is a moment in its own time zone, and none in UTC, where years end with 9999."""
+    try:
+        value.astimezone(UTC)
+    except OverflowError as error:
+        raise ValueError("must lie in the years 1 to 9999 in UTC, too") from error
+    return value
+
+
 def check_digits(value: object) -> object:
     """Refuse what Python would read as a whole number and a caller hardly means as one: `1_0`, `+1`, `1.0`."""
     if isinstance(value, str) and not (value.isascii() and value.removeprefix("-").isdigit()):
@@ -110,7 +119,10 @@ Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 # Beyond any place on Earth in any projection, and far from where sums and squares overflow.
 Metres = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-1e8, le=1e8)]
 Stamp = Annotated[
-    AwareDatetime, BeforeValidator(_check_stamp), PlainSerializer(write_stamp, return_type=str, when_used="json")
+    AwareDatetime,
+    BeforeValidator(_check_stamp),
+    AfterValidator(_check_moment),
+    PlainSerializer(write_stamp, return_type=str, when_used="json"),
 ]
 Point = tuple[Number, Number]
 Points = Annotated[list[Point], Field(fail_fast=True)]

@@ -17,7 +17,7 @@ from benchmarks.reliability.hostile import TRIALS, clock, names, slow
 from benchmarks.reliability.hostile.jobs import ndjson
 from benchmarks.reliability.mutation import changed, damaged
 from benchmarks.reliability.reading import READERS, Reader
-from benchmarks.reliability.report import SECTIONS, faults, write_report
+from benchmarks.reliability.report import GROWTH, SECTIONS, faults, write_report
 from benchmarks.reliability.served import served
 from benchmarks.reliability.traffic import Told
 from benchmarks.reliability.trees import body, forest
@@ -126,6 +126,7 @@ def test_the_published_figures_hold_what_is_claimed() -> None:
     assert figures["contract"]["failures"] == []
     assert figures["readers"]["inputs"] >= 1_000_000
     assert all(one["findings"] == [] for one in figures["readers"]["readers"].values())
+    assert all(one["growth_megabytes"] < GROWTH for one in figures["readers"]["readers"].values())
     load = figures["load"]
     assert load["submaps"] == 10_000
     assert load["normal"]["seconds"] >= 300.0
@@ -141,9 +142,18 @@ def test_what_falls_short_is_said() -> None:
     figures["load"] |= {"normal": told.figures(), "lost": ["w1: 404, other trees"], "recovery_seconds": None}
     figures["contract"] |= {"failures": [{"where": "getSubmap: 500", "what": "a request"}]}
     figures["readers"]["readers"]["lines"]["findings"] = [{"what": "KeyError in read", "input": "x"}]
+    figures["readers"]["readers"]["bodies"]["growth_megabytes"] = 264.0
     figures["hostile"]["trials"]["kills"]["problems"] = ["round 1: s5 was acknowledged and is gone"]
     found = faults(figures)
-    for part in ("getSubmap: 500", "KeyError in read", "4 x query: 500", "2 wrong matches", "w1: 404", "s5 was"):
+    for part in (
+        "getSubmap: 500",
+        "KeyError in read",
+        "bodies: 264 MB",
+        "4 x query: 500",
+        "2 wrong matches",
+        "w1: 404",
+        "s5 was",
+    ):
         assert any(part in line for line in found), part
         assert part in " ".join(write_report(figures).split())
     assert "Not run yet: contract, readers, load, hostile." in write_report({})

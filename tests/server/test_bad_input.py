@@ -1,5 +1,6 @@
 """Whatever is sent: a clear problem that says what to do, nothing stored, no traceback, never 500."""
 
+import gc
 import json
 from collections.abc import Iterator
 from typing import Any
@@ -7,6 +8,7 @@ from typing import Any
 import httpx
 import orjson
 import pytest
+from pydantic import ValidationError
 
 from server.batches import read_line
 from server.errors import InvalidField
@@ -94,6 +96,8 @@ def test_what_is_not_json(client: httpx.Client, body: bytes) -> None:
         ({"landmarks": [{"id": "a", "x": 1, "y": 2}, {"id": "a", "x": 3, "y": 4}]}, "", "duplicate_id"),
         ({"xy": GOOD, "stamp": "2026-05-04T09:30:00"}, "/stamp", "value_error"),
         ({"xy": GOOD, "stamp": 1_770_000_000}, "/stamp", "value_error"),
+        ({"xy": GOOD, "stamp": "9999-12-31T23:59:59-23:59"}, "/stamp", "value_error"),
+        ({"xy": GOOD, "stamp": "0001-01-01T00:00:00+00:01"}, "/stamp", "value_error"),
         ({"xy": GOOD, "stamp": "2026-13-04T09:30:00Z"}, "/stamp", "datetime_from_date_parsing"),
         ({"xy": GOOD, "map_pose": {"x": 0, "y": 0}}, "/map_pose/yaw", "missing"),
         ({"xy": GOOD, "map_pose": {"x": 1e300, "y": 0, "yaw": 0}}, "/map_pose/x", "less_than_equal"),
@@ -197,6 +201,21 @@ def test_objects_of_very_many_members_are_told_of_once(client: httpx.Client, bod
     with pytest.raises(InvalidField, match=r"2000\d members"):
         read_line(line)
     nothing_stored(client)
+
+
+def test_the_first_and_the_last_moment_are_answered_as_they_were_sent(client: httpx.Client) -> None:
+    stamps = ["0001-01-01T00:00:00Z", "9999-12-31T23:59:59.999999Z"]
+    for number, stamp in enumerate(stamps):
+        put_submap(client, "plots", f"p{number}", number, stamp=stamp).raise_for_status()
+    assert [one["stamp"] for one in client.get(f"{PLOTS}/submaps").json()["submaps"]] == stamps
+
+
+def test_bodies_that_are_refused_leave_nothing_in_memory(client: httpx.Client) -> None:
+    for _ in range(20):
+        problem(client.put(SUBMAP, json={"xy": GOOD, "session": "a\nb"}), 422)
+        problem(client.put(SUBMAP, json={"xy": 5}), 422)
+    gc.collect()
+    assert sum(isinstance(one, ValidationError) for one in gc.get_objects()) == 0
 
 
 def test_large_bodies_are_not_taken_for_wide_ones(client: httpx.Client) -> None:

@@ -1,5 +1,6 @@
 """Bulk ingest: the same whatever process describes, durable batch by batch, refusals that say where."""
 
+import gc
 import os
 import signal
 import subprocess
@@ -11,6 +12,7 @@ from typing import Any
 
 import orjson
 import pytest
+from pydantic import ValidationError
 from sqlalchemy import select
 from sqlalchemy.orm import undefer
 
@@ -261,3 +263,14 @@ def test_kill_loses_nothing_that_was_told_and_leaves_no_process(plots: Database,
     assert stored == {f"s{i}" for i in range(len(stored))}
     assert told[-1] <= len(stored) <= told[-1] + 20
     assert list(findings(plots)) == []
+
+
+def test_lines_that_are_refused_leave_nothing_in_memory(database: Database) -> None:
+    registry.ensure(database, "plots", CollectionPut())
+    # Of each kind: what no field allows, what a check of ours refuses, what is no JSON, what is no forest.
+    kinds = [b'{"id": "a", "xy": 5}', b'{"id": "a b", "xy": []}', b'{"id": 1', b'{"id": "a", "xy": [[1, 2]]}']
+    results = list(ingest_lines(database, "plots", kinds * 50, workers=describers(1)))
+    assert sum(len(result.refused) for result in results) == 200
+    del results
+    gc.collect()
+    assert sum(isinstance(one, ValidationError) for one in gc.get_objects()) == 0
