@@ -279,7 +279,7 @@ def full_sync(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def little_room(monkeypatch: pytest.MonkeyPatch) -> None:
-    usage = namedtuple("usage", "total used free")  # noqa: PYI024
+    usage = namedtuple("usage", "total used free")
     monkeypatch.setattr(snapshots.shutil, "disk_usage", lambda _: usage(10**9, 10**9 - 10_000, 10_000))
 
 
