@@ -140,7 +140,7 @@ def _check_sum(source: Source, found: str) -> None:
 
 def _no_log_beside(file: Path) -> None:
     log = file.with_name(f"{file.name}-wal")
-    if log.exists() and log.stat().st_size:
+    if _has_content(log):
         raise Conflict(f"{file} is a database in use, or was left in the middle of it ({log.name}); take a snapshot.")
 
 
@@ -179,6 +179,8 @@ def _make_ready(file: Path) -> int:
 
 def _fold(file: Path) -> bool:
     """Bring a log into its database, which only works for who is alone with it; whether SQLite can read it at all."""
+    if not _has_header(file):
+        return False
     try:
         with closing(sqlite3.connect(f"{file.as_uri()}?mode=rw", uri=True, timeout=_PATIENCE)) as connection:
             return bool(connection.execute("PRAGMA journal_mode = DELETE").fetchone()[0] == "delete")
@@ -189,6 +191,18 @@ def _fold(file: Path) -> bool:
         if code in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB):
             return False
         raise StorageUnavailable(f"{file} cannot be written: {error}.") from error
+
+
+def _has_header(file: Path) -> bool:
+    """Whether a file begins like a database that has the log beside it: what has not, SQLite robs of its log."""
+    log = file.with_name(f"{file.name}-wal")
+    with file.open("rb") as opened:
+        header = opened.read(20)
+    return header.startswith(b"SQLite format 3\0") and (header[18:] == b"\2\2" or not _has_content(log))
+
+
+def _has_content(file: Path) -> bool:
+    return file.exists() and file.stat().st_size > 0
 
 
 def _belong(fresh: Path, path: Path) -> None:
