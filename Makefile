@@ -28,7 +28,7 @@ serve: $(VENV)/runtime.stamp ## start the service on 127.0.0.1:8420
 	@$(BIN)/urquhart serve $(ARGS)
 
 test: $(VENV)/dev.stamp ## run every test, with coverage
-	@$(BIN)/python -m pytest --cov --cov-report=term $(ARGS)
+	@$(BIN)/python -m pytest --numprocesses auto --dist loadfile --cov --cov-report=term $(ARGS)
 
 lint: $(VENV)/dev.stamp ## check format, style and types
 	@$(BIN)/ruff format --check .
