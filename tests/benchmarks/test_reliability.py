@@ -125,6 +125,8 @@ def test_the_published_figures_hold_what_is_claimed() -> None:
     assert figures["contract"]["cases"] >= 5_000
     assert figures["contract"]["failures"] == []
     assert figures["readers"]["inputs"] >= 1_000_000
+    assert all(one["findings"] == [] for one in figures["readers"]["readers"].values())
+    assert all(one["growth_megabytes"] < GROWTH for one in figures["readers"]["readers"].values())
     load = figures["load"]
     assert load["submaps"] == 10_000
     assert load["normal"]["seconds"] >= 300.0
