@@ -10,9 +10,9 @@ from server.errors import DomainError, TooLarge
 from server.kinds import VALIDATION, document
 from server.lookup import answer_query
 from server.metrics import Metrics
-from server.registry import read
+from server.registry import get_collection
 from server.schemas.batches import BatchAnswer, BatchInput, BatchProblem
-from server.schemas.pointers import field_problems
+from server.schemas.pointers import body_problems
 from server.schemas.queries import QueryAnswer, QueryInput
 from server.settings import Limits
 from server.store.database import Database
@@ -33,7 +33,8 @@ def answer_batch(
     """
     if len(body.queries) > limits.batch_queries:
         raise TooLarge("batch_queries", limits.batch_queries, len(body.queries), "Send them in parts.")
-    read(database, collection_id)
+    with database.read() as session:
+        get_collection(session, collection_id)
     results: list[QueryAnswer | BatchProblem] = []
     for number, members in enumerate(body.queries):
         try:
@@ -52,11 +53,10 @@ def answer_batch(
 
 
 def _invalid(error: ValidationError, number: int) -> dict[str, Any]:
-    found = field_problems([{**one, "loc": ("body", *one["loc"])} for one in error.errors(include_url=False)])
     return {
         "type": f"/problems/{VALIDATION.slug}",
         "title": VALIDATION.title,
         "status": VALIDATION.status,
         "detail": f"Query {number} of the batch is not valid.",
-        "errors": found,
+        "errors": body_problems(error),
     }

@@ -20,7 +20,7 @@ from server.errors import DomainError, InvalidField, MalformedBody, TooLarge
 from server.prepare import Prepared
 from server.registry import get_collection
 from server.schemas.common import check_breadth
-from server.schemas.pointers import field_problems
+from server.schemas.pointers import body_problems
 from server.schemas.submaps import NamedSubmap
 from server.settings import Limits
 from server.store.database import Database
@@ -161,7 +161,7 @@ def read_line(line: bytes) -> NamedSubmap:
 
 
 def _invalid(error: ValidationError) -> InvalidField:
-    found = field_problems([{**one, "loc": ("body", *one["loc"])} for one in error.errors(include_url=False)])
+    found = body_problems(error)
     more = "" if len(found) == 1 else f" (and {len(found) - 1} more {'is' if len(found) == 2 else 'are'} wrong)"
     return InvalidField(f"{found[0]['detail']}{more}", code=found[0]["code"], pointer=found[0]["pointer"])
 

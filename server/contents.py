@@ -7,7 +7,7 @@ import numpy as np
 from sqlalchemy import select
 from sqlalchemy.orm import Session, undefer
 
-from server.prepare import content_etag, place_from
+from server.prepare import place_from, row_etag
 from server.schemas.common import MapPose, check_id
 from server.store.codec import unpack_positions
 from server.store.database import Database
@@ -43,16 +43,7 @@ def _submap(row: SubmapRow) -> Iterator[str]:
     place = stored_place(row)
     if place is not None:
         yield from _footprint(row, place)
-    etag = content_etag(
-        row.landmarks_hash,
-        row.landmark_ids,
-        row.attributes,
-        frame_id=row.frame_id,
-        session=row.session,
-        stamp=row.stamp,
-        place=place,
-        properties=row.properties,
-    )
+    etag = row_etag(row, place, row.properties)
     if etag != row.etag:
         yield f"the entity tag is {row.etag}, its content's is {etag}"
 

@@ -14,7 +14,7 @@ from server.derive import config_of
 from server.errors import Conflict, NotFound
 from server.idempotency import Kept, Once, keep, recall
 from server.preconditions import ANYTHING, Preconditions
-from server.prepare import Prepared, check_properties, content_etag, place_from, settle
+from server.prepare import Prepared, check_properties, place_from, row_etag, settle
 from server.registry import get_collection
 from server.schemas.submaps import SubmapInput, SubmapPatch
 from server.settings import Limits
@@ -129,16 +129,7 @@ def patch(
         given = body.model_fields_set
         place = place_from(body.map_pose, unpack_positions(row.landmarks)) if "map_pose" in given else stored_place(row)
         properties = body.properties if "properties" in given else row.properties
-        etag = content_etag(
-            row.landmarks_hash,
-            row.landmark_ids,
-            row.attributes,
-            frame_id=row.frame_id,
-            session=row.session,
-            stamp=row.stamp,
-            place=place,
-            properties=properties,
-        )
+        etag = row_etag(row, place, properties)
         if etag != row.etag:
             revision = Collections(session).advance(collection.key)
             submaps.edit(row.key, place=place, properties=properties, etag=etag, revision=revision)

@@ -22,6 +22,7 @@ from server.store.codec import (
     unpack_positions,
 )
 from server.store.submaps import Identity, Place, SubmapRecord
+from server.store.tables import SubmapRow
 from urquhart import SE2, Config, Features, LandmarkError
 
 
@@ -172,3 +173,17 @@ def content_etag(
     pose = place and [place.map_frame_id, place.map_x, place.map_y, place.map_yaw, place.map_covariance]
     rest = orjson.dumps([frame_id, session, stamp, pose, properties], option=orjson.OPT_SORT_KEYS | orjson.OPT_UTC_Z)
     return digest(landmarks_hash.encode(), ids, attributes, rest)
+
+
+def row_etag(row: SubmapRow, place: Place | None, properties: dict[str, Any] | None) -> str:
+    """Entity tag of a stored submap with a pose in the map and properties, its own or others."""
+    return content_etag(
+        row.landmarks_hash,
+        row.landmark_ids,
+        row.attributes,
+        frame_id=row.frame_id,
+        session=row.session,
+        stamp=row.stamp,
+        place=place,
+        properties=properties,
+    )

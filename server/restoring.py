@@ -21,7 +21,7 @@ from server.kinds import document
 from server.registry import get_collection
 from server.schemas.snapshots import Snapshot
 from server.segment_folder import SegmentFolder
-from server.snapshot_folder import SnapshotFolder, is_name, read_manifest, sha256, sync
+from server.snapshot_folder import SnapshotFolder, is_name, read_manifest, sha256
 from server.snapshots import moment_name
 from server.store import schema
 from server.store.collections import Collections
@@ -31,7 +31,7 @@ from server.store.jobs import Jobs
 from server.store.occupancy import alone
 from server.store.renewal import bring_up_to_date
 from server.store.segments import Segments
-from urquhart.segment_file import SegmentDamaged
+from urquhart.segment_file import SegmentDamaged, sync
 
 _BESIDE: Final = ("-wal", "-journal", "-shm")
 """Files that SQLite keeps beside a database, and would apply to any other that comes to its name."""

@@ -4,7 +4,6 @@ What counts is listed in the database. A file that is not listed is left over, a
 trusted is made anew.
 """
 
-import fcntl
 import time
 import uuid
 from collections.abc import Callable, Iterable, Iterator
@@ -12,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Final, Literal
 
+from server.locks import try_lock
 from server.store.database import Database
 from server.store.segments import Listed, all_names
 from urquhart import Config
@@ -81,7 +81,7 @@ class SegmentFolder:
         self.path.mkdir(exist_ok=True)
         # Held by the open file: it is free again when the process ends, however that comes.
         with (self.path / f"{work}.lock").open("a") as file:
-            while not (held := _try_lock(file.fileno())) and wait():
+            while not (held := try_lock(file)) and wait():
                 time.sleep(_POLL)
             yield held
 
@@ -114,14 +114,6 @@ class SegmentFolder:
 def about(name: str, collection_key: int, since: int, revision: int) -> dict[str, str | int]:
     """What a segment's file says of itself, so that no other can stand in its place."""
     return {"name": name, "collection": collection_key, "since": since, "revision": revision}
-
-
-def _try_lock(descriptor: int) -> bool:
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    return True
 
 
 def _age(path: Path) -> float:

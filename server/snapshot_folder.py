@@ -6,7 +6,6 @@ exist. What is being made lies in the folder `making`.
 
 import hashlib
 import logging
-import os
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -16,9 +15,10 @@ from typing import Final
 from pydantic import ValidationError
 
 from server.errors import Conflict, InvalidField, NotFound, StorageDamaged
-from server.jobs.folder import try_lock
+from server.locks import try_lock
 from server.schemas.snapshots import Snapshot
 from server.store.database import storage_errors
+from urquhart.segment_file import sync
 
 _FILE: Final = ".db"
 _MANIFEST: Final = ".json"
@@ -152,12 +152,3 @@ def sha256(path: Path, *, between: Callable[[bytes], object] = len) -> str:
             digest.update(piece)
             between(piece)
     return digest.hexdigest()
-
-
-def sync(path: Path) -> None:
-    """Bring a file, or the names in a folder, onto the disk. Raises OSError."""
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)

@@ -16,12 +16,13 @@ from server.idempotency import Kept, Once, keep, recall
 from server.paging import page_size, read_name_cursor, write_cursor
 from server.schemas.snapshots import Snapshot, SnapshotCollection, SnapshotPage
 from server.settings import Limits
-from server.snapshot_folder import SnapshotFolder, check_name, sha256, sync
+from server.snapshot_folder import SnapshotFolder, check_name, sha256
 from server.store import schema
 from server.store.collections import Collections
 from server.store.database import Database, storage_errors
 from server.store.integrity import file_findings
 from server.version import service_version
+from urquhart.segment_file import sync
 
 _OPERATION: Final = "postSnapshot"
 _BREATH: Final = 0.001

@@ -164,14 +164,14 @@ def writing(path: Path) -> Iterator[SegmentWriter]:
         yield writer
         writer._finish()
         temporary.replace(path)
-        sync_folder(path.parent)
+        sync(path.parent)
     finally:
         temporary.unlink(missing_ok=True)
 
 
-def sync_folder(folder: Path) -> None:
-    """Put a folder's entries on the disk, so that a renamed file keeps its name when the machine loses power."""
-    descriptor = os.open(folder, os.O_RDONLY)
+def sync(path: Path) -> None:
+    """Put a file on the disk, or a folder's entries, so that a renamed file keeps its name when power is lost."""
+    descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)
     finally:

@@ -13,6 +13,8 @@ _WORDS = {
     "self._http.close()": "await self._http.aclose()",
     "self._http.request(": "await self._http.request(",
     "with self._http.stream(": "async with self._http.stream(",
+    "with self._streamed(": "async with self._streamed(",
+    "contextmanager": "asynccontextmanager",
     "response.read()": "await response.aread()",
     "for line in response.iter_lines()": "async for line in response.aiter_lines()",
     "for piece in response.iter_bytes()": "async for piece in response.aiter_bytes()",

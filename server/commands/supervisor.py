@@ -10,15 +10,13 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from multiprocessing.context import SpawnProcess
 from pathlib import Path
-from types import FrameType
 from typing import Final
 
 from server import logs
 from server.app import create_app
+from server.commands.signals import handled
 from server.exchange import Exchange
 from server.http.serving import serve_app
 from server.settings import Settings
@@ -54,7 +52,7 @@ class _Supervisor:
 
     def run(self) -> int:
         """Until there is nothing to be run any more."""
-        with self._signalled():
+        with handled(self._signals.append, signal.SIGTERM, signal.SIGINT):
             while not self._signals:
                 self._fill()
                 _rest([one for one, _ in self._running])
@@ -100,18 +98,6 @@ class _Supervisor:
         if len(self._signals) > 1:
             return 128 + self._signals[-1]
         return 0 if all(process.exitcode == 0 for process in processes) else 1
-
-    @contextmanager
-    def _signalled(self) -> Iterator[None]:
-        def note(number: int, frame: FrameType | None) -> None:
-            self._signals.append(number)
-
-        before = {number: signal.signal(number, note) for number in (signal.SIGTERM, signal.SIGINT)}
-        try:
-            yield
-        finally:
-            for number, handler in before.items():
-                signal.signal(number, handler)
 
 
 def _rest(processes: list[SpawnProcess]) -> None:

@@ -114,7 +114,7 @@ class BodyLimit:
             await self._app(scope, receive, send)
             return
         headers = Headers(scope=scope)
-        declared = _declared_length(headers)
+        declared = declared_length(headers)
         if declared is not None and declared > self._limit:
             if headers.get("expect", "").lower() != "100-continue":
                 await self._drain(receive, 0)
@@ -174,6 +174,7 @@ def _folded(headers: list[tuple[bytes, bytes]]) -> list[tuple[bytes, bytes]]:
 _METHODS = frozenset({"GET", "HEAD", "PUT", "POST", "PATCH", "DELETE", "OPTIONS"})
 
 
-def _declared_length(headers: Mapping[str, str]) -> int | None:
+def declared_length(headers: Mapping[str, str]) -> int | None:
+    """What Content-Length says, None where it says nothing that can be read."""
     length = headers.get("content-length", "")
     return int(length) if length.isascii() and length.isdigit() else None

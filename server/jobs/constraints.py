@@ -59,12 +59,18 @@ def _pages(assignment: Assignment, tools: Tools, body: ConstraintsInput) -> Iter
     after = int(assignment.progress.get("after", 0))
     while True:
         with tools.database.read() as session:
-            keys = sorted(key for key in _matching(assignment, session, body) if key > after)[:_PAGE]
-            rows = Submaps(session, assignment.collection_key).rows(keys)
+            rows = _page(assignment, session, body, after)
         if not rows:
             return
         yield rows
         after = rows[-1].key
+
+
+def _page(assignment: Assignment, session: Session, body: ConstraintsInput, after: int) -> list[SubmapRow]:
+    submaps = Submaps(session, assignment.collection(session).key)
+    if body.submap_ids is None:
+        return list(submaps.page(chosen_submaps(body), after_key=after, limit=_PAGE, landmarks=False))
+    return submaps.rows(sorted(key for key in _matching(assignment, session, body) if key > after)[:_PAGE])
 
 
 def _matching(assignment: Assignment, session: Session, body: ConstraintsInput) -> set[int]:

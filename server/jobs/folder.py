@@ -1,6 +1,5 @@
 """The files of jobs, in a folder beside the database: what was sent, and what came of it."""
 
-import fcntl
 import os
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -9,7 +8,9 @@ from pathlib import Path
 from typing import IO, Any, BinaryIO, Final
 
 from server.errors import StorageUnavailable
+from server.locks import try_lock
 from server.store.database import Database
+from urquhart.segment_file import sync
 
 ARRIVING: Final = ".part"
 INPUT: Final = ".input"
@@ -56,11 +57,7 @@ class JobFolder:
 
     def sync(self) -> None:
         """Put the names of the files onto the disk. Raises OSError."""
-        descriptor = os.open(self.path, os.O_RDONLY)
-        try:
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)
+        sync(self.path)
 
     def clear(self, job_id: str) -> None:
         """Remove what a job needs only until its end. Raises OSError."""
@@ -123,12 +120,3 @@ def cut(file: BinaryIO, written: int) -> None:
         raise StorageUnavailable("What this job had written is gone from the folder of jobs; what it stored is stored.")
     file.truncate(written)
     file.seek(written)
-
-
-def try_lock(file: IO[Any]) -> bool:
-    """Lock an open file for as long as it is open, unless somebody else has; whether it is ours."""
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    return True

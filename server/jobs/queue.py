@@ -1,6 +1,5 @@
 """Jobs as callers see them: taken on, told of, dismissed."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any, BinaryIO, Literal
@@ -24,7 +23,7 @@ from server.settings import Limits
 from server.store.database import Database, storage_errors
 from server.store.jobs import UNFINISHED, Jobs
 from server.store.submaps import Submaps, stored_place
-from server.store.tables import CollectionRow, JobRow
+from server.store.tables import JobRow
 from urquhart import SE2
 
 Kind = Literal["import", "reindex", "constraints"]
@@ -41,11 +40,10 @@ def accept(
     parameters: dict[str, Any] | None = None,
     total: int | None = None,
     alone: bool = False,
-    check: Callable[[Session, CollectionRow], None] | None = None,
 ) -> Kept:
     """Take a job on, unless the same was done before; what is answered.
 
-    `alone`: not beside another unfinished one of its kind on the collection. `check` may refuse it.
+    `alone`: not beside another unfinished one of its kind on the collection.
     Raises NotFound, Conflict, KeyReused and StorageError.
     """
     with database.write() as session:
@@ -54,8 +52,6 @@ def accept(
         kept = recall(session, once, operation)
         if kept is not None:
             return kept
-        if check is not None:
-            check(session, collection)
         jobs = Jobs(session)
         if alone and jobs.unfinished(collection.key, kind):
             raise Conflict(f"A job of the kind {kind} is at work on {collection_id!r}; wait for it, or dismiss it.")

@@ -10,7 +10,8 @@ from typing import BinaryIO, Final, Protocol
 import anyio.to_thread
 
 from server.errors import MalformedBody, TooLarge
-from server.jobs.folder import JobFolder, try_lock
+from server.jobs.folder import JobFolder
+from server.locks import try_lock
 from server.store.database import storage_errors
 
 _PIECE: Final = 1 << 20

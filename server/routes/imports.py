@@ -18,6 +18,7 @@ from server.http.dependencies import (
     once_of,
     problems,
 )
+from server.http.middleware import declared_length
 from server.http.negotiation import NDJSON
 from server.identifiers import new_id
 from server.jobs import queue
@@ -65,7 +66,7 @@ async def post_import(
     _check_media_type(request.headers.get("content-type"))
     inflater = _inflater(request.headers.get("content-encoding"))
     limit = service.settings.limits.import_bytes
-    _check_length(request.headers.get("content-length"), limit)
+    _check_length(declared_length(request.headers), limit)
     await anyio.to_thread.run_sync(queue.check, service.database, collection)
     folder, job_id = service.jobs.folder, new_id()
     async with spooled(folder, job_id, request.stream(), limit, inflater) as arrived:
@@ -88,10 +89,10 @@ async def post_import(
     return kept_response(kept)
 
 
-def _check_length(declared: str | None, limit: int) -> None:
+def _check_length(declared: int | None, limit: int) -> None:
     """Before a byte is read: nobody should send gigabytes to be told that it was for nothing."""
-    if declared is not None and declared.isascii() and declared.isdigit() and int(declared) > limit:
-        raise TooLarge("import_bytes", limit, int(declared), "Send it in parts.")
+    if declared is not None and declared > limit:
+        raise TooLarge("import_bytes", limit, declared, "Send it in parts.")
 
 
 def _check_media_type(content_type: str | None) -> None:

@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Path, Query, Request, Response
+from fastapi import APIRouter, Path, Request, Response
 from starlette.exceptions import HTTPException
 from starlette.responses import FileResponse
 from starlette.types import Message, Receive, Scope, Send
@@ -14,6 +14,8 @@ from server.http.dependencies import (
     IfNoneMatch,
     JsonRoute,
     OnceDep,
+    PageCursor,
+    PageLimit,
     ServiceDep,
     etag_header,
     json_response,
@@ -85,8 +87,8 @@ def list_snapshots(
     request: Request,
     service: ServiceDep,
     caller: CallerDep,
-    limit: Annotated[int | None, Query(description="Rows of the page, at most 1000.", examples=[100])] = None,
-    cursor: Annotated[str | None, Query(description="`next` of the page before.")] = None,
+    limit: PageLimit = None,
+    cursor: PageCursor = None,
 ) -> Response:
     """Oldest first; `next` is not there on the last page."""
     caller.require_all()

@@ -3,6 +3,8 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from pydantic import ValidationError
+
 _MOST = 20
 _SENTENCES: Mapping[str, str] = {
     "missing": "is required",
@@ -38,6 +40,11 @@ def field_problems(found: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
             entry = {"parameter": str(parts[0]) if parts else str(source)} | entry
         entries.append(entry)
     return entries
+
+
+def body_problems(error: ValidationError) -> list[dict[str, Any]]:
+    """Entries for `errors` of what is wrong with a body that was not read by the framework."""
+    return field_problems([{**one, "loc": ("body", *one["loc"])} for one in error.errors(include_url=False)])
 
 
 def _sentence(error: Mapping[str, Any]) -> str:

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import bindparam, delete, false, func, or_, select, update
+from sqlalchemy import bindparam, delete, func, select, update
 from sqlalchemy.orm import Session
 
-from server.store.tables import CollectionRow, SubmapRow
+from server.store.tables import CollectionRow, SubmapRow, matches
 
 # Every request begins with it: put together once.
 _BY_ID = select(CollectionRow).where(CollectionRow.id == bindparam("id"))
@@ -49,7 +49,7 @@ class Collections:
         """Up to `limit` collections whose ids match a pattern, in the order they were made, beginning after a key."""
         query = select(CollectionRow).where(CollectionRow.key > after_key).order_by(CollectionRow.key).limit(limit)
         if "*" not in patterns:
-            query = query.where(or_(false(), *(CollectionRow.id.op("GLOB")(pattern) for pattern in patterns)))
+            query = query.where(matches(CollectionRow.id, patterns))
         return self._session.scalars(query).all()
 
     def ids(self) -> list[str]:

@@ -4,10 +4,10 @@ from collections.abc import Collection, Sequence
 from datetime import UTC, datetime
 from typing import Any, Final
 
-from sqlalchemy import delete, false, func, or_, select, update
+from sqlalchemy import delete, func, or_, select, update
 from sqlalchemy.orm import Session
 
-from server.store.tables import JobRow
+from server.store.tables import JobRow, matches
 
 UNFINISHED: Final = ("accepted", "running")
 
@@ -48,8 +48,6 @@ class Jobs:
             progress={},
             problem=None,
             dismissed=False,
-            worker=None,
-            heartbeat=None,
             created=datetime.now(UTC),
             started=None,
             finished=None,
@@ -76,7 +74,7 @@ class Jobs:
         if collection_id is not None:
             query = query.where(JobRow.collection_id == collection_id)
         if "*" not in patterns:
-            query = query.where(or_(false(), *(JobRow.collection_id.op("GLOB")(pattern) for pattern in patterns)))
+            query = query.where(matches(JobRow.collection_id, patterns))
         return self._session.scalars(query).all()
 
     def waiting(self) -> list[int]:

@@ -5,7 +5,6 @@ from the start of a process to its end. The kernel frees it when a process ends,
 """
 
 import errno
-import fcntl
 import os
 import time
 from collections.abc import Iterator
@@ -14,6 +13,7 @@ from pathlib import Path
 from typing import Final
 
 from server import errors
+from server.locks import try_lock
 
 _POLL: Final = 0.02
 _MAY_NOT_WRITE: Final = frozenset({errno.EACCES, errno.EPERM, errno.EROFS})
@@ -45,7 +45,7 @@ def occupy(database: Path, patience: float, *, read_only: bool = False) -> int |
             return None
         raise
     deadline = time.monotonic() + patience
-    while not _lock(descriptor, fcntl.LOCK_SH):
+    while not try_lock(descriptor, shared=True):
         if time.monotonic() >= deadline:
             os.close(descriptor)
             raise errors.StorageBusy(f"{database.name} is being restored; try again when that is done.")
@@ -68,7 +68,7 @@ def alone(database: Path) -> Iterator[None]:
     """
     descriptor = _open(lock_path(database))
     try:
-        if not _lock(descriptor, fcntl.LOCK_EX):
+        if not try_lock(descriptor):
             raise errors.Conflict(
                 f"{database} is in use: stop the service and every other urquhart command on it, and try again."
             )
@@ -80,11 +80,3 @@ def alone(database: Path) -> Iterator[None]:
 def _open(path: Path) -> int:
     # To be read is enough for a lock, so that whoever may read the file made by another user can hold it.
     return os.open(path, os.O_RDONLY | os.O_CREAT | os.O_CLOEXEC, 0o644)
-
-
-def _lock(descriptor: int, kind: int) -> bool:
-    try:
-        fcntl.flock(descriptor, kind | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    return True

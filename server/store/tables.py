@@ -1,5 +1,6 @@
 """The tables. Migrations are written by hand; a test holds them to what stands here."""
 
+from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
@@ -18,10 +19,12 @@ from sqlalchemy import (
     MetaData,
     Text,
     UniqueConstraint,
+    false,
     literal_column,
+    or_,
     types,
 )
-from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
+from sqlalchemy.orm import DeclarativeBase, InstrumentedAttribute, Mapped, mapped_column
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
@@ -193,6 +196,11 @@ class SegmentRow(Table):
     created: Mapped[datetime] = mapped_column(Instant)
 
 
+def matches(column: InstrumentedAttribute[str], patterns: Sequence[str]) -> ColumnElement[bool]:
+    """Whether an id matches one of some shell patterns, as `Caller.sees` has it."""
+    return or_(false(), *(column.op("GLOB")(pattern) for pattern in patterns))
+
+
 class KeyRow(Table):
     """An API key: its secret is not here, only the SHA-256 of it. `id` is the part of the key that may be shown."""
 
@@ -210,7 +218,7 @@ class KeyRow(Table):
 
 
 class JobRow(Table):
-    """Long work. It outlives the process that took it: `worker` and `heartbeat` tell whether somebody is at it.
+    """Long work. It outlives the process that took it; a lock on a file tells whether somebody is at it.
 
     `collection_id` is a name, not a reference: the job is still told of when the collection is gone.
     """
@@ -237,8 +245,6 @@ class JobRow(Table):
     progress: Mapped[dict[str, Any]] = mapped_column(JSON)
     problem: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
     dismissed: Mapped[bool] = mapped_column(Boolean)
-    worker: Mapped[str | None] = mapped_column(Text)
-    heartbeat: Mapped[datetime | None] = mapped_column(Instant)
     created: Mapped[datetime] = mapped_column(Instant)
     started: Mapped[datetime | None] = mapped_column(Instant)
     finished: Mapped[datetime | None] = mapped_column(Instant)

@@ -18,9 +18,10 @@ from server.app import create_app
 from server.errors import StorageBusy, StorageFull, WorkerLost
 from server.http.dependencies import Service
 from server.jobs import imports, queue, runner
-from server.jobs.folder import JobFolder, try_lock
+from server.jobs.folder import JobFolder
 from server.jobs.runner import Assignment
 from server.keys import Doorkeeper
+from server.locks import try_lock
 from server.settings import Limits, Settings
 from server.store.database import storage_errors
 from server.store.jobs import Jobs

@@ -132,7 +132,7 @@ def test_limits(client: httpx.Client, service: Service) -> None:
         type(service.settings.limits).model_fields
     )
     assert limits["retention"] == {"stored_queries": 10_000, "idempotency_hours": 24.0}
-    assert limits["versions"]["schema"] == "0006"
+    assert limits["versions"]["schema"] == "0007"
 
 
 def test_landing_page_for_people_and_programs(client: httpx.Client) -> None:

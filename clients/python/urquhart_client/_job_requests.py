@@ -1,6 +1,5 @@
 """Requests about long work and snapshots; see `_requests`."""
 
-import uuid
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -8,15 +7,11 @@ from typing import Any
 import httpx
 
 from urquhart_client._exchange import Request, Upload, model, nothing, page, text
-from urquhart_client._requests import JSON, collection_path, parameters, segment, with_body
+from urquhart_client._requests import JSON, collection_path, once, parameters, segment, with_body
+from urquhart_client.models import Page
 from urquhart_client.work import Job, Snapshot
 
 _NDJSON = "application/x-ndjson"
-
-
-def once(key: str | None) -> dict[str, str]:
-    """The header by which a POST can be sent again."""
-    return {"Idempotency-Key": key if key is not None else uuid.uuid4().hex}
 
 
 def post_import(
@@ -45,7 +40,7 @@ def post_constraints(collection: str, body: Mapping[str, Any]) -> Request[Job]:
     return with_body("POST", f"{collection_path(collection)}/constraints", body, model(Job), once(None))
 
 
-def get_jobs(state: str | None, collection: str | None, limit: int | None, cursor: str | None) -> "Request[Any]":
+def get_jobs(state: str | None, collection: str | None, limit: int | None, cursor: str | None) -> Request[Page[Job]]:
     """A page of jobs."""
     asked = parameters(state=state, collection=collection, limit=limit, cursor=cursor)
     return Request("GET", "/v1/jobs", page("jobs", Job), params=asked)
@@ -80,7 +75,7 @@ def post_snapshot(name: str | None) -> Request[Snapshot]:
     return with_body("POST", "/v1/snapshots", {} if name is None else {"name": name}, model(Snapshot), once(None))
 
 
-def get_snapshots(limit: int | None, cursor: str | None) -> "Request[Any]":
+def get_snapshots(limit: int | None, cursor: str | None) -> Request[Page[Snapshot]]:
     """A page of snapshots."""
     return Request("GET", "/v1/snapshots", page("snapshots", Snapshot), params=parameters(limit=limit, cursor=cursor))
 

@@ -116,8 +116,7 @@ def put_submap(
 
 def post_submap(collection: str, body: Mapping[str, Any], key: str | None) -> Request[SubmapReceipt]:
     """Store a submap under an id of the service's."""
-    once = {"Idempotency-Key": key if key is not None else uuid.uuid4().hex}
-    return with_body("POST", f"{collection_path(collection)}/submaps", body, model(SubmapReceipt), once)
+    return with_body("POST", f"{collection_path(collection)}/submaps", body, model(SubmapReceipt), once(key))
 
 
 def get_sessions(collection: str, limit: int | None, cursor: str | None) -> Request[Page[SessionSummary]]:
@@ -253,6 +252,11 @@ def segment(name: str, kind: str) -> str:
 def parameters(**fields: str | int | float | None) -> dict[str, str | int | float]:
     """Those query parameters that are given."""
     return {name: value for name, value in fields.items() if value is not None}
+
+
+def once(key: str | None) -> dict[str, str]:
+    """The header by which a POST can be sent again; a key of its own where none is given."""
+    return {"Idempotency-Key": key if key is not None else uuid.uuid4().hex}
 
 
 def with_body(

@@ -9,10 +9,10 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from types import FrameType
 from typing import Final
 
 from server.commands.failure import Failure
+from server.commands.signals import handled
 from urquhart_client import Client, ConnectionFailed, ProblemError
 
 START_SECONDS: Final = 180.0
@@ -32,7 +32,7 @@ def running_service(database: Path, log: Path, *, keep: bool) -> Iterator[tuple[
     command = [sys.executable, "-m", "server.cli", "serve", "--port", str(port), "--database", str(database)]
     # No setting of the caller's environment may change what the demo shows.
     environment = {name: value for name, value in os.environ.items() if not name.startswith("URQUHART_")}
-    with log.open("wb") as output, _termination_as_exit():
+    with log.open("wb") as output, handled(_leave, signal.SIGTERM, signal.SIGHUP):
         # A session of its own: Ctrl-C reaches only this process, which then stops the other in order.
         process = subprocess.Popen(
             command,
@@ -87,16 +87,6 @@ def _free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-@contextmanager
-def _termination_as_exit() -> Iterator[None]:
-    """Let SIGTERM and SIGHUP unwind the stack as Ctrl-C does, so that nothing started here is left behind."""
-
-    def leave(number: int, frame: FrameType | None) -> None:
-        raise SystemExit(128 + number)
-
-    before = {number: signal.signal(number, leave) for number in (signal.SIGTERM, signal.SIGHUP)}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+def _leave(number: int) -> None:
+    """Unwind the stack as Ctrl-C does, so that nothing started here is left behind."""
+    raise SystemExit(128 + number)

@@ -3,6 +3,7 @@
 import asyncio
 import time
 from collections.abc import AsyncIterator, Callable, Mapping
+from contextlib import asynccontextmanager
 from types import TracebackType
 from typing import Self, TypeVar
 
@@ -91,20 +92,18 @@ class AsyncConnection:
 
     async def _lines(self, request: Request[T]) -> AsyncIterator[str]:
         """The lines of an answer, as they come in."""
-        try:
-            async with self._http.stream(
-                request.method, request.path, params=dict(request.params), headers=dict(request.headers)
-            ) as response:
-                if not response.is_success:
-                    await response.aread()
-                    answer(request, response)
-                async for line in response.aiter_lines():
-                    yield line
-        except (httpx.TransportError, httpx.DecodingError) as error:
-            raise failed(request, error) from error
+        async with self._streamed(request) as response:
+            async for line in response.aiter_lines():
+                yield line
 
     async def _pieces(self, request: Request[T]) -> AsyncIterator[bytes]:
         """The bytes of an answer, as they come in."""
+        async with self._streamed(request) as response:
+            async for piece in response.aiter_bytes():
+                yield piece
+
+    @asynccontextmanager
+    async def _streamed(self, request: Request[T]) -> AsyncIterator[httpx.Response]:
         try:
             async with self._http.stream(
                 request.method, request.path, params=dict(request.params), headers=dict(request.headers)
@@ -112,8 +111,7 @@ class AsyncConnection:
                 if not response.is_success:
                     await response.aread()
                     answer(request, response)
-                async for piece in response.aiter_bytes():
-                    yield piece
+                yield response
         except (httpx.TransportError, httpx.DecodingError) as error:
             raise failed(request, error) from error
 

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from types import TracebackType
 from typing import Self, TypeVar
 
@@ -90,20 +91,18 @@ class Connection:
 
     def _lines(self, request: Request[T]) -> Iterator[str]:
         """The lines of an answer, as they come in."""
-        try:
-            with self._http.stream(
-                request.method, request.path, params=dict(request.params), headers=dict(request.headers)
-            ) as response:
-                if not response.is_success:
-                    response.read()
-                    answer(request, response)
-                for line in response.iter_lines():
-                    yield line
-        except (httpx.TransportError, httpx.DecodingError) as error:
-            raise failed(request, error) from error
+        with self._streamed(request) as response:
+            for line in response.iter_lines():
+                yield line
 
     def _pieces(self, request: Request[T]) -> Iterator[bytes]:
         """The bytes of an answer, as they come in."""
+        with self._streamed(request) as response:
+            for piece in response.iter_bytes():
+                yield piece
+
+    @contextmanager
+    def _streamed(self, request: Request[T]) -> Iterator[httpx.Response]:
         try:
             with self._http.stream(
                 request.method, request.path, params=dict(request.params), headers=dict(request.headers)
@@ -111,8 +110,7 @@ class Connection:
                 if not response.is_success:
                     response.read()
                     answer(request, response)
-                for piece in response.iter_bytes():
-                    yield piece
+                yield response
         except (httpx.TransportError, httpx.DecodingError) as error:
             raise failed(request, error) from error
 

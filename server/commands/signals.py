@@ -1,0 +1,21 @@
+"""What a command does when it is told to end."""
+
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+
+@contextmanager
+def handled(handler: Callable[[int], object], *numbers: signal.Signals) -> Iterator[None]:
+    """Call `handler` with the number of each of these signals that comes, and put back what was done before."""
+
+    def handle(number: int, frame: FrameType | None) -> None:
+        handler(number)
+
+    before = {number: signal.signal(number, handle) for number in numbers}
+    try:
+        yield
+    finally:
+        for number, previous in before.items():
+            signal.signal(number, previous)
