@@ -16,6 +16,20 @@ _LISTENING = re.compile(r"running on (http://127\.0\.0\.1:\d+)")
 _PATIENCE = 120.0
 
 
+def spawned(parent: int) -> set[int]:
+    """Process ids of a process's Python children, whichever of its threads started them."""
+    found = set[int]()
+    for task in Path(f"/proc/{parent}/task").iterdir():
+        for child in (task / "children").read_text().split():
+            try:
+                command = Path(f"/proc/{child}/cmdline").read_bytes()
+            except FileNotFoundError:  # it has ended since
+                continue
+            if b"spawn_main" in command:
+                found.add(int(child))
+    return found
+
+
 class Server:
     """A uvicorn process over a database; `client` talks to it once it is ready."""
 

@@ -19,10 +19,13 @@ from uvicorn.server import Server
 from server.commands.serve import bind
 from server.http.dependencies import Service
 from server.http.protocol import Connection, ServerConfig
+from tests.server.processes import spawned
 
 _ROOT = Path(__file__).parents[2]
 _SERVING = re.compile(r"serving on (http://127\.0\.0\.1:(\d+))")
 PATIENCE = 120.0
+_ASKED = 12
+"""Answers in a row that say so before several processes are taken to be ready."""
 
 
 class Served:
@@ -48,7 +51,9 @@ class Served:
         assert found, self.log.read_text()
         self.url, self.port = found.group(1), int(found.group(2))
         self.client = httpx.Client(base_url=self.url, timeout=60.0)
-        wait_until(self.ready, self)
+        # Any of the processes may answer, so many are asked for before all are taken to be ready.
+        asked = _ASKED if "--workers" in options else 1
+        wait_until(lambda: all(self.ready() for _ in range(asked)), self)
 
     def ready(self) -> bool:
         """Whether a process says that it is ready."""
@@ -59,9 +64,7 @@ class Served:
 
     def workers(self) -> list[int]:
         """Process ids of those that answer requests."""
-        text = Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children").read_text()
-        named = [(int(pid), Path(f"/proc/{pid}/cmdline").read_bytes()) for pid in text.split()]
-        return [pid for pid, command in named if b"spawn_main" in command]
+        return sorted(spawned(self.process.pid))
 
     def signal(self, number: int = signal.SIGTERM) -> None:
         """Send a signal to the one that was started."""

@@ -13,7 +13,7 @@ from pathlib import Path
 import orjson
 import pytest
 
-from tests.server.processes import Server
+from tests.server.processes import Server, spawned
 from tests.server.world import forest, points
 
 LINES = 3000
@@ -102,7 +102,7 @@ def test_a_worker_process_that_is_killed_costs_nothing(serve: Callable[..., Serv
     killed = set[int]()
     while not (job := server.client.get(url).json())["finished"]:
         if not killed:
-            killed = workers_of(server)
+            killed = spawned(server.process.pid)
             for pid in killed:
                 os.kill(pid, signal.SIGTERM)
         time.sleep(0.02)
@@ -111,17 +111,6 @@ def test_a_worker_process_that_is_killed_costs_nothing(serve: Callable[..., Serv
     assert "goes on later" in server.log.read_text()
     lines = [orjson.loads(line)["line"] for line in server.client.get(f"{url}/results").content.splitlines()]
     assert lines == list(range(1, 20_001))
-
-
-def workers_of(server: Server) -> set[int]:
-    """Processes that describe for a server."""
-    found = set[int]()
-    for task in Path(f"/proc/{server.process.pid}/task").iterdir():
-        for child in (task / "children").read_text().split():
-            command = Path(f"/proc/{child}/cmdline").read_bytes()
-            if b"spawn_main" in command:
-                found.add(int(child))
-    return found
 
 
 def test_killed_again_and_again(serve: Callable[..., Server], tmp_path: Path, upload: bytes) -> None:
