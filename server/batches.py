@@ -19,7 +19,7 @@ from server.derive import config_of
 from server.errors import DomainError, InvalidField, MalformedBody, TooLarge
 from server.prepare import Prepared
 from server.registry import get_collection
-from server.schemas.common import check_breadth
+from server.schemas.common import check_breadth, check_values
 from server.schemas.pointers import body_problems
 from server.schemas.submaps import NamedSubmap
 from server.settings import Limits
@@ -144,8 +144,9 @@ def line_of(submap: NamedSubmap) -> bytes:
     return orjson.dumps(submap.model_dump(exclude_unset=True), option=orjson.OPT_UTC_Z)
 
 
-def read_line(line: bytes) -> NamedSubmap:
-    """The submap of one line of NDJSON. Raises MalformedBody and InvalidField."""
+def read_line(line: bytes, limits: Limits) -> NamedSubmap:
+    """The submap of one line of NDJSON. Raises MalformedBody, InvalidField and TooLarge."""
+    check_values(line, limits.body_values)
     try:
         members = orjson.loads(line)
         check_breadth(members, len(line))
@@ -182,7 +183,7 @@ def _describe_lines(
         try:
             if len(line) > limits.body_bytes:
                 raise TooLarge("body_bytes", limits.body_bytes, None, "A line is the body of one PUT.")
-            submaps.append((position, read_line(line)))
+            submaps.append((position, read_line(line, limits)))
         except DomainError as error:
             refused.append(Refusal(_id_in(line, error), error, position))
     return _describe(database, collection_id, limits, position + 1, submaps, refused)

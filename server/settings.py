@@ -18,6 +18,7 @@ class Limits(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     body_bytes: int = Field(8 * 1024 * 1024, ge=1024, description="Largest request body, in bytes.")
+    body_values: int = Field(250_000, ge=1024, description="Most arrays and objects in a JSON body.")
     landmarks: int = Field(20_000, ge=3, description="Most landmarks in one submap or query.")
     properties_bytes: int = Field(
         16 * 1024, ge=2, description="Largest `properties` object of a submap, as JSON bytes."

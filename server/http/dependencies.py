@@ -13,7 +13,7 @@ from pydantic import BaseModel, BeforeValidator
 
 from server.access import Caller
 from server.catalog import Catalog
-from server.errors import DomainError, InvalidField, MalformedBody, UnsupportedMediaType
+from server.errors import DomainError, InvalidField, MalformedBody, TooLarge, UnsupportedMediaType
 from server.exchange import Exchange
 from server.http.authorization import GuardedRoute, get_caller, get_visitor
 from server.http.gate import Gate
@@ -25,7 +25,15 @@ from server.jobs.runner import Runner
 from server.metrics import Metrics
 from server.preconditions import Preconditions
 from server.rates import Rates
-from server.schemas.common import PROBLEM_EXAMPLE, Problem, ResourceId, check_breadth, check_digits, to_json
+from server.schemas.common import (
+    PROBLEM_EXAMPLE,
+    Problem,
+    ResourceId,
+    check_breadth,
+    check_digits,
+    check_values,
+    to_json,
+)
 from server.settings import Settings
 from server.snapshot_folder import SnapshotFolder
 from server.store.database import Database
@@ -126,11 +134,12 @@ class _JsonRequest(Request):
     async def json(self) -> Any:
         body = await self.body()
         try:
+            check_values(body, self.app.state.service.settings.limits.body_values)
             content = orjson.loads(body)
             check_breadth(content, len(body))
         except orjson.JSONDecodeError as error:
             raise _Refused(MalformedBody(_malformed_detail(error, body))) from error
-        except InvalidField as error:
+        except (InvalidField, TooLarge) as error:
             raise _Refused(error) from error
         return content
 

@@ -16,7 +16,7 @@ from pydantic import (
     PlainSerializer,
 )
 
-from server.errors import InvalidField
+from server.errors import InvalidField, TooLarge
 
 _RFC3339 = re.compile(r"\d{4}-\d{2}-\d{2}[Tt ]\d{2}:\d{2}:\d{2}(\.\d+)?([Zz]|[+-]\d{2}:\d{2})")
 _DEPTH = 32
@@ -82,6 +82,16 @@ def check_breadth(content: Any, size: int) -> None:
             elif isinstance(outer, list):  # points are lists of numbers: there is nothing to be found in them
                 inner += [value for value in outer if isinstance(value, dict)]
         level = inner
+
+
+def check_values(raw: bytes, most: int) -> None:
+    """Refuse JSON with very many arrays and objects before it is read: while Python makes them, nobody is answered.
+
+    Brackets in texts count, too: no request has so many of them. Raises TooLarge.
+    """
+    got = raw.count(b"[") + raw.count(b"{")
+    if got > most:
+        raise TooLarge("body_values", most, got, "Send fewer submaps or queries at a time.")
 
 
 def _check_stamp(value: object) -> object:

@@ -49,6 +49,7 @@ class LimitsAnswer(Answer):
 LIMITS_EXAMPLE: dict[str, Any] = {
     "limits": {
         "body_bytes": 8388608,
+        "body_values": 250000,
         "landmarks": 20000,
         "properties_bytes": 16384,
         "candidates": 100,

@@ -102,7 +102,7 @@ def sums(results: Iterable[BatchResult]) -> tuple[int, int, int, int, int]:
 
 def test_a_line_is_read_as_the_submap_that_it_was_made_of() -> None:
     for submap in varied():
-        again = read_line(line_of(submap))
+        again = read_line(line_of(submap), Limits())
         assert Prepared(submap.id, again, Limits()).etag == Prepared(submap.id, submap, Limits()).etag
         assert again == submap
 

@@ -245,7 +245,7 @@ def test_discs_become_submaps_with_their_pose_and_what_is_known(tmp_path: Path) 
     stem_map = read_stem_map(write(tmp_path / "plot.csv", text))
     stand_cut = cut_stand(stem_map, 100.0, 50.0, Limits())
     (line,) = lines_of(stem_map, stand_cut)
-    submap = read_line(line)
+    submap = read_line(line, Limits())
     assert submap.id == submap.frame_id == "plot-0-0"
     assert submap.map_pose is not None
     assert (submap.map_pose.frame_id, submap.map_pose.yaw) == ("plot", 0.0)
