@@ -47,6 +47,12 @@ class Limits(BaseModel):
     connections: int = Field(
         1000, ge=2, description="Open connections of a process; for one more the longest idle one is closed."
     )
+    idle_seconds: float = Field(
+        75.0,
+        gt=0,
+        le=3600,
+        description="Seconds for which a connection is kept after an answer; callers should keep theirs for less.",
+    )
     header_seconds: float = Field(
         10.0, gt=0, le=3600, description="Seconds within which the head of a request must arrive; then it is 408."
     )

@@ -27,7 +27,7 @@ class ServerConfig(Config):
     def __init__(self, app: Any, limits: Limits, reject: Callable[[str], None], **options: Any) -> None:
         """`reject` is told the reason when a connection is refused or closed to protect the others."""
         self.limits, self.reject = limits, reject
-        super().__init__(app, http=Connection, **options)
+        super().__init__(app, http=Connection, timeout_keep_alive=limits.idle_seconds, **options)  # type: ignore[arg-type]
 
 
 class Connection(H11Protocol):
@@ -47,6 +47,7 @@ class Connection(H11Protocol):
     ) -> None:
         super().__init__(config, server_state, app_state, _loop)
         self._head_timer: asyncio.TimerHandle | None = None
+        self._idle_since = self.loop.time()
         self._leaving = False
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
@@ -76,6 +77,11 @@ class Connection(H11Protocol):
             if self._leaving:
                 self.cycle.keep_alive = False
 
+    def on_response_complete(self) -> None:
+        """The answer is given."""
+        self._idle_since = self.loop.time()
+        super().on_response_complete()
+
     def shutdown(self) -> None:
         """The service ends: finish what is at hand. What is on its way while nothing is may still come."""
         if not self.is_idle:
@@ -95,20 +101,14 @@ class Connection(H11Protocol):
         return self.cycle is None or self.cycle.response_complete
 
     def _make_room(self) -> bool:
-        # In the order in which they came, more or less: a set has none, so the deadline of the head tells.
         idle = [one for one in self.connections if isinstance(one, Connection) and one is not self and one.is_idle]
         if not idle:
             return False
-        oldest = min(idle, key=lambda one: one._due)
+        oldest = min(idle, key=lambda one: one._idle_since)
         self.config.reject("connections")
         oldest.transport.abort()
         self.connections.discard(oldest)
         return True
-
-    @property
-    def _due(self) -> float:
-        timers = [timer.when() for timer in (self._head_timer, self.timeout_keep_alive_task) if timer is not None]
-        return min(timers, default=0.0)
 
     def _await_head(self) -> None:
         if self._head_timer is None:

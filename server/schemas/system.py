@@ -60,6 +60,7 @@ LIMITS_EXAMPLE: dict[str, Any] = {
         "queued_requests": 256,
         "queue_seconds": 5.0,
         "connections": 1000,
+        "idle_seconds": 75.0,
         "header_seconds": 10.0,
         "body_seconds": 20.0,
         "body_rate": 16384,

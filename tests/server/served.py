@@ -134,10 +134,14 @@ class Threaded:
         return socket.create_connection(("127.0.0.1", self.port), timeout=PATIENCE)
 
     @property
+    def connections(self) -> list[Connection]:
+        """Those that are open."""
+        return [one for one in self._server.server_state.connections if isinstance(one, Connection)]
+
+    @property
     def busy(self) -> int:
         """Connections on which a request is at hand."""
-        connections = self._server.server_state.connections
-        return sum(isinstance(one, Connection) and not one.is_idle for one in connections)
+        return sum(not one.is_idle for one in self.connections)
 
     def rejected(self, reason: str) -> float:
         """How many were refused for this reason."""

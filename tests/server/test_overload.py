@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -295,15 +296,20 @@ def test_half_a_head_is_not_waited_for(start: Start, half: bytes) -> None:
     assert server.rejected("slow_head") == 1.0
 
 
+def is_answered(connection: socket.socket) -> None:
+    """It can be asked, and answers."""
+    connection.sendall(b"GET /livez HTTP/1.1\r\nHost: x\r\n\r\n")
+    said = b""
+    while not said.endswith(b"}"):  # head and body may come one after the other
+        said += connection.recv(65536)
+    assert said.startswith(b"HTTP/1.1 200 ")
+
+
 def test_half_a_head_after_a_whole_request_is_not_waited_for(start: Start) -> None:
     server = start(header_seconds=0.5)
     with server.connect() as slow:
         for _ in range(3):
-            slow.sendall(b"GET /livez HTTP/1.1\r\nHost: x\r\n\r\n")
-            said = b""
-            while not said.endswith(b"}"):  # head and body may come one after the other
-                said += slow.recv(65536)
-            assert said.startswith(b"HTTP/1.1 200 ")
+            is_answered(slow)
         slow.sendall(b"GET /livez HT")
         assert read_all(slow).startswith(b"HTTP/1.1 408 ")
 
@@ -334,6 +340,29 @@ def test_the_idle_connection_makes_room(start: Start) -> None:
     assert server.rejected("connections") >= 7
     for connection in idle:
         connection.close()
+
+
+def test_the_one_that_is_idle_for_longest_makes_room(start: Start) -> None:
+    """However long each may still be: one that has just come may have less time left than one that was answered."""
+    server = start(connections=2, header_seconds=50, idle_seconds=100)
+    server.client.close()
+    wait_until(lambda: not server.connections)
+    with server.connect() as longest, server.connect() as other:
+        is_answered(longest)
+        time.sleep(0.1)
+        is_answered(other)
+        assert httpx.get(f"{server.url}/livez").status_code == 200
+        assert read_all(longest) == b""
+        is_answered(other)
+
+
+def test_a_connection_is_kept_for_a_while_after_an_answer(start: Start) -> None:
+    server = start(idle_seconds=0.5, header_seconds=100)
+    with server.connect() as kept:
+        for _ in range(3):
+            is_answered(kept)
+            time.sleep(0.1)
+        assert read_all(kept) == b""  # until it is closed
 
 
 def test_where_all_connections_are_busy_a_new_one_is_refused(start: Start) -> None:

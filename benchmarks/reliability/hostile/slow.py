@@ -81,7 +81,9 @@ def _dawdle(connections: list[socket.socket]) -> None:
 def _is_open(connection: socket.socket) -> bool:
     connection.setblocking(False)
     try:
-        return bool(connection.recv(1, socket.MSG_PEEK))
+        while connection.recv(65536):  # what it was told before it was closed
+            continue
+        return False
     except BlockingIOError:
         return True
     except OSError:
