@@ -25,6 +25,8 @@ from urquhart.segment_file import SegmentDamaged
 
 _SWEEP: Final = 60.0
 """Seconds between two looks for files that are left over, and at segments that could not be read."""
+_REST: Final = 30.0
+"""Times as long as a look took until the next: with very many collections, to see that all is well is work."""
 _PATIENCE: Final = 300.0
 """Seconds that something that failed waits at most before it is tried again."""
 _log = logging.getLogger(__name__)
@@ -49,6 +51,7 @@ class Upkeep:
         self._checked: set[str] = set()
         self._failures: dict[str, _Failure] = {}
         self._swept = -_SWEEP
+        self._look_seconds = 0.0
         self._thread: threading.Thread | None = None
 
     def start(self, ready: threading.Event) -> None:
@@ -68,13 +71,13 @@ class Upkeep:
 
         Raises StorageError: it cannot even be seen what is to be done. Stopped.
         """
+        began = time.monotonic()
         with self._database.read() as session:
-            revisions = Collections(session).revisions()
+            revisions = Collections(session).written()
             chains = all_chains(session)
+        self._look_seconds = time.monotonic() - began
         for key, collection_id, revision in revisions:
             seen = (revision, chains.get(key, ()))
-            if seen == (0, ()):  # nothing was ever stored in it
-                self._settled[key] = seen
             if self._settled.get(key) != seen:
                 self._settled.pop(key, None)
                 if self._try(f"collection {collection_id}", partial(self._tend, collection_id)):
@@ -104,7 +107,7 @@ class Upkeep:
 
     def _work(self, ready: threading.Event) -> None:
         pin_threads()
-        while not self._catalog.stopping.wait(self._catalog.settings.upkeep_seconds):
+        while not self._catalog.stopping.wait(max(self._catalog.settings.upkeep_seconds, _REST * self._look_seconds)):
             try:
                 if ready.is_set():
                     self._try("all collections", self.run)

@@ -61,6 +61,12 @@ class Collections:
         query = select(CollectionRow.key, CollectionRow.id, CollectionRow.revision).order_by(CollectionRow.key)
         return [(row.key, row.id, row.revision) for row in self._session.execute(query)]
 
+    def written(self) -> list[tuple[int, str, int]]:
+        """Key, id and revision of those in which something was ever stored."""
+        columns = (CollectionRow.key, CollectionRow.id, CollectionRow.revision)
+        query = select(*columns).where(CollectionRow.revision > 0).order_by(CollectionRow.key)
+        return [(row.key, row.id, row.revision) for row in self._session.execute(query)]
+
     def largest(self, limit: int) -> list[Size]:
         """Up to `limit` collections with the most submaps, the largest first."""
         columns = (CollectionRow.id, CollectionRow.submap_count, CollectionRow.landmark_count, CollectionRow.revision)
