@@ -11,13 +11,14 @@ from benchmarks import record
 from benchmarks.experiments import Figures, choose
 from benchmarks.machine import machine
 from benchmarks.markdown import FOLDER
-from benchmarks.reliability import contract, hostile, load, readers
+from benchmarks.reliability import contract, fleet, hostile, load, readers
 from benchmarks.reliability.report import write_report
 
 PARTS: Final[dict[str, Callable[..., Figures]]] = {
     "contract": contract.run,
     "readers": readers.run,
     "load": load.run,
+    "fleet": fleet.run,
     "hostile": hostile.run,
 }
 FULL: Final = Path("docs")

@@ -39,6 +39,11 @@ def faults(results: Mapping[str, Figures]) -> list[str]:
         found += [f"load, the log: {line}" for line in load["logged"]]
         if load["recovery_seconds"] is None:
             found.append("load: queries do not become as fast again as they were before the overload")
+    if fleet := results.get("fleet"):
+        for kind in fleet["kinds"].values():
+            found += [f"fleet, {kind['name']}: {kind['wrong']} wrong visits"] if kind["wrong"] else []
+            found += [f"fleet, {kind['name']}: {kind['twice']} answers name a session twice"] if kind["twice"] else []
+        found += [f"fleet, the log: {line}" for line in fleet["logged"]]
     if hostile := results.get("hostile"):
         found += [f"{name}: {what}" for name, trial in hostile["trials"].items() for what in trial["problems"]]
     return found
@@ -148,6 +153,33 @@ def _turned_away(phase: Mapping[str, Any]) -> str:
     return f"{sum(phase['errors'].values())} errors, turned away with Retry-After: {refused}"
 
 
+def _fleet(figures: Figures) -> str:
+    rows = [
+        [
+            kind["name"],
+            f"{kind['asked']:,}",
+            f"{kind['been']:,}",
+            f"{kind['named']:,}",
+            f"{kind['touched']:,}",
+            f"{kind['wrong']:,}",
+            *(f"{number(kind[way]['p50'], 0)} / {number(kind[way]['p95'], 0)}" for way in ("single", "every")),
+        ]
+        for kind in figures["kinds"].values()
+    ]
+    head = ["query", "asked", "sessions here", "named", "touched", "wrong", "one place: p50 / p95, ms", "all sessions"]
+    return page(
+        "## Who has been here, and when?",
+        prose(
+            f"""{figures["sessions"]} drives through one forest of {figures["places"]:,} places, each with
+            {100 * figures["share"]:.0f} % of them in {figures["submaps"]:,} submaps in all, every one seen anew at
+            20 cm and 90 %. A query is asked as it is, and with `per_session`. A session was here when one of its
+            submaps has its centre within {figures["reach"]:.0f} m; `touched` are right poses in submaps farther away. A
+            session that is named with a pose more than 1 m or 3 degrees off, or from another forest, is wrong."""
+        ),
+        table(head, rows),
+    )
+
+
 def _hostile(figures: Figures) -> str:
     return trials_section(figures["trials"])
 
@@ -156,5 +188,6 @@ SECTIONS: Final[dict[str, Callable[[Figures], str]]] = {
     "contract": _contract,
     "readers": _readers,
     "load": _load,
+    "fleet": _fleet,
     "hostile": _hostile,
 }

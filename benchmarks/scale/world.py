@@ -92,9 +92,9 @@ class World:
         """Metres, of the rectangle in which the centres lie: east, north."""
         return SPACING * (self.columns - 1), SPACING * (self.rows - 1)
 
-    def submap(self, index: int) -> Seen:
-        """What the robot saw that stored submap `index`."""
-        rng = np.random.default_rng([self.seed, _HERE, index])
+    def submap(self, index: int, drive: int = 0) -> Seen:
+        """What the robot saw that stored submap `index`, or what another one saw there on a `drive` of its own."""
+        rng = np.random.default_rng([self.seed, _HERE, index, *([drive] if drive else [])])
         row, column = divmod(index, self.columns)
         pose = SE2(MARGIN + SPACING * column, MARGIN + SPACING * row, float(rng.uniform(-np.pi, np.pi)))
         return self._look(pose, STORED, 0, rng)
