@@ -17,14 +17,18 @@ def _slow(trial: Figures) -> str:
     return page(
         "### Slow callers",
         prose(
-            f"""{trial["slow"]} connections that send a head, or half a body, byte by byte. An honest query took
-            {number(trial["before"]["p50"], 1)} ms before (p95 {number(trial["before"]["p95"], 1)}),
-            {number(trial["during"]["p50"], 1)} ms meanwhile ({number(trial["during"]["p95"], 1)}), and
-            {number(trial["after"]["p50"], 1)} ms after they had gone. They cost {number(trial["megabytes"], 1)} MB.
-            After {number(trial["held_seconds"], 0)} s the service still held {trial["held"]} of them. Asked to stop
-            afterwards it took {number(trial["stop_seconds"], 1)} s."""
+            f"""{trial["slow"]} callers that send a head, or a body, a byte a second; who is sent away comes again. An
+            honest query took {_spread(trial["before"])} ms before (p50, p95, p99), {_spread(trial["during"])} ms
+            meanwhile, and {_spread(trial["after"])} ms after they had gone. {number(trial["held"], 0)} of them were
+            there on the average, at a cost of {number(trial["megabytes"], 1)} MB; {trial["sent_away"]} times one was
+            sent away, none after more than {number(trial["longest_seconds"], 0)} s. Asked to stop afterwards the
+            service took {number(trial["stop_seconds"], 1)} s."""
         ),
     )
+
+
+def _spread(times: Figures) -> str:
+    return ", ".join(number(times[p], 1) for p in ("p50", "p95", "p99"))
 
 
 def _bodies(trial: Figures) -> str:

@@ -2,6 +2,7 @@
 
 import socket
 import tempfile
+import threading
 import time
 from pathlib import Path
 from typing import Final
@@ -18,76 +19,116 @@ _HEAD: Final = (
     b"POST /v1/collections/plots/queries HTTP/1.1\r\nHost: here\r\nContent-Type: application/json\r\n"
     b"Content-Length: 4000\r\n"
 )
+_HALF: Final = b'{"xy": [[1.0, '
+_BETWEEN: Final = 1.0
+"""Seconds between two bytes of a caller."""
+_LEAST: Final = 0.25
+"""Share of the slow callers that is there on the average, though each is sent away in its time."""
 
 
 def run(*, quick: bool, seed: int) -> Figures:
     """How long an honest caller waits while others dawdle, and what is left of those afterwards."""
-    count, rounds, hold = (50, 20, 3.0) if quick else (400, 200, 90.0)
+    count, asked = (100, 40) if quick else (200, 2_000)
     problems: list[str] = []
     with tempfile.TemporaryDirectory() as folder, served(Path(folder) / "slow.db", Path(folder) / "log") as server:
         with httpx.Client(base_url=server.url, timeout=60.0) as client:
             client.put("/v1/collections/plots", json={}).raise_for_status()
             client.put("/v1/collections/plots/submaps/p", json=body(seed)).raise_for_status()
-            before = _ask(client, rounds, seed, problems)
+            _ask(client, asked // 10, seed, problems)
+            before = _ask(client, asked, seed, problems)
             memory = server.megabytes()
-            heads = [_open(server, _HEAD[: 20 + number % 100]) for number in range(count)]
-            halves = [_open(server, _HEAD + b"\r\n" + b'{"xy": [[1.0, ' * (number % 9)) for number in range(count)]
-            began = time.perf_counter()
-            during = []
-            for number in range(rounds):
-                time.sleep(hold / rounds)
-                _dawdle([*heads, *halves][number % 7 :: 7])
-                during += _ask(client, 1, seed, problems)
-            memory = server.megabytes() - memory
-            held = sum(_is_open(one) for one in (*heads, *halves))
-            seconds = time.perf_counter() - began
-            for number, one in enumerate((*heads, *halves)):
-                if number % 2:  # some say that they go, others are cut off
-                    one.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\x01\0\0\0\0\0\0\0")
-                one.close()
-            after = _ask(client, rounds, seed, problems)
+            with _Crowd(server, count) as crowd:
+                time.sleep(_BETWEEN)
+                during = _ask(client, asked, seed, problems)
+                memory = server.megabytes() - memory
+                # As long as it takes until the patience with the last of them is at its end.
+                time.sleep(0.0 if quick else 30.0)
+            after = _ask(client, asked, seed, problems)
         code, stop_seconds = server.stop()
         if code not in (0, -15):
             problems.append(f"the server ended with {code}")
+        if crowd.held < _LEAST * count:
+            problems.append(f"of {count} slow callers only {crowd.held:.0f} were there")
         problems += server.failures()
     return {
-        "slow": 2 * count,
+        "slow": count,
         "before": spread(before),
         "during": spread(during),
         "after": spread(after),
         "megabytes": memory,
-        "held": held,
-        "held_seconds": seconds,
+        "held": crowd.held,
+        "sent_away": crowd.sent_away,
+        "longest_seconds": crowd.longest,
         "stop_seconds": stop_seconds,
         "problems": problems[:20],
     }
 
 
-def _open(server: Served, sent: bytes) -> socket.socket:
-    address = urlsplit(server.url)
-    connection = socket.create_connection((address.hostname, address.port or 80), timeout=30.0)
-    connection.sendall(sent)
-    return connection
+class _Crowd:
+    """Slow callers, as many all the time: who is sent away comes again, and in the end all go, some without a word.
+
+    Attributes:
+        held: how many were there on the average.
+        sent_away: how often one was.
+        longest: seconds that one was there at most.
+    """
+
+    def __init__(self, server: Served, count: int) -> None:
+        self.held, self.sent_away, self.longest = 0.0, 0, 0.0
+        address = urlsplit(server.url)
+        self._address = (address.hostname, address.port or 80)
+        self._count, self._stop = count, threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def __enter__(self) -> "_Crowd":
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stop.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        there: dict[int, tuple[socket.socket, float]] = {}
+        rounds, seen = 0, 0
+        while not self._stop.is_set():
+            for number in range(self._count):
+                if number not in there:
+                    there[number] = self._open(number), time.monotonic()
+                connection, since = there[number]
+                if not _goes_on(connection):
+                    self.sent_away += 1
+                    self.longest = max(self.longest, time.monotonic() - since)
+                    connection.close()
+                    del there[number]
+                if self._stop.wait(_BETWEEN / self._count):
+                    break
+            rounds, seen = rounds + 1, seen + len(there)
+        self.held = seen / max(rounds, 1)
+        for number, (connection, since) in there.items():
+            self.longest = max(self.longest, time.monotonic() - since)
+            if number % 2:  # cut off
+                connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\x01\0\0\0\0\0\0\0")
+            connection.close()
+
+    def _open(self, number: int) -> socket.socket:
+        connection = socket.create_connection(self._address, timeout=30.0)
+        connection.sendall(_HEAD + b"\r\n" + _HALF * (number % 9) if number % 2 else _HEAD[: 20 + number % 100])
+        connection.setblocking(False)
+        return connection
 
 
-def _dawdle(connections: list[socket.socket]) -> None:
-    for connection in connections:
-        try:
-            connection.sendall(b" ")
-        except OSError:
-            continue  # the server has had enough of it, which is its right
-
-
-def _is_open(connection: socket.socket) -> bool:
-    connection.setblocking(False)
+def _goes_on(connection: socket.socket) -> bool:
+    """Send another byte; whether the server still listens."""
     try:
-        while connection.recv(65536):  # what it was told before it was closed
+        connection.send(b" ")
+        while connection.recv(65536):  # what it is told before it is sent away
             continue
-        return False
     except BlockingIOError:
         return True
     except OSError:
         return False
+    return False
 
 
 def _ask(client: httpx.Client, count: int, seed: int, problems: list[str]) -> list[float]:
