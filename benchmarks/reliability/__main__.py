@@ -11,7 +11,7 @@ from benchmarks import record
 from benchmarks.experiments import Figures, choose
 from benchmarks.machine import machine
 from benchmarks.markdown import FOLDER
-from benchmarks.reliability import contract, fleet, hostile, load, readers
+from benchmarks.reliability import contract, fleet, hostile, load, readers, season
 from benchmarks.reliability.report import write_report
 
 PARTS: Final[dict[str, Callable[..., Figures]]] = {
@@ -19,6 +19,7 @@ PARTS: Final[dict[str, Callable[..., Figures]]] = {
     "readers": readers.run,
     "load": load.run,
     "fleet": fleet.run,
+    "season": season.run,
     "hostile": hostile.run,
 }
 FULL: Final = Path("docs")

@@ -44,6 +44,10 @@ def faults(results: Mapping[str, Figures]) -> list[str]:
             found += [f"fleet, {kind['name']}: {kind['wrong']} wrong visits"] if kind["wrong"] else []
             found += [f"fleet, {kind['name']}: {kind['twice']} answers name a session twice"] if kind["twice"] else []
         found += [f"fleet, the log: {line}" for line in fleet["logged"]]
+    if season := results.get("season"):
+        found += [f"season, the log: {line}" for line in season["logged"]]
+        if (season["state"], season["results"]) != ("successful", season["lines"]):
+            found.append(f"season: the import is {season['state']}, with {season['results']} lines of result")
     if hostile := results.get("hostile"):
         found += [f"{name}: {what}" for name, trial in hostile["trials"].items() for what in trial["problems"]]
     return found
@@ -180,6 +184,25 @@ def _fleet(figures: Figures) -> str:
     )
 
 
+def _season(figures: Figures) -> str:
+    rows = [
+        [name, f"{one['asked']:,}", f"{one['matched']:,}", *(number(one[p], 0) for p in ("p50", "p95", "p99"))]
+        for name, one in ((f"{name} the import", figures[name]) for name in ("before", "during", "after"))
+    ]
+    return page(
+        "## A season is uploaded",
+        prose(
+            f"""{figures["lines"]:,} submaps as NDJSON, {number(figures["megabytes"], 0)} MB with gzip, posted as one
+            import while a robot asks in another collection. Sent in {number(figures["upload_seconds"], 1)} s, stored
+            after {number(figures["import_seconds"], 0)} s: {number(figures["a_second"], 0)} submaps a second, where the
+            library alone makes {number(figures["library_a_second"], 0)} of the same lines. Each line has its line of
+            result ({figures["results"]:,}). The first query in what was imported is answered in
+            {number(figures["first_query"]["seconds"], 2)} s: {figures["first_query"]["verdict"]}."""
+        ),
+        table(["the robot's queries", "asked", "matched", "p50, ms", "p95", "p99"], rows),
+    )
+
+
 def _hostile(figures: Figures) -> str:
     return trials_section(figures["trials"])
 
@@ -189,5 +212,6 @@ SECTIONS: Final[dict[str, Callable[[Figures], str]]] = {
     "readers": _readers,
     "load": _load,
     "fleet": _fleet,
+    "season": _season,
     "hostile": _hostile,
 }
