@@ -1,4 +1,4 @@
-"""What is read from the database when metrics are asked for: collections, how large they are, how far indexes lag."""
+"""What is read from the database when metrics are asked for: collections and their sizes, jobs, how far indexes lag."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,18 +10,20 @@ from server.metrics import OTHER, Metrics, text_of
 from server.samples import Family, Key, merged
 from server.store.collections import Collections, Size
 from server.store.database import Database
+from server.store.jobs import Jobs
 
 _UP: Final = "Whether the database could be read for this answer."
 
 
 @dataclass(frozen=True, slots=True)
 class Sizes:
-    """The largest collections, and all of them together."""
+    """The largest collections, and all of them together; unfinished jobs by their state."""
 
     largest: Sequence[Size]
     collections: int
     submaps: int
     landmarks: int
+    jobs: dict[str, int]
 
 
 def exposition(database: Database, metrics: Metrics, exchange: Exchange | None) -> bytes:
@@ -40,7 +42,7 @@ def read_sizes(database: Database, most: int) -> Sizes:
     with database.read() as session:
         collections = Collections(session)
         largest = [size for size in collections.largest(most + 1) if size.id != OTHER][:most]
-        return Sizes(largest, *collections.totals())
+        return Sizes(largest, *collections.totals(), Jobs(session).by_state())
 
 
 def _by_name(told: Sequence[Family], sizes: Sizes) -> list[Family]:
@@ -69,6 +71,7 @@ def _of_rows(sizes: Sizes, told: Sequence[Family]) -> list[Family]:
         _family("collections", "Collections in the database.", {"": float(sizes.collections)}),
         _family("submaps", "Submaps in the database.", submaps),
         _family("landmarks", "Landmarks in the database.", landmarks),
+        _family("jobs", "Jobs that are not finished.", {state: float(n) for state, n in sizes.jobs.items()}, "state"),
         _family(
             "index_lag_revisions",
             "Revisions that a live index is behind the database; the next query catches up first.",
@@ -77,12 +80,10 @@ def _of_rows(sizes: Sizes, told: Sequence[Family]) -> list[Family]:
     ]
 
 
-def _family(name: str, about: str, values: dict[str, float]) -> Family:
-    """A gauge by collection, or with the one value of the empty name."""
+def _family(name: str, about: str, values: dict[str, float], by: str = "collection") -> Family:
+    """A gauge by a label, or with the one value of the empty name."""
     name = f"urquhart_{name}"
-    samples: dict[Key, float] = {
-        (name, (("collection", label),) if label else ()): value for label, value in values.items()
-    }
+    samples: dict[Key, float] = {(name, ((by, label),) if label else ()): value for label, value in values.items()}
     return Family(name, "gauge", about, samples)
 
 

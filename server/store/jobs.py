@@ -87,6 +87,11 @@ class Jobs:
         )
         return list(self._session.scalars(query))
 
+    def by_state(self) -> dict[str, int]:
+        """How many jobs there are in each of the states before the end."""
+        query = select(JobRow.state, func.count()).where(JobRow.state.in_(UNFINISHED)).group_by(JobRow.state)
+        return dict.fromkeys(UNFINISHED, 0) | {row[0]: row[1] for row in self._session.execute(query)}
+
     def next(self, collection_key: int) -> JobRow | None:
         """The oldest unfinished job of a collection, or None."""
         query = select(JobRow).where(JobRow.state.in_(UNFINISHED), JobRow.collection_key == collection_key)

@@ -22,6 +22,7 @@ from server.schemas.collections import CollectionPut
 from server.settings import Settings
 from server.store.collections import Collections
 from server.store.database import Database
+from server.store.jobs import Jobs
 from tests.server.served import Served, wait_until
 from tests.server.world import TestClient, forest, points, put_submap
 
@@ -171,6 +172,30 @@ def test_many_collections_are_few_labels(database: Database) -> None:
     assert samples[("urquhart_collections", ())] == 31.0
     none = parsed(gauges.exposition(database, Metrics(collections=0), None).decode())
     assert set(named(none, "urquhart_submaps")) == {"other"}
+
+
+def test_jobs_are_told_by_state(database: Database) -> None:
+    ensure(database, "plots", CollectionPut())
+    with database.write() as session:
+        row = Collections(session).get("plots")
+        assert row is not None
+        jobs = Jobs(session)
+        made = [
+            jobs.add(
+                job_id=f"j{number}",
+                kind="reindex",
+                collection_id="plots",
+                collection_key=row.key,
+                caller="",
+                parameters={},
+                total=None,
+            )
+            for number in range(4)
+        ]
+        made[0].state, made[1].state = "running", "failed"
+    samples = parsed(gauges.exposition(database, Metrics(), None).decode())
+    told = {labels: value for (name, labels), value in samples.items() if name == "urquhart_jobs"}
+    assert told == {(("state", "accepted"),): 2.0, (("state", "running"),): 1.0}
 
 
 def test_metrics_are_told_without_the_database(database: Database, monkeypatch: pytest.MonkeyPatch) -> None:
