@@ -185,7 +185,8 @@ def _warm_up(service: Service, stop: threading.Event, warm: threading.Event) -> 
         service.readiness.passed("kernels")
         service.readiness.report("index", "catching up")
         for collection_id, done, total in service.catalog.warm_up():
-            service.readiness.report("index", f"caught up {done} of {total} collections, last {collection_id}")
+            # In the log only: readiness is told to everybody, and which collections there are is not.
+            _log.debug("caught up %d of %d collections, last %s", done, total, collection_id)
             if stop.is_set():
                 return
         service.readiness.passed("index")

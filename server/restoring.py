@@ -255,7 +255,7 @@ def _workshop_path(path: Path) -> Path:
 @contextmanager
 def _workshop(path: Path) -> Iterator[Path]:
     folder = _workshop_path(path)
-    folder.mkdir()
+    folder.mkdir(0o700)  # what is made in it has the old database's permissions only at the end
     try:
         yield folder
     finally:

@@ -57,7 +57,7 @@ class SnapshotFolder:
             if not try_lock(file):
                 raise Conflict("A snapshot is being made already; wait until it is there.")
             self._sweep()
-            self.making.mkdir()
+            self.making.mkdir(0o700)  # a copy has the database's permissions when it is whole, and not before
             try:
                 yield
             finally:
@@ -76,6 +76,7 @@ class SnapshotFolder:
         try:
             written.rename(file)
             prepared.write_bytes(snapshot.document())
+            shutil.copymode(file, prepared)  # it names all collections
             sync(prepared)
             sync(self.path)
             prepared.rename(self.manifest(snapshot.name))

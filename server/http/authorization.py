@@ -61,7 +61,11 @@ def _check_parameters(request: Request, known: Set[str]) -> None:
 async def who_asks(request: Request) -> Caller:
     """The caller. Raises Unauthorized."""
     keeper: Doorkeeper = request.app.state.doorkeeper
-    authorization = request.headers.get("authorization")
+    given = request.headers.getlist("authorization")
+    if len(given) > 1:
+        # Whoever looks at it before us may have looked at the other one.
+        raise Unauthorized("Authorization came more than once; send one key.")
+    authorization = given[0] if given else None
     remembered = keeper.recall(authorization)
     if remembered is not None:
         return remembered

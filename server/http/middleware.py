@@ -11,7 +11,8 @@ from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from server.errors import TooLarge
-from server.http.problems import domain_problem, internal_problem
+from server.http.problems import domain_problem, internal_problem, problem
+from server.kinds import OTHER
 from server.logs import log_access, shortened
 from server.metrics import Metrics
 from server.notes import begin as begin_notes
@@ -102,7 +103,10 @@ class RequestContext:
 
 
 class BodyLimit:
-    """Refuses bodies over the limit, by Content-Length before a byte is read, and by count while they stream in."""
+    """Refuses bodies over the limit, by Content-Length before a byte is read, and by count while they stream in.
+
+    And those that say twice where they end.
+    """
 
     def __init__(self, app: ASGIApp, limit: int) -> None:
         self._app = app
@@ -110,10 +114,15 @@ class BodyLimit:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """ASGI."""
+        headers = Headers(scope=scope) if scope["type"] == "http" else Headers()
+        if "content-length" in headers and "transfer-encoding" in headers:
+            # A proxy may go by the other one, and then what is a body to it is the next caller's request to us.
+            detail = "Content-Length and Transfer-Encoding say both where the body ends; send one of them."
+            await problem(OTHER, detail, scope, headers={"Connection": "close"})(scope, receive, send)
+            return
         if scope["type"] != "http" or is_streamed(scope):
             await self._app(scope, receive, send)
             return
-        headers = Headers(scope=scope)
         declared = declared_length(headers)
         if declared is not None and declared > self._limit:
             if headers.get("expect", "").lower() != "100-continue":

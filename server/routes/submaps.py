@@ -5,8 +5,10 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query, Request, Response
 
 from server import ingest, links, reading
+from server.access import Scope
 from server.http.dependencies import (
     Accept,
+    CallerDep,
     CollectionId,
     IfNoneMatch,
     JsonRoute,
@@ -131,9 +133,18 @@ def get_submap(
     responses={200: _SUBMAP, **problems(400, 404, 412, 413, 415, 422, 503, 507)},
 )
 def patch_submap(
-    collection: CollectionId, submap: SubmapId, body: SubmapPatch, service: ServiceDep, preconditions: PreconditionsDep
+    collection: CollectionId,
+    submap: SubmapId,
+    body: SubmapPatch,
+    service: ServiceDep,
+    caller: CallerDep,
+    preconditions: PreconditionsDep,
 ) -> Response:
-    """map_pose and properties: what is given replaces what was there, null clears it. Nothing is indexed again."""
+    """map_pose and properties: what is given replaces what was there, null clears it. Nothing is indexed again.
+
+    The answer has the landmarks, so the key needs the scope `read`, too.
+    """
+    caller.require(Scope.READ)
     ingest.patch(service.database, collection, submap, body, service.settings.limits, preconditions)
     found = reading.read(service.database, collection, submap)
     return json_response(found, headers=etag_header(found.etag))
