@@ -7,6 +7,8 @@ import httpx
 import numpy as np
 import pytest
 
+from server.contents import content_findings
+from server.http.dependencies import Service
 from tests.server.world import forest, points, put_submap
 
 PLOTS = "/v1/collections/plots"
@@ -63,6 +65,27 @@ def test_put_is_idempotent_and_replaces(client: httpx.Client) -> None:
     collection = client.get(PLOTS).json()
     assert (collection["counts"]["submaps"], collection["counts"]["landmarks"], collection["revision"]) == (1, 60, 3)
     assert client.get(f"{PLOTS}/submaps/p1").json()["session"] == "s"
+
+
+def test_a_stamp_is_the_same_moment_in_every_offset(client: httpx.Client, service: Service) -> None:
+    first = put_submap(client, "plots", "p1", 1, stamp="2026-05-04T11:30:00+02:00")
+    again = put_submap(client, "plots", "p1", 1, stamp="2026-05-04T09:30:00Z")
+    assert (again.json()["outcome"], again.headers["ETag"]) == ("unchanged", first.headers["ETag"])
+    assert list(content_findings(service.database)) == []
+    there = client.get(f"{PLOTS}/submaps/p1").json()
+    patched = client.patch(f"{PLOTS}/submaps/p1", json={"properties": {}}, headers={"If-Match": first.headers["ETag"]})
+    back = client.patch(f"{PLOTS}/submaps/p1", json={"properties": None})
+    assert (there["stamp"], patched.status_code) == ("2026-05-04T09:30:00Z", 200)
+    assert back.json()["etag"] == first.json()["etag"]
+
+
+def test_what_is_stored_makes_the_entity_tag_that_was_told(client: httpx.Client, service: Service) -> None:
+    pose = {"x": -0.0, "y": 1e-300, "yaw": -0.0, "covariance": [1, -0.0, 0, -0.0, 1, 0, 0, 0, 1]}
+    properties = {"b": -0.0, "a": [1e22, 2**64 - 1, -(2**63), 1.0, 5e-324], "\u00e9": {"\U0001f332": None}}
+    put_submap(client, "plots", "p1", 1, map_pose=pose, properties=properties).raise_for_status()
+    put_submap(client, "plots", "p2", 2).raise_for_status()
+    client.patch(f"{PLOTS}/submaps/p2", json={"map_pose": pose, "properties": properties}).raise_for_status()
+    assert list(content_findings(service.database)) == []
 
 
 def test_preconditions_of_put_and_delete(client: httpx.Client) -> None:
