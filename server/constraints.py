@@ -12,6 +12,7 @@ from typing import Any, Final
 import numpy as np
 import orjson
 
+from server.errors import InvalidField
 from server.reading import submap_filter
 from server.schemas.constraints import ConstraintFormat, ConstraintsInput
 from server.schemas.queries import CandidateAnswer, Exclude, QueryInput
@@ -31,7 +32,10 @@ Found = dict[str, Any]
 def chosen_submaps(body: ConstraintsInput) -> SubmapFilter:
     """Which submaps are looked up, `submap_ids` apart. Raises InvalidField."""
     bbox = None if body.bbox is None else ",".join(map(repr, body.bbox))
-    return submap_filter(session=body.session, bbox=bbox, frame_id=body.frame_id, datetime_range=body.datetime)
+    try:
+        return submap_filter(session=body.session, bbox=bbox, frame_id=body.frame_id, datetime_range=body.datetime)
+    except InvalidField as error:  # here they are members, of the same names as the parameters of a listing
+        raise InvalidField(str(error), code=error.code, pointer=f"/{error.parameter}") from error
 
 
 def question(row: SubmapRow, body: ConstraintsInput) -> QueryInput:

@@ -15,7 +15,7 @@ from starlette.types import Scope
 
 from server import errors
 from server.kinds import INTERNAL, METHOD, NO_ROUTE, OTHER, VALIDATION, Kind, document, kind_of
-from server.schemas.pointers import field_problems
+from server.schemas.pointers import field_problems, told
 
 MEDIA_TYPE = "application/problem+json"
 _log = logging.getLogger("server")
@@ -65,9 +65,7 @@ def install(app: FastAPI) -> None:
     @app.exception_handler(RequestValidationError)
     async def on_invalid_request(request: Request, error: RequestValidationError) -> Response:
         entries = field_problems(error.errors())
-        detail = entries[0]["detail"] if len(entries) == 1 else f"{len(entries)} things are wrong, see errors."
-        where = entries[0].get("pointer") or entries[0].get("parameter") if len(entries) == 1 else None
-        return problem(VALIDATION, f"{where}: {detail}" if where else detail, request.scope, errors=entries)
+        return problem(VALIDATION, told(entries), request.scope, errors=entries)
 
     @app.exception_handler(HTTPException)
     async def on_http_exception(request: Request, error: HTTPException) -> Response:

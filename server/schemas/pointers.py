@@ -47,6 +47,14 @@ def body_problems(error: ValidationError) -> list[dict[str, Any]]:
     return field_problems([{**one, "loc": ("body", *one["loc"])} for one in error.errors(include_url=False)])
 
 
+def told(entries: Sequence[Mapping[str, Any]]) -> str:
+    """What a problem with these `errors` says in its `detail`: where and what, or how many."""
+    if len(entries) > 1:
+        return f"{len(entries)} things are wrong, see errors."
+    where = entries[0].get("pointer") or entries[0].get("parameter")
+    return f"{where}: {entries[0]['detail']}" if where else str(entries[0]["detail"])
+
+
 def _sentence(error: Mapping[str, Any]) -> str:
     kind, context = error["type"], error.get("ctx") or {}
     if kind == "missing" and tuple(error["loc"]) == ("body",):
