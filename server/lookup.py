@@ -162,7 +162,8 @@ def _search(view: View, body: QueryInput, asked: Observation, only: set[int] | N
 
 def _check_sizes(body: QueryInput, limits: Limits) -> None:
     if body.limit > limits.candidates:
-        raise InvalidField(f"must be at most {limits.candidates}", code="less_than_equal", pointer="/limit")
+        detail = f"must be at most {limits.candidates}, the limit candidates"
+        raise InvalidField(detail, code="less_than_equal", pointer="/limit")
     excluded = len(body.exclude.submap_ids)
     if excluded > limits.excluded_submaps:
         raise TooLarge("excluded_submaps", limits.excluded_submaps, excluded, "Exclude fewer submaps.")

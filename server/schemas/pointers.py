@@ -20,6 +20,7 @@ _SENTENCES: Mapping[str, str] = {
     "model_attributes_type": "must be an object",
     "finite_number": "must be a finite number",
     "int_from_float": "must be a whole number",
+    "string_pattern_mismatch": "must be of visible ASCII characters, without spaces",  # the only pattern there is
 }
 
 
@@ -61,6 +62,8 @@ def _sentence(error: Mapping[str, Any]) -> str:
         return "a body is required: send a JSON object"
     if kind in _SENTENCES:
         return _SENTENCES[kind]
+    if kind in ("too_short", "string_too_short") and context["min_length"] == 1:
+        return "must not be empty"
     if (kind == "too_long" and context.get("field_type") == "Tuple") or kind == "too_short":
         return (
             f"must have {context.get('max_length', context.get('min_length'))} entries, not {context['actual_length']}"

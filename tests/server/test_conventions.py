@@ -92,6 +92,33 @@ def test_limits_that_cannot_be(client: httpx.Client, path: str, limit: str) -> N
     assert first_error(client.get(path, params={"limit": limit}))["parameter"] == "limit"
 
 
+def test_who_asks_for_too_much_is_told_which_limit_it_is(client: httpx.Client) -> None:
+    told = client.get("/v1/limits").json()["limits"]
+    page = first_error(client.get(SUBMAPS, params={"limit": told["page_max"] + 1}))
+    assert page["detail"] == "must be from 1 to 50, the limit page_max"
+    query = first_error(client.post(f"{PLOTS}/queries", json={"xy": [], "limit": told["candidates"] + 1}))
+    assert query["detail"] == "must be at most 100, the limit candidates"
+
+
+@pytest.mark.parametrize(
+    ("path", "sent", "told"),
+    [
+        (f"{PLOTS}/queries/batch", {"queries": []}, "must not be empty"),
+        (f"{PLOTS}/constraints", {"submap_ids": []}, "must not be empty"),
+        (f"{PLOTS}/queries", {"xy": [], "frame_id": ""}, "must not be empty"),
+        (SUBMAPS, {"map_pose": {"x": 0, "y": 0, "yaw": 0, "covariance": [1]}}, "must have 9 entries, not 1"),
+    ],
+)
+def test_what_is_too_short_is_told_so(client: httpx.Client, path: str, sent: Any, told: str) -> None:
+    assert first_error(client.post(path, json=sent))["detail"] == told
+
+
+def test_an_idempotency_key_that_cannot_be_is_told_in_words(client: httpx.Client) -> None:
+    for key, told in (("", "must not be empty"), ("a b", "must be of visible ASCII characters, without spaces")):
+        refused = first_error(client.post(SUBMAPS, json=body(1), headers={"Idempotency-Key": key}))
+        assert (refused["parameter"], refused["detail"]) == ("idempotency-key", told)
+
+
 @pytest.mark.parametrize("bbox", ["0,0,1_0,1", "", "0,0,1,1,", "-inf,0,1,1", "0;0;1;1"])
 def test_boxes_that_cannot_be(client: httpx.Client, bbox: str) -> None:
     assert first_error(client.get(SUBMAPS, params={"bbox": bbox}))["parameter"] == "bbox"
