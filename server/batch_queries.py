@@ -7,7 +7,7 @@ from pydantic import ValidationError
 from server.access import Caller, Scope
 from server.catalog import Catalog
 from server.errors import DomainError, TooLarge
-from server.kinds import VALIDATION, document
+from server.kinds import VALIDATION, document, plain
 from server.lookup import answer_query
 from server.metrics import Metrics
 from server.registry import get_collection
@@ -54,10 +54,4 @@ def answer_batch(
 
 def _invalid(error: ValidationError) -> dict[str, Any]:
     entries = body_problems(error)
-    return {
-        "type": f"/problems/{VALIDATION.slug}",
-        "title": VALIDATION.title,
-        "status": VALIDATION.status,
-        "detail": told(entries),
-        "errors": entries,
-    }
+    return plain(VALIDATION, told(entries)) | {"errors": entries}

@@ -155,16 +155,15 @@ def kind_of(error: errors.DomainError) -> Kind:
     return next((TABLE[base] for base in type(error).__mro__ if base in TABLE), INTERNAL)
 
 
+def plain(kind: Kind, detail: str) -> dict[str, Any]:
+    """The problem document of a kind that no domain error stands for."""
+    return {"type": f"/problems/{kind.slug}", "title": kind.title, "status": kind.status, "detail": detail}
+
+
 def document(error: errors.DomainError) -> dict[str, Any]:
     """The problem document of a domain error: what HTTP answers, and what a job notes of a line."""
     kind, where = kind_of(error), getattr(error, "pointer", None) or getattr(error, "parameter", None)
-    return {
-        "type": f"/problems/{kind.slug}",
-        "title": kind.title,
-        "status": kind.status,
-        "detail": f"{where}: {error}" if where else str(error),
-        **_members(error),
-    }
+    return plain(kind, f"{where}: {error}" if where else str(error)) | _members(error)
 
 
 def _members(error: errors.DomainError) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from starlette.responses import Response
 from starlette.types import Scope
 
 from server import errors
-from server.kinds import INTERNAL, METHOD, NO_ROUTE, OTHER, VALIDATION, Kind, document, kind_of
+from server.kinds import INTERNAL, METHOD, NO_ROUTE, OTHER, VALIDATION, Kind, document, kind_of, plain
 from server.schemas.pointers import field_problems, told
 
 MEDIA_TYPE = "application/problem+json"
@@ -28,8 +28,7 @@ def problem(
     kind: Kind, detail: str, scope: Scope, *, headers: Mapping[str, str] | None = None, **members: Any
 ) -> Response:
     """A problem response; members that are None are left out."""
-    about = {"type": f"/problems/{kind.slug}", "title": kind.title, "status": kind.status, "detail": detail}
-    return _response({**about, **members}, scope, headers or {})
+    return _response(plain(kind, detail) | members, scope, headers or {})
 
 
 def domain_problem(error: errors.DomainError, scope: Scope) -> Response:

@@ -295,6 +295,29 @@ def test_half_a_head_is_not_waited_for(start: Start, half: bytes) -> None:
     assert server.rejected("slow_head") == 1.0
 
 
+@pytest.mark.parametrize(
+    "sent",
+    [
+        b"GARBAGE\r\n\r\n",
+        b"GET /livez HTTP/1.1\r\n\r\n",  # without Host
+        b"GET /livez HTTP/1.1\r\nHost: x\r\nX: " + b"a" * 100_000,
+        PUT_HEAD.format("5\r\nContent-Length: 6").encode() + b"{}",
+        PUT_HEAD.replace("Content-Length: {}", "Transfer-Encoding: chunked").encode() + b"zz\r\n{}",
+    ],
+)
+def test_what_is_not_http_is_told_so_as_a_problem(start: Start, sent: bytes) -> None:
+    server = start()
+    with server.connect() as stranger:
+        stranger.sendall(sent)
+        head, _, body = read_all(stranger).partition(b"\r\n\r\n")
+    assert head.startswith(b"HTTP/1.1 400 ")
+    assert b"Content-Type: application/problem+json" in head
+    assert b"Connection: close" in head
+    told = json.loads(body)
+    assert (told["type"], told["status"]) == ("/problems/http-error", 400)
+    assert server.client.get("/livez").status_code == 200
+
+
 def test_half_a_head_after_a_whole_request_is_not_waited_for(start: Start) -> None:
     server = start(header_seconds=0.5)
     with server.connect() as slow:
