@@ -38,12 +38,12 @@ def chosen_submaps(body: ConstraintsInput) -> SubmapFilter:
         raise InvalidField(str(error), code=error.code, pointer=f"/{error.parameter}") from error
 
 
-def question(row: SubmapRow, body: ConstraintsInput) -> QueryInput:
-    """The query that looks a submap up among all others that it may be paired with."""
+def question(row: SubmapRow, body: ConstraintsInput, most: int) -> QueryInput:
+    """The query that looks a submap up among all others that it may be paired with; `most` candidates of any query."""
     exclude = Exclude()
     if body.exclude.within_seconds is not None and row.stamp is not None:
         exclude = Exclude(within_seconds=body.exclude.within_seconds)
-    return QueryInput(submap_id=row.id, limit=body.per_submap, exclude=exclude)
+    return QueryInput(submap_id=row.id, limit=min(body.per_submap, most), exclude=exclude)
 
 
 def from_candidates(row: SubmapRow, candidates: Sequence[CandidateAnswer], body: ConstraintsInput) -> list[Found]:

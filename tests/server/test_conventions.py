@@ -7,9 +7,12 @@ from typing import Any
 import httpx
 import pytest
 
+from server.app import create_app
 from server.http import compression
 from server.http.negotiation import accepts_coding
-from tests.server.world import forest, points, put_submap
+from server.settings import Limits, Settings
+from tests.server.test_jobs import finished
+from tests.server.world import TestClient, forest, points, put_submap
 
 PLOTS = "/v1/collections/plots"
 SUBMAPS = f"{PLOTS}/submaps"
@@ -98,6 +101,21 @@ def test_who_asks_for_too_much_is_told_which_limit_it_is(client: httpx.Client) -
     assert page["detail"] == "must be from 1 to 50, the limit page_max"
     query = first_error(client.post(f"{PLOTS}/queries", json={"xy": [], "limit": told["candidates"] + 1}))
     assert query["detail"] == "must be at most 100, the limit candidates"
+
+
+def test_who_asks_for_no_number_of_candidates_gets_as_many_as_there_may_be(settings: Settings) -> None:
+    few = settings.model_copy(update={"limits": Limits(candidates=1)})
+    with TestClient(create_app(few)) as client:
+        client.put(PLOTS, json={}).raise_for_status()
+        for name in ("a", "b", "c"):
+            put_submap(client, "plots", name, 1).raise_for_status()
+        answers = [client.post(f"{PLOTS}/queries", json=body(1)), client.post(SUBMAPS, json=body(1, query={}))]
+        assert [len(answer.json().get("query", answer.json())["candidates"]) for answer in answers] == [1, 1]
+        for asked in (body(1, limit=2), body(1, limit=5)):
+            first_error(client.post(f"{PLOTS}/queries", json=asked))
+        assert first_error(client.post(SUBMAPS, json=body(1, query={"limit": 2})))["pointer"] == "/query/limit"
+        job = finished(client, client.post(f"{PLOTS}/constraints", json={}))
+        assert job["state"] == "successful"
 
 
 @pytest.mark.parametrize(
