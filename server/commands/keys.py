@@ -2,6 +2,7 @@
 
 import re
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -10,9 +11,10 @@ from rich.table import Table
 
 from server import keys
 from server.access import Scope
-from server.commands.db import DatabaseOption
+from server.commands.db import DatabaseOption, check_there
 from server.commands.failure import Failure
 from server.commands.serve import open_database, settings_with
+from server.store.database import Database
 
 app = typer.Typer(help="Make, list and revoke API keys.")
 _UNITS = {"h": 1, "d": 24, "w": 24 * 7}
@@ -48,7 +50,7 @@ def create(
 @app.command("list")
 def list_keys(database: DatabaseOption = None) -> None:
     """List all keys, without their secrets."""
-    store = open_database(settings_with(database=database))
+    store = _existing(database)
     try:
         found = keys.listed(store)
     finally:
@@ -73,12 +75,18 @@ def revoke(
     database: DatabaseOption = None,
 ) -> None:
     """Make a key useless, for running services within a second."""
-    store = open_database(settings_with(database=database))
+    store = _existing(database)
     try:
         keys.revoke(store, key)
     finally:
         store.dispose()
     typer.echo(f"key {key} revoked")
+
+
+def _existing(database: Path | None) -> Database:
+    settings = settings_with(database=database)
+    check_there(settings)
+    return open_database(settings)
 
 
 def _moment(text: str | None) -> datetime | None:
