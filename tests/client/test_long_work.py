@@ -90,6 +90,13 @@ def test_the_command(client: Client, season: Path, capsys: pytest.CaptureFixture
     assert (code, err.count("\n"), "http://127.0.0.1:1/v1/jobs" in err) == (2, 1, True)
 
 
+@pytest.mark.parametrize("url", ["http://[::", "http://a:b", "nonsense", "ftp://a", "http://a\nb"])
+def test_an_address_that_is_none_is_one_line(capsys: pytest.CaptureFixture[str], url: str) -> None:
+    assert run(["--url", url, "jobs"]) == 2
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n"), err.startswith("urquhart-client: ")) == ("", 1, True)
+
+
 @pytest.mark.parametrize(
     ("content", "told"),
     [

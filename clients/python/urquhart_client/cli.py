@@ -9,6 +9,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
+import httpx
 from pydantic import BaseModel
 
 from urquhart_client.client import Client
@@ -32,6 +33,8 @@ def run(arguments: Sequence[str] | None = None) -> int:
     url = options.url or os.environ.get("URQUHART_URL", "http://127.0.0.1:8420")
     try:
         client = Client(url, api_key=os.environ.get("URQUHART_API_KEY") or None)
+    except httpx.InvalidURL as error:
+        return _refuse(f"{url}: {error}")
     except ValueError as error:
         return _refuse(str(error))
     try:
