@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from server import keys
 from server.access import Scope
+from server.commands.console import wide_console
 from server.commands.db import DatabaseOption, check_there
 from server.commands.failure import Failure
 from server.commands.serve import open_database, settings_with
@@ -64,9 +64,7 @@ def list_keys(database: DatabaseOption = None) -> None:
         expires = "never" if key.expires is None else f"{key.expires:%Y-%m-%d %H:%M}"
         scopes, patterns = ", ".join(key.scopes), ", ".join(key.patterns)
         table.add_row(key.id, key.name, scopes, patterns, f"{key.created:%Y-%m-%d}", expires, key.state(now))
-    # As wide as it needs to be where it is not looked at but read by a program.
-    console = Console()
-    Console(width=None if console.is_terminal else 400).print(table)
+    wide_console().print(table)
 
 
 @app.command("revoke")
