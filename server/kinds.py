@@ -42,7 +42,10 @@ OTHER = Kind(400, "http-error", "The request failed", "The request could not be 
 # The most special exception of a request's comes first in its MRO, so bases may stand here too.
 TABLE: Mapping[type[errors.DomainError], Kind] = {
     errors.NotFound: Kind(
-        404, "not-found", "Not found", "There is no collection, submap or stored query of this name."
+        404,
+        "not-found",
+        "Not found",
+        "There is no collection, submap, stored query, job or snapshot of this name.",
     ),
     errors.Unauthorized: Kind(
         401,
@@ -81,7 +84,7 @@ TABLE: Mapping[type[errors.DomainError], Kind] = {
         415,
         "unsupported-media-type",
         "Unsupported media type",
-        "Send the body as JSON, with Content-Type: application/json.",
+        "Send the body as JSON, with Content-Type: application/json; an import as NDJSON, application/x-ndjson.",
     ),
     errors.MalformedBody: Kind(
         400,
@@ -171,6 +174,8 @@ def _members(error: errors.DomainError) -> dict[str, Any]:
     match error:
         case errors.TooLarge():
             members: dict[str, Any] = {"limit": error.limit, "allowed": error.allowed, "got": error.got}
+        case errors.TooManyRequests():
+            members = {"limit": "requests_per_second"}
         case errors.PreconditionFailed():
             members = {"etag": error.etag}
         case errors.NotAcceptable():

@@ -166,6 +166,7 @@ def test_who_asks_too_often_is_told_when_to_come_back(start: Start) -> None:
     server = start(requests_per_second=0.01)  # one request, then one in 100 s; the collection was made with it
     refused = server.client.get("/v1/collections")
     assert (refused.status_code, refused.json()["type"]) == (429, "/problems/too-many-requests")
+    assert refused.json()["limit"] == "requests_per_second"
     assert 90 <= int(refused.headers["Retry-After"]) <= 100
     assert server.rejected("rate") == 1.0
     for path in ("/livez", "/", "/problems/too-many-requests"):
