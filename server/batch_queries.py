@@ -7,12 +7,12 @@ from pydantic import ValidationError
 from server.access import Caller, Scope
 from server.catalog import Catalog
 from server.errors import DomainError, TooLarge
-from server.kinds import VALIDATION, document
+from server.kinds import VALIDATION, document, plain
 from server.lookup import answer_query
 from server.metrics import Metrics
 from server.registry import get_collection
 from server.schemas.batches import BatchAnswer, BatchInput, BatchProblem
-from server.schemas.pointers import body_problems
+from server.schemas.pointers import body_problems, told
 from server.schemas.queries import QueryAnswer, QueryInput
 from server.settings import Limits
 from server.store.database import Database
@@ -36,14 +36,14 @@ def answer_batch(
     with database.read() as session:
         get_collection(session, collection_id)
     results: list[QueryAnswer | BatchProblem] = []
-    for number, members in enumerate(body.queries):
+    for members in body.queries:
         try:
             query = QueryInput.model_validate(members)
             if query.store:
                 caller.require(Scope.WRITE)
             results.append(answer_query(database, catalog, metrics, limits, collection_id, query))
         except ValidationError as error:
-            results.append(BatchProblem(problem=_invalid(error, number)))
+            results.append(BatchProblem(problem=_invalid(error)))
         except DomainError as error:
             problem = document(error)
             if problem["status"] >= 500:
@@ -52,11 +52,6 @@ def answer_batch(
     return BatchAnswer(results=results)
 
 
-def _invalid(error: ValidationError, number: int) -> dict[str, Any]:
-    return {
-        "type": f"/problems/{VALIDATION.slug}",
-        "title": VALIDATION.title,
-        "status": VALIDATION.status,
-        "detail": f"Query {number} of the batch is not valid.",
-        "errors": body_problems(error),
-    }
+def _invalid(error: ValidationError) -> dict[str, Any]:
+    entries = body_problems(error)
+    return plain(VALIDATION, told(entries)) | {"errors": entries}

@@ -22,8 +22,8 @@ Written by `urquhart config --markdown`.
 Each setting stands in a file, in the environment, or on the command line where a verb has an option for it. An option
 goes before the environment, the environment before the file. The file is TOML: `urquhart.toml` in the working folder,
 or the one that `--config` or `URQUHART_CONFIG` names. What is no setting is refused, in the file and in the environment
-(whatever begins with `URQUHART_`), with the nearest name that there is. `urquhart config` prints what is in force and
-where it comes from.
+(whatever begins with `URQUHART_`, but for the client's `URQUHART_URL` and `URQUHART_API_KEY`), with the nearest name
+that there is. `urquhart config` prints what is in force and where it comes from.
 
 ```toml
 database = "/var/lib/urquhart/urquhart.db"

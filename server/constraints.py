@@ -12,6 +12,7 @@ from typing import Any, Final
 import numpy as np
 import orjson
 
+from server.errors import InvalidField
 from server.reading import submap_filter
 from server.schemas.constraints import ConstraintFormat, ConstraintsInput
 from server.schemas.queries import CandidateAnswer, Exclude, QueryInput
@@ -31,15 +32,18 @@ Found = dict[str, Any]
 def chosen_submaps(body: ConstraintsInput) -> SubmapFilter:
     """Which submaps are looked up, `submap_ids` apart. Raises InvalidField."""
     bbox = None if body.bbox is None else ",".join(map(repr, body.bbox))
-    return submap_filter(session=body.session, bbox=bbox, frame_id=body.frame_id, datetime_range=body.datetime)
+    try:
+        return submap_filter(session=body.session, bbox=bbox, frame_id=body.frame_id, datetime_range=body.datetime)
+    except InvalidField as error:  # here they are members, of the same names as the parameters of a listing
+        raise InvalidField(str(error), code=error.code, pointer=f"/{error.parameter}") from error
 
 
-def question(row: SubmapRow, body: ConstraintsInput) -> QueryInput:
-    """The query that looks a submap up among all others that it may be paired with."""
+def question(row: SubmapRow, body: ConstraintsInput, most: int) -> QueryInput:
+    """The query that looks a submap up among all others that it may be paired with; `most` candidates of any query."""
     exclude = Exclude()
     if body.exclude.within_seconds is not None and row.stamp is not None:
         exclude = Exclude(within_seconds=body.exclude.within_seconds)
-    return QueryInput(submap_id=row.id, limit=body.per_submap, exclude=exclude)
+    return QueryInput(submap_id=row.id, limit=min(body.per_submap, most), exclude=exclude)
 
 
 def from_candidates(row: SubmapRow, candidates: Sequence[CandidateAnswer], body: ConstraintsInput) -> list[Found]:

@@ -1,5 +1,6 @@
 """Coordinate reference systems: map poses to longitude and latitude, as RFC 7946 wants them."""
 
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -38,13 +39,14 @@ def check_crs(name: str) -> None:
 class Georeference:
     """From a collection's submap frames to longitude and latitude."""
 
-    def __init__(self, collection: CollectionRow) -> None:
-        """Raises NotAcceptable for a collection without CRS."""
+    def __init__(self, collection: CollectionRow, otherwise: Sequence[str]) -> None:
+        """`otherwise` are the media types that do without. Raises NotAcceptable for a collection without CRS."""
+        self._otherwise = otherwise
         if collection.crs is None:
             raise NotAcceptable(
                 f"The collection {collection.id!r} has no crs, so its submaps have no longitude and latitude. "
                 "Set one by PATCH, or ask for application/json.",
-                ["application/json"],
+                otherwise,
             )
         self._to_wgs84 = _transformer(collection.crs)
         self._origin = np.array([collection.origin_x or 0.0, collection.origin_y or 0.0])
@@ -57,7 +59,7 @@ class Georeference:
             raise NotAcceptable(
                 "Some submaps lie outside what the collection's crs covers; check crs, origin and map poses, "
                 "or ask for application/json.",
-                ["application/json"],
+                self._otherwise,
             )
         return [[round(float(x), _DECIMALS), round(float(y), _DECIMALS)] for x, y in zip(lon, lat, strict=True)]
 

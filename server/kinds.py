@@ -42,7 +42,10 @@ OTHER = Kind(400, "http-error", "The request failed", "The request could not be 
 # The most special exception of a request's comes first in its MRO, so bases may stand here too.
 TABLE: Mapping[type[errors.DomainError], Kind] = {
     errors.NotFound: Kind(
-        404, "not-found", "Not found", "There is no collection, submap or stored query of this name."
+        404,
+        "not-found",
+        "Not found",
+        "There is no collection, submap, stored query, job or snapshot of this name.",
     ),
     errors.Unauthorized: Kind(
         401,
@@ -81,7 +84,7 @@ TABLE: Mapping[type[errors.DomainError], Kind] = {
         415,
         "unsupported-media-type",
         "Unsupported media type",
-        "Send the body as JSON, with Content-Type: application/json.",
+        "Send the body as JSON, with Content-Type: application/json; an import as NDJSON, application/x-ndjson.",
     ),
     errors.MalformedBody: Kind(
         400,
@@ -155,16 +158,15 @@ def kind_of(error: errors.DomainError) -> Kind:
     return next((TABLE[base] for base in type(error).__mro__ if base in TABLE), INTERNAL)
 
 
+def plain(kind: Kind, detail: str) -> dict[str, Any]:
+    """The problem document of a kind that no domain error stands for."""
+    return {"type": f"/problems/{kind.slug}", "title": kind.title, "status": kind.status, "detail": detail}
+
+
 def document(error: errors.DomainError) -> dict[str, Any]:
     """The problem document of a domain error: what HTTP answers, and what a job notes of a line."""
     kind, where = kind_of(error), getattr(error, "pointer", None) or getattr(error, "parameter", None)
-    return {
-        "type": f"/problems/{kind.slug}",
-        "title": kind.title,
-        "status": kind.status,
-        "detail": f"{where}: {error}" if where else str(error),
-        **_members(error),
-    }
+    return plain(kind, f"{where}: {error}" if where else str(error)) | _members(error)
 
 
 def _members(error: errors.DomainError) -> dict[str, Any]:
@@ -172,6 +174,8 @@ def _members(error: errors.DomainError) -> dict[str, Any]:
     match error:
         case errors.TooLarge():
             members: dict[str, Any] = {"limit": error.limit, "allowed": error.allowed, "got": error.got}
+        case errors.TooManyRequests():
+            members = {"limit": "requests_per_second"}
         case errors.PreconditionFailed():
             members = {"etag": error.etag}
         case errors.NotAcceptable():

@@ -129,9 +129,10 @@ def look_up(
         if own_id is not None:
             excluded.update(submaps.keys([own_id]).values())
         sessions = Sessions(view.session, view.collection.key)
-        search = _search(view, body, asked, keys_near(submaps, body.near))
+        most = min(body.limit, limits.candidates)  # less than the default only where the operator wants it so
+        search = _search(view, body, asked, most, keys_near(submaps, body.near))
         try:
-            found = by_session(search, sessions, excluded, body.limit) if body.per_session else search(excluded)
+            found = by_session(search, sessions, excluded, most) if body.per_session else search(excluded)
         except LandmarkError as error:
             raise invalid_landmarks(error, body) from error
         keys = {candidate.key for candidate in found.candidates} | {rival.key for rival in found.rivals[:1]}
@@ -145,12 +146,12 @@ def look_up(
     return Look(asked, view.collection, answer, found.candidates, landmarks)
 
 
-def _search(view: View, body: QueryInput, asked: Observation, only: set[int] | None) -> Search:
+def _search(view: View, body: QueryInput, asked: Observation, most: int, only: set[int] | None) -> Search:
     def search(excluded: set[int]) -> Recognition:
         return view.recognizer.recognize(
             asked.xy,
             diameters=asked.diameters,
-            limit=body.limit,
+            limit=most,
             method=body.method,
             exclude=excluded,
             only=only,
@@ -161,8 +162,9 @@ def _search(view: View, body: QueryInput, asked: Observation, only: set[int] | N
 
 
 def _check_sizes(body: QueryInput, limits: Limits) -> None:
-    if body.limit > limits.candidates:
-        raise InvalidField(f"must be at most {limits.candidates}", code="less_than_equal", pointer="/limit")
+    if body.limit > limits.candidates and "limit" in body.model_fields_set:
+        detail = f"must be at most {limits.candidates}, the limit candidates"
+        raise InvalidField(detail, code="less_than_equal", pointer="/limit")
     excluded = len(body.exclude.submap_ids)
     if excluded > limits.excluded_submaps:
         raise TooLarge("excluded_submaps", limits.excluded_submaps, excluded, "Exclude fewer submaps.")

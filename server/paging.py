@@ -51,5 +51,6 @@ def page_size(limit: int | None, limits: Limits) -> int:
     if limit is None:
         return limits.page
     if not 1 <= limit <= limits.page_max:
-        raise InvalidField(f"must be from 1 to {limits.page_max}", code="out_of_range", parameter="limit")
+        detail = f"must be from 1 to {limits.page_max}, the limit page_max"
+        raise InvalidField(detail, code="out_of_range", parameter="limit")
     return limit

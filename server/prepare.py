@@ -145,11 +145,12 @@ def place_from(pose: MapPose | None, xy: NDArray[np.float64]) -> Place | None:
         return None
     footprint = SE2(pose.x, pose.y, pose.yaw).apply(xy if len(xy) else np.zeros((1, 2)))
     (min_x, min_y), (max_x, max_y) = footprint.min(axis=0), footprint.max(axis=0)
+    # The database keeps no -0.0: with it, what is read back would have another entity tag.
     return Place(
         pose.frame_id,
-        pose.x,
-        pose.y,
-        pose.yaw,
+        pose.x + 0.0,
+        pose.y + 0.0,
+        pose.yaw + 0.0,
         pose.covariance,
         float(min_x),
         float(min_y),

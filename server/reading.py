@@ -78,7 +78,7 @@ def geojson_page(
     Raises NotAcceptable for a collection without CRS.
     """
     collection, rows, following = _rows(database, limits, collection_id, chosen, limit, cursor, landmarks=True)
-    georeference = Georeference(collection)
+    georeference = Georeference(collection, ["application/json"])
     features = []
     for row in rows:
         place = stored_place(row)
@@ -129,13 +129,14 @@ class Tessellated:
 
     def to_geojson(self) -> dict[str, Any]:
         """Polygons in longitude and latitude. Raises NotAcceptable without CRS or map_pose."""
-        georeference = Georeference(self._collection)
+        others = ["application/json", "image/svg+xml"]
+        georeference = Georeference(self._collection, others)
         place = stored_place(self._row)
         if place is None:
             raise NotAcceptable(
                 f"The submap {self._row.id!r} has no map_pose, so it has no longitude and latitude. "
                 "Set one by PATCH, or ask for application/json.",
-                ["application/json", "image/svg+xml"],
+                others,
             )
         positions = georeference.lonlat(place, self._features.landmarks + self._features.origin)
         tessellation = self._features.tessellation

@@ -13,6 +13,8 @@ from pydantic.fields import FieldInfo
 PREFIX: Final = "URQUHART_"
 DEFAULT_FILE: Final = "urquhart.toml"
 NESTED: Final = "__"
+CLIENTS: Final = frozenset({"URQUHART_URL", "URQUHART_API_KEY"})
+"""Read by the client, which calls itself the same."""
 
 
 class Misconfigured(Exception):
@@ -83,12 +85,14 @@ def read_file(path: Path, model: type[BaseModel]) -> dict[str, Any]:
 def check_environment(model: type[BaseModel], environ: Mapping[str, str] = os.environ) -> None:
     """Refuse variables that look like settings and are none: a slip of the pen must not pass for a setting.
 
+    Those of the client may be there: it is used on the service's own machine, too.
+
     Raises:
         Misconfigured: with the nearest name that there is.
     """
     known = {variable(name) for name, _ in fields(model)} | {variable(name) for name in groups(model)}
     for name in sorted(environ):
-        if name.upper().startswith(PREFIX) and name.upper() not in known:
+        if name.upper().startswith(PREFIX) and name.upper() not in known | CLIENTS:
             raise Misconfigured(f"environment: there is no setting {name}{_nearest(name.upper(), sorted(known))}")
 
 

@@ -108,9 +108,14 @@ def existing_database(settings: Settings) -> Database:
     Raises:
         Failure: there is no such file.
     """
+    check_there(settings)
+    return _database(settings)
+
+
+def check_there(settings: Settings) -> None:
+    """Who mistypes a path is told so, and does not get an empty database. Raises Failure."""
     if not settings.database_path.is_file():
         raise Failure(f"{settings.database_path}: no such database; make one with urquhart index or urquhart serve")
-    return _database(settings)
 
 
 def _database(settings: Settings) -> Database:

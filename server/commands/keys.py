@@ -2,17 +2,19 @@
 
 import re
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from server import keys
 from server.access import Scope
-from server.commands.db import DatabaseOption
+from server.commands.console import wide_console
+from server.commands.db import DatabaseOption, check_there
 from server.commands.failure import Failure
 from server.commands.serve import open_database, settings_with
+from server.store.database import Database
 
 app = typer.Typer(help="Make, list and revoke API keys.")
 _UNITS = {"h": 1, "d": 24, "w": 24 * 7}
@@ -48,7 +50,7 @@ def create(
 @app.command("list")
 def list_keys(database: DatabaseOption = None) -> None:
     """List all keys, without their secrets."""
-    store = open_database(settings_with(database=database))
+    store = _existing(database)
     try:
         found = keys.listed(store)
     finally:
@@ -62,9 +64,7 @@ def list_keys(database: DatabaseOption = None) -> None:
         expires = "never" if key.expires is None else f"{key.expires:%Y-%m-%d %H:%M}"
         scopes, patterns = ", ".join(key.scopes), ", ".join(key.patterns)
         table.add_row(key.id, key.name, scopes, patterns, f"{key.created:%Y-%m-%d}", expires, key.state(now))
-    # As wide as it needs to be where it is not looked at but read by a program.
-    console = Console()
-    Console(width=None if console.is_terminal else 400).print(table)
+    wide_console().print(table)
 
 
 @app.command("revoke")
@@ -73,12 +73,18 @@ def revoke(
     database: DatabaseOption = None,
 ) -> None:
     """Make a key useless, for running services within a second."""
-    store = open_database(settings_with(database=database))
+    store = _existing(database)
     try:
         keys.revoke(store, key)
     finally:
         store.dispose()
     typer.echo(f"key {key} revoked")
+
+
+def _existing(database: Path | None) -> Database:
+    settings = settings_with(database=database)
+    check_there(settings)
+    return open_database(settings)
 
 
 def _moment(text: str | None) -> datetime | None:

@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from server.catalog import Catalog
+from server.commands.console import wide_console
 from server.commands.db import existing_database
 from server.commands.explanation import print_explanation
 from server.commands.failure import Failure
@@ -71,7 +72,7 @@ def locate(
     if as_json:
         typer.echo(answer.model_dump_json(indent=2))
     else:
-        console = Console()
+        console = wide_console()
         _print(console, answer)
         if explain:
             print_explanation(console, answer)
@@ -99,6 +100,8 @@ def _print(console: Console, answer: QueryAnswer) -> None:
             f"pose in {frame}: x {pose.x:.3f} m, y {pose.y:.3f} m, yaw {math.degrees(pose.yaw):.2f} deg"
             f"{_spread(pose.covariance)}",
             highlight=False,
+            markup=False,
+            soft_wrap=True,
         )
         console.print(
             f"inliers: {best.inlier_count} of {answer.landmarks} trees, rms {best.rms:.3f} m", highlight=False
@@ -115,9 +118,9 @@ def _print(console: Console, answer: QueryAnswer) -> None:
             )
     if not answer.candidates:
         return
-    table = Table()
+    table = Table(box=None)
     table.add_column("rank", justify="right")
-    table.add_column("submap")
+    table.add_column("submap", no_wrap=True)  # whole, however narrow it is: it is what was asked for
     for name in ("inliers", "ratio", "rms m", "overlap", "votes", "level", "log odds", "confidence"):
         table.add_column(name, justify="right")
     table.add_column("refused")

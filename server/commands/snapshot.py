@@ -5,10 +5,10 @@ from typing import Annotated
 
 import orjson
 import typer
-from rich.console import Console
-from rich.table import Table
+from rich.table import Column, Table
 
 from server import keys, restoring, snapshots
+from server.commands.console import wide_console
 from server.commands.db import DatabaseOption, existing_database, tell_findings
 from server.commands.serve import settings_with
 from server.snapshot_folder import SnapshotFolder
@@ -54,7 +54,8 @@ def list_snapshots(
     if not found:
         typer.echo("no snapshots")
         return
-    table = Table("name", "created", "bytes", "schema", "collections", "submaps", box=None)
+    # Whole, however narrow it is: it is there to be copied.
+    table = Table(Column("name", no_wrap=True), "created", "bytes", "schema", "collections", "submaps", box=None)
     for snapshot in found:
         table.add_row(
             snapshot.name,
@@ -64,7 +65,7 @@ def list_snapshots(
             str(len(snapshot.collections)),
             str(sum(collection.submaps for collection in snapshot.collections)),
         )
-    Console().print(table)
+    wide_console().print(table)
 
 
 @app.command("verify")

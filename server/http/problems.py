@@ -14,8 +14,8 @@ from starlette.responses import Response
 from starlette.types import Scope
 
 from server import errors
-from server.kinds import INTERNAL, METHOD, NO_ROUTE, OTHER, VALIDATION, Kind, document, kind_of
-from server.schemas.pointers import field_problems
+from server.kinds import INTERNAL, METHOD, NO_ROUTE, OTHER, VALIDATION, Kind, document, kind_of, plain
+from server.schemas.pointers import field_problems, told
 
 MEDIA_TYPE = "application/problem+json"
 _log = logging.getLogger("server")
@@ -28,8 +28,7 @@ def problem(
     kind: Kind, detail: str, scope: Scope, *, headers: Mapping[str, str] | None = None, **members: Any
 ) -> Response:
     """A problem response; members that are None are left out."""
-    about = {"type": f"/problems/{kind.slug}", "title": kind.title, "status": kind.status, "detail": detail}
-    return _response({**about, **members}, scope, headers or {})
+    return _response(plain(kind, detail) | members, scope, headers or {})
 
 
 def domain_problem(error: errors.DomainError, scope: Scope) -> Response:
@@ -65,9 +64,7 @@ def install(app: FastAPI) -> None:
     @app.exception_handler(RequestValidationError)
     async def on_invalid_request(request: Request, error: RequestValidationError) -> Response:
         entries = field_problems(error.errors())
-        detail = entries[0]["detail"] if len(entries) == 1 else f"{len(entries)} things are wrong, see errors."
-        where = entries[0].get("pointer") or entries[0].get("parameter") if len(entries) == 1 else None
-        return problem(VALIDATION, f"{where}: {detail}" if where else detail, request.scope, errors=entries)
+        return problem(VALIDATION, told(entries), request.scope, errors=entries)
 
     @app.exception_handler(HTTPException)
     async def on_http_exception(request: Request, error: HTTPException) -> Response:

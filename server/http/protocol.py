@@ -1,7 +1,7 @@
 """Connections: how many there may be, how long one may take to say what it wants, and how they end."""
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import h11
@@ -10,9 +10,9 @@ from uvicorn.config import Config
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.server import ServerState
 
-from server.errors import DomainError, Overloaded, TooSlow
+from server.errors import Overloaded, TooSlow
 from server.http.problems import MEDIA_TYPE
-from server.kinds import document
+from server.kinds import OTHER, document, plain
 from server.settings import Limits
 
 _LAST_WORD = 0.25
@@ -56,7 +56,7 @@ class Connection(H11Protocol):
         if len(self.connections) > self.config.limits.connections and not self._make_room():
             self.config.reject("connections")
             most = self.config.limits.connections
-            self._refuse(Overloaded(f"All {most} connections are in use; try again shortly.", 1.0))
+            self._refuse(document(Overloaded(f"All {most} connections are in use; try again shortly.", 1.0)))
             return
         self._await_head()
 
@@ -125,15 +125,18 @@ class Connection(H11Protocol):
             return
         self.config.reject("slow_head")
         seconds = self.config.limits.header_seconds
-        self._refuse(TooSlow(f"The head of a request must arrive within {seconds:g} s (header_seconds)."))
+        self._refuse(document(TooSlow(f"The head of a request must arrive within {seconds:g} s (header_seconds).")))
 
-    def _refuse(self, error: DomainError) -> None:
-        """Answer before anything was asked, where that is still possible, and close."""
-        if self.conn.our_state is h11.IDLE:
-            said = document(error)
+    def send_400_response(self, msg: str) -> None:
+        """What came is no HTTP, or a body that is none: told as every other error is."""
+        self._refuse(plain(OTHER, msg))
+
+    def _refuse(self, said: Mapping[str, Any]) -> None:
+        """Answer what was not asked, or not as a whole, where that is still possible, and close."""
+        if self.conn.our_state in (h11.IDLE, h11.SEND_RESPONSE):
             body = orjson.dumps(said)
             headers = [("Content-Type", MEDIA_TYPE), ("Content-Length", str(len(body))), ("Connection", "close")]
-            if isinstance(error, Overloaded):
+            if said["status"] == 503:
                 headers.append(("Retry-After", "1"))
             head = h11.Response(status_code=said["status"], headers=headers, reason=said["title"].encode())
             for event in (head, h11.Data(data=body), h11.EndOfMessage()):

@@ -87,7 +87,7 @@ def _look_up(assignment: Assignment, tools: Tools, row: SubmapRow, body: Constra
             tools.metrics,
             tools.settings.limits,
             assignment.collection_id,
-            question(row, body),
+            question(row, body, tools.settings.limits.candidates),
             without_session=excluded,
         )
     except NotFound:

@@ -30,6 +30,7 @@ class ArrivingSubmap(SubmapInput):
         members = {name: getattr(self, name) for name in ("xy", "ids", "landmarks", "frame_id", "stamp")}
         # What is checked already is not checked again.
         return QueryInput.model_construct(
+            _fields_set=set(options.model_fields_set),
             **members,
             **{name: getattr(options, name) for name in QueryOptions.model_fields},
             submap_id=None,

@@ -102,13 +102,15 @@ def _check_stamp(value: object) -> object:
     return value
 
 
-def _check_moment(value: datetime) -> datetime:
-    """Refuse what is a moment in its own time zone, and none in UTC, where years end with 9999."""
+def _in_utc(value: datetime) -> datetime:
+    """The moment in UTC, as it is stored: one moment is one content, whatever offset it was written with.
+
+    Refuses what is a moment in its own time zone, and none in UTC, where years end with 9999.
+    """
     try:
-        value.astimezone(UTC)
+        return value.astimezone(UTC)
     except OverflowError as error:
         raise ValueError("must lie in the years 1 to 9999 in UTC, too") from error
-    return value
 
 
 def check_digits(value: object) -> object:
@@ -131,7 +133,7 @@ Metres = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-1e8, le=1e
 Stamp = Annotated[
     AwareDatetime,
     BeforeValidator(_check_stamp),
-    AfterValidator(_check_moment),
+    AfterValidator(_in_utc),
     PlainSerializer(write_stamp, return_type=str, when_used="json"),
 ]
 Point = tuple[Number, Number]

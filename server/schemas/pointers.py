@@ -20,6 +20,7 @@ _SENTENCES: Mapping[str, str] = {
     "model_attributes_type": "must be an object",
     "finite_number": "must be a finite number",
     "int_from_float": "must be a whole number",
+    "string_pattern_mismatch": "must be of visible ASCII characters, without spaces",  # the only pattern there is
 }
 
 
@@ -47,12 +48,22 @@ def body_problems(error: ValidationError) -> list[dict[str, Any]]:
     return field_problems([{**one, "loc": ("body", *one["loc"])} for one in error.errors(include_url=False)])
 
 
+def told(entries: Sequence[Mapping[str, Any]]) -> str:
+    """What a problem with these `errors` says in its `detail`: where and what, or how many."""
+    if len(entries) > 1:
+        return f"{len(entries)} things are wrong, see errors."
+    where = entries[0].get("pointer") or entries[0].get("parameter")
+    return f"{where}: {entries[0]['detail']}" if where else str(entries[0]["detail"])
+
+
 def _sentence(error: Mapping[str, Any]) -> str:
     kind, context = error["type"], error.get("ctx") or {}
     if kind == "missing" and tuple(error["loc"]) == ("body",):
         return "a body is required: send a JSON object"
     if kind in _SENTENCES:
         return _SENTENCES[kind]
+    if kind in ("too_short", "string_too_short") and context["min_length"] == 1:
+        return "must not be empty"
     if (kind == "too_long" and context.get("field_type") == "Tuple") or kind == "too_short":
         return (
             f"must have {context.get('max_length', context.get('min_length'))} entries, not {context['actual_length']}"

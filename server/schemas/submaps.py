@@ -43,6 +43,15 @@ def _unique(ids: list[str]) -> list[str]:
     return ids
 
 
+def _unique_trees(trees: list[Landmark]) -> list[Landmark]:
+    _unique(_ids_of(trees))
+    return trees
+
+
+def _ids_of(trees: list[Landmark]) -> list[str]:
+    return [str(i) if tree.id is None else tree.id for i, tree in enumerate(trees)]
+
+
 class LandmarkBody(Body):
     """Landmarks in one of two forms: `xy` with optional `ids`, or `landmarks`."""
 
@@ -50,7 +59,7 @@ class LandmarkBody(Body):
     ids: Annotated[list[Label], Field(fail_fast=True), AfterValidator(_unique)] | None = Field(
         None, description="An id for each point of `xy`; their positions when left out."
     )
-    landmarks: Annotated[list[Landmark], Field(fail_fast=True)] | None = Field(
+    landmarks: Annotated[list[Landmark], Field(fail_fast=True), AfterValidator(_unique_trees)] | None = Field(
         None, description="Trees with what is known of them."
     )
 
@@ -68,8 +77,6 @@ class LandmarkBody(Body):
                 "`ids` has {ids} entries for {xy} points of `xy`; give one each",
                 {"ids": len(self.ids), "xy": len(self.xy)},
             )
-        if self.landmarks is not None:
-            _unique([str(i) if tree.id is None else tree.id for i, tree in enumerate(self.landmarks)])
         return self
 
     @property
@@ -94,10 +101,7 @@ class LandmarkBody(Body):
 
     def landmark_ids(self) -> list[str] | None:
         """Ids by position; None when all are the default, their position."""
-        if self.landmarks is not None:
-            ids = [str(i) if tree.id is None else tree.id for i, tree in enumerate(self.landmarks)]
-        else:
-            ids = self.ids or []
+        ids = _ids_of(self.landmarks) if self.landmarks is not None else self.ids or []
         return ids if any(name != str(i) for i, name in enumerate(ids)) else None
 
     def attributes(self) -> dict[str, list[Any]] | None:

@@ -34,6 +34,14 @@ def test_a_problem_document_is_raised_whole() -> None:
     assert str(error) == "422 Invalid landmarks: The landmarks cannot be used. (/xy/3 is not a number)"
 
 
+def test_what_is_wrong_is_said_once() -> None:
+    entry = {"pointer": "/xy", "code": "too_few", "detail": "2 landmarks given"}
+    problem = {"title": "No", "detail": "/xy: 2 landmarks given", "errors": [entry]}
+    with pytest.raises(ProblemError) as caught:
+        client(service(problem, 422)).ready()
+    assert str(caught.value) == "422 No: /xy: 2 landmarks given"
+
+
 @pytest.mark.parametrize("retry_after", ["Wed, 21 Oct 2026 07:28:00 GMT", "-1", "nan"])
 def test_a_retry_after_that_is_no_delay_is_none(retry_after: str) -> None:
     with pytest.raises(ProblemError) as caught:
@@ -67,5 +75,5 @@ def test_a_connection_that_fails_is_named() -> None:
     def refuse(request: httpx.Request) -> httpx.Response:
         raise httpx.ConnectError("connection refused")
 
-    with pytest.raises(ConnectionFailed, match=r"GET /livez: connection refused"):
+    with pytest.raises(ConnectionFailed, match=r"GET http://service/livez: connection refused"):
         client(refuse).live()

@@ -8,7 +8,7 @@ import pytest
 
 from tests.server.world import forest, observed, points
 from urquhart_client import Client, ProblemError, Progress
-from urquhart_client.cli import run
+from urquhart_client.cli import _landmarks, run
 
 
 @pytest.fixture
@@ -86,4 +86,49 @@ def test_the_command(client: Client, season: Path, capsys: pytest.CaptureFixture
         code, out, err = said(*arguments)
         told = [line for line in err.splitlines() if line.startswith("urquhart-client: ")]  # the service logs here, too
         assert (code, out, len(told)) == (2, "", 1), err
-    assert run(["--url", "http://127.0.0.1:1", "jobs"]) == 2
+    code, _, err = said("--url", "http://127.0.0.1:1", "jobs")
+    assert (code, err.count("\n"), "http://127.0.0.1:1/v1/jobs" in err) == (2, 1, True)
+
+
+@pytest.mark.parametrize("url", ["http://[::", "http://a:b", "nonsense", "ftp://a", "http://a\nb"])
+def test_an_address_that_is_none_is_one_line(capsys: pytest.CaptureFixture[str], url: str) -> None:
+    assert run(["--url", url, "jobs"]) == 2
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n"), err.startswith("urquhart-client: ")) == ("", 1, True)
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        (b"a,b\n1,2\n", "columns x and y"),
+        (b"", "columns x and y"),
+        (b"x,y\n1\n", "line 2"),
+        (b"\xff\xfe\x00", "utf-8"),
+        (b'{"xy": ', "Expecting value"),
+        (b'{"xy": [[1, "a"]]}', "'a'"),
+        (b"[]", "not a JSON object"),
+    ],
+)
+def test_a_file_that_cannot_be_is_one_line_with_its_name(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, content: bytes, told: str
+) -> None:
+    file = tmp_path / ("seen.json" if content[:1] in (b"{", b"[") else "seen.csv")
+    file.write_bytes(content)
+    assert run(["--url", "http://127.0.0.1:1", "query", "plots", str(file)]) == 2
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n"), err.startswith(f"urquhart-client: {file}")) == ("", 1, True), err
+    assert told in err
+
+
+@pytest.mark.parametrize("arguments", [[], ["nope"], ["jobs", "--state", "x"], ["query", "plots"], ["jobs", "--x"]])
+def test_arguments_that_cannot_be_are_one_line(capsys: pytest.CaptureFixture[str], arguments: list[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        run(arguments)
+    out, err = capsys.readouterr()
+    assert (ended.value.code, out, err.count("\n")) == (2, "", 1)
+    assert err.startswith("urquhart-client: ")
+
+
+def test_a_spreadsheet_writes_a_mark_in_front(tmp_path: Path) -> None:
+    (tmp_path / "seen.csv").write_bytes(b"\xef\xbb\xbfx,y\n1,2\n")
+    assert _landmarks(tmp_path / "seen.csv") == {"xy": [(1.0, 2.0)]}

@@ -144,6 +144,14 @@ def test_keys_are_sent_and_not_shown() -> None:
     assert "secret" not in repr(keyed) + str(failed.value)
 
 
+@pytest.mark.parametrize("key", ["urq_secret\n", "urq secret", "urq_s\u00e9cret", ""])
+def test_keys_that_no_service_gave_are_refused_and_not_shown(key: str) -> None:
+    for kind in (Client, AsyncClient):
+        with pytest.raises(ValueError, match="API key") as refused:
+            kind("http://service", api_key=key)
+        assert "cret" not in str(refused.value)
+
+
 def test_large_bodies_are_packed() -> None:
     service = Service(ok(RECEIPT))
     client(service).put_submap("plots", "p7", xy=[(float(i), 0.5) for i in range(3000)])

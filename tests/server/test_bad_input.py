@@ -94,7 +94,7 @@ def test_what_is_not_json(client: httpx.Client, body: bytes) -> None:
         ({"landmarks": [{"x": 1}]}, "/landmarks/0/y", "missing"),
         ({"landmarks": [{"x": 1, "y": 2, "dbh": -1}]}, "/landmarks/0/dbh", "greater_than"),
         ({"landmarks": [{"x": 1, "y": 2, "age": 9}]}, "/landmarks/0/age", "extra_forbidden"),
-        ({"landmarks": [{"id": "a", "x": 1, "y": 2}, {"id": "a", "x": 3, "y": 4}]}, "", "duplicate_id"),
+        ({"landmarks": [{"id": "a", "x": 1, "y": 2}, {"id": "a", "x": 3, "y": 4}]}, "/landmarks", "duplicate_id"),
         ({"xy": GOOD, "stamp": "2026-05-04T09:30:00"}, "/stamp", "value_error"),
         ({"xy": GOOD, "stamp": 1_770_000_000}, "/stamp", "value_error"),
         ({"xy": GOOD, "stamp": "9999-12-31T23:59:59-23:59"}, "/stamp", "value_error"),

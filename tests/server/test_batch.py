@@ -41,7 +41,7 @@ def test_one_that_is_wrong_does_not_spoil_the_others(client: httpx.Client) -> No
     for query, result in zip(wrong, results[1:-1], strict=True):
         alone = client.post("/v1/collections/plots/queries", json=query).json()
         assert (result["problem"]["status"], result["problem"]["type"]) == (alone["status"], alone["type"])
-        assert result["problem"].get("errors") == alone.get("errors")
+        assert (result["problem"]["detail"], result["problem"].get("errors")) == (alone["detail"], alone.get("errors"))
 
 
 @pytest.mark.parametrize("body", [{}, {"queries": []}, {"queries": [1]}, {"queries": [{}], "limit": 1}])

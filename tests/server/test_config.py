@@ -187,3 +187,10 @@ def test_every_setting_is_documented_with_its_variable_default_and_bounds() -> N
     assert variable("limits.page") == "URQUHART_LIMITS__PAGE"
     for name, field in fields(Settings):
         assert field.description, name
+
+
+def test_the_clients_variables_are_none_of_ours(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who has both at hand in one shell can use both."""
+    monkeypatch.setenv("URQUHART_URL", "http://127.0.0.1:8420")
+    monkeypatch.setenv("URQUHART_API_KEY", "urq_secret")
+    assert "secret" not in configuration.as_json(configuration.told(configuration.load()))

@@ -77,8 +77,14 @@ def test_filters_gates_and_exclusions(client: httpx.Client, truth: dict[str, SE2
     assert found(client, {"gates": {"rms": 0.001}}) == []
     assert found(client, {"datetime": "2020-01-01T00:00:00Z/2021-01-01T00:00:00Z"}) == []
     assert found(client, {"bbox": [0, 0, 1, 1]}) == []
-    for wrong in ({"gates": {"confidence": 2}}, {"datetime": "x"}, {"bbox": [5, 0, 1, 1]}, {"sesion": "x"}):
-        assert client.post(URL, json=wrong).status_code == 422
+    for wrong, pointer in (
+        ({"gates": {"confidence": 2}}, "/gates/confidence"),
+        ({"datetime": "x"}, "/datetime"),
+        ({"bbox": [5, 0, 1, 1]}, "/bbox"),
+        ({"sesion": "x"}, "/sesion"),
+    ):
+        refused = client.post(URL, json=wrong)
+        assert (refused.status_code, refused.json()["errors"][0].get("pointer")) == (422, pointer)
 
 
 def test_every_format_tells_the_same(client: httpx.Client, truth: dict[str, SE2]) -> None:

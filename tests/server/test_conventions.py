@@ -7,9 +7,12 @@ from typing import Any
 import httpx
 import pytest
 
+from server.app import create_app
 from server.http import compression
 from server.http.negotiation import accepts_coding
-from tests.server.world import forest, points, put_submap
+from server.settings import Limits, Settings
+from tests.server.test_jobs import finished
+from tests.server.world import TestClient, forest, points, put_submap
 
 PLOTS = "/v1/collections/plots"
 SUBMAPS = f"{PLOTS}/submaps"
@@ -90,6 +93,48 @@ def test_an_unchanged_answer_says_what_it_varies_with(client: httpx.Client) -> N
 @pytest.mark.parametrize("limit", ["", "0", "-1", "51", "+1", "1.0", "1_0", " 1", "1e1", "\u0661", "9" * 5000])
 def test_limits_that_cannot_be(client: httpx.Client, path: str, limit: str) -> None:
     assert first_error(client.get(path, params={"limit": limit}))["parameter"] == "limit"
+
+
+def test_who_asks_for_too_much_is_told_which_limit_it_is(client: httpx.Client) -> None:
+    told = client.get("/v1/limits").json()["limits"]
+    page = first_error(client.get(SUBMAPS, params={"limit": told["page_max"] + 1}))
+    assert page["detail"] == "must be from 1 to 50, the limit page_max"
+    query = first_error(client.post(f"{PLOTS}/queries", json={"xy": [], "limit": told["candidates"] + 1}))
+    assert query["detail"] == "must be at most 100, the limit candidates"
+
+
+def test_who_asks_for_no_number_of_candidates_gets_as_many_as_there_may_be(settings: Settings) -> None:
+    few = settings.model_copy(update={"limits": Limits(candidates=1)})
+    with TestClient(create_app(few)) as client:
+        client.put(PLOTS, json={}).raise_for_status()
+        for name in ("a", "b", "c"):
+            put_submap(client, "plots", name, 1).raise_for_status()
+        answers = [client.post(f"{PLOTS}/queries", json=body(1)), client.post(SUBMAPS, json=body(1, query={}))]
+        assert [len(answer.json().get("query", answer.json())["candidates"]) for answer in answers] == [1, 1]
+        for asked in (body(1, limit=2), body(1, limit=5)):
+            first_error(client.post(f"{PLOTS}/queries", json=asked))
+        assert first_error(client.post(SUBMAPS, json=body(1, query={"limit": 2})))["pointer"] == "/query/limit"
+        job = finished(client, client.post(f"{PLOTS}/constraints", json={}))
+        assert job["state"] == "successful"
+
+
+@pytest.mark.parametrize(
+    ("path", "sent", "told"),
+    [
+        (f"{PLOTS}/queries/batch", {"queries": []}, "must not be empty"),
+        (f"{PLOTS}/constraints", {"submap_ids": []}, "must not be empty"),
+        (f"{PLOTS}/queries", {"xy": [], "frame_id": ""}, "must not be empty"),
+        (SUBMAPS, {"map_pose": {"x": 0, "y": 0, "yaw": 0, "covariance": [1]}}, "must have 9 entries, not 1"),
+    ],
+)
+def test_what_is_too_short_is_told_so(client: httpx.Client, path: str, sent: Any, told: str) -> None:
+    assert first_error(client.post(path, json=sent))["detail"] == told
+
+
+def test_an_idempotency_key_that_cannot_be_is_told_in_words(client: httpx.Client) -> None:
+    for key, told in (("", "must not be empty"), ("a b", "must be of visible ASCII characters, without spaces")):
+        refused = first_error(client.post(SUBMAPS, json=body(1), headers={"Idempotency-Key": key}))
+        assert (refused["parameter"], refused["detail"]) == ("idempotency-key", told)
 
 
 @pytest.mark.parametrize("bbox", ["0,0,1_0,1", "", "0,0,1,1,", "-inf,0,1,1", "0;0;1;1"])

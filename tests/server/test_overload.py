@@ -167,6 +167,7 @@ def test_who_asks_too_often_is_told_when_to_come_back(start: Start) -> None:
     server = start(requests_per_second=0.01)  # one request, then one in 100 s; the collection was made with it
     refused = server.client.get("/v1/collections")
     assert (refused.status_code, refused.json()["type"]) == (429, "/problems/too-many-requests")
+    assert refused.json()["limit"] == "requests_per_second"
     assert 90 <= int(refused.headers["Retry-After"]) <= 100
     assert server.rejected("rate") == 1.0
     for path in ("/livez", "/", "/problems/too-many-requests"):
@@ -303,6 +304,29 @@ def is_answered(connection: socket.socket) -> None:
     while not said.endswith(b"}"):  # head and body may come one after the other
         said += connection.recv(65536)
     assert said.startswith(b"HTTP/1.1 200 ")
+
+
+@pytest.mark.parametrize(
+    "sent",
+    [
+        b"GARBAGE\r\n\r\n",
+        b"GET /livez HTTP/1.1\r\n\r\n",  # without Host
+        b"GET /livez HTTP/1.1\r\nHost: x\r\nX: " + b"a" * 100_000,
+        PUT_HEAD.format("5\r\nContent-Length: 6").encode() + b"{}",
+        PUT_HEAD.replace("Content-Length: {}", "Transfer-Encoding: chunked").encode() + b"zz\r\n{}",
+    ],
+)
+def test_what_is_not_http_is_told_so_as_a_problem(start: Start, sent: bytes) -> None:
+    server = start()
+    with server.connect() as stranger:
+        stranger.sendall(sent)
+        head, _, body = read_all(stranger).partition(b"\r\n\r\n")
+    assert head.startswith(b"HTTP/1.1 400 ")
+    assert b"Content-Type: application/problem+json" in head
+    assert b"Connection: close" in head
+    told = json.loads(body)
+    assert (told["type"], told["status"]) == ("/problems/http-error", 400)
+    assert server.client.get("/livez").status_code == 200
 
 
 def test_half_a_head_after_a_whole_request_is_not_waited_for(start: Start) -> None:

@@ -7,6 +7,8 @@ import httpx
 import numpy as np
 import pytest
 
+from server.contents import content_findings
+from server.http.dependencies import Service
 from tests.server.world import forest, points, put_submap
 
 PLOTS = "/v1/collections/plots"
@@ -63,6 +65,27 @@ def test_put_is_idempotent_and_replaces(client: httpx.Client) -> None:
     collection = client.get(PLOTS).json()
     assert (collection["counts"]["submaps"], collection["counts"]["landmarks"], collection["revision"]) == (1, 60, 3)
     assert client.get(f"{PLOTS}/submaps/p1").json()["session"] == "s"
+
+
+def test_a_stamp_is_the_same_moment_in_every_offset(client: httpx.Client, service: Service) -> None:
+    first = put_submap(client, "plots", "p1", 1, stamp="2026-05-04T11:30:00+02:00")
+    again = put_submap(client, "plots", "p1", 1, stamp="2026-05-04T09:30:00Z")
+    assert (again.json()["outcome"], again.headers["ETag"]) == ("unchanged", first.headers["ETag"])
+    assert list(content_findings(service.database)) == []
+    there = client.get(f"{PLOTS}/submaps/p1").json()
+    patched = client.patch(f"{PLOTS}/submaps/p1", json={"properties": {}}, headers={"If-Match": first.headers["ETag"]})
+    back = client.patch(f"{PLOTS}/submaps/p1", json={"properties": None})
+    assert (there["stamp"], patched.status_code) == ("2026-05-04T09:30:00Z", 200)
+    assert back.json()["etag"] == first.json()["etag"]
+
+
+def test_what_is_stored_makes_the_entity_tag_that_was_told(client: httpx.Client, service: Service) -> None:
+    pose = {"x": -0.0, "y": 1e-300, "yaw": -0.0, "covariance": [1, -0.0, 0, -0.0, 1, 0, 0, 0, 1]}
+    properties = {"b": -0.0, "a": [1e22, 2**64 - 1, -(2**63), 1.0, 5e-324], "\u00e9": {"\U0001f332": None}}
+    put_submap(client, "plots", "p1", 1, map_pose=pose, properties=properties).raise_for_status()
+    put_submap(client, "plots", "p2", 2).raise_for_status()
+    client.patch(f"{PLOTS}/submaps/p2", json={"map_pose": pose, "properties": properties}).raise_for_status()
+    assert list(content_findings(service.database)) == []
 
 
 def test_preconditions_of_put_and_delete(client: httpx.Client) -> None:
@@ -201,15 +224,18 @@ def test_tessellation_in_its_three_forms(client: httpx.Client) -> None:
     assert drawing.headers["ETag"] != response.headers["ETag"]
 
     accept = {"Accept": "application/geo+json"}
-    assert client.get(url, headers=accept).status_code == 406
+    others = ["application/json", "image/svg+xml"]
+    without_crs = client.get(url, headers=accept)
+    assert (without_crs.status_code, without_crs.json()["offered"]) == (406, others)
     client.patch(PLOTS, json={"crs": "EPSG:32633", "origin": [500_000.0, 5_000_000.0]}).raise_for_status()
     unplaced = client.get(url, headers=accept)
-    assert (unplaced.status_code, unplaced.json()["offered"]) == (406, ["application/json", "image/svg+xml"])
+    assert (unplaced.status_code, unplaced.json()["offered"]) == (406, others)
     client.patch(f"{PLOTS}/submaps/p1", json={"map_pose": {"x": 0, "y": 0, "yaw": 1}}).raise_for_status()
     features = client.get(url, headers=accept).json()["features"]
     assert [feature["properties"]["vertices"] for feature in features] == [p["vertices"] for p in seen["polygons"]]
     client.patch(f"{PLOTS}/submaps/p1", json={"map_pose": {"x": 9e7, "y": 9e7, "yaw": 1}}).raise_for_status()
-    assert client.get(url, headers=accept).status_code == 406
+    nowhere = client.get(url, headers=accept)
+    assert (nowhere.status_code, nowhere.json()["offered"]) == (406, others)
 
 
 def test_unknown_submaps(client: httpx.Client) -> None:

@@ -72,9 +72,17 @@ class Upload:
             yield piece
 
 
-def failed(request: Request[Any], error: Exception) -> ConnectionFailed:
+def bearer(api_key: str) -> str:
+    """The header Authorization of a key. Raises ValueError for what no header can carry, without telling the key."""
+    if not api_key or any(not "!" <= character <= "~" for character in api_key):
+        raise ValueError("the API key is empty, or has a space or a character that no key has: was it copied whole?")
+    return f"Bearer {api_key}"
+
+
+def failed(request: Request[Any], error: Exception, service: httpx.URL) -> ConnectionFailed:
     """What a connection that cannot be made, or breaks, is told as; keys are in headers, and not in this."""
-    return ConnectionFailed(f"{request.method} {request.path}: {error or type(error).__name__}")
+    address = str(service.copy_with(userinfo=b"")).rstrip("/")
+    return ConnectionFailed(f"{request.method} {address}{request.path}: {error or type(error).__name__}")
 
 
 def answer(request: Request[T], response: httpx.Response, *, lost: bool = False) -> T:

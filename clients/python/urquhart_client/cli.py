@@ -7,8 +7,9 @@ import os
 import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
+import httpx
 from pydantic import BaseModel
 
 from urquhart_client.client import Client
@@ -20,15 +21,29 @@ class _BadInput(Exception):
     pass
 
 
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        """Refuse in one line, as everything else is refused."""
+        self.exit(2, f"urquhart-client: {message} (see {self.prog} --help)\n")
+
+
 def run(arguments: Sequence[str] | None = None) -> int:
     """Run one command; its exit code: 0, 1 where a job failed, 2 for what cannot be done."""
     options = _parser().parse_args(arguments)
     url = options.url or os.environ.get("URQUHART_URL", "http://127.0.0.1:8420")
     try:
-        with Client(url, api_key=os.environ.get("URQUHART_API_KEY")) as client:
-            return int(options.command(client, options))
-    except (UrquhartError, _BadInput, ValueError) as error:
+        client = Client(url, api_key=os.environ.get("URQUHART_API_KEY") or None)
+    except httpx.InvalidURL as error:
+        return _refuse(f"{url}: {error}")
+    except ValueError as error:
         return _refuse(str(error))
+    try:
+        with client:
+            return int(options.command(client, options))
+    except (UrquhartError, _BadInput) as error:
+        return _refuse(str(error))
+    except ValueError as error:  # what a file holds
+        return _refuse(f"{options.file}: {error}" if "file" in options else str(error))
     except OSError as error:
         return _refuse(f"{error.filename or url}: {error.strerror or error}")
     except KeyboardInterrupt:
@@ -101,12 +116,15 @@ def _snapshot(client: Client, options: argparse.Namespace) -> int:
 def _landmarks(path: Path) -> dict[str, Any]:
     """Landmarks of a CSV with x and y (or x_m, y_m), or of a JSON body."""
     if path.suffix == ".json":
-        body = json.loads(path.read_text())
+        body = json.loads(path.read_text(encoding="utf-8"))
         if not isinstance(body, dict):
             raise _BadInput(f"{path}: not a JSON object")
         return {name: body[name] for name in ("xy", "ids", "landmarks") if name in body}
-    with path.open(newline="") as file:
-        rows = list(csv.DictReader(file))
+    with path.open(newline="", encoding="utf-8-sig") as file:
+        reader = csv.DictReader(file)
+        rows, columns = list(reader), set(reader.fieldnames or ())
+    if not columns >= {"x", "y"} and not columns >= {"x_m", "y_m"}:
+        raise _BadInput(f"{path}: the first line must name the columns x and y, or x_m and y_m")
     return {"xy": list(_points(path, rows))}
 
 
@@ -140,7 +158,7 @@ def _refuse(message: str) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="urquhart-client",
         description="Urquhart from a shell. URQUHART_URL says where the service is, URQUHART_API_KEY holds the key.",
     )

@@ -56,6 +56,8 @@ class ProblemError(UrquhartError):
         if self.detail:
             text += f": {self.detail}"
         places = [
-            f"{e.get('pointer') or e.get('parameter') or ''} {e.get('detail', '')}".strip() for e in self.errors[:3]
+            f"{e.get('pointer') or e.get('parameter') or ''} {e.get('detail', '')}".strip()
+            for e in self.errors[:3]
+            if not e.get("detail") or str(e["detail"]) not in self.detail
         ]
         return text + (f" ({'; '.join(places)})" if any(places) else "")

@@ -150,6 +150,18 @@ def test_locate_finds_the_place(urquhart: Urquhart, indexed: Path, observation: 
     assert "log odds" in said.out
 
 
+def test_locate_tells_whole_names_and_poses_whatever_the_width(
+    urquhart: Urquhart, indexed: Path, observation: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wide = urquhart("locate", observation, "--collection", "stand", "--database", indexed, "--seed", 1).out
+    assert " longleaf-2-2 " in wide
+    monkeypatch.setenv("COLUMNS", "80")
+    assert urquhart("locate", observation, "--collection", "stand", "--database", indexed, "--seed", 1).out == wide
+    monkeypatch.setenv("FORCE_COLOR", "1")  # as on a terminal
+    narrow = urquhart("locate", observation, "--collection", "stand", "--database", indexed, "--seed", 1).out
+    assert "longleaf-2-2" in narrow
+
+
 def test_locate_tells_all_as_json_and_draws(
     urquhart: Urquhart, indexed: Path, observation: Path, tmp_path: Path
 ) -> None:

@@ -117,6 +117,14 @@ def test_a_full_disk_is_one_line_and_keeps_what_was_stored(
     assert urquhart("db", "check", "--database", path).code == 0
 
 
+def test_names_of_snapshots_are_told_as_a_whole(urquhart: Urquhart, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a terminal of the usual width, too: a name that is cut is none that can be restored."""
+    monkeypatch.setenv("COLUMNS", "80")
+    urquhart("db", "upgrade")
+    name = urquhart("snapshot", "create").out.partition(":")[0]
+    assert name in urquhart("snapshot", "list").out
+
+
 def test_the_index_is_written_checked_and_made_anew(
     urquhart: Urquhart, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,6 +1,7 @@
 """`urquhart keys`."""
 
 import re
+from pathlib import Path
 
 import pytest
 
@@ -8,6 +9,7 @@ from tests.server.cli.world import Urquhart, refused
 
 
 def test_a_key_from_its_making_to_its_end(urquhart: Urquhart) -> None:
+    urquhart("db", "upgrade")
     assert "no keys" in urquhart("keys", "list").out
     said = urquhart("keys", "create", "robot 2", "--scope", "read", "--scope", "write", "--collections", "plots-*")
     assert (said.code, said.err.count("\n")) == (0, 1)
@@ -21,6 +23,12 @@ def test_a_key_from_its_making_to_its_end(urquhart: Urquhart) -> None:
     assert urquhart("keys", "revoke", match[1]).out == f"key {match[1]} revoked\n"
     assert re.search(rf"{match[1]} .*revoked", urquhart("keys", "list").out)
     refused(urquhart("keys", "revoke", match[1]), "was revoked")
+
+
+def test_looking_at_keys_makes_no_database(urquhart: Urquhart, tmp_path: Path) -> None:
+    for arguments in (["list"], ["revoke", "Ab3dE6gH"]):
+        refused(urquhart("keys", *arguments, "--database", tmp_path / "mistyped.db"), "no such database")
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(
@@ -37,4 +45,5 @@ def test_a_key_from_its_making_to_its_end(urquhart: Urquhart) -> None:
     ],
 )
 def test_what_cannot_be(urquhart: Urquhart, arguments: list[str], said: str) -> None:
+    urquhart("db", "upgrade")
     refused(urquhart("keys", *arguments), said)

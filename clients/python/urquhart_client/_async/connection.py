@@ -10,7 +10,7 @@ from typing import Self, TypeVar
 import httpx
 from pydantic import BaseModel
 
-from urquhart_client._exchange import Request, answer, failed, retry_after
+from urquhart_client._exchange import Request, answer, bearer, failed, retry_after
 from urquhart_client._retry import Retry
 from urquhart_client.models import Page
 
@@ -42,8 +42,11 @@ class AsyncConnection:
             compress: send large bodies packed.
             headers: sent with every request.
             transport: an httpx transport instead of the network, e.g. `httpx.MockTransport` in tests.
+
+        Raises:
+            ValueError: what is given as `api_key` cannot be one.
         """
-        sent = dict(headers or {}) | ({} if api_key is None else {"Authorization": f"Bearer {api_key}"})
+        sent = dict(headers or {}) | ({} if api_key is None else {"Authorization": bearer(api_key)})
         self._http = httpx.AsyncClient(base_url=base_url, timeout=timeout, headers=sent, transport=transport)
         self._retry = retry or Retry()
         self._compress = compress
@@ -77,7 +80,7 @@ class AsyncConnection:
             except (httpx.TransportError, httpx.DecodingError) as error:
                 pause = self._retry.pause(attempt, time.monotonic() - began) if request.repeatable else None
                 if pause is None:
-                    raise failed(request, error) from error
+                    raise failed(request, error, self._http.base_url) from error
                 lost = True
             else:
                 pause = None
@@ -113,7 +116,7 @@ class AsyncConnection:
                     answer(request, response)
                 yield response
         except (httpx.TransportError, httpx.DecodingError) as error:
-            raise failed(request, error) from error
+            raise failed(request, error, self._http.base_url) from error
 
     async def _pages(self, request: Callable[[str | None], Request[Page[M]]]) -> AsyncIterator[M]:
         cursor: str | None = None
