@@ -27,20 +27,21 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from server import bulk, ingest, registry
-from server.agreement import index_findings
-from server.catalog import Catalog
+from server import registry
+from server.checks.agreement import index_findings
 from server.errors import NotFound
-from server.metrics import Metrics
+from server.index.catalog import Catalog
+from server.index.segment_folder import SegmentFolder
+from server.index.upkeep import Upkeep
+from server.intake import bulk, ingest
+from server.metrics.metrics import Metrics
 from server.schemas.collections import CollectionPut
 from server.schemas.submaps import NamedSubmap
-from server.segment_folder import SegmentFolder
 from server.settings import IndexSettings
 from server.store import schema
 from server.store.database import Database
 from server.store.integrity import findings
 from server.store.submaps import Submaps
-from server.upkeep import Upkeep
 from urquhart import Recognizer
 
 _FEW: Final = IndexSettings(flush_submaps=8, memory_submaps=30, block_submaps=12, cache_mb=1)

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from scipy.spatial import Delaunay
 
 from benchmarks.timing import milliseconds, side_by_side
-from server import bulk, registry
+from server import registry
+from server.intake import bulk
 from server.schemas.collections import CollectionPut
 from server.schemas.submaps import NamedSubmap
 from server.store import schema

@@ -20,8 +20,9 @@ import numpy as np
 import orjson
 
 from benchmarks.everyday import Forest
-from server import bulk, registry
-from server.batches import describers
+from server import registry
+from server.intake import bulk
+from server.intake.batches import describers
 from server.schemas.collections import CollectionPut
 from server.store import schema
 from server.store.database import Database

@@ -11,9 +11,7 @@ from fastapi.staticfiles import StaticFiles
 
 import urquhart
 from server import configuration, logs
-from server.catalog import Catalog
 from server.errors import DomainError
-from server.exchange import Exchange
 from server.http import problems
 from server.http.compression import DeflateAnswers, InflateRequests
 from server.http.dependencies import JobRoom, Service
@@ -22,19 +20,21 @@ from server.http.gate import Gate
 from server.http.middleware import BodyLimit, RequestContext
 from server.http.overload import Overload
 from server.http.readiness import SHUTDOWN, Readiness
+from server.index.catalog import Catalog
+from server.index.upkeep import Upkeep
 from server.jobs.folder import JobFolder
 from server.jobs.kinds import WORKS
 from server.jobs.runner import Runner, Tools
 from server.keys import Doorkeeper, check_exposure
-from server.metrics import Metrics
+from server.metrics.exchange import Exchange
+from server.metrics.metrics import Metrics
 from server.rates import Rates
 from server.routes import arrivals, collections, imports, jobs, pages, queries, snapshots, submaps, system
 from server.settings import Settings
-from server.snapshot_folder import SnapshotFolder
+from server.snapshots.snapshot_folder import SnapshotFolder
 from server.store.database import Database
 from server.store.renewal import bring_up_to_date
 from server.threads import pin_threads
-from server.upkeep import Upkeep
 from server.version import service_version
 
 _SPARE_THREADS = 8

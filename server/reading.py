@@ -8,9 +8,9 @@ from pydantic import TypeAdapter, ValidationError
 
 import urquhart
 from server import links
-from server.derive import config_of, features_of
 from server.errors import InvalidField, NotAcceptable, NotFound
 from server.geo import Georeference, polygon
+from server.index.derive import config_of, features_of
 from server.paging import page_size, read_cursor, read_name_cursor, write_cursor
 from server.registry import get_collection
 from server.schemas.common import MapPose, Stamp

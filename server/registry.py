@@ -7,9 +7,9 @@ from sqlalchemy.orm import Session
 
 from server import links
 from server.access import Caller
-from server.derive import config_of
 from server.errors import Conflict, InvalidField, NotFound
 from server.geo import check_crs
+from server.index.derive import config_of
 from server.paging import page_size, read_cursor, write_cursor
 from server.preconditions import ANYTHING, Preconditions
 from server.schemas.collections import (

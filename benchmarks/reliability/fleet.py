@@ -19,7 +19,8 @@ from benchmarks.reliability.traffic import BASE, COLLECTION
 from benchmarks.scale.asking import is_right
 from benchmarks.scale.job import spread
 from benchmarks.scale.world import World
-from server import batches, bulk, registry
+from server import registry
+from server.intake import batches, bulk
 from server.schemas.collections import CollectionPut
 from server.schemas.submaps import NamedSubmap
 from server.store import schema

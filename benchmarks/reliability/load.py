@@ -18,7 +18,8 @@ from benchmarks.reliability.traffic import BASE, COLLECTION, Question, Told, dri
 from benchmarks.reliability.trees import body, forest
 from benchmarks.scale.job import spread
 from benchmarks.scale.world import World
-from server import batches, bulk, registry
+from server import registry
+from server.intake import batches, bulk
 from server.schemas.collections import CollectionPut
 from server.schemas.submaps import NamedSubmap
 from server.store import schema

@@ -14,8 +14,9 @@ from pydantic import BaseModel, ValidationError
 import server.schemas
 from benchmarks.reliability.mutation import NAMES, changed, damaged, dumped, value
 from benchmarks.reliability.trees import body
-from server import batches, registry
+from server import registry
 from server.errors import DomainError
+from server.intake import batches
 from server.paging import read_cursor, read_name_cursor
 from server.reading import submap_filter
 from server.schemas.collections import CollectionPut

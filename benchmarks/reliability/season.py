@@ -21,8 +21,9 @@ from benchmarks.reliability.served import served
 from benchmarks.reliability.traffic import questions
 from benchmarks.scale.job import spread
 from benchmarks.scale.world import World
-from server import batches, bulk, registry
-from server.batches import describers
+from server import registry
+from server.intake import batches, bulk
+from server.intake.batches import describers
 from server.schemas.collections import CollectionPut
 from server.schemas.submaps import NamedSubmap
 from server.store import schema

@@ -14,7 +14,7 @@ from benchmarks.scale.observations import Observations
 from benchmarks.scale.parts import COMPARED
 from benchmarks.scale.simulate import SUBMAPS, WARMING
 from benchmarks.scale.world import KINDS
-from server.catalog import Catalog
+from server.index.catalog import Catalog
 from server.threads import pin_threads
 from urquhart import SE2, Config, Recognition, warm_up
 

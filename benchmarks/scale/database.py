@@ -12,15 +12,16 @@ from typing import Final
 import orjson
 
 from benchmarks.scale.observations import Observations
-from server import batches, bulk, registry
-from server.catalog import Catalog, View
-from server.metrics import Metrics
+from server import registry
+from server.index.catalog import Catalog, View
+from server.index.upkeep import Upkeep
+from server.intake import batches, bulk
+from server.metrics.metrics import Metrics
 from server.schemas.collections import CollectionPut
 from server.store import schema
 from server.store.database import Database
 from server.store.renewal import bring_up_to_date
 from server.store.submaps import Submaps
-from server.upkeep import Upkeep
 
 COLLECTION: Final = "scale"
 _BATCH: Final = 500

@@ -8,19 +8,19 @@ import orjson
 import typer
 from rich.console import Console
 
-from server.catalog import Catalog
+from server.checks.inspection import inspect
 from server.commands.failure import Failure
 from server.commands.index import progress_bar
 from server.commands.serve import settings_with
-from server.flushing import rebuild
-from server.inspection import inspect
-from server.metrics import Metrics
+from server.index.catalog import Catalog
+from server.index.flushing import rebuild
+from server.index.upkeep import Upkeep
+from server.metrics.metrics import Metrics
 from server.registry import known_collections, read
 from server.settings import Settings
 from server.store.database import Database
 from server.store.renewal import bring_up_to_date, renew
 from server.store.schema import expected_revision, upgrade
-from server.upkeep import Upkeep
 
 app = typer.Typer(help="Look after the database file.")
 

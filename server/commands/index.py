@@ -20,12 +20,13 @@ from rich.progress import (
 from rich.text import Text
 
 import urquhart
-from server.batches import describers
-from server.catalog import Catalog
 from server.commands.failure import Failure
 from server.commands.serve import open_database, settings_with
 from server.errors import StorageError
-from server.metrics import Metrics
+from server.index.catalog import Catalog
+from server.index.upkeep import Upkeep
+from server.intake.batches import describers
+from server.metrics.metrics import Metrics
 from server.registry import ensure
 from server.schemas.collections import CollectionPut
 from server.schemas.common import check_id
@@ -34,7 +35,6 @@ from server.stem_maps.discs import MINIMUM_TREES, CuttingError
 from server.stem_maps.reader import read_stem_map
 from server.stem_maps.stands import StandError, StandReport, cut_stand, store_stand
 from server.store.database import Database
-from server.upkeep import Upkeep
 
 
 def index(

@@ -9,14 +9,14 @@ from pydantic import ValidationError
 from rich.console import Console
 from rich.table import Table
 
-from server.catalog import Catalog
 from server.commands.console import wide_console
 from server.commands.db import existing_database
 from server.commands.explanation import print_explanation
 from server.commands.failure import Failure
 from server.commands.serve import settings_with
-from server.lookup import look_up
-from server.metrics import Metrics
+from server.index.catalog import Catalog
+from server.metrics.metrics import Metrics
+from server.queries.lookup import look_up
 from server.schemas.queries import QueryAnswer, QueryInput
 from server.stem_maps.reader import StemMap, read_stem_map
 from server.stem_maps.stands import landmarks_of

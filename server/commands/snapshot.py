@@ -7,11 +7,12 @@ import orjson
 import typer
 from rich.table import Column, Table
 
-from server import keys, restoring, snapshots
+from server import keys
 from server.commands.console import wide_console
 from server.commands.db import DatabaseOption, existing_database, tell_findings
 from server.commands.serve import settings_with
-from server.snapshot_folder import SnapshotFolder
+from server.snapshots import restoring, snapshots
+from server.snapshots.snapshot_folder import SnapshotFolder
 from server.store import schema
 
 app = typer.Typer(help="Make, list, prove, remove and restore snapshots of the whole database.")

@@ -17,8 +17,8 @@ from typing import Final
 from server import logs
 from server.app import create_app
 from server.commands.signals import handled
-from server.exchange import Exchange
 from server.http.serving import serve_app
+from server.metrics.exchange import Exchange
 from server.settings import Settings
 
 _SPAWN: Final = multiprocessing.get_context("spawn")

@@ -12,17 +12,18 @@ from fastapi import Depends, Header, Path, Query, Request, Response
 from pydantic import BaseModel, BeforeValidator
 
 from server.access import Caller
-from server.catalog import Catalog
 from server.errors import DomainError, InvalidField, MalformedBody, TooLarge, UnsupportedMediaType
-from server.exchange import Exchange
 from server.http.authorization import GuardedRoute, get_caller, get_visitor
 from server.http.gate import Gate
 from server.http.problems import MEDIA_TYPE
 from server.http.readiness import Readiness
 from server.idempotency import Kept, Once
+from server.index.catalog import Catalog
+from server.index.upkeep import Upkeep
 from server.jobs.folder import JobFolder
 from server.jobs.runner import Runner
-from server.metrics import Metrics
+from server.metrics.exchange import Exchange
+from server.metrics.metrics import Metrics
 from server.preconditions import Preconditions
 from server.rates import Rates
 from server.schemas.common import (
@@ -35,9 +36,8 @@ from server.schemas.common import (
     to_json,
 )
 from server.settings import Settings
-from server.snapshot_folder import SnapshotFolder
+from server.snapshots.snapshot_folder import SnapshotFolder
 from server.store.database import Database
-from server.upkeep import Upkeep
 
 _ETAG = re.compile(r'\s*(?:W/)?"([^"]*)"\s*')
 

@@ -14,7 +14,7 @@ from server.errors import TooLarge
 from server.http.problems import domain_problem, internal_problem, problem
 from server.kinds import OTHER
 from server.logs import log_access, shortened
-from server.metrics import Metrics
+from server.metrics.metrics import Metrics
 from server.notes import begin as begin_notes
 
 _log = logging.getLogger("server")

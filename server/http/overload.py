@@ -12,7 +12,7 @@ from server.http.gate import Gate
 from server.http.middleware import is_streamed
 from server.http.problems import domain_problem
 from server.http.readiness import Readiness
-from server.metrics import Metrics
+from server.metrics.metrics import Metrics
 from server.settings import Limits
 
 ALWAYS_ANSWERED: Final = frozenset({"/livez", "/readyz", "/metrics"})

@@ -11,7 +11,7 @@ from server.constraints import agree, chosen_submaps, from_candidates, question,
 from server.errors import NotFound
 from server.jobs.folder import cut
 from server.jobs.runner import Assignment, Tools
-from server.lookup import look_up
+from server.queries.lookup import look_up
 from server.schemas.constraints import ConstraintsInput
 from server.store.database import storage_errors
 from server.store.submaps import Submaps

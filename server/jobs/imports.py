@@ -15,9 +15,9 @@ from typing import Any, BinaryIO
 import orjson
 from sqlalchemy.orm import Session
 
-from server import batches, bulk
-from server.bulk import BatchResult, Line
 from server.errors import LinesRefused, StorageUnavailable, TooLarge
+from server.intake import batches, bulk
+from server.intake.bulk import BatchResult, Line
 from server.jobs.folder import cut
 from server.jobs.runner import Assignment, Tools
 from server.kinds import document

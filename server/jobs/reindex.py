@@ -1,9 +1,9 @@
 """The job that writes a collection's index anew; the old one serves until the new one takes its place."""
 
-from server.flushing import Stopped, rebuild
+from server.index.flushing import Stopped, rebuild
+from server.index.upkeep import Upkeep
 from server.jobs.runner import Assignment, Interrupted, Tools
 from server.store.database import storage_errors
-from server.upkeep import Upkeep
 
 
 def run_reindex(assignment: Assignment, tools: Tools) -> None:

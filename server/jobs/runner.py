@@ -16,11 +16,11 @@ from typing import Any, Final, Protocol
 
 from sqlalchemy.orm import Session
 
-from server.catalog import Catalog
 from server.errors import DomainError, NotFound, StorageBusy, StorageError, StorageFull, WorkerLost
+from server.index.catalog import Catalog
 from server.jobs.folder import ARRIVING, FOUND, INPUT, RESULTS, JobFolder
 from server.kinds import INTERNAL, document
-from server.metrics import Metrics
+from server.metrics.metrics import Metrics
 from server.settings import Settings
 from server.store.collections import Collections
 from server.store.database import Database

@@ -4,7 +4,7 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Response
 
-from server import ingest, links, lookup, reading
+from server import links, reading
 from server.access import Caller, Scope
 from server.errors import InvalidField
 from server.http.dependencies import (
@@ -23,6 +23,8 @@ from server.http.dependencies import (
 from server.http.negotiation import JSON
 from server.idempotency import Kept
 from server.identifiers import new_id
+from server.intake import ingest
+from server.queries import lookup
 from server.schemas import examples
 from server.schemas.arrivals import ArrivingSubmap, SubmapReceipt
 from server.schemas.common import to_json

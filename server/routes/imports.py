@@ -5,7 +5,6 @@ from typing import Annotated, Literal
 import anyio.to_thread
 from fastapi import APIRouter, Query, Request, Response
 
-from server.bulk import OnConflict
 from server.errors import TooLarge, UnsupportedMediaType
 from server.http.authorization import GuardedRoute
 from server.http.compression import Inflater
@@ -21,6 +20,7 @@ from server.http.dependencies import (
 from server.http.middleware import declared_length
 from server.http.negotiation import NDJSON
 from server.identifiers import new_id
+from server.intake.bulk import OnConflict
 from server.jobs import queue
 from server.jobs.spool import spooled
 from server.routes.jobs import ACCEPTED

@@ -4,11 +4,11 @@ from typing import Annotated
 
 from fastapi import APIRouter, Path, Response
 
-from server import lookup, stored_queries
 from server.access import Scope
-from server.batch_queries import answer_batch
 from server.http.dependencies import Accept, CallerDep, CollectionId, JsonRoute, ServiceDep, json_response, problems
 from server.http.negotiation import JSON, SVG, choose
+from server.queries import lookup, stored_queries
+from server.queries.batch_queries import answer_batch
 from server.schemas import examples
 from server.schemas.batches import BatchAnswer, BatchInput
 from server.schemas.queries import ExplanationAnswer, MatchAnswer, QueryAnswer, QueryInput

@@ -7,7 +7,7 @@ from starlette.exceptions import HTTPException
 from starlette.responses import FileResponse
 from starlette.types import Message, Receive, Scope, Send
 
-from server import links, snapshots
+from server import links
 from server.http.dependencies import (
     Accept,
     CallerDep,
@@ -27,6 +27,7 @@ from server.http.dependencies import (
 from server.http.negotiation import JSON, SQLITE, choose
 from server.schemas.common import ResourceId
 from server.schemas.snapshots import SNAPSHOT_EXAMPLE, Snapshot, SnapshotInput, SnapshotPage
+from server.snapshots import snapshots
 
 router = APIRouter(route_class=JsonRoute, tags=["snapshots"])
 _PATH = "/v1/snapshots"

@@ -4,7 +4,7 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
 
-from server import ingest, links, reading
+from server import links, reading
 from server.access import Scope
 from server.http.dependencies import (
     Accept,
@@ -24,6 +24,7 @@ from server.http.dependencies import (
     problems,
 )
 from server.http.negotiation import GEOJSON, JSON, SVG, choose
+from server.intake import ingest
 from server.schemas import examples
 from server.schemas.submaps import (
     SessionPage,

@@ -2,11 +2,11 @@
 
 from fastapi import APIRouter, Response
 
-from server import gauges
 from server.http import published
 from server.http.authorization import GuardedRoute
 from server.http.dependencies import CallerDep, ServiceDep, json_response, problems
-from server.metrics import Metrics
+from server.metrics import gauges
+from server.metrics.metrics import Metrics
 from server.schemas.system import LIMITS_EXAMPLE, LimitsAnswer, Liveness, Readiness
 
 router = APIRouter(route_class=GuardedRoute, tags=["system"])

@@ -10,15 +10,15 @@ import orjson
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from server.batches import Refusal
-from server.bulk import ingest_lines
+from server.intake.batches import Refusal
+from server.intake.bulk import ingest_lines
+from server.intake.workers import Workers
 from server.schemas.common import MapPose, check_id
 from server.schemas.submaps import Landmark
 from server.settings import Limits
 from server.stem_maps.discs import Cut, cut
 from server.stem_maps.reader import StemMap
 from server.store.database import Database
-from server.workers import Workers
 
 BATCH = 200
 

@@ -8,17 +8,18 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from server import bulk, ingest, lookup
-from server.agreement import index_findings
-from server.catalog import Catalog
-from server.metrics import Metrics
+from server.checks.agreement import index_findings
+from server.index.catalog import Catalog
+from server.index.upkeep import Upkeep
+from server.intake import bulk, ingest
+from server.metrics.metrics import Metrics
+from server.queries import lookup
 from server.schemas.queries import QueryAnswer, QueryInput
 from server.schemas.submaps import NamedSubmap, SubmapInput
 from server.settings import IndexSettings, Limits
 from server.store.database import Database
 from server.store.integrity import findings
 from server.store.segments import Listed, Segments
-from server.upkeep import Upkeep
 from tests.server.world import forest, points
 from urquhart import Features
 from urquhart.collection_index import CollectionIndex

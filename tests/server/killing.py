@@ -20,15 +20,16 @@ from sqlalchemy import event
 from sqlalchemy.orm import Session
 
 import urquhart
-from server import bulk, registry
+from server import registry
 from server.access import ANYBODY
-from server.catalog import Catalog
+from server.index.catalog import Catalog
+from server.intake import bulk
 from server.jobs import folder as job_folder
 from server.jobs import imports, queue
 from server.jobs.folder import JobFolder
 from server.jobs.kinds import WORKS
 from server.jobs.runner import Runner, Tools
-from server.metrics import Metrics
+from server.metrics.metrics import Metrics
 from server.schemas.collections import CollectionPut
 from server.settings import JobSettings, Settings
 from server.store import schema

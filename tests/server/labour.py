@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from server.errors import TooLarge
-from server.workers import Work, Workers
+from server.intake.workers import Work, Workers
 
 
 class Unsendable(Exception):

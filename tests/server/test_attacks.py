@@ -17,13 +17,14 @@ import httpx
 import pytest
 from sqlalchemy import update
 
-from server import keys, restoring
+from server import keys
 from server.access import Caller, Scope
 from server.app import create_app
 from server.commands.serve import open_database
 from server.errors import InvalidField, Unauthorized
 from server.http.dependencies import Service
 from server.settings import Limits, Settings
+from server.snapshots import restoring
 from server.store.collections import Collections
 from server.store.database import Database
 from server.store.tables import KeyRow

@@ -10,8 +10,8 @@ import orjson
 import pytest
 from pydantic import ValidationError
 
-from server.batches import read_line
 from server.errors import InvalidField, TooLarge
+from server.intake.batches import read_line
 from server.settings import Limits
 from tests.server.world import forest, points, put_submap
 

@@ -8,11 +8,13 @@ from typing import Any
 import pytest
 from sqlalchemy.orm import Session
 
-from server import bulk, ingest, lookup, registry
-from server.catalog import Catalog
+from server import registry
 from server.errors import NotFound
-from server.live_index import LiveIndex, State
-from server.metrics import Metrics
+from server.index.catalog import Catalog
+from server.index.live_index import LiveIndex, State
+from server.intake import bulk, ingest
+from server.metrics.metrics import Metrics
+from server.queries import lookup
 from server.schemas.collections import CollectionPut
 from server.schemas.queries import QueryAnswer, QueryInput
 from server.schemas.submaps import NamedSubmap, SubmapInput
@@ -146,7 +148,7 @@ def test_a_failed_catch_up_is_repeated_whole(pair: tuple[Process, Process], monk
     one, two = pair
     one.put("a", 1)
     with monkeypatch.context() as patched:
-        patched.setattr("server.live_index.features_of", lambda *_: 1 / 0)
+        patched.setattr("server.index.live_index.features_of", lambda *_: 1 / 0)
         with pytest.raises(ZeroDivisionError):
             two.ask(1)
     assert two.found(1) == "a"

@@ -10,7 +10,7 @@ import pytest
 from fastapi import FastAPI
 from sqlalchemy import event
 
-from server import bulk, ingest, registry
+from server import registry
 from server.app import create_app
 from server.errors import (
     DatabaseNotUpgraded,
@@ -23,6 +23,7 @@ from server.errors import (
     StorageUnavailable,
 )
 from server.http.dependencies import Service
+from server.intake import bulk, ingest
 from server.schemas.collections import CollectionPut
 from server.schemas.submaps import NamedSubmap, SubmapInput
 from server.settings import Limits, Settings

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from fastapi import FastAPI
 
-from server.answers import strongest
 from server.app import create_app
 from server.http.dependencies import Service
+from server.queries.answers import strongest
 from server.schemas.queries import FINDINGS
 from server.settings import Limits, Settings
 from tests.server.world import TestClient, forest, observed, points, put_submap

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import urquhart
 from server import registry
-from server.feature_cache import Entry, FeatureCache, FeatureReader
+from server.index.feature_cache import Entry, FeatureCache, FeatureReader
 from server.schemas.collections import CollectionPut
 from server.store.database import Database
 from tests.server.index_world import Process, trees

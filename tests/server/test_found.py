@@ -2,7 +2,8 @@
 
 from typing import Any
 
-from server import ingest, registry
+from server import registry
+from server.intake import ingest
 from server.schemas.collections import CollectionPut
 from server.schemas.submaps import SubmapInput
 from server.settings import Limits

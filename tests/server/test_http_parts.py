@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from server.errors import InvalidField, NotAcceptable
 from server.http.negotiation import choose
 from server.paging import read_cursor, write_cursor
-from server.poses import compose_covariance
 from server.preconditions import Preconditions
+from server.queries.poses import compose_covariance
 from server.schemas.pointers import pointer
 from server.threads import pin_threads
 from urquhart import SE2

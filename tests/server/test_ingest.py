@@ -16,11 +16,13 @@ from pydantic import ValidationError
 from sqlalchemy import select
 from sqlalchemy.orm import undefer
 
-from server import ingest, registry
-from server.batches import cut, describers, line_of, read_line
-from server.bulk import BatchResult, ingest_lines, ingest_many
+from server import registry
 from server.errors import InvalidField, InvalidLandmarks, MalformedBody, NotFound, TooLarge
-from server.prepare import Prepared, settle
+from server.intake import ingest
+from server.intake.batches import cut, describers, line_of, read_line
+from server.intake.bulk import BatchResult, ingest_lines, ingest_many
+from server.intake.prepare import Prepared, settle
+from server.intake.workers import Workers
 from server.schemas.collections import CollectionPut
 from server.schemas.submaps import NamedSubmap, SubmapInput
 from server.settings import Limits
@@ -28,7 +30,6 @@ from server.store.database import Database
 from server.store.integrity import findings
 from server.store.submaps import Submaps
 from server.store.tables import SubmapRow
-from server.workers import Workers
 from tests.server import labour
 from tests.server.world import forest, points
 from urquhart import Config
@@ -225,8 +226,8 @@ def test_batches_end_by_number_and_by_weight() -> None:
 SCRIPT = """
 import sys
 from pathlib import Path
-from server.batches import describers, line_of
-from server.bulk import ingest_lines
+from server.intake.batches import describers, line_of
+from server.intake.bulk import ingest_lines
 from server.store.database import Database
 from tests.server import labour
 from tests.server.test_ingest import body

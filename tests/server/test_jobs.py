@@ -12,11 +12,12 @@ import orjson
 import pytest
 from fastapi import FastAPI
 
-from server import bulk, keys
+from server import keys
 from server.access import ANYBODY, Scope
 from server.app import create_app
 from server.errors import StorageBusy, StorageFull, WorkerLost
 from server.http.dependencies import Service
+from server.intake import bulk
 from server.jobs import imports, queue, runner
 from server.jobs.folder import JobFolder
 from server.jobs.runner import Assignment

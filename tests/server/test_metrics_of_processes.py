@@ -11,13 +11,13 @@ import httpx
 import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
-from server import gauges
 from server.app import create_app
 from server.errors import StorageBusy
-from server.exchange import Exchange
-from server.metrics import Metrics
+from server.metrics import gauges
+from server.metrics.exchange import Exchange
+from server.metrics.metrics import Metrics
+from server.metrics.samples import from_words, lasting, merged, to_words
 from server.registry import ensure
-from server.samples import from_words, lasting, merged, to_words
 from server.schemas.collections import CollectionPut
 from server.settings import Settings
 from server.store.collections import Collections

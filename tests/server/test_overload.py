@@ -11,11 +11,12 @@ from pathlib import Path
 import httpx
 import pytest
 
-from server import keys, lookup
+from server import keys
 from server.access import Scope
 from server.app import create_app
 from server.errors import Overloaded, TooManyRequests
 from server.http.gate import Gate
+from server.queries import lookup
 from server.rates import Rates
 from server.schemas.queries import QueryAnswer
 from server.settings import Limits, Settings

@@ -12,18 +12,20 @@ from pathlib import Path
 
 import pytest
 
-from server import ingest, keys, registry, restoring, snapshots
+from server import keys, registry
 from server.access import Scope
-from server.catalog import Catalog
+from server.checks.inspection import inspect
 from server.errors import Conflict, DatabaseTooNew, DomainError, NotADatabase, NotFound, StorageDamaged, StorageFull
-from server.inspection import inspect
-from server.metrics import Metrics
+from server.index.catalog import Catalog
+from server.intake import ingest
+from server.metrics.metrics import Metrics
 from server.preconditions import Preconditions
-from server.restoring import Source, find, restore, verify
 from server.schemas.collections import CollectionPatch, CollectionPut
 from server.schemas.submaps import SubmapInput
 from server.settings import Limits
-from server.snapshot_folder import SnapshotFolder
+from server.snapshots import restoring, snapshots
+from server.snapshots.restoring import Source, find, restore, verify
+from server.snapshots.snapshot_folder import SnapshotFolder
 from server.store import occupancy, schema
 from server.store.database import Database
 from server.store.jobs import Jobs

@@ -15,11 +15,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from server import registry
-from server.agreement import index_findings
-from server.compaction import FANOUT, plan
-from server.flushing import flush, rebuild
+from server.checks.agreement import index_findings
+from server.index.compaction import FANOUT, plan
+from server.index.flushing import flush, rebuild
+from server.index.segment_folder import SegmentFolder
 from server.schemas.collections import CollectionPut
-from server.segment_folder import SegmentFolder
 from server.store.database import Database
 from server.store.described import Described
 from server.store.segments import Listed, Segments, trusted

@@ -17,16 +17,18 @@ import httpx
 import pytest
 from fastapi import FastAPI
 
-from server import ingest, keys, registry, restoring, snapshot_folder, snapshots
+from server import keys, registry
 from server.access import Scope
 from server.app import create_app
 from server.errors import StorageFull
 from server.http.dependencies import Service
+from server.intake import ingest
 from server.keys import Doorkeeper
 from server.schemas.collections import CollectionPut
 from server.schemas.submaps import SubmapInput
 from server.settings import Limits, Settings, SnapshotSettings
-from server.snapshot_folder import SnapshotFolder
+from server.snapshots import restoring, snapshot_folder, snapshots
+from server.snapshots.snapshot_folder import SnapshotFolder
 from server.store import database as store_database
 from server.store import schema
 from server.store.database import Database

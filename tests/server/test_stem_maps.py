@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import ArrayLike
 
-from server.batches import read_line
+from server.intake.batches import read_line
 from server.schemas.common import check_id
 from server.settings import Limits
 from server.stem_maps.discs import MERGE_DISTANCE, MINIMUM_TREES, CuttingError, cut, merge

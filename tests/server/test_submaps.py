@@ -7,7 +7,7 @@ import httpx
 import numpy as np
 import pytest
 
-from server.contents import content_findings
+from server.checks.contents import content_findings
 from server.http.dependencies import Service
 from tests.server.world import forest, points, put_submap
 

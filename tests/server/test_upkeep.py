@@ -16,10 +16,11 @@ import pytest
 from fastapi import FastAPI
 from sqlalchemy import event
 
-from server import flushing, registry, upkeep
+from server import registry
 from server.app import create_app
-from server.flushing import Stopped
 from server.http.dependencies import Service
+from server.index import flushing, upkeep
+from server.index.flushing import Stopped
 from server.schemas.collections import CollectionPut
 from server.settings import IndexSettings, Settings
 from server.store.database import Database
@@ -229,7 +230,7 @@ def test_what_fails_is_tried_again_later_and_later(
     process: Process, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     now = [1000.0]
-    monkeypatch.setattr("server.upkeep.time", SimpleNamespace(monotonic=lambda: now[0]))
+    monkeypatch.setattr("server.index.upkeep.time", SimpleNamespace(monotonic=lambda: now[0]))
     tried: list[float] = []
 
     def fail(*_: object, **__: object) -> int:

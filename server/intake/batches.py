@@ -15,9 +15,10 @@ import orjson
 from pydantic import ValidationError
 
 import urquhart
-from server.derive import config_of
 from server.errors import DomainError, InvalidField, MalformedBody, TooLarge
-from server.prepare import Prepared
+from server.index.derive import config_of
+from server.intake.prepare import Prepared
+from server.intake.workers import PATIENCE, Work, Workers
 from server.registry import get_collection
 from server.schemas.common import check_breadth, check_values
 from server.schemas.pointers import body_problems
@@ -26,7 +27,6 @@ from server.settings import Limits
 from server.store.database import Database
 from server.store.submaps import SubmapRecord, Submaps
 from server.threads import pin_threads
-from server.workers import PATIENCE, Work, Workers
 from urquhart import Config
 
 _Item = TypeVar("_Item")

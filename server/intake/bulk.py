@@ -7,16 +7,16 @@ from typing import Literal, TypeVar
 
 from sqlalchemy.orm import Session
 
-from server import batches
-from server.batches import Described, Refusal
 from server.errors import Conflict, DomainError
-from server.ingest import Outcome, same_collection, store
+from server.intake import batches
+from server.intake.batches import Described, Refusal
+from server.intake.ingest import Outcome, same_collection, store
+from server.intake.workers import Work, Workers
 from server.schemas.submaps import NamedSubmap
 from server.settings import Limits
 from server.store.database import Database
 from server.store.submaps import SubmapRecord, Submaps
 from server.threads import pin_threads
-from server.workers import Work, Workers
 
 OnConflict = Literal["replace", "skip", "fail"]
 """What to do with a submap whose id is taken by another content: put it there, leave it out, or refuse it."""

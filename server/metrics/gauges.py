@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from typing import Final
 
 from server.errors import StorageError
-from server.exchange import Exchange
-from server.metrics import OTHER, Metrics, text_of
-from server.samples import Family, Key, merged
+from server.metrics.exchange import Exchange
+from server.metrics.metrics import OTHER, Metrics, text_of
+from server.metrics.samples import Family, Key, merged
 from server.store.collections import Collections, Size
 from server.store.database import Database
 from server.store.jobs import Jobs

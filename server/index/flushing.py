@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from sqlalchemy.orm import Session
 
-from server.derive import config_of, features_of
-from server.live_index import State
-from server.segment_folder import SegmentFolder, about
+from server.index.derive import config_of, features_of
+from server.index.live_index import State
+from server.index.segment_folder import SegmentFolder, about
 from server.store.collections import Collections
 from server.store.database import Database
 from server.store.described import Described

@@ -5,11 +5,11 @@ from typing import Any
 from pydantic import ValidationError
 
 from server.access import Caller, Scope
-from server.catalog import Catalog
 from server.errors import DomainError, TooLarge
+from server.index.catalog import Catalog
 from server.kinds import VALIDATION, document, plain
-from server.lookup import answer_query
-from server.metrics import Metrics
+from server.metrics.metrics import Metrics
+from server.queries.lookup import answer_query
 from server.registry import get_collection
 from server.schemas.batches import BatchAnswer, BatchInput, BatchProblem
 from server.schemas.pointers import body_problems, told

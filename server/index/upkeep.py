@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Final
 
-from server.catalog import Catalog
-from server.compaction import due, merge
-from server.flushing import Progress, Stopped, count_uncovered, flush, flush_state
-from server.live_index import LiveIndex, Unusable
-from server.metrics import Metrics
+from server.index.catalog import Catalog
+from server.index.compaction import due, merge
+from server.index.flushing import Progress, Stopped, count_uncovered, flush, flush_state
+from server.index.live_index import LiveIndex, Unusable
+from server.metrics.metrics import Metrics
 from server.store.collections import Collections
 from server.store.database import Database
 from server.store.segments import Listed, all_chains

@@ -15,14 +15,14 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
-from server.derive import config_of
 from server.errors import Conflict, NotADatabase, NotFound, StorageDamaged, StorageUnavailable
+from server.index.derive import config_of
+from server.index.segment_folder import SegmentFolder
 from server.kinds import document
 from server.registry import get_collection
 from server.schemas.snapshots import Snapshot
-from server.segment_folder import SegmentFolder
-from server.snapshot_folder import SnapshotFolder, is_name, read_manifest, sha256
-from server.snapshots import moment_name
+from server.snapshots.snapshot_folder import SnapshotFolder, is_name, read_manifest, sha256
+from server.snapshots.snapshots import moment_name
 from server.store import schema
 from server.store.collections import Collections
 from server.store.database import Database, storage_errors

@@ -16,7 +16,7 @@ from types import TracebackType
 from typing import Any, Final, Generic, Self, TypeVar
 
 from server.errors import WorkerLost
-from server.worker import attempt, start_worker
+from server.intake.worker import attempt, start_worker
 
 _Given = TypeVar("_Given")
 _Task = TypeVar("_Task")

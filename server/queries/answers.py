@@ -8,7 +8,7 @@ from pydantic import TypeAdapter
 
 import urquhart
 from server import links
-from server.poses import query_in_map, with_covariance
+from server.queries.poses import query_in_map, with_covariance
 from server.schemas.common import Transform
 from server.schemas.queries import (
     FINDINGS,

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 from sqlalchemy.orm import Session
 
-from server.derive import config_of
-from server.live_index import lay_out
-from server.segment_folder import SegmentFolder
+from server.index.derive import config_of
+from server.index.live_index import lay_out
+from server.index.segment_folder import SegmentFolder
 from server.store.collections import Collections
 from server.store.database import Database
 from server.store.described import Described

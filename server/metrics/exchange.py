@@ -16,8 +16,8 @@ from typing import Final
 
 import orjson
 
-from server.metrics import Metrics
-from server.samples import Family, from_words, lasting, merged, to_words
+from server.metrics.metrics import Metrics
+from server.metrics.samples import Family, from_words, lasting, merged, to_words
 
 _EVERY: Final = 1.0
 """Seconds between two writes of a process."""

@@ -8,14 +8,23 @@ from numpy.typing import NDArray
 
 import urquhart
 from server import links
-from server.answers import candidate_answers, finding_answers, gates_answer, rival_answers, stage_answers, strongest
-from server.catalog import Catalog, View
 from server.errors import InvalidField, NotFound, TooLarge
-from server.explanations import Explained
-from server.metrics import Metrics
-from server.narrowing import keys_excluded, keys_near
+from server.index.catalog import Catalog, View
+from server.intake.prepare import check_landmark_count, invalid_landmarks
+from server.metrics.metrics import Metrics
 from server.notes import note_query
-from server.prepare import check_landmark_count, invalid_landmarks
+from server.queries.answers import (
+    candidate_answers,
+    finding_answers,
+    gates_answer,
+    rival_answers,
+    stage_answers,
+    strongest,
+)
+from server.queries.explanations import Explained
+from server.queries.narrowing import keys_excluded, keys_near
+from server.queries.stored_queries import keep
+from server.queries.visits import Search, by_session
 from server.schemas.queries import QueryAnswer, QueryInput, QueryLinks
 from server.settings import Limits
 from server.store.codec import position_names, unpack_diameters, unpack_ids, unpack_positions
@@ -24,9 +33,7 @@ from server.store.found import FoundSubmap, found_submaps
 from server.store.sessions import Sessions
 from server.store.submaps import SubmapFilter, Submaps
 from server.store.tables import CollectionRow, SubmapRow
-from server.stored_queries import keep
 from server.threads import pin_threads
-from server.visits import Search, by_session
 from urquhart import Candidate, LandmarkError, Recognition
 
 

@@ -16,11 +16,11 @@ from typing import Final
 from sqlalchemy.orm import Session
 
 from server.errors import NotFound, StorageError
-from server.feature_cache import FeatureCache, FeatureReader
-from server.flushing import Shop, Stopped, flush
-from server.live_index import LiveIndex, Obstacle, State, TooMany, Unusable
-from server.metrics import Metrics
-from server.segment_folder import SegmentFolder
+from server.index.feature_cache import FeatureCache, FeatureReader
+from server.index.flushing import Shop, Stopped, flush
+from server.index.live_index import LiveIndex, Obstacle, State, TooMany, Unusable
+from server.index.segment_folder import SegmentFolder
+from server.metrics.metrics import Metrics
 from server.settings import IndexSettings
 from server.store.collections import Collections
 from server.store.database import Database

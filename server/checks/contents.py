@@ -7,7 +7,7 @@ import numpy as np
 from sqlalchemy import select
 from sqlalchemy.orm import Session, undefer
 
-from server.prepare import place_from, row_etag
+from server.intake.prepare import place_from, row_etag
 from server.schemas.common import MapPose, check_id
 from server.store.codec import unpack_positions
 from server.store.database import Database

@@ -12,7 +12,7 @@ from prometheus_client.core import GaugeMetricFamily, Metric
 from prometheus_client.exposition import CONTENT_TYPE_LATEST
 from prometheus_client.registry import Collector
 
-from server.samples import Family, families
+from server.metrics.samples import Family, families
 
 OTHER: Final = "other"
 """Label of all collections that are not told by name; one that is called so counts among them."""

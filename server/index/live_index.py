@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 from sqlalchemy.orm import Session
 
-from server.derive import config_of, features_of
-from server.feature_cache import FeatureCache
-from server.segment_folder import SegmentFolder
+from server.index.derive import config_of, features_of
+from server.index.feature_cache import FeatureCache
+from server.index.segment_folder import SegmentFolder
 from server.store.described import Described, StoredFeatures
 from server.store.segments import Listed, Segments, trusted
 from server.store.tables import CollectionRow

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Mapping
 
 from sqlalchemy.orm import Session
 
-from server.derive import features_of
+from server.index.derive import features_of
 from server.store.described import Described
 from urquhart import Config, Features, FeaturesError
 

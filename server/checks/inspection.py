@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
-from server.agreement import index_findings
-from server.contents import content_findings
+from server.checks.agreement import index_findings
+from server.checks.contents import content_findings
 from server.store import schema
 from server.store.database import Database
 from server.store.integrity import Finding, findings

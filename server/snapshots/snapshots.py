@@ -16,7 +16,7 @@ from server.idempotency import Kept, Once, keep, recall
 from server.paging import page_size, read_name_cursor, write_cursor
 from server.schemas.snapshots import Snapshot, SnapshotCollection, SnapshotPage
 from server.settings import Limits
-from server.snapshot_folder import SnapshotFolder, check_name, sha256
+from server.snapshots.snapshot_folder import SnapshotFolder, check_name, sha256
 from server.store import schema
 from server.store.collections import Collections
 from server.store.database import Database, storage_errors

@@ -7,8 +7,8 @@ of these, too. Sizes that grow by a factor from each segment to the one before i
 from collections.abc import Sequence
 from typing import Final
 
-from server.flushing import Shop, register, write
-from server.live_index import State, Unusable
+from server.index.flushing import Shop, register, write
+from server.index.live_index import State, Unusable
 from server.store.segments import Listed
 from urquhart.collection_index import Part
 from urquhart.quad_table import MOST_SLOTS

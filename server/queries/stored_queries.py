@@ -11,10 +11,10 @@ from sqlalchemy.orm import Session
 
 import urquhart
 from server import links
-from server.answers import gates_answer
-from server.derive import config_of
 from server.errors import Gone, NotFound
-from server.explanations import Explained
+from server.index.derive import config_of
+from server.queries.answers import gates_answer
+from server.queries.explanations import Explained
 from server.registry import get_collection
 from server.schemas.queries import CandidateAnswer, CandidateLinks, MatchAnswer, QueryAnswer, QueryLinks
 from server.settings import Limits

@@ -10,11 +10,11 @@ from typing import Literal
 
 from sqlalchemy.orm import Session
 
-from server.derive import config_of
 from server.errors import Conflict, NotFound
 from server.idempotency import Kept, Once, keep, recall
+from server.index.derive import config_of
+from server.intake.prepare import Prepared, check_properties, place_from, row_etag, settle
 from server.preconditions import ANYTHING, Preconditions
-from server.prepare import Prepared, check_properties, place_from, row_etag, settle
 from server.registry import get_collection
 from server.schemas.submaps import SubmapInput, SubmapPatch
 from server.settings import Limits

@@ -1,0 +1,1 @@
+"""Submaps on their way in: prepared, described, stored, one by one and by the thousand."""

@@ -1,0 +1,1 @@
+"""What Prometheus sees: counted here, read from the database, put together from several processes."""

@@ -1,0 +1,1 @@
+"""Where is this? A question narrowed, looked up, answered, kept."""
