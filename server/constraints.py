@@ -14,9 +14,11 @@ import orjson
 
 from server.errors import InvalidField
 from server.reading import submap_filter
+from server.registry import get_collection
 from server.schemas.constraints import ConstraintFormat, ConstraintsInput
 from server.schemas.queries import CandidateAnswer, Exclude, QueryInput
-from server.store.submaps import SubmapFilter
+from server.store.database import Database
+from server.store.submaps import SubmapFilter, Submaps
 from server.store.tables import SubmapRow
 from urquhart import SE2
 
@@ -36,6 +38,16 @@ def chosen_submaps(body: ConstraintsInput) -> SubmapFilter:
         return submap_filter(session=body.session, bbox=bbox, frame_id=body.frame_id, datetime_range=body.datetime)
     except InvalidField as error:  # here they are members, of the same names as the parameters of a listing
         raise InvalidField(str(error), code=error.code, pointer=f"/{error.parameter}") from error
+
+
+def check_ids(database: Database, collection_id: str, body: ConstraintsInput) -> None:
+    """Refuse submaps that are not there: who names them means them. Raises NotFound and InvalidField."""
+    with database.read() as session:
+        collection = get_collection(session, collection_id)
+        there = Submaps(session, collection.key).keys(body.submap_ids or ())
+    for number, name in enumerate(body.submap_ids or ()):
+        if name not in there:
+            raise InvalidField(f"there is no submap {name!r}", code="not_found", pointer=f"/submap_ids/{number}")
 
 
 def question(row: SubmapRow, body: ConstraintsInput, most: int) -> QueryInput:

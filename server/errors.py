@@ -1,6 +1,6 @@
 """What can go wrong, in the words of the domain; `problems.py` alone knows which HTTP status each becomes."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Self
 
 
@@ -99,6 +99,14 @@ class InvalidField(DomainError):
         """The same of a field in an object that stands at `pointer` in the body."""
         inner = None if self.pointer is None else f"{pointer}{self.pointer}"
         return InvalidField(str(self), code=self.code, pointer=inner, parameter=self.parameter)
+
+
+class InvalidBody(DomainError):
+    """What was sent does not fit its description. `entries` are what is wrong, each as in a problem's `errors`."""
+
+    def __init__(self, message: str, entries: Sequence[Mapping[str, Any]]) -> None:
+        super().__init__(message)
+        self.entries = tuple(entries)
 
 
 class InvalidLandmarks(DomainError):

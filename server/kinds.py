@@ -99,6 +99,7 @@ TABLE: Mapping[type[errors.DomainError], Kind] = {
         "An import with mode=all stores all lines or none; its results tell which cannot be stored, and why.",
     ),
     errors.InvalidField: VALIDATION,
+    errors.InvalidBody: VALIDATION,
     errors.InvalidLandmarks: Kind(
         422,
         "invalid-landmarks",
@@ -185,6 +186,8 @@ def _members(error: errors.DomainError) -> dict[str, Any]:
         case errors.InvalidField():
             entry = {"pointer": error.pointer, "parameter": error.parameter, "code": error.code, "detail": str(error)}
             members = {"errors": [{name: value for name, value in entry.items() if value is not None}]}
+        case errors.InvalidBody():
+            members = {"errors": list(error.entries)}
         case errors.InvalidLandmarks():
             entry = {"pointer": error.pointer, "code": error.code, "detail": str(error)}
             members = {"errors": [entry | ({"indices": list(error.indices)} if error.indices else {})]}

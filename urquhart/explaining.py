@@ -26,6 +26,7 @@ REASONS: Final[Mapping[str, str]] = {
     "verification_failed": "more trees speak against the pose than for it",
     "no_votes": "no submap has anything like these trees",
     "empty_collection": "there is no submap to look in",
+    "nothing_left": "all submaps are excluded, or none is near",
     "too_few_landmarks": "fewer than three trees fix no pose",
     "collinear_landmarks": "trees on one line fix no pose",
 }

@@ -161,8 +161,10 @@ class Recognizer:
             if error.code not in ("too_few", "collinear"):
                 raise
             return Recognition("no_match", f"{error.code}_landmarks", (), (), None, stages.done(), ())
-        if not len(query.index):
+        if not len(self.index):
             return Recognition("no_match", "empty_collection", (), (), None, stages.done(), ())
+        if not len(query.index):
+            return Recognition("no_match", "nothing_left", (), (), None, stages.done(), ())
         if method == "paper":
             proposals = propose_by_paper(query, rng or np.random.default_rng(0), stages)
             standing = doubt(query, proposals, stages, found)

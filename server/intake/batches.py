@@ -15,13 +15,13 @@ import orjson
 from pydantic import ValidationError
 
 import urquhart
-from server.errors import DomainError, InvalidField, MalformedBody, TooLarge
+from server.errors import DomainError, InvalidBody, InvalidField, MalformedBody, TooLarge
 from server.index.derive import config_of
 from server.intake.prepare import Prepared
 from server.intake.workers import PATIENCE, Work, Workers
 from server.registry import get_collection
 from server.schemas.common import check_breadth, check_values
-from server.schemas.pointers import body_problems
+from server.schemas.pointers import invalid_body
 from server.schemas.submaps import NamedSubmap
 from server.settings import Limits
 from server.store.database import Database
@@ -145,7 +145,7 @@ def line_of(submap: NamedSubmap) -> bytes:
 
 
 def read_line(line: bytes, limits: Limits) -> NamedSubmap:
-    """The submap of one line of NDJSON. Raises MalformedBody, InvalidField and TooLarge."""
+    """The submap of one line of NDJSON. Raises MalformedBody, InvalidBody, InvalidField and TooLarge."""
     check_values(line, limits.body_values)
     try:
         members = orjson.loads(line)
@@ -155,16 +155,10 @@ def read_line(line: bytes, limits: Limits) -> NamedSubmap:
     try:
         return NamedSubmap.model_validate(members)
     except ValidationError as error:
-        invalid = _invalid(error)
+        invalid = invalid_body(error)
     # Not from within: a refusal that is kept would keep the other error, and through what that one knows of its own
     # frames itself, in a circle that no collection of garbage sees.
     raise invalid
-
-
-def _invalid(error: ValidationError) -> InvalidField:
-    found = body_problems(error)
-    more = "" if len(found) == 1 else f" (and {len(found) - 1} more {'is' if len(found) == 2 else 'are'} wrong)"
-    return InvalidField(f"{found[0]['detail']}{more}", code=found[0]["code"], pointer=found[0]["pointer"])
 
 
 def _describe_there(task: _Task) -> Described:
@@ -217,7 +211,7 @@ def _describe(
 
 def _id_in(line: bytes, error: DomainError) -> str | None:
     """The id of a line that is JSON but no submap, for the report."""
-    if isinstance(error, InvalidField):
+    if isinstance(error, InvalidField | InvalidBody):
         members = orjson.loads(line)
         if isinstance(members, dict) and isinstance(members.get("id"), str) and len(members["id"]) <= _LONGEST_ID:
             return str(members["id"])

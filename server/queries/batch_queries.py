@@ -1,18 +1,16 @@
 """Several queries in one request, each answered as if it had come alone."""
 
-from typing import Any
-
 from pydantic import ValidationError
 
 from server.access import Caller, Scope
 from server.errors import DomainError, TooLarge
 from server.index.catalog import Catalog
-from server.kinds import VALIDATION, document, plain
+from server.kinds import document
 from server.metrics.metrics import Metrics
 from server.queries.lookup import answer_query
 from server.registry import get_collection
 from server.schemas.batches import BatchAnswer, BatchInput, BatchProblem
-from server.schemas.pointers import body_problems, told
+from server.schemas.pointers import invalid_body
 from server.schemas.queries import QueryAnswer, QueryInput
 from server.settings import Limits
 from server.store.database import Database
@@ -43,15 +41,10 @@ def answer_batch(
                 caller.require(Scope.WRITE)
             results.append(answer_query(database, catalog, metrics, limits, collection_id, query))
         except ValidationError as error:
-            results.append(BatchProblem(problem=_invalid(error)))
+            results.append(BatchProblem(problem=document(invalid_body(error))))
         except DomainError as error:
             problem = document(error)
             if problem["status"] >= 500:
                 raise
             results.append(BatchProblem(problem=problem))
     return BatchAnswer(results=results)
-
-
-def _invalid(error: ValidationError) -> dict[str, Any]:
-    entries = body_problems(error)
-    return plain(VALIDATION, told(entries)) | {"errors": entries}

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 import urquhart
 from server import links
 from server.errors import InvalidField, NotFound, TooLarge
+from server.idempotency import Once
 from server.index.catalog import Catalog, View
 from server.intake.prepare import check_landmark_count, invalid_landmarks
 from server.metrics.metrics import Metrics
@@ -87,12 +88,18 @@ def answer_query(
     body: QueryInput,
     *,
     own_id: str | None = None,
+    once: Once | None = None,
 ) -> QueryAnswer:
-    """Look a query up and keep the answer where that was asked for. Raises as `look_up`, and StorageError."""
+    """Look a query up and keep the answer, `once`, where that was asked for. Raises as `look_up`, and KeyReused."""
     look = look_up(catalog, metrics, limits, collection_id, body, own_id=own_id)
     answer = look.answer
     if body.store:
-        answer = keep(database, limits, look.collection, look.asked.xy, look.asked.ids, look.candidates, answer)
+        answer = keep(database, limits, look.collection, look.asked.xy, look.asked.ids, look.candidates, answer, once)
+    return shown(answer, body)
+
+
+def shown(answer: QueryAnswer, body: QueryInput) -> QueryAnswer:
+    """An answer as it is given: one that is kept has more in it, for those who ask why later."""
     return answer if body.explain else answer.model_copy(update={"findings": None, "findings_total": None})
 
 

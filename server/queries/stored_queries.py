@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from sqlalchemy.orm import Session
 
 import urquhart
-from server import links
+from server import idempotency, links
 from server.errors import Gone, NotFound
+from server.idempotency import Kept, Once, recall
 from server.index.derive import config_of
 from server.queries.answers import gates_answer
 from server.queries.explanations import Explained
@@ -36,11 +37,18 @@ def keep(
     ids: list[str] | None,
     found: Sequence[Candidate],
     answer: QueryAnswer,
+    once: Once | None,
 ) -> QueryAnswer:
-    """Store an answer; the answer with its id and links. The oldest beyond the limit go. Raises NotFound."""
+    """Store an answer, unless that was done before; the answer with its id and links. The oldest beyond the limit go.
+
+    Raises NotFound and KeyReused.
+    """
     with database.write() as session:
         if get_collection(session, collection.id).key != collection.key:
             raise NotFound("collection", collection.id)
+        kept = recall(session, once, _keeping(collection))
+        if kept is not None:
+            return QueryAnswer.model_validate_json(kept.body)
         number = Collections(session).next_query_number(collection.key)
         candidates = [
             shown.model_copy(
@@ -63,11 +71,25 @@ def keep(
             number,
             landmarks=pack_positions(xy),
             landmark_ids=pack_json(ids),
-            answer=answer.model_dump_json().encode(),
+            answer=(stored := answer.model_dump_json().encode()),
             candidates=[_pack(candidate) for candidate in found],
         )
         queries.drop_through(number - limits.stored_queries)
+        idempotency.keep(session, once, _keeping(collection), Kept(200, {}, stored))
     return answer
+
+
+def kept_answer(database: Database, collection_id: str, once: Once | None) -> QueryAnswer | None:
+    """What was answered to a query that was sent before, to be kept. Raises NotFound and KeyReused."""
+    if once is None:
+        return None
+    with database.read() as session:
+        kept = recall(session, once, _keeping(get_collection(session, collection_id)))
+    return None if kept is None else QueryAnswer.model_validate_json(kept.body)
+
+
+def _keeping(collection: CollectionRow) -> str:
+    return f"query {collection.key}"
 
 
 def stored_answer(database: Database, collection_id: str, query_id: str) -> bytes:

@@ -9,7 +9,7 @@ import anyio.to_thread
 from fastapi import APIRouter, Path, Query, Request, Response
 from starlette.responses import StreamingResponse
 
-from server.constraints import chosen_submaps
+from server.constraints import check_ids, chosen_submaps
 from server.http.dependencies import (
     CallerDep,
     CollectionId,
@@ -81,6 +81,7 @@ def post_constraints(
     one for each pair. The job's results come as NDJSON, JSON, g2o or 4 x 4 matrices.
     """
     chosen_submaps(body)
+    check_ids(service.database, collection, body)
     kept = queue.accept(
         service.database, collection, caller, "constraints", once, parameters=body.model_dump(mode="json")
     )

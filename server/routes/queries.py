@@ -5,7 +5,16 @@ from typing import Annotated
 from fastapi import APIRouter, Path, Response
 
 from server.access import Scope
-from server.http.dependencies import Accept, CallerDep, CollectionId, JsonRoute, ServiceDep, json_response, problems
+from server.http.dependencies import (
+    Accept,
+    CallerDep,
+    CollectionId,
+    JsonRoute,
+    OnceDep,
+    ServiceDep,
+    json_response,
+    problems,
+)
 from server.http.negotiation import JSON, SVG, choose
 from server.queries import lookup, stored_queries
 from server.queries.batch_queries import answer_batch
@@ -36,17 +45,26 @@ QueryId = Annotated[str, Path(description="`id` of the answer.", examples=["17"]
     response_model=QueryAnswer,
     responses={200: _EXAMPLE, **problems(400, 404, 413, 415, 422, 503, 507)},
 )
-def query(collection: CollectionId, body: QueryInput, service: ServiceDep, caller: CallerDep) -> Response:
+def query(
+    collection: CollectionId, body: QueryInput, service: ServiceDep, caller: CallerDep, once: OnceDep
+) -> Response:
     """Act on `verdict`: `matched`, `ambiguous` or `no_match`, with a `reason`. Too few trees in view is an answer, too.
 
-    Every submap that was acknowledged before the question is searched. To `store` the answer is a write.
+    Every submap that was acknowledged before the question is searched. To `store` the answer is a write: sent again
+    with the same `Idempotency-Key`, it is answered as the first time. Others change nothing, and are answered anew.
     """
+    headers = {}
     if body.store:
         caller.require(Scope.WRITE)
-    answer = lookup.answer_query(
-        service.database, service.catalog, service.metrics, service.settings.limits, collection, body
-    )
-    headers = {"Location": answer.links.self} if answer.links.self else None
+    answer = stored_queries.kept_answer(service.database, collection, once) if body.store else None
+    if answer is not None:
+        answer, headers = lookup.shown(answer, body), {"Idempotency-Replayed": "true"}
+    else:
+        answer = lookup.answer_query(
+            service.database, service.catalog, service.metrics, service.settings.limits, collection, body, once=once
+        )
+    if answer.links.self:
+        headers["Location"] = answer.links.self
     return json_response(answer, headers=headers)
 
 

@@ -5,6 +5,8 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from server.errors import InvalidBody
+
 _MOST = 20
 _SENTENCES: Mapping[str, str] = {
     "missing": "is required",
@@ -43,9 +45,10 @@ def field_problems(found: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     return entries
 
 
-def body_problems(error: ValidationError) -> list[dict[str, Any]]:
-    """Entries for `errors` of what is wrong with a body that was not read by the framework."""
-    return field_problems([{**one, "loc": ("body", *one["loc"])} for one in error.errors(include_url=False)])
+def invalid_body(error: ValidationError) -> InvalidBody:
+    """What is wrong with a body that was not read by the framework."""
+    entries = field_problems([{**one, "loc": ("body", *one["loc"])} for one in error.errors(include_url=False)])
+    return InvalidBody(told(entries), entries)
 
 
 def told(entries: Sequence[Mapping[str, Any]]) -> str:

@@ -50,7 +50,8 @@ class _Inside(httpx.BaseTransport):
 
     def handle_request(self, request: httpx.Request) -> httpx.Response:
         # Whole, because what is read from a file can be read by one side only.
-        whole = httpx.Request(request.method, request.url, headers=request.headers, content=request.read())
+        headers = {name: value for name, value in request.headers.items() if name != "transfer-encoding"}
+        whole = httpx.Request(request.method, request.url, headers=headers, content=request.read())
         return self._portal.call(self._handle, whole)
 
     async def _handle(self, request: httpx.Request) -> httpx.Response:

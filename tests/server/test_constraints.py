@@ -82,6 +82,7 @@ def test_filters_gates_and_exclusions(client: httpx.Client, truth: dict[str, SE2
         ({"datetime": "x"}, "/datetime"),
         ({"bbox": [5, 0, 1, 1]}, "/bbox"),
         ({"sesion": "x"}, "/sesion"),
+        ({"submap_ids": ["a2", "nope", "c"]}, "/submap_ids/1"),
     ):
         refused = client.post(URL, json=wrong)
         assert (refused.status_code, refused.json()["errors"][0].get("pointer")) == (422, pointer)

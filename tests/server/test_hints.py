@@ -49,7 +49,7 @@ def test_a_place_that_is_not_near_is_an_answer(stored: httpx.Client) -> None:
     seen, _ = observed(forest(1), 3)
     far = {"xy": seen, "near": {"x": 1e6, "y": 0.0, "radius": 1.0}}
     answer = stored.post(QUERIES, json=far).json()
-    assert (answer["verdict"], answer["reason"], answer["candidates"]) == ("no_match", "empty_collection", [])
+    assert (answer["verdict"], answer["reason"], answer["candidates"]) == ("no_match", "nothing_left", [])
 
 
 def test_sessions_and_recent_submaps_are_left_out(stored: httpx.Client) -> None:

@@ -17,7 +17,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import undefer
 
 from server import registry
-from server.errors import InvalidField, InvalidLandmarks, MalformedBody, NotFound, TooLarge
+from server.errors import InvalidBody, InvalidLandmarks, MalformedBody, NotFound, TooLarge
 from server.intake import ingest
 from server.intake.batches import cut, describers, line_of, read_line
 from server.intake.bulk import BatchResult, ingest_lines, ingest_many
@@ -193,19 +193,19 @@ def test_a_refused_line_says_which_and_why(plots: Database, pool: Workers) -> No
             assert sum(result.submaps for result in results) == 10
             assert [(one.position, one.submap_id, type(one.error)) for one in refused] == [
                 (2, None, MalformedBody),
-                (3, "no trees", InvalidField),
+                (3, "no trees", InvalidBody),
                 (5, "flat", InvalidLandmarks),
-                (6, "typo", InvalidField),
-                (7, None, InvalidField),
+                (6, "typo", InvalidBody),
+                (7, None, InvalidBody),
                 (8, "much", TooLarge),
-                (9, None, InvalidField),
+                (9, None, InvalidBody),
                 (10, None, MalformedBody),
             ]
             typo, unnamed = refused[3].error, refused[6].error
-            assert isinstance(typo, InvalidField) and isinstance(unnamed, InvalidField)
-            assert (typo.pointer, typo.code) == ("/colour", "extra_forbidden")
-            assert str(typo).endswith("(and 1 more is wrong)")
-            assert (unnamed.pointer, str(unnamed)) == ("/id", "is required")
+            assert isinstance(typo, InvalidBody) and isinstance(unnamed, InvalidBody)
+            assert (typo.entries[0]["pointer"], typo.entries[0]["code"]) == ("/colour", "extra_forbidden")
+            assert str(typo) == "2 things are wrong, see errors."
+            assert str(unnamed) == "/id: is required"
     assert [row["id"] for row in rows(plots, "plots")] == ["good", "last"]
 
 

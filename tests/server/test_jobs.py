@@ -72,6 +72,17 @@ def count(client: httpx.Client) -> int:
 # ------------------------------------------------------------------ imports
 
 
+def test_a_line_is_told_what_a_put_would_be_told(client: httpx.Client) -> None:
+    wrong: dict[str, Any] = {"xy": [[0, 0], [1, 1], [2, "5"]], "sesion": "x", "stamp": "yesterday"}
+    job = finished(client, upload(client, [orjson.dumps({"id": "p", **wrong})]))
+    (told,) = results(client, job, "errors")
+    assert told["id"] == "p"
+    direct = client.put("/v1/collections/plots/submaps/p", json=wrong).json()
+    del direct["request_id"]
+    assert len(direct["errors"]) == 3
+    assert told["problem"] == direct
+
+
 def test_every_line_has_its_result(client: httpx.Client) -> None:
     put_submap(client, "plots", "there", 1).raise_for_status()
     put_submap(client, "plots", "other", 2).raise_for_status()

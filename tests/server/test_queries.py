@@ -9,6 +9,7 @@ from fastapi import FastAPI
 
 from server.app import create_app
 from server.settings import Limits, Settings
+from tests.server.served import together
 from tests.server.world import TestClient, forest, observed, points, put_submap
 from urquhart import SE2
 
@@ -112,6 +113,32 @@ def test_limit_exclude_and_seed(client: httpx.Client) -> None:
     assert found == {"p2", "p3"}
     one, two = (ask(client, xy=seen, seed=5, method="paper")["candidates"] for _ in range(2))
     assert one == two
+
+
+def test_a_query_that_is_kept_is_kept_once_for_its_key(client: httpx.Client) -> None:
+    put_submap(client, "plots", "p", 1, stamp="2026-05-04T09:30:00.25Z").raise_for_status()
+    body = {"xy": points(forest(1)), "store": True, "frame_id": "robot"}
+    key = {"Idempotency-Key": "robot-2/17"}
+    first = client.post(QUERIES, json=body, headers=key)
+    put_submap(client, "plots", "q", 2).raise_for_status()
+    again = client.post(QUERIES, json=body, headers=key)
+    assert (again.status_code, again.content) == (first.status_code, first.content)
+    assert again.headers["Location"] == first.headers["Location"]
+    assert "Idempotency-Replayed" not in first.headers
+    assert again.headers["Idempotency-Replayed"] == "true"
+    assert client.post(QUERIES, json=body).json()["id"] == "2"
+    other = client.post(QUERIES, json=body | {"limit": 2}, headers=key)
+    assert (other.status_code, other.json()["type"]) == (422, "/problems/idempotency-key-reused")
+    explained = client.post(QUERIES, json=body | {"explain": True}, headers={"Idempotency-Key": "b"}).json()
+    assert client.post(QUERIES, json=body | {"explain": True}, headers={"Idempotency-Key": "b"}).json() == explained
+    assert explained["findings"]
+    # One that is not kept does nothing that could be done twice: it is asked anew.
+    plain = {"xy": body["xy"]}
+    assert client.post(QUERIES, json=plain, headers=key).json()["revision"] == 2
+    assert "Idempotency-Replayed" not in client.post(QUERIES, json=plain, headers=key).headers
+    answers = together(8, lambda _: client.post(QUERIES, json=body, headers={"Idempotency-Key": "c"}).json()["id"])
+    assert len(answers) == 8
+    assert len(set(answers)) == 1
 
 
 def test_a_stored_answer_is_read_and_drawn(client: httpx.Client) -> None:

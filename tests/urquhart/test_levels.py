@@ -168,11 +168,11 @@ def test_only_what_is_asked_for_is_looked_at() -> None:
 @pytest.mark.parametrize(
     ("only", "exclude"), [([], []), ([99], []), ([3], [3]), (None, range(36)), (range(9), range(9))]
 )
-def test_where_nothing_is_left_to_look_at_the_collection_is_empty(
+def test_where_nothing_is_left_to_look_at_that_is_the_reason(
     only: list[int] | range | None, exclude: list[int] | range
 ) -> None:
     found = recognizer().recognize(here(), only=only, exclude=exclude)
-    assert (found.verdict, found.reason) == ("no_match", "empty_collection")
+    assert (found.verdict, found.reason) == ("no_match", "nothing_left")
     assert names(found) == ["describe"]
 
 

@@ -183,7 +183,9 @@ def get_tessellation_svg(collection: str, submap_id: str) -> Request[str]:
 def post_query(collection: str, body: Mapping[str, Any]) -> Request[QueryResult]:
     """Ask where an observation was made."""
     request = with_body("POST", f"{collection_path(collection)}/queries", body, model(QueryResult))
-    return replace(request, harmless=not body.get("store", False))
+    if body.get("store", False):
+        return replace(request, headers={**request.headers, **once(None)})
+    return replace(request, harmless=True)
 
 
 def post_batch(
