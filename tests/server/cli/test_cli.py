@@ -4,6 +4,8 @@ import errno
 import json
 import math
 import sqlite3
+import subprocess
+import sys
 import xml.etree.ElementTree as ElementTree
 from contextlib import closing
 from pathlib import Path
@@ -223,3 +225,22 @@ def test_locate_refuses_bad_input_in_one_line(
     refused(urquhart("locate", twice, *known), "keep one of each")
     (tmp_path / "long.csv").write_text(f"id,x,y\n{'a' * 200},1,2\n")
     refused(urquhart("locate", "long.csv", *known), "long.csv: tree value")
+
+
+def test_it_may_be_given_up_while_it_is_loaded() -> None:
+    """Ctrl-C in the first second, before anything of the command is there."""
+    loading = """
+import sys
+from server.__main__ import main
+
+class Interrupted:
+    def find_spec(self, name, path=None, target=None):
+        if name == "server.cli":
+            raise KeyboardInterrupt
+        return None
+
+sys.meta_path.insert(0, Interrupted())
+main()
+"""
+    done = subprocess.run([sys.executable, "-c", loading], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
