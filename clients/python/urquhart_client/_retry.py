@@ -9,7 +9,7 @@ _PASSING = frozenset({408, 429, 502, 503, 504})
 
 @dataclass(frozen=True, slots=True)
 class Retry:
-    """How often and how long to try.
+    """How often and how long to try. The defaults outlast a service that is started again: eight seconds or so.
 
     Attributes:
         attempts: requests sent for one call at most; 1 never repeats.
@@ -18,8 +18,8 @@ class Retry:
         deadline: seconds for all attempts and pauses of a call; none is begun later.
     """
 
-    attempts: int = 5
-    first: float = 0.2
+    attempts: int = 7
+    first: float = 0.25
     most: float = 10.0
     deadline: float = 60.0
 

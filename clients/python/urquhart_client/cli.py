@@ -12,6 +12,7 @@ from typing import Any, NoReturn
 import httpx
 from pydantic import BaseModel
 
+from urquhart_client._retry import Retry
 from urquhart_client.client import Client
 from urquhart_client.errors import UrquhartError
 from urquhart_client.work import Job, Progress
@@ -32,7 +33,8 @@ def run(arguments: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     url = options.url or os.environ.get("URQUHART_URL", "http://127.0.0.1:8420")
     try:
-        client = Client(url, api_key=os.environ.get("URQUHART_API_KEY") or None)
+        # Somebody waits who may have mistyped the address.
+        client = Client(url, api_key=os.environ.get("URQUHART_API_KEY") or None, retry=Retry(attempts=3))
     except httpx.InvalidURL as error:
         return _refuse(f"{url}: {error}")
     except ValueError as error:
