@@ -2,10 +2,7 @@
 
 import http.client
 import json
-import re
 import socket
-import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -20,6 +17,7 @@ import numpy as np
 import orjson
 
 from benchmarks.everyday import Forest
+from benchmarks.served import PATIENCE, served
 from server import registry
 from server.intake import bulk
 from server.intake.batches import describers
@@ -29,8 +27,6 @@ from server.store.database import Database
 from urquhart import Recognizer
 
 COLLECTION: Final = "bench"
-_SERVING: Final = re.compile(r"serving on (http://\S+)")
-_PATIENCE: Final = 120.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +75,7 @@ def http_cost(
         with _database(path) as database:
             for _ in bulk.ingest_lines(database, COLLECTION, _lines(forest, len(forest.submaps))):
                 pass
-        with _served(path) as connection:
+        with _connected(path) as connection:
             for number in range(asked + 20):
                 _, xy = forest.look(rng, sigma, detection)
                 body = json.dumps({"xy": xy.tolist()}).encode()
@@ -134,37 +130,16 @@ def _database(path: Path) -> Iterator[Database]:
 
 
 @contextmanager
-def _served(path: Path) -> Iterator[http.client.HTTPConnection]:
+def _connected(path: Path) -> Iterator[http.client.HTTPConnection]:
     """A connection to a server that is ready, in a process of its own."""
-    command = [sys.executable, "-m", "server.cli", "serve", "--port", "0", "--database", str(path)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        try:
-            assert process.stdout is not None
-            said = _SERVING.search(process.stdout.readline())
-            if said is None:
-                raise RuntimeError("the server did not start")
-            address = urlsplit(said.group(1))
-            connection = http.client.HTTPConnection(str(address.hostname), address.port, timeout=_PATIENCE)
-            connection.connect()
-            # Else the kernel waits for an acknowledgement between the head of a request and its body.
-            connection.sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            _wait_until_ready(connection)
-            yield connection
-            connection.close()
-        finally:
-            process.terminate()
-
-
-def _wait_until_ready(connection: http.client.HTTPConnection) -> None:
-    deadline = time.monotonic() + _PATIENCE
-    while time.monotonic() < deadline:
-        connection.request("GET", "/readyz")
-        response = connection.getresponse()
-        response.read()
-        if response.status == 200:
-            return
-        time.sleep(0.1)
-    raise RuntimeError("the server did not become ready")
+    with served(path, path.with_suffix(".log")) as server:
+        address = urlsplit(server.url)
+        connection = http.client.HTTPConnection(str(address.hostname), address.port, timeout=PATIENCE)
+        connection.connect()
+        # Else the kernel waits for an acknowledgement between the head of a request and its body.
+        connection.sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        yield connection
+        connection.close()
 
 
 def _post(connection: http.client.HTTPConnection, path: str, body: bytes) -> bytes:

@@ -30,8 +30,8 @@ from schemathesis.specs.openapi.checks import (
 )
 
 from benchmarks.experiments import Figures
-from benchmarks.reliability.served import served
 from benchmarks.reliability.trees import body
+from benchmarks.served import served
 
 _CHECKS: Final = [
     status_code_conformance,

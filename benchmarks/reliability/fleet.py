@@ -14,11 +14,11 @@ import httpx
 import numpy as np
 
 from benchmarks.experiments import Figures
-from benchmarks.reliability.served import served
 from benchmarks.reliability.traffic import BASE, COLLECTION
 from benchmarks.scale.asking import is_right
 from benchmarks.scale.job import spread
 from benchmarks.scale.world import World
+from benchmarks.served import served
 from server import registry
 from server.intake import batches, bulk
 from server.schemas.collections import CollectionPut

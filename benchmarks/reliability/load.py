@@ -13,11 +13,11 @@ from typing import Final
 import httpx
 
 from benchmarks.experiments import Figures
-from benchmarks.reliability.served import Served, served
 from benchmarks.reliability.traffic import BASE, COLLECTION, Question, Told, drive, questions
 from benchmarks.reliability.trees import body, forest
 from benchmarks.scale.job import spread
 from benchmarks.scale.world import World
+from benchmarks.served import Served, served
 from server import registry
 from server.intake import batches, bulk
 from server.schemas.collections import CollectionPut

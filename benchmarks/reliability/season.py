@@ -17,10 +17,10 @@ import httpx
 
 from benchmarks.experiments import Figures
 from benchmarks.reliability.hostile.jobs import finished
-from benchmarks.reliability.served import served
 from benchmarks.reliability.traffic import questions
 from benchmarks.scale.job import spread
 from benchmarks.scale.world import World
+from benchmarks.served import served
 from server import registry
 from server.intake import batches, bulk
 from server.intake.batches import describers

@@ -18,9 +18,9 @@ from benchmarks.reliability.hostile.jobs import ndjson
 from benchmarks.reliability.mutation import changed, damaged
 from benchmarks.reliability.reading import READERS, Reader
 from benchmarks.reliability.report import GROWTH, SECTIONS, faults, write_report
-from benchmarks.reliability.served import served
 from benchmarks.reliability.traffic import Told
 from benchmarks.reliability.trees import body, forest
+from benchmarks.served import served
 
 ROOT = Path(__file__).parents[2]
 

@@ -12,8 +12,8 @@ from typing import Final
 import httpx
 
 from benchmarks.experiments import Figures
-from benchmarks.reliability.served import served
 from benchmarks.reliability.trees import body
+from benchmarks.served import served
 
 _ROUTES: Final = (
     ("PUT", "/v1/collections/any"),

@@ -9,8 +9,8 @@ from typing import Any, Final
 import httpx
 
 from benchmarks.experiments import Figures
-from benchmarks.reliability.served import Served, served
 from benchmarks.reliability.trees import body
+from benchmarks.served import Served, served
 
 _YEAR: Final = 365 * 86_400.0
 _HOUR: Final = 3_600.0

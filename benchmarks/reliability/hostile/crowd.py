@@ -9,8 +9,8 @@ from typing import Final
 import httpx
 
 from benchmarks.experiments import Figures
-from benchmarks.reliability.served import Served, served
 from benchmarks.reliability.trees import body
+from benchmarks.served import Served, served
 from server import registry
 from server.schemas.collections import CollectionPut
 from server.store import schema

@@ -12,8 +12,8 @@ import httpx
 
 from benchmarks.experiments import Figures
 from benchmarks.reliability.hostile.jobs import Interrupted, has_jobs
-from benchmarks.reliability.served import Served, served
 from benchmarks.reliability.trees import body
+from benchmarks.served import Served, served
 
 _BASE: Final = "/v1/collections/plots"
 _WRITERS: Final = 4

@@ -9,8 +9,8 @@ from urllib.parse import quote
 import httpx
 
 from benchmarks.experiments import Figures
-from benchmarks.reliability.served import served
 from benchmarks.reliability.trees import body
+from benchmarks.served import served
 
 _GOOD: Final = (
     "plots", "p~7", "a.b", "...", "-", "_", "~", "0", "A", "é", "Ünïcode", "林", "森林-7", "лес",

@@ -11,9 +11,9 @@ from urllib.parse import urlsplit
 import httpx
 
 from benchmarks.experiments import Figures
-from benchmarks.reliability.served import Served, served
 from benchmarks.reliability.trees import body
 from benchmarks.scale.job import spread
+from benchmarks.served import Served, served
 
 _HEAD: Final = (
     b"POST /v1/collections/plots/queries HTTP/1.1\r\nHost: here\r\nContent-Type: application/json\r\n"
