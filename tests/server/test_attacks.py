@@ -568,12 +568,16 @@ def test_nothing_of_others_is_found_or_left_out(house: House) -> None:
     assert told(xy=TREES["a"], exclude={"submap_ids": hidden}) == told(xy=TREES["a"])
     assert told(xy=TREES["a"], exclude={"session": f"{HIDDEN}-session-1"}) == told(xy=TREES["a"])
     assert same(query(submap_id=hidden[0]), query(submap_id="nobody"), hidden[0], "nobody")
-    for body in ({"submap_ids": hidden}, {"session": f"{HIDDEN}-session-1"}):
-        job = house.ask("reader", "POST", f"{A}/constraints", json=body).raise_for_status().json()
-        told_of = house.ask("reader", "GET", f"/v1/jobs/{job['id']}?wait=60").json()
-        results = house.ask("reader", "GET", f"/v1/jobs/{job['id']}/results").text
-        assert not results or HIDDEN not in results
-        assert told_of["counts"].get("constraints", 0) == 0
+    of_hidden, of_nobody = (
+        house.ask("reader", "POST", f"{A}/constraints", json={"submap_ids": [name]}) for name in (hidden[0], "nobody")
+    )
+    assert (of_hidden.status_code, same(of_hidden, of_nobody, hidden[0], "nobody")) == (422, True)
+    body = {"session": f"{HIDDEN}-session-1"}
+    job = house.ask("reader", "POST", f"{A}/constraints", json=body).raise_for_status().json()
+    told_of = house.ask("reader", "GET", f"/v1/jobs/{job['id']}?wait=60").json()
+    results = house.ask("reader", "GET", f"/v1/jobs/{job['id']}/results").text
+    assert not results or HIDDEN not in results
+    assert told_of["counts"].get("constraints", 0) == 0
     listed = house.ask("reader", "GET", f"{A}/submaps", params={"session": f"{HIDDEN}-session-1"}).json()
     assert listed == {"submaps": []}
     assert HIDDEN not in house.ask("reader", "GET", f"{A}/sessions").text
