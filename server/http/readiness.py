@@ -32,6 +32,12 @@ class Readiness:
         with self._guard:
             return SHUTDOWN in self._open
 
+    @property
+    def ready(self) -> bool:
+        """Whether nothing is open."""
+        with self._guard:
+            return not self._open
+
     def states(self) -> Mapping[str, str]:
         """All checks with "ok" or what is open, in the order in which they are passed; "shutdown" first if any."""
         with self._guard:

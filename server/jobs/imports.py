@@ -5,6 +5,7 @@ committed; where it is not, they stand beyond the length that the row knows: nob
 them off.
 """
 
+import logging
 import os
 from collections import Counter, deque
 from collections.abc import Iterator
@@ -15,13 +16,16 @@ from typing import Any, BinaryIO
 import orjson
 from sqlalchemy.orm import Session
 
-from server.errors import LinesRefused, StorageUnavailable, TooLarge
+from server.errors import LinesRefused, StorageError, StorageUnavailable, TooLarge
+from server.index.flushing import Stopped, flush
 from server.intake import batches, bulk
 from server.intake.bulk import BatchResult, Line
 from server.jobs.folder import cut
-from server.jobs.runner import Assignment, Tools
+from server.jobs.runner import Assignment, Interrupted, Tools
 from server.kinds import document
 from server.store.database import storage_errors
+
+_log = logging.getLogger(__name__)
 
 
 def run_import(assignment: Assignment, tools: Tools) -> None:
@@ -39,6 +43,21 @@ def run_import(assignment: Assignment, tools: Tools) -> None:
             _all_or_nothing(assignment, tools, source, results)
         else:
             _one_by_one(assignment, tools, source, results)
+    _write_index(assignment, tools)
+
+
+def _write_index(assignment: Assignment, tools: Tools) -> None:
+    """Write what was stored to segments where it is much: else the first who asks would have to wait for that.
+
+    Everything is stored, whatever comes of it: upkeep tries again. Raises Interrupted.
+    """
+    try:
+        with tools.metrics.upkeep("flush"):
+            flush(tools.catalog.shop, assignment.collection_id, least=tools.settings.index.flush_submaps + 1)
+    except Stopped as error:
+        raise Interrupted from error
+    except (OSError, StorageError) as error:
+        _log.warning("job %s: everything is stored, but the index is not written yet: %s", assignment.id, error)
 
 
 class _Source:

@@ -4,6 +4,8 @@ import json
 import os
 import signal
 import socket
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -191,6 +193,12 @@ def test_every_process_of_a_group_may_get_the_signal(start: Start) -> None:
         half.sendall(BODY[-10:])
         assert half.recv(65536).startswith(b"HTTP/1.1 201 ")
     assert served.wait() == 0
+
+
+def test_what_is_loaded_is_spared_from_the_collector() -> None:
+    script = "import gc\nfrom server.http.serving import _settle\n_settle()\nprint(gc.get_freeze_count())"
+    said = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
+    assert int(said) > 10_000
 
 
 def test_readiness_of_a_plain_server(serve: Callable[[Path], Server], tmp_path: Path) -> None:

@@ -17,13 +17,14 @@ from server.access import ANYBODY, Scope
 from server.app import create_app
 from server.errors import StorageBusy, StorageFull, WorkerLost
 from server.http.dependencies import Service
+from server.index.flushing import count_uncovered
 from server.intake import bulk
 from server.jobs import imports, queue, runner
 from server.jobs.folder import JobFolder
 from server.jobs.runner import Assignment
 from server.keys import Doorkeeper
 from server.locks import try_lock
-from server.settings import Limits, Settings
+from server.settings import IndexSettings, Limits, Settings
 from server.store.database import storage_errors
 from server.store.jobs import Jobs
 from tests.server.world import TestClient, forest, points, put_submap
@@ -70,6 +71,35 @@ def count(client: httpx.Client) -> int:
 
 
 # ------------------------------------------------------------------ imports
+
+
+@pytest.mark.parametrize("mode", ["continue", "all"])
+def test_the_index_is_written_when_an_import_is_over(settings: Settings, mode: str) -> None:
+    """The first who asks in what was imported does not have to write it first."""
+    index = IndexSettings(flush_submaps=20, memory_submaps=30, upkeep_seconds=3600)
+    with TestClient(create_app(settings.model_copy(update={"index": index}))) as client:
+        client.put("/v1/collections/plots", json={}).raise_for_status()
+        service: Service = client.app.state.service  # type: ignore[attr-defined]
+        job = finished(client, upload(client, [line(f"p{number}", number) for number in range(60)], mode=mode))
+        assert job["counts"] == {"created": 60}
+        assert count_uncovered(service.database, "plots", 1000) <= 20
+        # A few more are left for later.
+        job = finished(client, upload(client, [line(f"q{number}", 100 + number) for number in range(15)], mode=mode))
+        assert count_uncovered(service.database, "plots", 1000) == 15
+
+
+def test_an_index_that_cannot_be_written_is_no_failure(
+    settings: Settings, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def full(*arguments: object, **named: object) -> int:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(imports, "flush", full)
+    with TestClient(create_app(settings)) as client:
+        client.put("/v1/collections/plots", json={}).raise_for_status()
+        job = finished(client, upload(client, [line("p", 1)]))
+    assert (job["state"], job["counts"]) == ("successful", {"created": 1})
+    assert "the index is not written yet" in caplog.text
 
 
 def test_a_line_is_told_what_a_put_would_be_told(client: httpx.Client) -> None:
