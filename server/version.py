@@ -1,8 +1,10 @@
 """The version of the installed service, for `/v1/limits`, the OpenAPI document and the landing page."""
 
+from functools import cache
 from importlib import metadata
 
 
+@cache
 def service_version() -> str:
     """Version of the installed distribution; `0+source` when run from a tree that is not installed."""
     try:

@@ -1,5 +1,6 @@
 """The schema's version: upgrade a database, or say plainly why not."""
 
+from functools import cache
 from importlib import resources
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from server.store.database import Database
 from server.store.occupancy import lock_path
 
 
+@cache
 def expected_revision() -> str:
     """The schema revision that this version of the service works with."""
     head = ScriptDirectory.from_config(_alembic()).get_current_head()
