@@ -132,6 +132,13 @@ def test_the_published_figures_hold_what_is_claimed() -> None:
     assert load["normal"]["seconds"] >= 300.0
     assert load["lost"] == []
     assert load["normal"]["wrong"] + load["overload"]["wrong"] == 0
+    assert load["normal"]["errors"] == {}
+    for kind in figures["fleet"]["kinds"].values():
+        assert (kind["wrong"], kind["twice"]) == (0, 0)
+        assert kind["named"] >= 0.98 * kind["been"]
+    assert figures["fleet"]["sessions"] == 5
+    season = figures["season"]
+    assert (season["state"], season["results"], season["lines"]) == ("successful", 100_000, 100_000)
     assert set(figures["hostile"]["trials"]) == set(TRIALS)
 
 
@@ -143,6 +150,8 @@ def test_what_falls_short_is_said() -> None:
     figures["contract"] |= {"failures": [{"where": "getSubmap: 500", "what": "a request"}]}
     figures["readers"]["readers"]["lines"]["findings"] = [{"what": "KeyError in read", "input": "x"}]
     figures["readers"]["readers"]["bodies"]["growth_megabytes"] = 264.0
+    figures["fleet"]["kinds"]["inside-20"]["wrong"] = 3
+    figures["season"] |= {"results": 99_999}
     figures["hostile"]["trials"]["kills"]["problems"] = ["round 1: s5 was acknowledged and is gone"]
     found = faults(figures)
     for part in (
@@ -153,7 +162,9 @@ def test_what_falls_short_is_said() -> None:
         "2 wrong matches",
         "w1: 404",
         "s5 was",
+        "3 wrong visits",
+        "99999 lines of result",
     ):
         assert any(part in line for line in found), part
         assert part in " ".join(write_report(figures).split())
-    assert "Not run yet: contract, readers, load, hostile." in write_report({})
+    assert "Not run yet: contract, readers, load, fleet, season, hostile." in write_report({})
