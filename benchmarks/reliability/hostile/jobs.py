@@ -13,7 +13,7 @@ from benchmarks.reliability.trees import body
 
 _BASE: Final = "/v1/collections/imported"
 _PATIENCE: Final = 120.0
-"""Seconds within which a job that was interrupted must have ended."""
+"""Seconds within which a job that was interrupted must have ended, or come further."""
 _DONE: Final = ("successful", "failed", "dismissed")
 
 
@@ -32,10 +32,12 @@ def ndjson(seed: int, number: int, lines: int) -> bytes:
 
 
 def finished(client: httpx.Client, path: str, patience: float = _PATIENCE) -> dict[str, Any]:
-    """The job document once it has ended, or as it is when patience has."""
-    until = time.monotonic() + patience
+    """The job document once it has ended, or as it is when nothing has come of it for longer than patience lasts."""
+    until, far = time.monotonic() + patience, -1
     while True:
         job: dict[str, Any] = client.get(f"{path}?wait=10").json()
+        if job.get("done", far) > far:
+            until, far = time.monotonic() + patience, job["done"]
         if job.get("state") in _DONE or time.monotonic() > until:
             return job
 
