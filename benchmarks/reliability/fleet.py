@@ -7,6 +7,7 @@ is held to the same measure.
 
 import tempfile
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
@@ -14,17 +15,14 @@ import httpx
 import numpy as np
 
 from benchmarks.experiments import Figures
+from benchmarks.reliability.storing import store
 from benchmarks.reliability.traffic import BASE, COLLECTION
 from benchmarks.scale.asking import is_right
 from benchmarks.scale.job import spread
 from benchmarks.scale.world import World
 from benchmarks.served import served
-from server import registry
-from server.intake import batches, bulk
-from server.schemas.collections import CollectionPut
+from server.intake import batches
 from server.schemas.submaps import NamedSubmap
-from server.store import schema
-from server.store.database import Database
 from urquhart.se2 import SE2
 
 _SESSIONS: Final = 5
@@ -43,7 +41,7 @@ def run(*, quick: bool, seed: int) -> Figures:
     drives = [rng.random(places) < _SHARE for _ in range(_SESSIONS)]
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "fleet.db"
-        submaps = _fill(path, world, drives)
+        submaps, _ = store(path, COLLECTION, _lines(world, drives))
         with (
             served(path, Path(folder) / "log") as server,
             httpx.Client(base_url=server.url, timeout=120.0) as client,
@@ -62,32 +60,17 @@ def run(*, quick: bool, seed: int) -> Figures:
     }
 
 
-def _fill(path: Path, world: World, drives: list[Any]) -> int:
-    """Store what each session saw; how many submaps that is."""
-    stored = 0
-    database = Database(path)
-    try:
-        schema.upgrade(database)
-        registry.ensure(database, COLLECTION, CollectionPut())
-        lines = (
-            batches.line_of(
-                NamedSubmap.model_validate(
-                    {
-                        "id": f"{drive}-{place}",
-                        "xy": world.submap(int(place), drive).xy.tolist(),
-                        "session": f"drive-{drive}",
-                        "stamp": f"2026-05-{drive + 1:02}T09:00:00Z",
-                    }
-                )
-            )
-            for drive, seen in enumerate(drives)
-            for place in np.flatnonzero(seen)
-        )
-        for batch in bulk.ingest_lines(database, COLLECTION, lines):
-            stored += batch.created
-    finally:
-        database.dispose()
-    return stored
+def _lines(world: World, drives: list[Any]) -> Iterator[bytes]:
+    """What each session saw."""
+    for drive, seen in enumerate(drives):
+        for place in np.flatnonzero(seen).tolist():
+            submap = {
+                "id": f"{drive}-{place}",
+                "xy": world.submap(place, drive).xy.tolist(),
+                "session": f"drive-{drive}",
+                "stamp": f"2026-05-{drive + 1:02}T09:00:00Z",
+            }
+            yield batches.line_of(NamedSubmap.model_validate(submap))
 
 
 def _question(world: World, kind: str, number: int) -> dict[str, Any]:

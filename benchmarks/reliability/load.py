@@ -13,17 +13,12 @@ from typing import Final
 import httpx
 
 from benchmarks.experiments import Figures
+from benchmarks.reliability.storing import lines_of, store
 from benchmarks.reliability.traffic import BASE, COLLECTION, Question, Told, drive, questions
 from benchmarks.reliability.trees import body, forest
 from benchmarks.scale.job import spread
 from benchmarks.scale.world import World
 from benchmarks.served import Served, served
-from server import registry
-from server.intake import batches, bulk
-from server.schemas.collections import CollectionPut
-from server.schemas.submaps import NamedSubmap
-from server.store import schema
-from server.store.database import Database
 
 _CLIENTS: Final = 32
 _CROWD: Final = 400
@@ -42,7 +37,7 @@ def run(*, quick: bool, seed: int) -> Figures:
     asked = questions(world, 100 if quick else 500)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "load.db"
-        _fill(path, world)
+        store(path, COLLECTION, lines_of(world))
         with served(path, Path(folder) / "log") as server:
             before = _probe(server, asked)
             start = server.megabytes()
@@ -66,21 +61,6 @@ def run(*, quick: bool, seed: int) -> Figures:
         "memory": memory,
         "logged": logged[:20],
     }
-
-
-def _fill(path: Path, world: World) -> None:
-    database = Database(path)
-    try:
-        schema.upgrade(database)
-        registry.ensure(database, COLLECTION, CollectionPut())
-        lines = (
-            batches.line_of(NamedSubmap(id=f"s{index}", xy=world.submap(index).xy.tolist()))
-            for index in range(world.submaps)
-        )
-        for _ in bulk.ingest_lines(database, COLLECTION, lines):
-            pass
-    finally:
-        database.dispose()
 
 
 def _probe(server: Served, asked: list[Question]) -> list[float]:

@@ -17,17 +17,11 @@ import httpx
 
 from benchmarks.experiments import Figures
 from benchmarks.reliability.hostile.jobs import finished
+from benchmarks.reliability.storing import lines_of, store
 from benchmarks.reliability.traffic import questions
 from benchmarks.scale.job import spread
 from benchmarks.scale.world import World
 from benchmarks.served import served
-from server import registry
-from server.intake import batches, bulk
-from server.intake.batches import describers
-from server.schemas.collections import CollectionPut
-from server.schemas.submaps import NamedSubmap
-from server.store import schema
-from server.store.database import Database
 
 _ROBOTS: Final = "/v1/collections/robots"
 _SEASON: Final = "/v1/collections/season"
@@ -46,11 +40,11 @@ def run(*, quick: bool, seed: int) -> Figures:
         folder = Path(room)
         upload = folder / "season.ndjson.gz"
         with gzip.open(upload, "wb", compresslevel=1) as file:
-            file.writelines(line + b"\n" for line in _lines(world))
+            file.writelines(line + b"\n" for line in lines_of(world))
         with gzip.open(upload, "rb") as packed:
             library = _store(folder / "library.db", _SEASON, packed, lines)
         path = folder / "season.db"
-        _store(path, _ROBOTS, _lines(robots), mapped)
+        _store(path, _ROBOTS, lines_of(robots), mapped)
         megabytes = upload.stat().st_size / 1e6
         with (
             served(path, folder / "log") as server,
@@ -91,26 +85,11 @@ def run(*, quick: bool, seed: int) -> Figures:
     }
 
 
-def _lines(world: World) -> Iterator[bytes]:
-    for index in range(world.submaps):
-        yield batches.line_of(NamedSubmap.model_validate({"id": f"s{index}", "xy": world.submap(index).xy.tolist()}))
-
-
 def _store(path: Path, collection: str, lines: Iterable[bytes], count: int) -> float:
     """Store so many lines without the service; submaps a second."""
-    name = collection.rpartition("/")[2]
-    database = Database(path)
-    try:
-        schema.upgrade(database)
-        registry.ensure(database, name, CollectionPut())
-        began = time.perf_counter()
-        with describers() as workers:
-            stored = sum(batch.created for batch in bulk.ingest_lines(database, name, lines, workers=workers))
-        seconds = time.perf_counter() - began
-        if stored != count:
-            raise RuntimeError(f"{stored} of {count} lines were stored")
-    finally:
-        database.dispose()
+    stored, seconds = store(path, collection.rpartition("/")[2], lines)
+    if stored != count:
+        raise RuntimeError(f"{stored} of {count} lines were stored")
     return count / seconds
 
 

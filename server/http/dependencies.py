@@ -30,9 +30,8 @@ from server.schemas.common import (
     PROBLEM_EXAMPLE,
     Problem,
     ResourceId,
-    check_breadth,
     check_digits,
-    check_values,
+    read_json,
     to_json,
 )
 from server.settings import Settings
@@ -107,6 +106,8 @@ async def get_once(
     idempotency_key: IdempotencyKey = None,
 ) -> Once | None:
     """What tells this POST from others; None without Idempotency-Key."""
+    if idempotency_key is None:
+        return None  # most queries have none: their bodies are not copied for it
     return once_of(service, caller, idempotency_key, request.url.query.encode() + b"\n" + await request.body())
 
 
@@ -134,14 +135,11 @@ class _JsonRequest(Request):
     async def json(self) -> Any:
         body = await self.body()
         try:
-            check_values(body, self.app.state.service.settings.limits.body_values)
-            content = orjson.loads(body)
-            check_breadth(content, len(body))
+            return read_json(body, self.app.state.service.settings.limits.body_values)
         except orjson.JSONDecodeError as error:
             raise _Refused(MalformedBody(_malformed_detail(error, body))) from error
         except (InvalidField, TooLarge) as error:
             raise _Refused(error) from error
-        return content
 
 
 class _Refused(Exception):

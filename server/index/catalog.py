@@ -94,7 +94,7 @@ class Catalog:
         done and how many there are. An empty one is opened as fast by the first who asks.
         """
         with self._database.read() as session:
-            ids = [collection_id for _, collection_id, _ in Collections(session).written()]
+            ids = [collection_id for _, collection_id, _ in Collections(session).revisions(least=1)]
         for done, collection_id in enumerate(ids, start=1):
             try:
                 with self.view(collection_id):

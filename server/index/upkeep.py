@@ -73,7 +73,7 @@ class Upkeep:
         """
         began = time.monotonic()
         with self._database.read() as session:
-            revisions = Collections(session).written()
+            revisions = Collections(session).revisions(least=1)
             chains = all_chains(session)
         self._look_seconds = time.monotonic() - began
         for key, collection_id, revision in revisions:

@@ -20,7 +20,7 @@ from server.index.derive import config_of
 from server.intake.prepare import Prepared
 from server.intake.workers import PATIENCE, Work, Workers
 from server.registry import get_collection
-from server.schemas.common import check_breadth, check_values
+from server.schemas.common import read_json
 from server.schemas.pointers import invalid_body
 from server.schemas.submaps import NamedSubmap
 from server.settings import Limits
@@ -146,10 +146,8 @@ def line_of(submap: NamedSubmap) -> bytes:
 
 def read_line(line: bytes, limits: Limits) -> NamedSubmap:
     """The submap of one line of NDJSON. Raises MalformedBody, InvalidBody, InvalidField and TooLarge."""
-    check_values(line, limits.body_values)
     try:
-        members = orjson.loads(line)
-        check_breadth(members, len(line))
+        members = read_json(line, limits.body_values)
     except orjson.JSONDecodeError as error:
         raise MalformedBody(f"The line is not JSON: {error.msg.split(': line')[0]} (column {error.colno}).") from error
     try:

@@ -6,6 +6,7 @@ import unicodedata
 from datetime import UTC, datetime
 from typing import Annotated, Any
 
+import orjson
 from pydantic import (
     AfterValidator,
     AwareDatetime,
@@ -60,7 +61,7 @@ def _check_depth(value: dict[str, Any]) -> dict[str, Any]:
     raise ValueError(f"must not be nested more than {_DEPTH} deep")
 
 
-def check_breadth(content: Any, size: int) -> None:
+def _check_breadth(content: Any, size: int) -> None:
     """Refuse JSON of `size` bytes in which an object has very many members, before each is told of by itself.
 
     No request has so many, and hundreds of thousands of errors take seconds, in which nobody else is answered. What
@@ -84,7 +85,7 @@ def check_breadth(content: Any, size: int) -> None:
         level = inner
 
 
-def check_values(raw: bytes, most: int) -> None:
+def _check_values(raw: bytes, most: int) -> None:
     """Refuse JSON with very many arrays and objects before it is read: while Python makes them, nobody is answered.
 
     Brackets in texts count, too: no request has so many of them. Raises TooLarge.
@@ -92,6 +93,17 @@ def check_values(raw: bytes, most: int) -> None:
     got = raw.count(b"[") + raw.count(b"{")
     if got > most:
         raise TooLarge("body_values", most, got, "Send fewer submaps or queries at a time.")
+
+
+def read_json(raw: bytes, most: int) -> Any:
+    """JSON that is not more than a request can be: at most `most` arrays and objects, none of them very wide.
+
+    Raises TooLarge, InvalidField and orjson.JSONDecodeError.
+    """
+    _check_values(raw, most)
+    content = orjson.loads(raw)
+    _check_breadth(content, len(raw))
+    return content
 
 
 def _check_stamp(value: object) -> object:

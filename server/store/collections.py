@@ -56,15 +56,10 @@ class Collections:
         """Ids of all collections."""
         return list(self._session.scalars(select(CollectionRow.id).order_by(CollectionRow.key)))
 
-    def revisions(self) -> list[tuple[int, str, int]]:
-        """Key, id and revision of all collections."""
-        query = select(CollectionRow.key, CollectionRow.id, CollectionRow.revision).order_by(CollectionRow.key)
-        return [(row.key, row.id, row.revision) for row in self._session.execute(query)]
-
-    def written(self) -> list[tuple[int, str, int]]:
-        """Key, id and revision of those in which something was ever stored."""
+    def revisions(self, least: int = 0) -> list[tuple[int, str, int]]:
+        """Key, id and revision of all collections, or of those that are at `least` one: 1 where anything was stored."""
         columns = (CollectionRow.key, CollectionRow.id, CollectionRow.revision)
-        query = select(*columns).where(CollectionRow.revision > 0).order_by(CollectionRow.key)
+        query = select(*columns).where(CollectionRow.revision >= least).order_by(CollectionRow.key)
         return [(row.key, row.id, row.revision) for row in self._session.execute(query)]
 
     def largest(self, limit: int) -> list[Size]:

@@ -1,0 +1,33 @@
+"""Submaps stored by the library alone, before a service is started on them or beside one."""
+
+import time
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from benchmarks.scale.world import World
+from server import registry
+from server.intake import batches, bulk
+from server.schemas.collections import CollectionPut
+from server.schemas.submaps import NamedSubmap
+from server.store import schema
+from server.store.database import Database
+
+
+def lines_of(world: World) -> Iterator[bytes]:
+    """The submaps of a world as lines of NDJSON, `s0` and on."""
+    for index in range(world.submaps):
+        yield batches.line_of(NamedSubmap.model_validate({"id": f"s{index}", "xy": world.submap(index).xy.tolist()}))
+
+
+def store(path: Path, collection: str, lines: Iterable[bytes]) -> tuple[int, float]:
+    """Store lines of NDJSON in a collection of a new database; how many are new, and the seconds that took."""
+    database = Database(path)
+    try:
+        schema.upgrade(database)
+        registry.ensure(database, collection, CollectionPut())
+        began = time.perf_counter()
+        with batches.describers() as workers:
+            stored = sum(batch.created for batch in bulk.ingest_lines(database, collection, lines, workers=workers))
+        return stored, time.perf_counter() - began
+    finally:
+        database.dispose()
