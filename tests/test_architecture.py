@@ -13,6 +13,7 @@ PACKAGES = ("urquhart", "server", "clients/python/urquhart_client", "benchmarks"
 METHOD = [
     *(
         "_kernel",
+        "budget",
         "config",
         "stages",
         "landmarks",

@@ -8,13 +8,14 @@ The file list is the method; `recognizer` is its one page:
     pairing, diameters, verification                         all landmarks decide
     confidence, ranking, doubt                               chance, rivals, verdict
     explaining                                               why, in words and as a picture
-    config, se2, stages                                      parameters, transforms, costs
+    config, se2, stages, budget                              parameters, transforms, costs, deadlines
     merging                                                  submaps into one map
     simulation, evaluation, baselines, drawing               forests, scores, the paper's rivals, pictures
 
 After Nardari et al., "Place Recognition in Forests With Urquhart Tessellations", RA-L 2020.
 """
 
+from urquhart.budget import Abandoned, Budget
 from urquhart.confidence import Gates
 from urquhart.config import Config, ConfigError
 from urquhart.drawing import draw_match, draw_tessellation
@@ -29,6 +30,8 @@ from urquhart.tessellation import Tessellation
 
 __all__ = [
     "SE2",
+    "Abandoned",
+    "Budget",
     "Candidate",
     "Config",
     "ConfigError",

@@ -29,6 +29,7 @@ REASONS: Final[Mapping[str, str]] = {
     "nothing_left": "all submaps are excluded, or none is near",
     "too_few_landmarks": "fewer than three trees fix no pose",
     "collinear_landmarks": "trees on one line fix no pose",
+    "deadline": "the time ran out before rivals were ruled out",
 }
 """What each reason of a verdict or a refusal means."""
 UNREFUSED: Final = "enough evidence; only a rival could refuse it"

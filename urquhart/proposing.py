@@ -7,6 +7,7 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from urquhart.budget import Budget
 from urquhart.collection_index import CollectionIndex
 from urquhart.consensus import TURN, Consensus, Room
 from urquhart.features import Features
@@ -61,6 +62,7 @@ class Sighting:
         index: what it is looked for in.
         submaps: of the index, as far as the look-up has to do with them.
         volume: logarithm of the volume of all poses there are to choose from; see `confidence.log_volume`.
+        budget: until when, and for whom, the look-up goes on.
     """
 
     features: Features
@@ -68,6 +70,7 @@ class Sighting:
     index: CollectionIndex
     submaps: Submaps
     volume: float
+    budget: Budget
 
 
 def search_quads(query: Sighting, errors: float, room: Room) -> Consensus:

@@ -17,6 +17,7 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from urquhart.budget import Budget
 from urquhart.collection_index import CollectionIndex
 from urquhart.confidence import (
     against_chance,
@@ -139,6 +140,7 @@ class Recognizer:
         exclude: Collection[int] = (),
         only: Collection[int] | None = None,
         rng: np.random.Generator | None = None,
+        budget: Budget | None = None,
     ) -> Recognition:
         """Look an observation up.
 
@@ -149,14 +151,17 @@ class Recognizer:
             exclude: keys of submaps that are not to be considered.
             only: keys of those that are; all by default.
             rng: randomness of the paper's method (sampling, RANSAC); a fixed seed by default.
+            budget: when the search must end; by default it ends when it is done. An answer at the deadline is
+                `no_match` with the reason `deadline` and the candidates found so far: rivals may not have been seen.
 
         Raises:
+            Abandoned: nobody waits for the answer any more.
             LandmarkError: for input that is wrong. Too few landmarks, or all on one line, is normal life for a robot
                 and answered with `no_match` and the reason.
         """
         stages, found = Stages(), list[Finding]()
         try:
-            query = self._look(xy, diameters, stages, exclude, only)
+            query = self._look(xy, diameters, stages, exclude, only, budget)
         except LandmarkError as error:
             if error.code not in ("too_few", "collinear"):
                 raise
@@ -201,16 +206,18 @@ class Recognizer:
             for share, count in ((_HALF, max(limit, _FIRST)), (1.0, self.config.candidates)):
                 proposals = propose_by_quads(query, tight, share, count, stages)
                 standing = doubt(query, proposals, stages, found, standing.ranked)
-                if self._settled(standing, query):
+                if self._settled(standing, query) or query.budget.is_spent():
                     return standing
             proposals = propose_by_polygons(query, stages)
             standing = doubt(query, proposals, stages, found, standing.ranked)
+            if query.budget.is_spent():
+                return standing
             if self._lost(standing.ranked, query) and not is_small(query.index):
                 wide = search_quads(query, WIDE, room)
                 for share in (_MOST, 1.0):
                     proposals = propose_by_quads(query, wide, share, self.config.candidates, stages)
                     standing = doubt(query, proposals, stages, found, standing.ranked)
-                    if self._settled(standing, query):
+                    if self._settled(standing, query) or query.budget.is_spent():
                         return standing
         if self._lost(standing.ranked, query) and not is_large(query.index):
             proposals = propose_by_sweep(query, wide, stages)
@@ -224,6 +231,7 @@ class Recognizer:
         stages: Stages,
         exclude: Collection[int] = (),
         only: Collection[int] | None = None,
+        budget: Budget | None = None,
     ) -> Sighting:
         index, source = self._held
         with stages.timed("describe") as counts:
@@ -231,7 +239,8 @@ class Recognizer:
             counts.update(features.counts())
             laid = pattern(features, index.reach)
         index = index.narrowed(only, exclude)
-        return Sighting(features, laid, index, Submaps(source, index.reach), log_volume(len(index), laid))
+        submaps, volume = Submaps(source, index.reach), log_volume(len(index), laid)
+        return Sighting(features, laid, index, submaps, volume, budget or Budget())
 
     def _memory(self) -> Memory:
         source = self._held[1]
@@ -248,6 +257,8 @@ class Recognizer:
             for proposal in ranked[:limit]
         )
         verdict, reason = decide(candidates) if found else ("no_match", "no_votes")
+        if query.budget.is_spent() and not self._settled(standing, query):
+            verdict, reason = "no_match", "deadline"
         rivals: tuple[Rival, ...] = ()
         if ranked:
             rivals = make_rivals(

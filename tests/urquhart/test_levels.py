@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.urquhart.contents import CONFIG, FOREST, over, place
-from urquhart import SE2, Config, Recognition, Recognizer, describe
+from urquhart import SE2, Abandoned, Budget, Config, Recognition, Recognizer, describe
 from urquhart.collection_index import CollectionIndex
 from urquhart.consensus import Consensus
 from urquhart.simulation import bridson, observe, paper_forest
@@ -182,3 +182,21 @@ def test_the_paper_looks_at_nothing_else_either(only: list[int] | range) -> None
     assert names(found) == ["describe", "search polygons", "match and verify", "doubt"]
     assert found.verdict == "matched"
     assert {c.key for c in found.candidates} <= {*only} - {15}
+
+
+def test_at_the_deadline_it_answers_what_it_has_and_never_a_match() -> None:
+    found = recognizer().recognize(nowhere(3), budget=Budget(0.0))
+    assert (found.verdict, found.reason) == ("no_match", "deadline")
+    assert names(found) == ["describe", *QUADS]
+    assert found.candidates
+
+
+def test_what_is_settled_at_the_deadline_is_an_answer() -> None:
+    assert recognizer().recognize(here(sigma=0.1, detection=0.9), budget=Budget(0.0)).verdict == "matched"
+
+
+def test_a_search_that_nobody_waits_for_ends() -> None:
+    budget = Budget()
+    budget.abandon()
+    with pytest.raises(Abandoned):
+        recognizer().recognize(nowhere(3), budget=budget)
