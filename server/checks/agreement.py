@@ -26,11 +26,31 @@ def index_findings(database: Database) -> Iterator[Finding]:
     """
     folder = SegmentFolder(database)
     with database.read() as session:
-        for _, collection_id, _ in Collections(session).revisions():
+        ids = [collection_id for _, collection_id, _ in Collections(session).revisions()]
+    for collection_id in ids:
+        for what in _current(database, folder, collection_id):
+            yield Finding(collection_id, what)
+
+
+def _current(database: Database, folder: SegmentFolder, collection_id: str) -> list[str]:
+    """What is wrong with the segments of a collection, in one snapshot of it.
+
+    A service that runs beside this may merge segments and remove their files after the snapshot was taken. Then what
+    is wrong with a segment that is listed no more says nothing, and another snapshot is taken.
+    """
+    while True:
+        with database.read() as session:
             collection = Collections(session).get(collection_id)
-            if collection is not None:
-                for what in _collection(session, folder, collection):
-                    yield Finding(collection_id, what)
+            if collection is None:
+                return []
+            chain = Segments(session, collection.key).chain()
+            wrong = list(_collection(session, folder, collection))
+        if not wrong:
+            return wrong
+        with database.read() as session:
+            listed = set(Segments(session, collection.key).chain())
+        if set(chain) <= listed:
+            return wrong
 
 
 def _collection(session: Session, folder: SegmentFolder, collection: CollectionRow) -> Iterator[str]:

@@ -50,6 +50,7 @@ def run_constraints(assignment: Assignment, tools: Tools) -> None:
             results.flush()
             os.fsync(results.fileno())
             size = results.tell()
+        assignment.total = assignment.done  # submaps came and went meanwhile
         assignment.counts = {"constraints": len(kept), "inconsistent": contradictions}
         assignment.report(written=size)
 

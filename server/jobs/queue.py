@@ -40,14 +40,18 @@ def accept(
     parameters: dict[str, Any] | None = None,
     total: int | None = None,
     alone: bool = False,
+    collection_key: int | None = None,
 ) -> Kept:
     """Take a job on, unless the same was done before; what is answered.
 
     `alone`: not beside another unfinished one of its kind on the collection.
+    `collection_key`: of the collection that `check` found, where one of that name may have been made again since.
     Raises NotFound, Conflict, KeyReused and StorageError.
     """
     with database.write() as session:
         collection = get_collection(session, collection_id)
+        if collection_key not in (None, collection.key):
+            raise NotFound("collection", collection_id)
         operation = f"{kind} {collection.key}"
         kept = recall(session, once, operation)
         if kept is not None:
@@ -68,12 +72,16 @@ def accept(
         return keep(session, once, operation, answer)
 
 
-def check(database: Database, collection_id: str) -> None:
-    """Refuse what could not be taken on, before all of it is sent. Raises NotFound and StorageError."""
+def check(database: Database, collection_id: str) -> int:
+    """Refuse what could not be taken on, before all of it is sent; the collection's key.
+
+    Raises NotFound and StorageError.
+    """
     with database.read() as session:
-        get_collection(session, collection_id)
+        collection = get_collection(session, collection_id)
     if database.read_only:
         raise StorageReadOnly("The service only reads this database: nothing can be imported.")
+    return collection.key
 
 
 def read(database: Database, caller: Caller, job_id: str) -> JobAnswer:
@@ -101,6 +109,7 @@ def page(
             collection_id=collection_id,
             before_key=read_cursor("jobs", cursor) or None,
             limit=size + 1,
+            caller=caller.id,
         )
         more = len(rows) > size
         return JobPage(
@@ -144,11 +153,17 @@ class Results:
 
 
 def results(database: Database, folder: JobFolder, caller: Caller, job_id: str) -> Results:
-    """A job's results, to be closed. Raises NotFound, Conflict (unfinished), Gone (swept)."""
+    """A job's results, to be closed.
+
+    Raises NotFound, Conflict (unfinished), Gone (kept long enough, or the collection is gone).
+    """
     with database.read() as session:
         row = _row(session, caller, job_id)
+        orphaned = Jobs(session).is_orphaned(row)
     if row.state in UNFINISHED:
         raise Conflict(f"The job {job_id} is {row.state}; ask for its results when it is finished.")
+    if orphaned:
+        raise Gone(f"The collection of the job {job_id} was deleted, and the job's results with it.")
     try:
         # Open, they can be read to their end, whoever forgets the job meanwhile.
         file = folder.results(job_id).open("rb")
@@ -205,7 +220,11 @@ def describe(row: JobRow) -> JobAnswer:
 
 
 def _row(session: Session, caller: Caller, job_id: str) -> JobRow:
-    row = Jobs(session).get(job_id)
+    jobs = Jobs(session)
+    row = jobs.get(job_id)
     if row is None or not caller.sees(row.collection_id):
+        raise NotFound("job", job_id[:100])
+    # A name says who may see a collection, and this one belongs to others by now.
+    if not (caller.sees_all or caller.id == row.caller) and jobs.is_superseded(row):
         raise NotFound("job", job_id[:100])
     return row

@@ -32,5 +32,6 @@ def _rebuild(assignment: Assignment, tools: Tools) -> None:
     written = rebuild(tools.catalog.shop, assignment.collection_id, progress=advance)
     with tools.database.read() as session:
         assignment.collection(session)
-    assignment.done, assignment.counts = written, {"indexed": written}
+    assignment.total = assignment.done = written
+    assignment.counts = {"indexed": written}
     assignment.report(listed=True)

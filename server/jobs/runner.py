@@ -103,6 +103,9 @@ class Assignment:
         jobs = Jobs(session)
         if jobs.is_dismissed(self.id):
             raise Dismissed
+        if self.total is not None:
+            # Submaps that others store meanwhile are worked on, too: there is more to do than was counted at first.
+            self.total = max(self.total, self.done)
         jobs.change(self.id, done=self.done, total=self.total, counts=self.counts, progress=self.progress)
 
 

@@ -67,7 +67,7 @@ async def post_import(
     inflater = _inflater(request.headers.get("content-encoding"))
     limit = service.settings.limits.import_bytes
     _check_length(declared_length(request.headers), limit)
-    await anyio.to_thread.run_sync(queue.check, service.database, collection)
+    collection_key = await anyio.to_thread.run_sync(queue.check, service.database, collection)
     folder, job_id = service.jobs.folder, new_id()
     async with spooled(folder, job_id, request.stream(), limit, inflater) as arrived:
         once = once_of(service, caller, idempotency_key, request.url.query.encode() + arrived.digest.encode())
@@ -81,6 +81,7 @@ async def post_import(
                 job_id=job_id,
                 parameters={"on_conflict": on_conflict, "mode": mode},
                 total=arrived.lines,
+                collection_key=collection_key,
             )
         )
     if kept.replayed:

@@ -124,9 +124,10 @@ _RULES: Final = (
         "OR (state = 'running' AND started IS NULL)",
     ),
     (
-        "counts more than there is to do, or less than nothing",
+        # `done` may be more than `total`: earlier versions counted what others stored during a job only there.
+        "counts less than nothing",
         "SELECT 'job ' || id FROM jobs WHERE typeof(done) <> 'integer' OR done < 0 OR (total IS NOT NULL "
-        "AND (typeof(total) <> 'integer' OR done > total))",
+        "AND (typeof(total) <> 'integer' OR total < 0))",
     ),
     (
         "its row cannot be read",

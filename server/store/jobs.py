@@ -4,10 +4,10 @@ from collections.abc import Collection, Sequence
 from datetime import UTC, datetime
 from typing import Any, Final
 
-from sqlalchemy import delete, func, or_, select, update
+from sqlalchemy import ColumnElement, delete, exists, func, or_, select, update
 from sqlalchemy.orm import Session
 
-from server.store.tables import JobRow, matches
+from server.store.tables import CollectionRow, JobRow, matches
 
 UNFINISHED: Final = ("accepted", "running")
 
@@ -21,6 +21,15 @@ class Jobs:
     def get(self, job_id: str) -> JobRow | None:
         """The job of that id, or None."""
         return self._session.scalar(select(JobRow).where(JobRow.id == job_id))
+
+    def is_orphaned(self, job: JobRow) -> bool:
+        """Whether the collection that the job was taken on for is gone, even if another one has its name by now."""
+        there = select(CollectionRow.key).where(CollectionRow.key == job.collection_key)
+        return self._session.scalar(there) is None
+
+    def is_superseded(self, job: JobRow) -> bool:
+        """Whether another collection has the name of the one that the job was taken on for."""
+        return self._session.scalar(select(JobRow.key).where(JobRow.key == job.key, _superseded())) is not None
 
     def add(
         self,
@@ -64,8 +73,13 @@ class Jobs:
         collection_id: str | None,
         before_key: int | None,
         limit: int,
+        caller: str,
     ) -> Sequence[JobRow]:
-        """Up to `limit` jobs on collections that match a pattern, the newest first, beginning before a key."""
+        """Up to `limit` jobs on collections that match a pattern, the newest first, beginning before a key.
+
+        Jobs of a collection whose name another one has by now are listed only for the `caller` who started them, or
+        for one who sees every collection.
+        """
         query = select(JobRow).order_by(JobRow.key.desc()).limit(limit)
         if before_key is not None:
             query = query.where(JobRow.key < before_key)
@@ -74,7 +88,7 @@ class Jobs:
         if collection_id is not None:
             query = query.where(JobRow.collection_id == collection_id)
         if "*" not in patterns:
-            query = query.where(matches(JobRow.collection_id, patterns))
+            query = query.where(matches(JobRow.collection_id, patterns), or_(JobRow.caller == caller, ~_superseded()))
         return self._session.scalars(query).all()
 
     def waiting(self) -> list[int]:
@@ -127,8 +141,9 @@ class Jobs:
         return self._session.scalar(select(JobRow.dismissed).where(JobRow.id == job_id)) is not False
 
     def with_results(self, since: datetime) -> set[str]:
-        """Ids of the jobs that are unfinished, or were finished at a moment or later."""
-        query = select(JobRow.id).where(or_(JobRow.finished.is_(None), JobRow.finished >= since))
+        """Ids of the jobs that are unfinished, or were finished at a moment or later on a collection that is there."""
+        there = exists().where(CollectionRow.key == JobRow.collection_key)
+        query = select(JobRow.id).where(or_(JobRow.finished.is_(None), (JobRow.finished >= since) & there))
         return set(self._session.scalars(query))
 
     def unfinished_ids(self) -> set[str]:
@@ -146,3 +161,8 @@ class Jobs:
             self._session.execute(
                 delete(JobRow).where(JobRow.id == job_id), execution_options={"synchronize_session": False}
             )
+
+
+def _superseded() -> ColumnElement[bool]:
+    """Whether the name of a job's collection belongs to another collection by now."""
+    return exists().where(CollectionRow.id == JobRow.collection_id, CollectionRow.key != JobRow.collection_key)
