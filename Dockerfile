@@ -1,6 +1,10 @@
 # Two stages: the first has the build backend and makes the environment, the second has only what runs.
 
-FROM python:3.11-slim AS build
+# The digest is that of the multi-platform index that python:3.11-slim-trixie named in August 2026. To take a newer image,
+# run `docker buildx imagetools inspect python:3.11-slim-trixie` and put its digest here.
+ARG BASE=python:3.11-slim-trixie@sha256:9c900dea9e8fb7e16277c179b555cc72d29a352dbc33cff48ad5a0412fd5bfc7
+
+FROM ${BASE} AS build
 WORKDIR /src
 COPY requirements.lock requirements-build.lock ./
 RUN python -m venv /opt/urquhart \
@@ -11,7 +15,7 @@ COPY . .
 RUN /opt/build/bin/pip wheel --no-build-isolation --no-deps --wheel-dir /wheels . clients/python \
     && /opt/urquhart/bin/pip install --no-cache-dir --no-deps /wheels/*.whl
 
-FROM python:3.11-slim
+FROM ${BASE}
 RUN useradd --system --uid 10001 --user-group --home-dir /var/lib/urquhart --create-home urquhart
 COPY --from=build /opt/urquhart /opt/urquhart
 # The compiled kernels are cached for the processor they run on, so the cache must be writable when the image runs.

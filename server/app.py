@@ -13,6 +13,7 @@ import urquhart
 from server import configuration, logs
 from server.errors import DomainError
 from server.http import problems
+from server.http.browsers import KnownHosts, SafeAnswers
 from server.http.compression import DeflateAnswers, InflateRequests
 from server.http.dependencies import JobRoom, Service
 from server.http.document import openapi_document
@@ -117,6 +118,13 @@ def create_app(settings: Settings, exchange: Exchange | None = None) -> FastAPI:
     app.add_middleware(DeflateAnswers)
     app.add_middleware(BodyLimit, limit=settings.limits.body_bytes)
     app.add_middleware(Overload, limits=settings.limits, gate=gate, metrics=metrics, readiness=readiness)
+    app.add_middleware(
+        KnownHosts,
+        allowed=settings.host_names,
+        keeper=app.state.doorkeeper,
+        everywhere=settings.host in ("0.0.0.0", "::", "[::]"),
+    )
+    app.add_middleware(SafeAnswers)
     app.add_middleware(RequestContext, metrics=metrics)
     app.openapi = lambda: openapi_document(app)  # type: ignore[method-assign]
     return app

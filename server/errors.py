@@ -39,6 +39,17 @@ class Forbidden(DomainError):
     """The key does not allow this."""
 
 
+class UnknownHost(DomainError):
+    """The request came under a host name, or from a web page, that is not the service's own. `header` says it."""
+
+    def __init__(self, header: str, value: str) -> None:
+        super().__init__(
+            f"The header {header} says {value!r}, which is not a name of this service. Use http://127.0.0.1 or "
+            "http://localhost, or let the operator add the name to allowed_hosts (URQUHART_ALLOWED_HOSTS)."
+        )
+        self.header = header
+
+
 class Gone(DomainError):
     """It existed, and is no longer kept."""
 

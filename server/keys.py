@@ -134,6 +134,10 @@ class Doorkeeper:
         self._locked: tuple[float, bool] | None = None
         self._known: dict[str, tuple[float, KeyRow | None]] = {}
 
+    def asks_for_keys(self) -> bool:
+        """Whether callers need a key. Raises StorageError."""
+        return self._is_locked(ask=True) is True
+
     def recall(self, authorization: str | None) -> Caller | None:
         """Who asks, from what is remembered; None where the database has to be asked. Raises Unauthorized."""
         return self._tell(authorization, ask=False)

@@ -57,6 +57,13 @@ TABLE: Mapping[type[errors.DomainError], Kind] = {
     errors.Forbidden: Kind(
         403, "forbidden", "Not allowed", "The key is good, but lacks the scope for this, or sees only some collections."
     ),
+    errors.UnknownHost: Kind(
+        403,
+        "unknown-host",
+        "Unknown host or origin",
+        "The request came under a host name that is not the service's, or from a page of another site. A service "
+        "without keys refuses both; the setting allowed_hosts names further hosts.",
+    ),
     errors.Gone: Kind(410, "gone", "Gone", "It was here and is no longer kept; asking again will not bring it back."),
     errors.Conflict: Kind(409, "conflict", "Conflict", "The request contradicts what is stored; nothing was changed."),
     errors.KeyReused: Kind(

@@ -1,11 +1,12 @@
 """The log of a process: one line for everything that happens, as text for people or as JSON for programs.
 
 A line never ends where a caller wants it to: whatever is no printable character is escaped, and the lines of a
-traceback are indented.
+traceback are indented. Nor does a value: in a line of text, one that could be taken for several is quoted as JSON.
 """
 
 import json
 import logging
+import re
 import sys
 from collections.abc import Mapping
 from datetime import UTC, datetime
@@ -19,6 +20,8 @@ ACCESS: Final = "access"
 _LEVELS: Final = {"debug": logging.DEBUG, "info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}
 _LONGEST: Final = 200
 """Characters of a path that are written."""
+_PLAIN: Final = re.compile(r"[A-Za-z0-9!#$%&'()*+,./:;<>?@\[\]^_`{|}~-]+")
+"""A value of a text line that needs no quotes: no space, `=`, quote or backslash, and nothing but ASCII."""
 _access = logging.getLogger(ACCESS)
 
 
@@ -58,6 +61,17 @@ def log_access(fields: Mapping[str, Any]) -> None:
 def shortened(path: str) -> str:
     """A path, not longer than a line should be."""
     return path if len(path) <= _LONGEST else f"{path[:_LONGEST]}..."
+
+
+def quoted(value: object) -> str:
+    """A value in a line of text, where spaces part the fields: as it is, or as a JSON string where it has more in it.
+
+    A JSON string ends at the first `"` without a backslash before it. So `path="/a b key=x"` is one field.
+    """
+    text = str(value)
+    if _PLAIN.fullmatch(text):
+        return text
+    return json.dumps(text, ensure_ascii=not text.isprintable())
 
 
 def escaped(text: str) -> str:
@@ -104,13 +118,13 @@ class TextLines(logging.Formatter):
 
 def _request(fields: Mapping[str, Any]) -> str:
     """What happened first, then the rest as name=value."""
-    first = f"{fields['method']} {fields['path']} {fields['status']} {fields['ms']} ms"
+    first = f"{quoted(fields['method'])} {quoted(fields['path'])} {fields['status']} {fields['ms']} ms"
     rest = [
-        f"{name}={orjson.dumps(value).decode() if isinstance(value, dict) else value}"
+        f"{name}={orjson.dumps(value).decode() if isinstance(value, dict) else quoted(value)}"
         for name, value in fields.items()
         if name not in {"method", "path", "status", "ms"} and value not in (None, "", 0)
     ]
-    return escaped(" ".join([first, *rest]))
+    return " ".join([first, *rest])
 
 
 def _time(record: logging.LogRecord) -> str:

@@ -145,6 +145,11 @@ class Settings(BaseSettings):
     )
     host: str = Field("127.0.0.1", description="Address to listen on.", min_length=1)
     port: int = Field(8420, ge=0, le=65535, description="Port to listen on; 0 takes a free one.")
+    allowed_hosts: str = Field(
+        "",
+        description="Host names under which the service answers, and whose pages may call it, separated by commas; "
+        "`*` for any. Empty: localhost and the address it is reached at, and any name once it asks for keys.",
+    )
     insecure: bool = Field(False, description="Serve without API keys on an address that other machines can reach.")
     idempotency_hours: float = Field(
         24.0, gt=0, le=24 * 365, description="Hours for which the answer to a POST with Idempotency-Key is kept."
@@ -182,6 +187,14 @@ class Settings(BaseSettings):
             raise ValueError("the database must be a file: several connections and processes share it")
         return value
 
+    @field_validator("allowed_hosts")
+    @classmethod
+    def _hosts_are_names(cls, value: str) -> str:
+        for name in value.split(","):
+            if "/" in name or (":" in name and name.count(":") == 1):
+                raise ValueError(f"{name.strip()!r} is no host name; leave scheme and port out")
+        return value
+
     @classmethod
     def settings_customise_sources(
         cls,
@@ -197,6 +210,11 @@ class Settings(BaseSettings):
         path = config_file(given.get("config"))
         values = {} if path is None else read_file(path, cls)
         return init_settings, env_settings, InitSettingsSource(settings_cls, init_kwargs=values)
+
+    @property
+    def host_names(self) -> tuple[str, ...]:
+        """The names in `allowed_hosts`."""
+        return tuple(name for part in self.allowed_hosts.split(",") if (name := part.strip().strip("[]")))
 
     @property
     def database_path(self) -> Path:

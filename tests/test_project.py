@@ -83,6 +83,12 @@ def test_the_default_profile_is_the_service_on_loopback_and_its_volume() -> None
     assert service["image"] == f"urquhart:{PROJECT['project']['version']}"
 
 
+def test_the_base_image_is_pinned_by_its_digest() -> None:
+    dockerfile = read("Dockerfile")
+    assert re.search(r"^ARG BASE=python:3\.11\S*@sha256:[0-9a-f]{64}$", dockerfile, flags=re.MULTILINE)
+    assert re.findall(r"^FROM (\S+)", dockerfile, flags=re.MULTILINE) == ["${BASE}"] * 2
+
+
 def test_the_image_runs_what_the_command_line_has() -> None:
     dockerfile = read("Dockerfile")
     assert len(re.findall(r"^FROM ", dockerfile, flags=re.MULTILINE)) == 2

@@ -96,7 +96,9 @@ class InflateRequests:
                 inflater.finish()
             return {**message, "body": body}
 
-        await self._app({**scope, "headers": headers}, inflated, send)
+        # Not a copy: what the router notes in the scope, the log and the metrics read there.
+        scope["headers"] = headers
+        await self._app(scope, inflated, send)
 
 
 class DeflateAnswers:

@@ -12,8 +12,9 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from server.errors import TooLarge
 from server.http.problems import domain_problem, internal_problem, problem
+from server.http.routing import matched
 from server.kinds import OTHER
-from server.logs import log_access, shortened
+from server.logs import log_access, quoted, shortened
 from server.metrics.metrics import Metrics
 from server.notes import begin as begin_notes
 
@@ -74,13 +75,13 @@ class RequestContext:
         except ClientDisconnect:
             status = 499  # as others log a caller that went away; nobody is left to be answered
         except Exception:
-            _log.exception("request %s: %s %s failed", request_id, method, scope["path"])
+            _log.exception("request %s: %s %s failed", request_id, quoted(method), quoted(scope["path"]))
             if begun:
                 raise
             await internal_problem(scope)(scope, receive, send_with_id)
         finally:
             spent = time.perf_counter() - started
-            route = getattr(scope.get("route"), "path", "unmatched")
+            route, parameters = _route(scope)
             labelled = method if method in _METHODS else "other"
             self._metrics.requests.labels(route, labelled, str(status)).inc()
             self._metrics.request_seconds.labels(route, labelled).observe(spent)
@@ -96,10 +97,18 @@ class RequestContext:
                     "bytes_in": bytes_in,
                     "bytes_out": bytes_out,
                     "key": caller.id if caller is not None else "",
-                    "collection": scope.get("path_params", {}).get("collection", ""),
+                    "collection": parameters.get("collection", ""),
                     **notes.told(),
                 }
             )
+
+
+def _route(scope: Scope) -> tuple[str, Mapping[str, str]]:
+    """Template and parameters of the request's path; `unmatched` where nothing is served there."""
+    template = getattr(scope.get("route"), "path", None)
+    if template is not None:
+        return template, scope.get("path_params", {})
+    return matched(scope["app"], scope["path"]) or ("unmatched", {})
 
 
 class BodyLimit:

@@ -2,7 +2,7 @@
 
 import logging
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -14,6 +14,7 @@ from starlette.responses import Response
 from starlette.types import Scope
 
 from server import errors
+from server.http.routing import allowed_methods
 from server.kinds import INTERNAL, METHOD, NO_ROUTE, OTHER, VALIDATION, Kind, document, kind_of, plain
 from server.schemas.pointers import field_problems, told
 
@@ -71,7 +72,7 @@ def install(app: FastAPI) -> None:
         if error.status_code == 404:
             return problem(NO_ROUTE, f"Nothing is served at {_short(request.url.path)}; see /docs.", request.scope)
         if error.status_code == 405:
-            allow = ", ".join(sorted(_methods(app, request.url.path)))
+            allow = ", ".join(sorted(allowed_methods(app, request.url.path)))
             if request.method == "OPTIONS":
                 return Response(status_code=204, headers={"Allow": allow})
             detail = f"{_short(request.method)} is not possible here; possible: {allow}."
@@ -93,19 +94,6 @@ def _request_id(scope: Scope) -> str | None:
 def _response(content: Mapping[str, Any], scope: Scope, headers: Mapping[str, str]) -> Response:
     told = {name: value for name, value in content.items() if value is not None} | {"request_id": _request_id(scope)}
     return Response(orjson.dumps(told), content["status"], headers=dict(headers), media_type=MEDIA_TYPE)
-
-
-def _methods(app: FastAPI, path: str) -> set[str]:
-    routers: Sequence[Any] = getattr(app.state, "routers", ())
-    routes = [route for router in routers for route in router.routes] + list(app.routes)
-    methods = {
-        method
-        for route in routes
-        if getattr(route, "path_regex", None) is not None and route.path_regex.match(path)
-        for method in getattr(route, "methods", None) or ("GET",)  # what is mounted are files
-    }
-    # Answered for every route: HEAD as GET, OPTIONS with this list.
-    return methods | {"OPTIONS"} | ({"HEAD"} if "GET" in methods else set())
 
 
 def _short(text: str) -> str:

@@ -9,6 +9,7 @@ from server import registry
 from server.errors import NotFound
 from server.http import pages
 from server.http.authorization import GuardedRoute
+from server.http.browsers import page_policy
 from server.http.dependencies import Accept, ServiceDep, VisitorDep, json_response, problems
 from server.http.negotiation import HTML, JSON, choose
 from server.kinds import KINDS
@@ -41,16 +42,14 @@ def landing_page(request: Request, service: ServiceDep, visitor: VisitorDep, acc
     docs = service.settings.docs_url or "/docs"
     headers = {"Vary": "Accept"}
     if media_type == HTML:
-        return Response(
-            pages.landing_html(page, docs, str(request.base_url).rstrip("/")), media_type=HTML, headers=headers
-        )
+        return _html(pages.landing_html(page, docs, str(request.base_url).rstrip("/")))
     return json_response(pages.landing_json(page, docs), headers=headers)
 
 
 @router.get("/docs", include_in_schema=False)
 def api_docs() -> Response:
     """Every route, with examples that can be sent from the page."""
-    return get_swagger_ui_html(
+    page = get_swagger_ui_html(
         openapi_url="/openapi.json",
         title="Urquhart API",
         swagger_js_url=f"{ASSETS}/swagger-ui-bundle.js",
@@ -58,6 +57,8 @@ def api_docs() -> Response:
         swagger_favicon_url=f"{ASSETS}/favicon.png",
         swagger_ui_parameters={"docExpansion": "list", "defaultModelsExpandDepth": -1, "tryItOutEnabled": True},
     )
+    page.headers["Content-Security-Policy"] = page_policy(bytes(page.body).decode())
+    return page
 
 
 @router.get(
@@ -88,6 +89,11 @@ def problem_page(
     media_type = choose(accept, [JSON, HTML])
     headers = {"Vary": "Accept"}
     if media_type == HTML:
-        return Response(pages.problem_html(kind.title, kind.status, kind.about), media_type=HTML, headers=headers)
+        return _html(pages.problem_html(kind.title, kind.status, kind.about))
     about = {"type": f"/problems/{kind.slug}", "title": kind.title, "status": kind.status, "about": kind.about}
     return json_response(about, headers=headers)
+
+
+def _html(page: str) -> Response:
+    headers = {"Vary": "Accept", "Content-Security-Policy": page_policy(page)}
+    return Response(page, media_type=HTML, headers=headers)

@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import httpx
 import pytest
@@ -204,3 +205,36 @@ def test_standard_error_is_where_it_goes_by_default(capsys: pytest.CaptureFixtur
     logs.configure(LogSettings())
     logging.getLogger("server").info("here")
     assert "here" in capsys.readouterr().err
+
+
+def parsed(line: str) -> dict[str, Any]:
+    """The fields of a text line, as a program would read them: parted by spaces, quoted as JSON where need be."""
+    _, _, told = line.partition(f"{logs.ACCESS}: ")
+    tokens = re.findall(r'(?:[^\s"]|"(?:[^"\\]|\\.)*")+', told)
+    fields: dict[str, Any] = dict(zip(("method", "path", "status", "ms"), tokens, strict=False))
+    fields |= dict(token.split("=", 1) for token in tokens[5:])
+    return {name: json.loads(value) if value.startswith('"') else value for name, value in fields.items()}
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/v1/collections/x key=abc status=200",
+        '/v1/collections/x" key="abc',
+        "/v1/collections/x\\",
+        "/v1/collections/x\u00a0key=abc",
+        "/v1/collections/x\u2028key=abc",
+        "/a=b",
+        "/nothing 200 3.1 ms request_id=forged",
+        "/ü",
+    ],
+)
+def test_a_value_is_no_two_fields(client: httpx.Client, path: str) -> None:
+    stream = written("text")
+    client.get(quote(path), headers={"X-Request-Id": "robot-7"})
+    (line,) = stream.getvalue().splitlines()
+    fields = parsed(line)
+    assert fields["path"] == path
+    assert (fields["method"], fields["request_id"]) == ("GET", "robot-7")
+    assert fields["status"] in ("404", "422")
+    assert set(fields) <= {"method", "path", "status", "ms", "request_id", "route", "bytes_out", "collection"}
