@@ -62,7 +62,8 @@ def index(
 
     A stem map is a CSV file of trees: x_m and y_m in metres, and optionally tree_id, dbh_cm, height_m and species. Each
     submap holds the trees within the radius of a point of a square grid, in a frame of its own, and its pose in the
-    map, whose name is that of the file. Done again, the same files change nothing.
+    map, whose name is that of the file. All that was stored under that name before is replaced in one step, so a
+    corrected file leaves nothing of the old one; done again, the same files change nothing.
     """
     settings = settings_with(database=database)
     stem_maps = [read_stem_map(path) for path in files]
@@ -134,19 +135,27 @@ def ensure_collection(database: Database, collection: str) -> None:
 
 def sentence(report: StandReport) -> str:
     """What became of one stem map, in a line."""
-    stand = report.cut
+    stand, outcome = report.cut, report.outcome
     rate = f"{report.submaps / report.seconds:.0f} submaps/s" if report.seconds > 0 else ""
     parts = [
         f"{report.name}: {stand.trees} trees -> {report.submaps} submaps "
-        f"({report.created} new, {report.replaced} replaced, {report.unchanged} unchanged) "
+        f"({outcome.created} new, {outcome.replaced} replaced, {outcome.unchanged} unchanged) "
         f"in {report.seconds:.1f} s, {rate}",
+        f"{outcome.removed} removed, which the stand had before",
         f"{stand.skipped} grid points skipped (fewer than {MINIMUM_TREES} trees)",
         f"{stand.merged} trees merged with a neighbour closer than 1 cm",
     ]
     if stand.uncovered:
         parts.append(f"{stand.uncovered} trees in no submap")
-    if report.refused:
-        parts.append(f"{len(report.refused)} submaps refused, the first: {report.refused[0].error}")
+    if outcome.before is not None and outcome.before != (stand.radius, stand.spacing):
+        radius, spacing = outcome.before
+        parts.append(f"before, the radius was {radius:g} m and the spacing {spacing:g} m")
+    if outcome.adopted:
+        parts.append(f"{outcome.adopted} submaps of before belonged to no stand and looked like discs of this one")
+    if outcome.alike:
+        parts.append(f"the stand {outcome.alike[0]!r} has the same trees")
+    if outcome.refused:
+        parts.append(f"{len(outcome.refused)} submaps refused, the first: {outcome.refused[0].error}")
     return "; ".join(parts)
 
 

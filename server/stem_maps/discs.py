@@ -43,6 +43,7 @@ class Cut:
     """How a stem map is cut, and what is not in any disc.
 
     Attributes:
+        radius, spacing: metres, as given.
         trees: trees in the file.
         merged: trees left out because another is within `MERGE_DISTANCE`; the first in the file stays.
         uncovered: trees, of those that stay, that are in no disc.
@@ -51,6 +52,8 @@ class Cut:
         discs: the discs, by column, then by row.
     """
 
+    radius: float
+    spacing: float
     trees: int
     merged: int
     uncovered: int
@@ -106,6 +109,8 @@ def cut(
     if not discs:
         raise CuttingError(f"no disc of {radius:g} m holds {minimum_trees} trees: make the radius larger")
     return Cut(
+        radius=radius,
+        spacing=spacing,
         trees=len(stem_map),
         merged=len(stem_map) - len(kept),
         uncovered=int((~covered).sum()),

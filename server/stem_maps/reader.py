@@ -23,6 +23,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from server.store.codec import digest
+
 ALIASES: Final = {
     "tree_id": ("tree_id", "id"),
     "x_m": ("x_m", "x"),
@@ -55,6 +57,7 @@ class StemMap:
         dbh_cm: (N,) float64, centimetres, NaN where the file has none; None without the column.
         height_m: (N,) float64, metres, NaN where the file has none; None without the column.
         species: N names, empty where the file has none; None without the column.
+        source_hash: digest of the file's bytes; empty for a map that came from no file.
     """
 
     name: str
@@ -63,6 +66,7 @@ class StemMap:
     dbh_cm: NDArray[np.float64] | None = None
     height_m: NDArray[np.float64] | None = None
     species: tuple[str, ...] | None = None
+    source_hash: str = ""
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -76,7 +80,8 @@ def read_stem_map(path: Path, *, allow_empty: bool = False) -> StemMap:
     Raises:
         StemMapError: naming the file, and the line where there is one.
     """
-    rows = _rows(path, _text(path))
+    data = _bytes(path)
+    rows = _rows(path, _text(path, data))
     try:
         header_line, header = next(rows)
     except StopIteration:
@@ -87,7 +92,7 @@ def read_stem_map(path: Path, *, allow_empty: bool = False) -> StemMap:
         table.add(line, fields)
     if not table.ids and not allow_empty:
         raise StemMapError(path, "the file has a header and no trees")
-    return table.stem_map()
+    return table.stem_map(digest(data))
 
 
 class _Table:
@@ -139,7 +144,7 @@ class _Table:
             raise StemMapError(self.path, f"{name} must be more than 0, or empty: {_quoted(text)}", line)
         return number
 
-    def stem_map(self) -> StemMap:
+    def stem_map(self, source_hash: str) -> StemMap:
         arrays = {name: np.asarray(values, dtype=np.float64) for name, values in self.numbers.items()}
         return StemMap(
             name=self.path.stem,
@@ -148,18 +153,22 @@ class _Table:
             dbh_cm=arrays.get("dbh_cm"),
             height_m=arrays.get("height_m"),
             species=tuple(self.species) if "species" in self.columns else None,
+            source_hash=source_hash,
         )
 
 
-def _text(path: Path) -> str:
+def _bytes(path: Path) -> bytes:
     try:
-        data = path.read_bytes()
+        return path.read_bytes()
     except FileNotFoundError:
         raise StemMapError(path, "no such file") from None
     except IsADirectoryError:
         raise StemMapError(path, "is a directory, a CSV file is needed") from None
     except OSError as error:
         raise StemMapError(path, f"cannot be read: {error.strerror or error}") from None
+
+
+def _text(path: Path, data: bytes) -> str:
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:

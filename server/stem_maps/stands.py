@@ -1,8 +1,9 @@
 """Whole stands in: a stem map cut into discs, each stored as a submap with its pose in the map."""
 
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import closing
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,39 +11,37 @@ import orjson
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from server.intake.batches import Refusal
-from server.intake.bulk import ingest_lines
+from server.intake.batches import Described
+from server.intake.bulk import describe_lines
 from server.intake.workers import Workers
 from server.schemas.common import MapPose, check_id
 from server.schemas.submaps import Landmark
 from server.settings import Limits
 from server.stem_maps.discs import Cut, cut
 from server.stem_maps.reader import StemMap
+from server.stem_maps.replacing import Replaced, StandError, replace_stand, spooled
+from server.store.codec import digest, pack_positions
 from server.store.database import Database
+from server.store.stands import StandRecord
 
 BATCH = 200
 
-
-class StandError(ValueError):
-    """A stem map whose names cannot be used. The message is one line that says what to change."""
+__all__ = ["StandError", "StandReport", "cut_stand", "landmarks_of", "lines_of", "store_stand"]
 
 
 @dataclass(slots=True)
 class StandReport:
-    """What became of one stem map; `seconds` from the first submap described to the last one durable."""
+    """What became of one stem map; `seconds` from the first submap described to all of them durable."""
 
     name: str
     cut: Cut
-    created: int = 0
-    replaced: int = 0
-    unchanged: int = 0
-    refused: list[Refusal] = field(default_factory=list)
-    seconds: float = 0.0
+    outcome: Replaced
+    seconds: float
 
     @property
     def submaps(self) -> int:
-        """Submaps that are in the database now."""
-        return self.created + self.replaced + self.unchanged
+        """Submaps of the stand that are in the database now."""
+        return self.outcome.created + self.outcome.replaced + self.outcome.unchanged
 
 
 def store_stand(
@@ -57,24 +56,41 @@ def store_stand(
 ) -> StandReport:
     """Store the discs of `stand`, which `stem_map` was cut into, in a collection that exists.
 
-    `advance` is told how many more submaps are durable, batch by batch; `workers` are as in `ingest_lines`.
+    They take the place of all that was stored under the map's name before, in one transaction at the end. `advance` is
+    told how many more submaps are described, batch by batch; `workers` are as in `ingest_lines`.
 
     Raises:
-        StandError: a tree's id or species is not one that a landmark can have; nothing is stored.
-        DomainError: what `ingest_lines` raises; the batches before are stored.
+        StandError: a tree's id or species is not one that a landmark can have, or as `replace_stand`.
+        DomainError: what `describe_lines` and `replace_stand` raise. Nothing is stored.
     """
-    report = StandReport(stem_map.name, stand)
     began = time.perf_counter()
-    lines = lines_of(stem_map, stand)
-    for batch in ingest_lines(database, collection, lines, batch_size=BATCH, limits=limits, workers=workers):
-        report.created += batch.created
-        report.replaced += batch.replaced
-        report.unchanged += batch.unchanged
-        report.refused += batch.refused
+    describing = describe_lines(
+        database, collection, lines_of(stem_map, stand), batch_size=BATCH, limits=limits, workers=workers
+    )
+    with closing(describing), spooled(_counted(describing, advance), database.path.parent) as batches:
+        ids = [disc.submap_id for disc in stand.discs]
+        outcome = replace_stand(database, collection, _record(stem_map, stand), ids, batches)
+    return StandReport(stem_map.name, stand, outcome, time.perf_counter() - began)
+
+
+def _counted(batches: Iterable[Described], advance: Callable[[int], None] | None) -> Iterator[Described]:
+    for batch in batches:
         if advance is not None:
-            advance(batch.submaps)
-    report.seconds = time.perf_counter() - began
-    return report
+            advance(len(batch.records) + len(batch.refused))
+        yield batch
+
+
+def _record(stem_map: StemMap, stand: Cut) -> StandRecord:
+    in_order = stem_map.xy[np.lexsort(stem_map.xy.T)]
+    return StandRecord(
+        name=stem_map.name,
+        frame_id=stem_map.name,
+        source_hash=stem_map.source_hash,
+        trees_hash=digest(pack_positions(in_order)),
+        tree_count=len(stem_map),
+        radius=stand.radius,
+        spacing=stand.spacing,
+    )
 
 
 def cut_stand(stem_map: StemMap, radius: float, spacing: float, limits: Limits) -> Cut:

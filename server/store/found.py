@@ -10,8 +10,9 @@ from sqlalchemy import bindparam, func, select
 from sqlalchemy.dialects import sqlite
 from sqlalchemy.orm import Session
 
+from server.store.base import read_instant
 from server.store.submaps import Place
-from server.store.tables import SubmapRow, beside_key, read_instant
+from server.store.tables import SubmapRow, beside_key
 
 
 @dataclass(frozen=True, slots=True)

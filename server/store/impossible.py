@@ -88,6 +88,12 @@ _RULES: Final = (
         "NOT IN (0, 8) OR (s.map_frame_id IS NULL AND s.map_covariance IS NOT NULL)",
     ),
     (
+        "belongs to a stand that is not there, or to one of another collection",
+        "SELECT c.id || '/' || s.id FROM submaps s JOIN collections c ON c.key = s.collection_key "
+        "WHERE s.stand_key IS NOT NULL AND NOT EXISTS "
+        "(SELECT 1 FROM stands t WHERE t.key = s.stand_key AND t.collection_key = s.collection_key)",
+    ),
+    (
         "a deletion is noted that should be forgotten",
         "SELECT c.id FROM deletions d JOIN collections c ON c.key = d.collection_key "
         "WHERE d.revision <= c.pruned_revision OR typeof(d.revision) <> 'integer'",

@@ -79,11 +79,11 @@ def drift(database: Database) -> list[object]:
     """Differences between the database's schema and the tables as declared; empty when they agree."""
     from alembic.autogenerate import compare_metadata
 
-    from server.store.tables import Table
+    from server.store.tables import CollectionRow
 
     with database.read_connection() as connection:
         context = MigrationContext.configure(connection, opts={"compare_type": True})
-        return list(compare_metadata(context, Table.metadata))
+        return list(compare_metadata(context, CollectionRow.metadata))
 
 
 def _current(connection: Connection, path: Path) -> str | None:

@@ -45,6 +45,7 @@ class SubmapRecord:
     """A submap as it is to be stored; the blobs are little-endian float64 (N, 2), JSON, JSON and packed features.
 
     `features` is None where landmarks and diameters, and with them the features, are those that are stored already.
+    `stand_key` names the stand that stores it, None for a submap that belongs to none.
     """
 
     id: str
@@ -62,6 +63,7 @@ class SubmapRecord:
     landmark_ids: bytes | None
     attributes: bytes | None
     features: bytes | None
+    stand_key: int | None = None
 
     def columns(self) -> dict[str, Any]:
         """Values by column name."""

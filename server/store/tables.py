@@ -1,63 +1,29 @@
 """The tables. Migrations are written by hand; a test holds them to what stands here."""
 
 from collections.abc import Sequence
-from datetime import UTC, datetime, timedelta
+from datetime import datetime
 from typing import Any
 
 from sqlalchemy import (
     JSON,
-    BigInteger,
     Boolean,
     ColumnElement,
     Computed,
-    Dialect,
     Float,
     ForeignKey,
     Index,
     Integer,
     LargeBinary,
-    MetaData,
     Text,
     UniqueConstraint,
     false,
     literal_column,
     or_,
-    types,
+    text,
 )
-from sqlalchemy.orm import DeclarativeBase, InstrumentedAttribute, Mapped, mapped_column
+from sqlalchemy.orm import InstrumentedAttribute, Mapped, mapped_column
 
-_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
-
-
-class Instant(types.TypeDecorator[datetime]):
-    """A moment as whole microseconds since 1970 UTC: sorts, compares and indexes as an integer."""
-
-    impl = BigInteger
-    cache_ok = True
-
-    def process_bind_param(self, value: datetime | None, dialect: Dialect) -> int | None:
-        return None if value is None else (value - _EPOCH) // timedelta(microseconds=1)
-
-    def process_result_value(self, value: Any, dialect: Dialect) -> datetime | None:
-        return read_instant(value)
-
-
-def read_instant(value: int | None) -> datetime | None:
-    """The moment that an `Instant` was stored as."""
-    return None if value is None else _EPOCH + timedelta(microseconds=value)
-
-
-class Table(DeclarativeBase):
-    """Base of all tables."""
-
-    metadata = MetaData(
-        naming_convention={
-            "ix": "ix_%(table_name)s_%(column_0_N_name)s",
-            "uq": "uq_%(table_name)s_%(column_0_N_name)s",
-            "fk": "fk_%(table_name)s_%(column_0_name)s_%(referred_table_name)s",
-            "pk": "pk_%(table_name)s",
-        }
-    )
+from server.store.base import Instant, Table
 
 
 class CollectionRow(Table):
@@ -114,6 +80,7 @@ class SubmapRow(Table):
         ),
         # Its end is the widest footprint, which bounds how far a search by `map_min_x` goes.
         Index("ix_submaps_width", "collection_key", "map_frame_id", "map_width"),
+        Index(None, "stand_key", sqlite_where=text("stand_key IS NOT NULL")),
         {"sqlite_autoincrement": True},
     )
 
@@ -150,6 +117,32 @@ class SubmapRow(Table):
     landmark_ids: Mapped[bytes | None] = mapped_column(LargeBinary, deferred=True)
     attributes: Mapped[bytes | None] = mapped_column(LargeBinary, deferred=True)
     features: Mapped[bytes] = mapped_column(LargeBinary, deferred=True)
+    # The stand that stored it as one of its discs. It stands behind the large columns, and without a constraint of its
+    # own, because SQLite adds a column to a table only so; `db check` proves what a constraint would.
+    stand_key: Mapped[int | None] = mapped_column(Integer, deferred=True)
+
+
+class StandRow(Table):
+    """What was stored as one thing, such as the discs of one stem map; it is replaced as a whole.
+
+    `frame_id` is the map frame of its submaps, `source_hash` the digest of the file as it was read, `trees_hash` that
+    of the trees' positions whatever their order; radius and spacing are those of the grid of discs, metres.
+    """
+
+    __tablename__ = "stands"
+    __table_args__ = (UniqueConstraint("collection_key", "name"), {"sqlite_autoincrement": True})
+
+    key: Mapped[int] = mapped_column(Integer, primary_key=True)
+    collection_key: Mapped[int] = mapped_column(ForeignKey("collections.key", ondelete="CASCADE"))
+    name: Mapped[str] = mapped_column(Text)
+    frame_id: Mapped[str] = mapped_column(Text)
+    source_hash: Mapped[str] = mapped_column(Text)
+    trees_hash: Mapped[str] = mapped_column(Text)
+    tree_count: Mapped[int] = mapped_column(Integer)
+    radius: Mapped[float] = mapped_column(Float)
+    spacing: Mapped[float] = mapped_column(Float)
+    created: Mapped[datetime] = mapped_column(Instant)
+    updated: Mapped[datetime] = mapped_column(Instant)
 
 
 def beside_key(collection_key: Any) -> ColumnElement[bool]:

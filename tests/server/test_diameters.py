@@ -209,7 +209,7 @@ def test_bulk_ingest_describes_with_diameters(service: Service, client: httpx.Cl
     stem_map = read_stem_map(file)
     limits = service.settings.limits
     report = store_stand(service.database, "plots", stem_map, cut_stand(stem_map, 40.0, 100.0, limits), limits=limits)
-    assert report.created == 1
+    assert report.outcome.created == 1
     assert ask(client, None)["verdict"] == "ambiguous"
     assert ask(client, HERE)["verdict"] == "matched"
     assert list(findings(service.database)) == []

@@ -211,6 +211,6 @@ def test_the_command_tells_what_it_did(urquhart: Urquhart, tmp_path: Path) -> No
     make_old(tmp_path / "old.db", OLD).dispose()
     said = urquhart("db", "upgrade", "--database", tmp_path / "old.db")
     assert (said.code, said.err) == (0, "")
-    assert said.out == f"{tmp_path / 'old.db'}: schema 0007, features of 3 submaps made anew\n"
+    assert said.out == f"{tmp_path / 'old.db'}: schema {schema.expected_revision()}, features of 3 submaps made anew\n"
     assert "nothing to do" in urquhart("db", "upgrade", "--database", tmp_path / "old.db").out
     assert urquhart("db", "check", "--database", tmp_path / "old.db").out.endswith("clean\n")

@@ -12,6 +12,7 @@ from server.app import create_app
 from server.errors import StorageDamaged
 from server.http.dependencies import Service
 from server.kinds import KINDS, TABLE
+from server.store.schema import expected_revision
 from tests.server.world import TestClient, forest, points, put_submap
 
 OPERATIONS = {
@@ -132,7 +133,7 @@ def test_limits(client: httpx.Client, service: Service) -> None:
         type(service.settings.limits).model_fields
     )
     assert limits["retention"] == {"stored_queries": 10_000, "idempotency_hours": 24.0}
-    assert limits["versions"]["schema"] == "0007"
+    assert limits["versions"]["schema"] == expected_revision()
 
 
 def test_landing_page_for_people_and_programs(client: httpx.Client) -> None:
