@@ -15,8 +15,9 @@ import orjson
 from server.errors import InvalidField
 from server.reading import submap_filter
 from server.registry import get_collection
+from server.schemas.candidates import CandidateAnswer
 from server.schemas.constraints import ConstraintFormat, ConstraintsInput
-from server.schemas.queries import CandidateAnswer, Exclude, QueryInput
+from server.schemas.queries import Exclude, QueryInput
 from server.store.database import Database
 from server.store.submaps import SubmapFilter, Submaps
 from server.store.tables import SubmapRow
@@ -55,7 +56,7 @@ def question(row: SubmapRow, body: ConstraintsInput, most: int) -> QueryInput:
     exclude = Exclude()
     if body.exclude.within_seconds is not None and row.stamp is not None:
         exclude = Exclude(within_seconds=body.exclude.within_seconds)
-    return QueryInput(submap_id=row.id, limit=min(body.per_submap, most), exclude=exclude)
+    return QueryInput(submap_id=row.id, limit=min(body.per_submap, most), exclude=exclude, pairs=False)
 
 
 def from_candidates(row: SubmapRow, candidates: Sequence[CandidateAnswer], body: ConstraintsInput) -> list[Found]:

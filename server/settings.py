@@ -25,6 +25,11 @@ class Limits(BaseModel):
     )
     candidates: int = Field(100, ge=1, description="Largest `limit` of a query.")
     excluded_submaps: int = Field(10_000, ge=1, description="Most submap ids in a query's `exclude`.")
+    answer_pairs: int = Field(
+        100_000,
+        ge=0,
+        description="Most landmark pairs (`inliers`) in the answer to a query or batch; further candidates have none.",
+    )
     batch_queries: int = Field(200, ge=1, description="Most queries in one batch.")
     import_bytes: int = Field(8 * 1024**3, ge=1024, description="Largest import, in bytes, unpacked.")
     import_all_lines: int = Field(20_000, ge=1, description="Most lines of an import that stores all or none.")

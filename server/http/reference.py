@@ -19,8 +19,9 @@ routes are used together is told in [guides.md](guides.md); every service shows 
   unknown or repeated query parameters are refused.
 - Where a service asks for keys: `Authorization: Bearer urq_...`. A collection that a key does not see is answered like
   one that is not there. The scope that an operation asks for stands in its line.
-- A POST that takes an `Idempotency-Key` can be sent again with the same one: it is done once, and answered as the
-  first time (`Idempotency-Replayed: true`). Queries take none: they change nothing, and are kept again with `store`.
+- A request that takes an `Idempotency-Key` can be sent again with the same key: it is done once, and answered as the
+  first time (`Idempotency-Replayed: true`). A query takes one, too; it matters with `store`, because other queries
+  change nothing and are answered anew.
 - Lists come in pages: `limit`, `cursor`, `next`; there is no `next` on the last page.
 - What can be written over carries an `ETag`: `If-Match` and `If-None-Match` are honoured.
 - Every answer has an `X-Request-Id`, the caller's where it sent a plain one; it stands in the log, too.

@@ -8,10 +8,9 @@ from pydantic import TypeAdapter
 
 import urquhart
 from server import links
+from server.queries.pairs import PairAllowance
 from server.queries.poses import query_in_map, with_covariance
-from server.schemas.common import Transform
-from server.schemas.queries import (
-    FINDINGS,
+from server.schemas.candidates import (
     CandidateAnswer,
     CandidateLinks,
     FindingAnswer,
@@ -21,6 +20,8 @@ from server.schemas.queries import (
     RivalLinks,
     StageAnswer,
 )
+from server.schemas.common import Transform
+from server.schemas.queries import FINDINGS
 from server.store.codec import unpack_ids
 from server.store.found import FoundSubmap
 from urquhart import Candidate, Config, Finding, Rival, Stage
@@ -41,11 +42,19 @@ def stage_answers(stages: Sequence[Stage]) -> list[StageAnswer]:
 
 
 def candidate_answers(
-    collection_id: str, candidates: Sequence[Candidate], rows: Mapping[int, FoundSubmap], query_names: Sequence[str]
+    collection_id: str,
+    candidates: Sequence[Candidate],
+    rows: Mapping[int, FoundSubmap],
+    query_names: Sequence[str],
+    pairs: int,
 ) -> list[CandidateAnswer]:
-    """The candidates, best first. `rows`: their submaps by key; `query_names`: landmark ids of the query."""
+    """The candidates, best first, with up to so many `pairs` of landmarks in all.
+
+    `rows`: their submaps by key; `query_names`: landmark ids of the query.
+    """
+    allowance = PairAllowance(pairs)
     return [
-        _candidate_answer(rank, collection_id, candidate, rows[candidate.key], query_names)
+        _candidate_answer(rank, collection_id, candidate, rows[candidate.key], query_names, allowance)
         for rank, candidate in enumerate(candidates, start=1)
     ]
 
@@ -88,20 +97,31 @@ def finding_answers(findings: Sequence[Finding], ids: Mapping[int, str]) -> list
 
 
 def _candidate_answer(
-    rank: int, collection_id: str, candidate: Candidate, found: FoundSubmap, query_names: Sequence[str]
+    rank: int,
+    collection_id: str,
+    candidate: Candidate,
+    found: FoundSubmap,
+    query_names: Sequence[str],
+    allowance: PairAllowance,
 ) -> CandidateAnswer:
+    count = len(candidate.query_indices)
+    given = allowance.take(count)
     submap_names = unpack_ids(found.landmark_ids, found.landmark_count)
     place = found.place
     # Most of an answer are its inliers: given as they are, pydantic makes them several times faster than Python does.
-    inliers = [
-        {"query": query_names[q], "submap": submap_names[s], "residual": residual}
-        for q, s, residual in zip(
-            candidate.query_indices.tolist(),
-            candidate.submap_indices.tolist(),
-            candidate.residuals.tolist(),
-            strict=True,
-        )
-    ]
+    inliers = (
+        [
+            {"query": query_names[q], "submap": submap_names[s], "residual": residual}
+            for q, s, residual in zip(
+                candidate.query_indices.tolist(),
+                candidate.submap_indices.tolist(),
+                candidate.residuals.tolist(),
+                strict=True,
+            )
+        ]
+        if given
+        else []
+    )
     return CandidateAnswer(
         rank=rank,
         submap_id=found.id,
@@ -111,7 +131,8 @@ def _candidate_answer(
         transform=with_covariance(candidate.transform, candidate.covariance),
         map_pose=None if place is None else query_in_map(place, candidate.transform, candidate.covariance),
         inliers=_INLIERS.validate_python(inliers),
-        inlier_count=len(inliers),
+        inlier_count=count,
+        inliers_omitted=0 if given else count,
         inlier_ratio=candidate.inlier_ratio,
         rms=candidate.rms,
         overlap=candidate.overlap,

@@ -8,6 +8,7 @@ from server.index.catalog import Catalog
 from server.kinds import document
 from server.metrics.metrics import Metrics
 from server.queries.lookup import answer_query
+from server.queries.pairs import Shares, carried
 from server.registry import get_collection
 from server.schemas.batches import BatchAnswer, BatchInput, BatchProblem
 from server.schemas.pointers import invalid_body
@@ -34,17 +35,22 @@ def answer_batch(
     with database.read() as session:
         get_collection(session, collection_id)
     results: list[QueryAnswer | BatchProblem] = []
+    pairs = Shares(limits.answer_pairs, len(body.queries))
     for members in body.queries:
         try:
             query = QueryInput.model_validate(members)
             if query.store:
                 caller.require(Scope.WRITE)
-            results.append(answer_query(database, catalog, metrics, limits, collection_id, query))
+            answer = answer_query(database, catalog, metrics, limits, collection_id, query, pairs=pairs.next())
+            pairs.used(carried(answer))
+            results.append(answer)
         except ValidationError as error:
+            pairs.used(0)
             results.append(BatchProblem(problem=document(invalid_body(error))))
         except DomainError as error:
             problem = document(error)
             if problem["status"] >= 500:
                 raise
+            pairs.used(0)
             results.append(BatchProblem(problem=problem))
     return BatchAnswer(results=results)

@@ -34,7 +34,6 @@ class Explained:
         """The explanation of a stored query as data."""
         answer = self.answer
         query_id = answer.id or ""
-        refused = [found.refused for found in answer.findings or () if found.refused is not None]
         return ExplanationAnswer(
             query=query_id,
             collection=answer.collection,
@@ -46,7 +45,7 @@ class Explained:
             findings=answer.findings,
             findings_total=answer.findings_total,
             rivals=answer.rivals,
-            sentences={reason: sentence(reason) for reason in dict.fromkeys([answer.reason, *refused])},
+            sentences=sentences(answer),
             links=ExplanationLinks(
                 self=links.explanation(answer.collection, query_id), query=links.query(answer.collection, query_id)
             ),
@@ -114,6 +113,12 @@ class Explained:
                     weight += f"; {metres:.1f} m and {degrees:.0f}\N{DEGREE SIGN} from the best"
                 laid.append(Laid(f"rival: {rival.submap_id}", weight, self.submaps[rival.submap_id], there))
         return laid
+
+
+def sentences(answer: QueryAnswer) -> dict[str, str]:
+    """What each reason in an answer means, by its word."""
+    refused = [one.refused for one in (*answer.candidates, *(answer.findings or ())) if one.refused is not None]
+    return {reason: sentence(reason) for reason in dict.fromkeys([answer.reason, *refused])}
 
 
 def _se2(pose: Transform) -> SE2:

@@ -22,8 +22,9 @@ from server.queries.answers import (
     stage_answers,
     strongest,
 )
-from server.queries.explanations import Explained
+from server.queries.explanations import Explained, sentences
 from server.queries.narrowing import keys_excluded, keys_near
+from server.queries.pairs import within
 from server.queries.stored_queries import keep
 from server.queries.visits import Search, by_session
 from server.schemas.queries import QueryAnswer, QueryInput, QueryLinks
@@ -89,18 +90,27 @@ def answer_query(
     *,
     own_id: str | None = None,
     once: Once | None = None,
+    pairs: int | None = None,
 ) -> QueryAnswer:
-    """Look a query up and keep the answer, `once`, where that was asked for. Raises as `look_up`, and KeyReused."""
+    """Look a query up and keep the answer, `once`, where that was asked for. Raises as `look_up`, and KeyReused.
+
+    `pairs`: most pairs of landmarks in what is answered, by default `limits.answer_pairs`.
+    """
     look = look_up(catalog, metrics, limits, collection_id, body, own_id=own_id)
     answer = look.answer
     if body.store:
         answer = keep(database, limits, look.collection, look.asked.xy, look.asked.ids, look.candidates, answer, once)
-    return shown(answer, body)
+    return shown(answer, body, pairs)
 
 
-def shown(answer: QueryAnswer, body: QueryInput) -> QueryAnswer:
-    """An answer as it is given: one that is kept has more in it, for those who ask why later."""
-    return answer if body.explain else answer.model_copy(update={"findings": None, "findings_total": None})
+def shown(answer: QueryAnswer, body: QueryInput, pairs: int | None = None) -> QueryAnswer:
+    """An answer as it is given, with at most so many pairs; one that is kept has more in it, for later questions."""
+    if not body.pairs:
+        pairs = 0
+    if pairs is not None:
+        answer = within(answer, pairs)
+    unasked = {"findings": None, "findings_total": None, "sentences": None}
+    return answer if body.explain else answer.model_copy(update=unasked)
 
 
 def look_up(
@@ -151,7 +161,8 @@ def look_up(
             raise invalid_landmarks(error, body) from error
         keys = {candidate.key for candidate in found.candidates} | {rival.key for rival in found.rivals[:1]}
         rows = found_submaps(view.session, view.collection.key, keys, landmarks=to_draw)
-        answer = _answer(view, body, asked, found, rows)
+        pairs = limits.answer_pairs if body.pairs or body.store else 0
+        answer = _answer(view, body, asked, found, rows, pairs)
         landmarks = {row.id: unpack_positions(row.landmarks) for row in rows.values()} if to_draw else {}
     metrics.verdicts.labels(answer.verdict).inc()
     for stage in answer.stages:
@@ -192,13 +203,13 @@ def _stored_observation(row: SubmapRow, body: QueryInput) -> Observation:
 
 
 def _answer(
-    view: View, body: QueryInput, asked: Observation, found: Recognition, rows: dict[int, FoundSubmap]
+    view: View, body: QueryInput, asked: Observation, found: Recognition, rows: dict[int, FoundSubmap], pairs: int
 ) -> QueryAnswer:
     collection_id, submaps = view.collection.id, Submaps(view.session, view.collection.key)
     # What is kept is kept whole: a stored answer can always be explained.
     findings = strongest(found.findings) if body.explain or body.store else None
     ids = submaps.ids({known.key for known in (*found.rivals, *(findings or ()))})
-    return QueryAnswer(
+    answer = QueryAnswer(
         id=None,
         collection=collection_id,
         verdict=found.verdict,
@@ -210,10 +221,11 @@ def _answer(
         landmarks=len(asked.xy),
         margin=found.margin,
         gates=gates_answer(view.recognizer.config),
-        candidates=candidate_answers(collection_id, found.candidates, rows, asked.names()),
+        candidates=candidate_answers(collection_id, found.candidates, rows, asked.names(), pairs),
         rivals=rival_answers(collection_id, found.rivals, ids),
         stages=stage_answers(found.stages),
         findings=None if findings is None else finding_answers(findings, ids),
         findings_total=None if findings is None else len(found.findings),
         links=QueryLinks(self=None, collection=links.collection(collection_id), explanation=None),
     )
+    return answer if findings is None else answer.model_copy(update={"sentences": sentences(answer)})

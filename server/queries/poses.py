@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from server.schemas.candidates import MapPoseAnswer
 from server.schemas.common import PoseWithCovariance
-from server.schemas.queries import MapPoseAnswer
 from server.store.submaps import Place
 from urquhart import SE2
 

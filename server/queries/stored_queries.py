@@ -1,7 +1,7 @@
 """Answers that were asked to be kept: written, read, drawn, and explained."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,8 @@ from server.index.derive import config_of
 from server.queries.answers import gates_answer
 from server.queries.explanations import Explained
 from server.registry import get_collection
-from server.schemas.queries import CandidateAnswer, CandidateLinks, MatchAnswer, QueryAnswer, QueryLinks
+from server.schemas.candidates import CandidateAnswer, CandidateLinks
+from server.schemas.queries import MatchAnswer, QueryAnswer, QueryLinks
 from server.settings import Limits
 from server.store.codec import pack_json, pack_positions, unpack_positions
 from server.store.collections import Collections
@@ -72,7 +73,10 @@ def keep(
             landmarks=pack_positions(xy),
             landmark_ids=pack_json(ids),
             answer=(stored := answer.model_dump_json().encode()),
-            candidates=[_pack(candidate) for candidate in found],
+            candidates=[
+                _pack(candidate if not shown.inliers_omitted else _without_pairs(candidate))
+                for candidate, shown in zip(found, answer.candidates, strict=True)
+            ],
         )
         queries.drop_through(number - limits.stored_queries)
         idempotency.keep(session, once, _keeping(collection), Kept(200, {}, stored))
@@ -127,7 +131,8 @@ class Match:
 def stored_match(database: Database, collection_id: str, query_id: str, rank: int) -> Match:
     """A candidate of a stored query, to be read or drawn.
 
-    Raises NotFound, and Gone when the query is no longer kept or the submap's landmarks are not those it matched.
+    Raises NotFound, and Gone when the query is no longer kept, its pairs were not, or the submap's landmarks are not
+    those it matched.
     """
     with database.read() as session:
         collection = get_collection(session, collection_id)
@@ -135,6 +140,11 @@ def stored_match(database: Database, collection_id: str, query_id: str, rank: in
         answer = QueryAnswer.model_validate(_answer_of(stored, collection))
         if not 1 <= rank <= len(answer.candidates):
             raise NotFound(f"candidate of query {query_id!r} with rank", str(rank))
+        if answer.candidates[rank - 1].inliers_omitted:
+            raise Gone(
+                f"The pairs of candidate {rank} were not kept: the candidates before it use up the limit answer_pairs. "
+                "Ask again with a smaller `limit`."
+            )
         candidate = _unpack(stored.candidates[rank - 1])
         row = found_submaps(session, collection.key, [candidate.key], landmarks=True).get(candidate.key)
         if row is None or row.content_revision > answer.revision:
@@ -193,6 +203,11 @@ def _pack(candidate: Candidate) -> dict[str, Any]:
             value = [value.x, value.y, value.yaw]
         packed[field.name] = value
     return packed
+
+
+def _without_pairs(candidate: Candidate) -> Candidate:
+    none = np.empty(0, dtype=np.int64)
+    return replace(candidate, query_indices=none, submap_indices=none, residuals=np.empty(0))
 
 
 def _unpack(packed: dict[str, Any]) -> Candidate:

@@ -175,7 +175,7 @@ def get_job_results(
     caller: CallerDep,
     wanted: Annotated[
         ConstraintFormat | None,
-        Query(alias="format", description="Of constraints: ndjson (default), json, g2o or matrices."),
+        Query(alias="format", description="Format of constraints: ndjson (default), json, g2o or matrices."),
     ] = None,
 ) -> Response:
     """Of an import: for each line of input a line with its number, `outcome`, and `problem` where it was refused. Of

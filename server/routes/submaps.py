@@ -75,7 +75,7 @@ def list_submaps(
     bbox: Annotated[
         str | None,
         Query(
-            description="min x,min y,max x,max y in metres of the map frame; footprints that reach into it.",
+            description="Box min x,min y,max x,max y, metres, map frame: submaps whose footprint reaches into it.",
             examples=["0,0,100,100"],
         ),
     ] = None,

@@ -22,7 +22,7 @@ class BatchInput(Body):
 class BatchProblem(Answer):
     """In the place of an answer: why there is none."""
 
-    problem: dict[str, Any] = Field(description="As it would have been answered alone.")
+    problem: dict[str, Any] = Field(description="The problem that the query would have been answered with alone.")
 
 
 class BatchAnswer(Answer):

@@ -45,7 +45,7 @@ class SpatialExtent(Answer):
     """Bounding box of the footprints in one map frame, metres."""
 
     frame_id: Label
-    bbox: tuple[float, float, float, float] = Field(description="min x, min y, max x, max y")
+    bbox: tuple[float, float, float, float] = Field(description="The box as min x, min y, max x, max y.")
 
 
 class Extent(Answer):
@@ -70,7 +70,7 @@ class CollectionSummary(Answer):
     title: str | None
     crs: str | None
     origin: Point | None
-    fingerprint: str = Field(description="Of the configuration that features are made with.")
+    fingerprint: str = Field(description="Stands for the configuration that features are made with.")
     revision: int = Field(description="Moves on by one with every write.")
     counts: Counts
     created: _Written

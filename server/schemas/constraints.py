@@ -12,9 +12,11 @@ ConstraintFormat = Literal["ndjson", "json", "g2o", "matrices"]
 class ConstraintGates(Body):
     """What a match must have to become a constraint, besides being accepted."""
 
-    confidence: Annotated[float, Field(ge=0, le=1)] = Field(0.0, description="The least.")
-    inliers: Annotated[int, Field(ge=0, strict=True)] = Field(0, description="The fewest.")
-    rms: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = Field(None, description="The most, metres.")
+    confidence: Annotated[float, Field(ge=0, le=1)] = Field(0.0, description="Least confidence of the match.")
+    inliers: Annotated[int, Field(ge=0, strict=True)] = Field(0, description="Fewest inliers of the match.")
+    rms: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = Field(
+        None, description="Largest root mean square of the inliers' residuals, in metres."
+    )
 
 
 class ConstraintExclude(Body):
@@ -35,13 +37,15 @@ class ConstraintsInput(Body):
 
     session: Label | None = Field(None, description="Only submaps of this session are looked up, in all others.")
     submap_ids: Annotated[list[ResourceId], Field(min_length=1, max_length=10_000)] | None = Field(
-        None, description="Only these are."
+        None, description="Only these submaps are looked up, in all others."
     )
-    frame_id: Label | None = Field(None, description="Only those placed in this map.")
+    frame_id: Label | None = Field(None, description="Only submaps placed in this map are looked up.")
     bbox: tuple[Metres, Metres, Metres, Metres] | None = Field(
-        None, description="Only those whose footprint reaches into it: min x, min y, max x, max y, map frame."
+        None, description="Only submaps whose footprint reaches into this box: min x, min y, max x, max y, map frame."
     )
-    datetime: str | None = Field(None, max_length=100, description="Only those with a stamp in this interval.")
+    datetime: str | None = Field(
+        None, max_length=100, description="Only submaps with a stamp in this interval are looked up."
+    )
     gates: ConstraintGates = Field(default_factory=ConstraintGates)
     exclude: ConstraintExclude = Field(default_factory=ConstraintExclude)
     per_submap: Annotated[int, Field(ge=1, le=20, strict=True)] = Field(

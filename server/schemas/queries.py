@@ -6,22 +6,20 @@ from typing import Annotated, Any
 from pydantic import ConfigDict, Field, PlainSerializer, model_validator
 from pydantic_core import PydanticCustomError
 
+from server.schemas.candidates import CandidateAnswer, FindingAnswer, Gates, RivalAnswer, StageAnswer
 from server.schemas.common import (
     Answer,
     Body,
     Label,
     Metres,
     Point,
-    PoseWithCovariance,
     ResourceId,
     Stamp,
-    Transform,
     write_stamp,
 )
 from server.schemas.submaps import LandmarkBody
 from urquhart import Method, Verdict
 from urquhart.explaining import REASONS
-from urquhart.proposing import Level
 
 _Written = Annotated[datetime, PlainSerializer(write_stamp, return_type=str, when_used="json")]
 _REASON = (
@@ -44,7 +42,7 @@ class Exclude(Body):
     )
     within_seconds: Annotated[float, Field(ge=0, le=1e9, allow_inf_nan=False)] | None = Field(
         None,
-        description="Leave out submaps with a stamp at most so many seconds from the query's, which must have one.",
+        description="Leave out submaps whose stamp is at most so many seconds from the query's, which must have one.",
     )
 
 
@@ -52,8 +50,8 @@ class Near(Body):
     """About where in a map the query is: only submaps that come near there are searched."""
 
     frame_id: Label = Field("map", description="The map's frame, as in `map_pose`.")
-    x: Metres = Field(description="Metres, as in `map_pose`.")
-    y: Metres = Field(description="Metres, as in `map_pose`.")
+    x: Metres = Field(description="Metres in the map's frame, as `x` of a `map_pose`.")
+    y: Metres = Field(description="Metres in the map's frame, as `y` of a `map_pose`.")
     radius: Annotated[float, Field(gt=0, le=1e9, allow_inf_nan=False)] = Field(
         description="Metres: a submap's footprint must come as near as this along either axis."
     )
@@ -68,7 +66,14 @@ class QueryOptions(Body):
         None, description="Same seed, revision and body: same answer."
     )
     explain: Annotated[bool, Field(strict=True)] = Field(
-        False, description="Answer what each level found in each submap, too."
+        False,
+        description="Add what each level found in each submap (`findings`), and in words what the reasons mean "
+        "(`sentences`).",
+    )
+    pairs: Annotated[bool, Field(strict=True)] = Field(
+        True,
+        description="Answer the landmark pairs of each candidate in `inliers`. Without them an answer is much smaller; "
+        "`inlier_count`, the pose and the verdict are the same.",
     )
     per_session: Annotated[bool, Field(strict=True)] = Field(
         False, description="Who has been here, and when: the best candidate of every session, each matched by itself."
@@ -118,166 +123,89 @@ class QueryInput(LandmarkBody, QueryOptions):
         return self
 
 
-class Inlier(Answer):
-    """A landmark of the query on one of the submap."""
-
-    query: str = Field(description="Landmark id in the query.")
-    submap: str = Field(description="Landmark id in the submap.")
-    residual: float = Field(description="Metres.")
-
-
-class MapPoseAnswer(PoseWithCovariance):
-    """Pose of the query's frame in the map that the submap is placed in."""
-
-    frame_id: str
-
-
-class CandidateLinks(Answer):
-    """Where to go from a candidate."""
-
-    submap: str
-    match: str | None = Field(description="Drawing of the match; null when the query is not stored.")
-
-
-class CandidateAnswer(Answer):
-    """A submap that the query may be in, with the evidence."""
-
-    rank: int
-    submap_id: str
-    session: str | None
-    stamp: _Written | None
-    frame_id: str | None = Field(description="Of the submap: the frame that `transform` leads to.")
-    transform: PoseWithCovariance = Field(description="submap_T_query: p_submap = R(yaw) p_query + (x, y).")
-    map_pose: MapPoseAnswer | None = Field(description="The query's pose in the map, when the submap has one.")
-    inliers: list[Inlier]
-    inlier_count: int
-    inlier_ratio: float = Field(description="Inliers over the landmarks inside the overlap, of the smaller side.")
-    rms: float = Field(description="Of the inliers' residuals, metres.")
-    overlap: float = Field(description="Share of the query's landmarks inside the overlap.")
-    votes: int = Field(description="Features that voted for the submap.")
-    level: Level = Field(description="Which features proposed the transform.")
-    evidence: float = Field(description="Log-likelihood ratio over all landmarks, same place against chance.")
-    log_odds: float = Field(description="Evidence less the natural log of how many poses there were to choose from.")
-    confidence: float = Field(ge=0, le=1)
-    refused: str | None = Field(description="Why this candidate alone is not accepted; null when it is.")
-    links: CandidateLinks
-
-
-class RivalLinks(Answer):
-    """Where to go from a rival."""
-
-    submap: str
-
-
-class RivalAnswer(Answer):
-    """Another pose that explains the data about as well as the first candidate's."""
-
-    submap_id: str = Field(description="Often the candidate's own: the next row of a plantation, say.")
-    transform: Transform = Field(description="submap_T_query.")
-    evidence: float = Field(description="As a candidate's.")
-    inlier_count: int
-    links: RivalLinks
-
-
-class FindingAnswer(Answer):
-    """What one level found in one submap, before rivals were looked for."""
-
-    level: Level = Field(description="Which features proposed the pose.")
-    submap_id: str
-    votes: int = Field(description="Features that voted for the submap.")
-    inliers: int
-    overlap: int = Field(description="Landmarks that could have been inliers, of the side with more of them.")
-    evidence: float = Field(description="As a candidate's.")
-    log_odds: float = Field(description="As a candidate's.")
-    refused: str | None = Field(description="Why this alone is not accepted; null where only a rival could refuse it.")
-
-
-class Gates(Answer):
-    """What a pose must pass to be `matched`, of the collection's configuration."""
-
-    confidence: float = Field(description="The least.")
-    log_odds: float = Field(description="The least that reach it where nothing rivals the pose.")
-    lead: float = Field(description="The least lead over the best rival that reaches it,")
-    lead_each: float = Field(description="and as much more for each landmark of the overlap,")
-    lead_share: float = Field(description="and such a share of the rival's evidence.")
-
-
-class StageAnswer(Answer):
-    """A stage of the method."""
-
-    name: str
-    milliseconds: float
-    counts: dict[str, int]
-
-
 class QueryLinks(Answer):
     """Where to go from an answer."""
 
-    self: str | None
-    collection: str
-    explanation: str | None = Field(description="Why the answer is what it is; null when the query is not stored.")
+    self: str | None = Field(description="Path of this answer; null when the query is not stored.")
+    collection: str = Field(description="Path of the collection.")
+    explanation: str | None = Field(
+        description="Path of the page that says why the answer is what it is; null when the query is not stored."
+    )
+
+
+_MARGIN = (
+    "The lead: evidence of the best pose minus that of the best distinct pose; null where nothing was strong enough to "
+    "compare. The parameter `margin` of a collection's configuration is something else: the lead asked for each "
+    "landmark of the overlap."
+)
 
 
 class QueryAnswer(Answer):
     """Outcome before pose: act on `verdict`, never on a candidate alone."""
 
-    id: str | None = Field(description="Of the stored query; null when it was not stored.")
-    collection: str
-    verdict: Verdict
+    id: str | None = Field(description="Id of the stored query; null when it was not stored.")
+    collection: str = Field(description="Id of the collection.")
+    verdict: Verdict = Field(description="What to act on: `matched`, `ambiguous` or `no_match`.")
     reason: str = Field(description=_REASON)
-    frame_id: str | None = Field(description="Of the query.")
-    stamp: _Written | None
-    method: Method
-    revision: int = Field(description="Of the collection that was searched.")
-    landmarks: int = Field(description="How many the query has.")
-    margin: float | None = Field(
-        description="Evidence of the best pose over the best distinct one; null where it was too weak to compare."
-    )
-    gates: Gates
+    frame_id: str | None = Field(description="The query's frame, as it was sent.")
+    stamp: _Written | None = Field(description="When the query was observed, as it was sent.")
+    method: Method = Field(description="The method that was asked for.")
+    revision: int = Field(description="Revision of the collection that was searched.")
+    landmarks: int = Field(description="How many landmarks the query has.")
+    margin: float | None = Field(description=_MARGIN)
+    gates: Gates = Field(description="What was asked of a match.")
     candidates: list[CandidateAnswer] = Field(description="Best first.")
     rivals: list[RivalAnswer] = Field(
         description="Other poses that explain the data about as well as the first candidate's, the strongest first."
     )
-    stages: list[StageAnswer]
+    stages: list[StageAnswer] = Field(description="What each stage of the search did, in order.")
     findings: list[FindingAnswer] | None = Field(
-        description="By level, the best first; null unless asked with `explain`. Stored answers keep them."
+        description="What each level found, by level, the best first; null unless asked with `explain`. Stored answers "
+        "keep it."
     )
     findings_total: int | None = Field(
-        description=f"How many there were: the {FINDINGS} with the best log-odds are answered."
+        description=f"How many findings there were; the answer has the {FINDINGS} with the best log-odds. Null like "
+        "`findings`."
     )
-    links: QueryLinks
+    sentences: dict[str, str] | None = Field(
+        None,
+        description="What the verdict's reason and each `refused` in this answer mean, by word; null unless asked with "
+        "`explain`.",
+    )
+    links: QueryLinks = Field(description="Where to go from here.")
 
 
 class MatchAnswer(Answer):
     """A candidate of a stored query with the landmarks of both sides."""
 
-    query: str
-    candidate: CandidateAnswer
-    query_landmarks: list[Point] = Field(description="Metres, query frame.")
-    submap_landmarks: list[Point] = Field(description="Metres, submap frame.")
+    query: str = Field(description="Id of the stored query.")
+    candidate: CandidateAnswer = Field(description="The candidate, as in the answer.")
+    query_landmarks: list[Point] = Field(description="[x, y] of the query's landmarks: metres, query frame.")
+    submap_landmarks: list[Point] = Field(description="[x, y] of the submap's landmarks: metres, submap frame.")
 
 
 class ExplanationLinks(Answer):
     """Where to go from an explanation."""
 
-    self: str
-    query: str
+    self: str = Field(description="Path of this explanation.")
+    query: str = Field(description="Path of the stored answer.")
 
 
 class ExplanationAnswer(Answer):
     """Why a stored answer is what it is."""
 
-    query: str
-    collection: str
-    verdict: Verdict
+    query: str = Field(description="Id of the stored query.")
+    collection: str = Field(description="Id of the collection.")
+    verdict: Verdict = Field(description="What to act on: `matched`, `ambiguous` or `no_match`.")
     reason: str = Field(description=_REASON)
-    margin: float | None = Field(description="As in the answer.")
-    gates: Gates
-    stages: list[StageAnswer]
+    margin: float | None = Field(description=_MARGIN)
+    gates: Gates = Field(description="What was asked of a match.")
+    stages: list[StageAnswer] = Field(description="What each stage of the search did, in order.")
     findings: list[FindingAnswer] | None = Field(
-        description="By level, the best first; null for an answer stored by a version that kept none."
+        description="What each level found, by level, the best first; null for an answer stored by a version that kept "
+        "none."
     )
-    findings_total: int | None = Field(description="How many there were.")
-    rivals: list[RivalAnswer] = Field(description="The strongest first.")
-    sentences: dict[str, str] = Field(description="What each reason in this explanation means.")
-    links: ExplanationLinks
+    findings_total: int | None = Field(description="How many findings there were; null like `findings`.")
+    rivals: list[RivalAnswer] = Field(description="Other poses that explain the data about as well, strongest first.")
+    sentences: dict[str, str] = Field(description="What each reason in this explanation means, by word.")
+    links: ExplanationLinks = Field(description="Where to go from here.")

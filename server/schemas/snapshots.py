@@ -33,10 +33,10 @@ class Snapshot(Answer):
 
     name: str
     created: _Written
-    size: int = Field(alias="bytes", description="Of the file, in bytes.")
-    sha256: str = Field(description="Of the file, in hexadecimal; also its entity tag.")
+    size: int = Field(alias="bytes", description="Size of the file, in bytes.")
+    sha256: str = Field(description="Checksum of the file, in hexadecimal; also its entity tag.")
     schema_: str = Field(alias="schema", description="Revision of the database schema.")
-    version: str = Field(description="Of the service that made it.")
+    version: str = Field(description="Version of the service that made it.")
     collections: list[SnapshotCollection] = Field(description="What is in it, oldest first.")
 
     def document(self) -> bytes:

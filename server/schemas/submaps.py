@@ -26,7 +26,7 @@ class Landmark(Body):
         description="Diameter at breast height, metres (or any one unit: only how trees of a stand compare counts). "
         "Evidence where both sides have it; never a condition.",
     )
-    height: Annotated[Number, Field(gt=0)] | None = Field(None, description="Metres.")
+    height: Annotated[Number, Field(gt=0)] | None = Field(None, description="Height of the tree, in metres.")
     species: Label | None = Field(None, description="Any name or code.")
 
 
@@ -218,9 +218,9 @@ class SessionSummary(Answer):
 
     session: str
     submaps: int
-    landmarks: int = Field(description="Of all its submaps.")
+    landmarks: int = Field(description="Landmarks of all its submaps together.")
     first: _Written | None = Field(description="The earliest stamp of its submaps.")
-    last: _Written | None = Field(description="The latest.")
+    last: _Written | None = Field(description="The latest stamp of its submaps.")
 
 
 class SessionPage(Answer):

@@ -32,7 +32,9 @@ class Retention(Answer):
     """How long things are kept."""
 
     stored_queries: int = Field(description="Kept per collection; the oldest go first.")
-    idempotency_hours: float = Field(description="For so long a POST sent again is answered as the first time.")
+    idempotency_hours: float = Field(
+        description="Hours for which a request sent again with its Idempotency-Key gets the first answer."
+    )
 
 
 class LimitsAnswer(Answer):

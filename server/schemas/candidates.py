@@ -1,0 +1,149 @@
+"""What an answer says of one submap: a candidate with its evidence, a rival, a finding; and what a match must pass."""
+
+from datetime import datetime
+from typing import Annotated
+
+from pydantic import Field, PlainSerializer
+
+from server.schemas.common import Answer, PoseWithCovariance, Transform, write_stamp
+from urquhart.proposing import Level
+
+_Written = Annotated[datetime, PlainSerializer(write_stamp, return_type=str, when_used="json")]
+_ID = (
+    "Ids are always strings: a landmark that was sent without an id has its position in the list as text, counted "
+    'from 0 ("0", "1", ...).'
+)
+
+
+class Inlier(Answer):
+    """A landmark of the query on one of the submap."""
+
+    query: str = Field(description=f"Id of the query's landmark. {_ID}")
+    submap: str = Field(description=f"Id of the submap's landmark. {_ID}")
+    residual: float = Field(description="Distance of the two landmarks under the candidate's transform, in metres.")
+
+
+_VOTES = (
+    "How much proposed this pose, in the unit of its `level`: quads or polygons that agree on it, or for a sweep the "
+    "shifts and rotations that stood out. Not comparable between levels."
+)
+_LEVEL = "What proposed the pose: `quads` or `polygons` that match, or a `sweep` of all rotations and shifts."
+
+
+class MapPoseAnswer(PoseWithCovariance):
+    """Pose of the query's frame in the map that the submap is placed in."""
+
+    frame_id: str = Field(description="The map's frame.")
+
+
+class CandidateLinks(Answer):
+    """Where to go from a candidate."""
+
+    submap: str = Field(description="Path of the submap.")
+    match: str | None = Field(description="Path of the drawing of the match; null when the query is not stored.")
+
+
+class CandidateAnswer(Answer):
+    """A submap that the query may be in, with the evidence."""
+
+    rank: int = Field(description="Position among the candidates, the best is 1.")
+    submap_id: str = Field(description="Id of the submap.")
+    session: str | None = Field(description="Session of the submap, where it has one.")
+    stamp: _Written | None = Field(description="When the submap was observed, where that is known.")
+    frame_id: str | None = Field(description="The submap's frame, which `transform` leads to.")
+    transform: PoseWithCovariance = Field(description="submap_T_query: p_submap = R(yaw) p_query + (x, y).")
+    map_pose: MapPoseAnswer | None = Field(description="The query's pose in the map, when the submap has one.")
+    inliers: list[Inlier] = Field(
+        description="Pairs of landmarks that are the same tree. Empty where they are left out: see `inliers_omitted`."
+    )
+    inlier_count: int = Field(description="How many pairs of landmarks agree, whether or not `inliers` lists them.")
+    inliers_omitted: int = Field(
+        0,
+        description="How many pairs `inliers` leaves out: 0, or all of this candidate's, because the query said "
+        "`pairs: false` or better candidates (in a batch, other answers) used up the limit `answer_pairs`.",
+    )
+    inlier_ratio: float = Field(
+        description="Inliers as a share of the landmarks inside the overlap, of the side that has fewer there."
+    )
+    rms: float = Field(description="Root mean square of the inliers' residuals, in metres.")
+    overlap: float = Field(
+        description="Share of the query's landmarks, 0 to 1, that lie inside the overlap of both footprints. In a "
+        "finding, `overlap` is a number of landmarks instead."
+    )
+    votes: int = Field(description=_VOTES)
+    level: Level = Field(description=_LEVEL)
+    evidence: float = Field(
+        description="Natural logarithm of a likelihood ratio over all landmarks: same place against chance."
+    )
+    log_odds: float = Field(
+        description="`evidence` minus the natural logarithm of how many poses there were to choose from."
+    )
+    confidence: float = Field(ge=0, le=1, description="Calibrated probability that `transform` is right.")
+    refused: str | None = Field(description="Why this candidate alone is not accepted; null when it is.")
+    links: CandidateLinks = Field(description="Where to go from here.")
+
+
+class RivalLinks(Answer):
+    """Where to go from a rival."""
+
+    submap: str = Field(description="Path of the submap.")
+
+
+class RivalAnswer(Answer):
+    """Another pose that explains the data about as well as the first candidate's."""
+
+    submap_id: str = Field(
+        description="Id of the submap; often that of the first candidate, with the pose moved to the next row."
+    )
+    transform: Transform = Field(description="submap_T_query: p_submap = R(yaw) p_query + (x, y).")
+    evidence: float = Field(
+        description="Natural logarithm of a likelihood ratio over all landmarks: same place against chance."
+    )
+    inlier_count: int = Field(description="How many pairs of landmarks agree under this pose.")
+    links: RivalLinks = Field(description="Where to go from here.")
+
+
+class FindingAnswer(Answer):
+    """What one level found in one submap, before rivals were looked for."""
+
+    level: Level = Field(description=_LEVEL)
+    submap_id: str = Field(description="Id of the submap.")
+    votes: int = Field(description=_VOTES)
+    inliers: int = Field(description="How many pairs of landmarks agree under this pose.")
+    overlap: int = Field(
+        description="How many landmarks lie inside the overlap of both footprints, of the side that has more there. In "
+        "a candidate, `overlap` is a share from 0 to 1 instead."
+    )
+    evidence: float = Field(
+        description="Natural logarithm of a likelihood ratio over all landmarks: same place against chance."
+    )
+    log_odds: float = Field(
+        description="`evidence` minus the natural logarithm of how many poses there were to choose from."
+    )
+    refused: str | None = Field(
+        description="Why this finding alone is not accepted; null where only a rival could refuse it."
+    )
+
+
+class Gates(Answer):
+    """What a pose must pass to be `matched`, from the collection's configuration.
+
+    Against a rival, the lead must be at least `lead` + `lead_each` * (landmarks of the overlap) + `lead_share` *
+    (evidence of the rival).
+    """
+
+    confidence: float = Field(description="Least confidence of a match.")
+    log_odds: float = Field(description="Least log-odds with which a pose without rivals reaches that confidence.")
+    lead: float = Field(description="Least lead in evidence over the best rival: the fixed part of the sum.")
+    lead_each: float = Field(
+        description="Lead asked for besides, for each landmark of the overlap. The configuration calls it `margin`."
+    )
+    lead_share: float = Field(description="Lead asked for besides, as a share of the rival's evidence.")
+
+
+class StageAnswer(Answer):
+    """A stage of the method."""
+
+    name: str = Field(description="Name of the stage.")
+    milliseconds: float = Field(description="How long it took.")
+    counts: dict[str, int] = Field(description="What it made or looked at, by name.")

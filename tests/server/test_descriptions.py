@@ -1,0 +1,68 @@
+"""Every description in the OpenAPI document stands alone: a client's editor shows just that one."""
+
+import re
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from fastapi import FastAPI
+
+_RUNS_ON = re.compile(r"^(and|or|but|with|of|as|for)\b", re.IGNORECASE)
+_NOT_ALONE = re.compile(r"^(Only (these|those)|The (least|most|fewest|latest|earliest|strongest))\b[^`]{0,12}\.$")
+
+
+def descriptions(node: Any, where: str = "") -> Iterator[tuple[str, str]]:
+    """Each description of a field or parameter, and where it stands."""
+    if isinstance(node, dict):
+        if isinstance(node.get("description"), str) and ("type" in node or "anyOf" in node or "in" in node):
+            yield where, node["description"]
+        for name, inner in node.items():
+            if name not in ("example", "examples", "default"):
+                yield from descriptions(inner, f"{where}/{name}")
+    elif isinstance(node, list):
+        for number, inner in enumerate(node):
+            yield from descriptions(inner, f"{where}/{number}")
+
+
+def faults(text: str) -> list[str]:
+    first, last = text[0], text[-1]
+    found = []
+    if first.islower() and not re.match(r"[a-z]+_T_[a-z]+\b|from_T_to|\w+, \w+", text):
+        found.append("begins in the middle of a sentence")
+    if last not in ".`)":
+        found.append("does not end")
+    if _RUNS_ON.match(text):
+        found.append("needs the field before it")
+    if _NOT_ALONE.match(text) or len(text.split()) == 1:
+        found.append("does not say of what")
+    return found
+
+
+@pytest.mark.parametrize(
+    "text", ["and as much more for each,", "The least.", "As a candidate's.", "Of the query.", "x"]
+)
+def test_what_runs_on_is_noticed(text: str) -> None:
+    assert faults(text)
+
+
+def test_every_description_stands_alone(app: FastAPI) -> None:
+    told = {where: (text, found) for where, text in descriptions(app.openapi()) if (found := faults(text))}
+    assert not told
+
+
+@pytest.mark.parametrize(
+    ("schema", "field", "says"),
+    [
+        ("QueryAnswer", "margin", "configuration is something else"),
+        ("Gates", "lead_each", "`margin`"),
+        ("CandidateAnswer", "overlap", "In a finding"),
+        ("FindingAnswer", "overlap", "In a candidate"),
+        ("CandidateAnswer", "votes", "Not comparable between levels"),
+        ("FindingAnswer", "votes", "Not comparable between levels"),
+        ("Inlier", "query", "always strings"),
+        ("Inlier", "submap", "always strings"),
+    ],
+)
+def test_a_word_with_two_meanings_says_which_one(app: FastAPI, schema: str, field: str, says: str) -> None:
+    properties = app.openapi()["components"]["schemas"][schema]["properties"]
+    assert says in " ".join(properties[field]["description"].split())
