@@ -22,11 +22,12 @@ from urquhart.drawing import draw_match, draw_tessellation
 from urquhart.features import Features, FeaturesError, describe
 from urquhart.landmarks import LandmarkError
 from urquhart.ranking import Candidate, Finding, Rival, Verdict
-from urquhart.recognizer import Method, Recognition, Recognizer, warm_up
+from urquhart.recognizer import Method, Recognition, Recognizer
 from urquhart.se2 import SE2
 from urquhart.segment_file import SegmentDamaged
-from urquhart.stages import Stage
+from urquhart.stages import SearchEnd, Stage
 from urquhart.tessellation import Tessellation
+from urquhart.warming import warm_up
 
 __all__ = [
     "SE2",
@@ -44,6 +45,7 @@ __all__ = [
     "Recognition",
     "Recognizer",
     "Rival",
+    "SearchEnd",
     "SegmentDamaged",
     "Stage",
     "Tessellation",

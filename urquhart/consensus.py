@@ -117,7 +117,12 @@ class Leaders:
 
 
 class Consensus:
-    """One search. `advance` goes on with the next query quads; `leaders` says where they agree best."""
+    """One search. `advance` goes on with the next query quads; `leaders` says where they agree best.
+
+    Attributes:
+        hits: found so far.
+        passed_over: how often a query quad was too common in a table to be looked for.
+    """
 
     def __init__(
         self,
@@ -144,7 +149,7 @@ class Consensus:
         for lot in lots:
             count_neighbourhoods(lot.table.codes, lot.table.starts, self._lengths, rarity)
         self._order = np.argsort(rarity, kind="stable")
-        self._looked = self.hits = self._listed = 0
+        self._looked = self.hits = self._listed = self.passed_over = 0
         self._weights, self._shares = np.zeros(len(quads)), np.zeros(len(quads))
         self._room = room if room is not None else Room()
         slots = sum(len(lot.alive) for lot in lots)
@@ -155,6 +160,11 @@ class Consensus:
     def finished(self) -> bool:
         """Whether every query quad has been looked for, or enough has been found."""
         return self._looked == len(self._order) or self.hits >= self._most
+
+    @property
+    def is_cut_short(self) -> bool:
+        """Whether enough was found before every query quad had been looked for."""
+        return self._looked < len(self._order) and self.hits >= self._most
 
     def advance(self, share: float = 1.0) -> None:
         """Look for the next rarest quads, until `share` of all have been looked for or there are hits enough."""
@@ -198,7 +208,7 @@ class Consensus:
     def _gather(self, lot: Lot, first: int, chunk: NDArray[np.int64]) -> None:
         done = 0
         while done < len(chunk):
-            done, self.hits = gather(
+            done, self.hits, passed = gather(
                 lot.table.codes,
                 lot.table.starts,
                 lot.table.words,
@@ -214,6 +224,7 @@ class Consensus:
                 self._room.hits,
                 self.hits,
             )
+            self.passed_over += passed
             if done < len(chunk):
                 self._room.grow()
 

@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 
 from urquhart.drawing import LEGEND, Canvas, overlay, render
 from urquhart.se2 import SE2
-from urquhart.stages import Stage
+from urquhart.stages import SearchEnd, Skipped, Stage, StoppedBy
 
 REASONS: Final[Mapping[str, str]] = {
     "verified": "chance and every rival pose are ruled out",
@@ -32,6 +32,21 @@ REASONS: Final[Mapping[str, str]] = {
     "deadline": "the time ran out before rivals were ruled out",
 }
 """What each reason of a verdict or a refusal means."""
+STOPS: Final[Mapping[StoppedBy, str]] = {
+    "settled": "the first candidate is so sure that searching on could not change the answer",
+    "beats_chance": "chance is ruled out for the first candidate; searching on would only add weaker poses",
+    "exhausted": "every kind of search was tried",
+    "deadline": "the time ran out: what was not searched by then may hold the place",
+    "not_started": "there was nothing to search for, or nothing to search in",
+}
+"""Why a search ended, by `SearchEnd.stopped_by`."""
+SKIPS: Final[Mapping[Skipped, str]] = {
+    "quad_hits": "the limit on quad hits was reached before all quads of the query were looked for",
+    "common_quads": "quads of the query that are too common in the collection were passed over",
+    "exhaustive": "the collection is too large to try every rotation and shift in it",
+    "exhaustive_rest": "every shift was tried only in the submaps and rotations that looked most promising",
+}
+"""What each limit left out, by `SearchEnd.skipped`."""
 UNREFUSED: Final = "enough evidence; only a rival could refuse it"
 """What it means that a finding has no reason to be refused."""
 
@@ -120,6 +135,11 @@ class Explanation:
 def sentence(reason: str | None) -> str:
     """A reason in words; None is that of a finding that is not refused, an unknown one stays the word it is."""
     return UNREFUSED if reason is None else REASONS.get(reason, reason)
+
+
+def search_sentence(end: SearchEnd) -> str:
+    """In words: why a search ended, and what its limits left out."""
+    return "; ".join([STOPS[end.stopped_by], *(SKIPS[limit] for limit in end.skipped)])
 
 
 def counted(stage: Stage) -> str:

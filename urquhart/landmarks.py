@@ -9,7 +9,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial import cKDTree
 
 from urquhart._kernel import kernel
 
@@ -141,12 +140,62 @@ def _as_points(xy: ArrayLike) -> NDArray[np.float64]:
 
 
 def _refuse_duplicates(landmarks: NDArray[np.float64]) -> None:
-    pairs = cKDTree(landmarks).query_pairs(RESOLUTION, output_type="ndarray")
-    if len(pairs):
-        first, second = sorted(pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))[0]].tolist())
+    partners = thin(landmarks, RESOLUTION)
+    later = np.flatnonzero(partners >= 0)
+    if len(later):
+        second = int(later[np.argmin(partners[later])])
+        first = int(partners[second])
         raise LandmarkError(
             "duplicates",
-            f"{len(pairs)} pairs of landmarks are closer than {RESOLUTION * 1000:g} mm, the first are landmarks "
-            f"{first} and {second}: keep one of each",
+            f"landmarks {first} and {second} are closer than {RESOLUTION * 1000:g} mm: keep one of each "
+            f"({len(later)} of {len(landmarks)} landmarks are as close as that to an earlier one)",
             (first, second),
         )
+
+
+def thin(points: NDArray[np.float64], distance: float) -> NDArray[np.int64]:
+    """For each of `points` (N, 2), metres, the first kept point within `distance` > 0 of it: (N,) int64, -1 where kept.
+
+    A point is kept unless it lies within `distance` of an earlier one that is kept. Takes N log N steps and memory for
+    N points, however many of them share a place.
+    """
+    # A little larger than the distance, so that rounding never puts a neighbour two cells away.
+    cells = np.floor(points / (1.001 * distance)).astype(np.int64)
+    order = np.lexsort((cells[:, 1], cells[:, 0]))
+    ordered = cells[order]
+    fresh = np.ones(len(points), np.bool_)
+    fresh[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)
+    number = np.empty(len(points), np.int64)
+    number[order] = np.cumsum(fresh) - 1
+    return keep_apart(np.asarray(points, np.float64), np.ascontiguousarray(ordered[fresh]), number, distance)
+
+
+@kernel
+def keep_apart(
+    points: NDArray[np.float64], cells: NDArray[np.int64], number: NDArray[np.int64], distance: float
+) -> NDArray[np.int64]:
+    """See `thin`; `cells` (C, 2) are those that hold points, in ascending order, `number` (N,) is each point's cell."""
+    # Four points at most lie in one cell and are farther from each other than the distance.
+    kept, counts = np.empty((len(cells), 4), np.int64), np.zeros(len(cells), np.int64)
+    partners = np.full(len(points), -1, np.int64)
+    for i in range(len(points)):
+        column, row = cells[number[i], 0], cells[number[i], 1]
+        for c in range(column - 1, column + 2):
+            at, end = 0, len(cells)
+            while at < end:
+                middle = (at + end) // 2
+                if cells[middle, 0] < c or (cells[middle, 0] == c and cells[middle, 1] < row - 1):
+                    at = middle + 1
+                else:
+                    end = middle
+            while at < len(cells) and cells[at, 0] == c and cells[at, 1] <= row + 1:
+                for k in range(counts[at]):
+                    j = kept[at, k]
+                    near = math.hypot(points[i, 0] - points[j, 0], points[i, 1] - points[j, 1]) <= distance
+                    if near and (partners[i] < 0 or j < partners[i]):
+                        partners[i] = j
+                at += 1
+        if partners[i] < 0:
+            kept[number[i], counts[number[i]]] = i
+            counts[number[i]] += 1
+    return partners

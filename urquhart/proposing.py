@@ -91,6 +91,10 @@ def propose_by_quads(query: Sighting, search: Consensus, share: float, count: in
         search.advance(share)
         leaders = search.leaders(count, _POSES)
         counts["hits"] = search.hits - before
+        if search.is_cut_short:
+            stages.skip("quad_hits")
+        if search.passed_over:
+            stages.skip("common_quads")
     with stages.timed("verify quads") as counts:
         keys = query.index.keys_of(leaders.slots)
         query.submaps.read(keys)
@@ -131,6 +135,7 @@ def propose_by_sweep(query: Sighting, search: Consensus | None, stages: Stages) 
         if search is None or is_small(query.index):
             places = [(key, 0.0, math.pi) for key in query.index]
         else:
+            stages.skip("exhaustive_rest")
             slots, rotations = search.turns(config.survey)
             places = [(key, yaw, TURN) for key, yaw in zip(query.index.keys_of(slots), rotations.tolist(), strict=True)]
         query.submaps.read(key for key, _, _ in places)

@@ -68,11 +68,15 @@ def gather(
     most: int,
     hits: NDArray[Any],
     count: int,
-) -> tuple[int, int]:
-    """Append the hits of the query quads `chunk[done:]` in one table; how many of the chunk are done, and hits.
+) -> tuple[int, int, int]:
+    """Append the hits of the query quads `chunk[done:]` in one table.
 
     Stops before a quad whose hits find no room. One with more than `most` hits has none.
+
+    Returns:
+        How many of the chunk are done, how many hits there are, and how many quads had more than `most`.
     """
+    passed = 0
     capacity, size = len(hits), len(words)
     low, high = np.empty(5, np.int64), np.empty(5, np.int64)
     wanted, cells = np.empty(5), np.empty(5, np.int64)
@@ -130,7 +134,7 @@ def gather(
                         if slot >= len(alive) or alive[slot] == 0:
                             continue
                         if count == capacity:
-                            return done, before
+                            return done, before, passed
                         misfit = 0.0
                         for k in range(5):
                             place = np.int64(word >> np.uint64(3 * k)) & (SIDE - 1)
@@ -147,9 +151,10 @@ def gather(
                     break
             if count - before > most:
                 count = before
+                passed += 1
                 break
         done += 1
-    return done, count
+    return done, count, passed
 
 
 @kernel

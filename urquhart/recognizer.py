@@ -10,9 +10,9 @@ Quads are asked first, the rarest half of them before all; polygons where that d
 nothing, quads with a wider tolerance, and at last the query is turned and shifted over the submaps that come closest.
 """
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,27 +20,18 @@ from numpy.typing import ArrayLike
 from urquhart.budget import Budget
 from urquhart.collection_index import CollectionIndex
 from urquhart.confidence import (
-    against_chance,
-    log_odds,
     log_volume,
 )
 from urquhart.config import Config
-from urquhart.consensus import ROOMS, Room
+from urquhart.consensus import ROOMS
 from urquhart.doubt import Standing, doubt
 from urquhart.features import Features, describe
 from urquhart.landmarks import LandmarkError
+from urquhart.levels import is_lost, is_settled, propose_by_level
 from urquhart.proposing import (
-    TIGHT,
-    WIDE,
     Proposal,
     Sighting,
-    is_large,
-    is_small,
     propose_by_paper,
-    propose_by_polygons,
-    propose_by_quads,
-    propose_by_sweep,
-    search_quads,
 )
 from urquhart.ranking import (
     Candidate,
@@ -50,22 +41,13 @@ from urquhart.ranking import (
     decide,
     make_candidate,
     make_rivals,
-    refusal,
 )
 from urquhart.se2 import SE2
-from urquhart.stages import Stage, Stages
+from urquhart.stages import SearchEnd, Stage, Stages, StoppedBy
 from urquhart.submaps import Memory, Source, Submaps
-from urquhart.sweep import sees_ends
 from urquhart.verification import pattern, verify
 
 Method = Literal["robust", "paper"]
-
-_HALF: Final = 0.5
-"""Share of a query's quads, the rarest, that mostly settle it,"""
-_FIRST: Final = 4
-"""and submaps that are verified then at least."""
-_MOST: Final = 0.7
-"""Share of them that settles most of what is left, where lengths may be off by more."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,6 +61,7 @@ class Recognition:
         margin: evidence of the best candidate over the best distinct pose; None where it was too weak to be compared.
         stages: what each stage found and cost, in order.
         findings: what each level found in each submap it looked at, in the order of the levels, the best first.
+        search: why the search ended, and which limits left something out.
     """
 
     verdict: Verdict
@@ -88,6 +71,7 @@ class Recognition:
     margin: float | None
     stages: tuple[Stage, ...]
     findings: tuple[Finding, ...]
+    search: SearchEnd
 
 
 class Recognizer:
@@ -165,18 +149,18 @@ class Recognizer:
         except LandmarkError as error:
             if error.code not in ("too_few", "collinear"):
                 raise
-            return Recognition("no_match", f"{error.code}_landmarks", (), (), None, stages.done(), ())
+            return _not_started(f"{error.code}_landmarks", stages)
         if not len(self.index):
-            return Recognition("no_match", "empty_collection", (), (), None, stages.done(), ())
+            return _not_started("empty_collection", stages)
         if not len(query.index):
-            return Recognition("no_match", "nothing_left", (), (), None, stages.done(), ())
+            return _not_started("nothing_left", stages)
         if method == "paper":
-            proposals = propose_by_paper(query, rng or np.random.default_rng(0), stages)
-            standing = doubt(query, proposals, stages, found)
-        else:
-            with ROOMS.lend() as room:
-                standing = self._search(query, limit, room, stages, found)
-        return self._conclude(standing, query, limit, stages, found)
+            levels = iter([propose_by_paper(query, rng or np.random.default_rng(0), stages)])
+            return self._search(query, levels, [], limit, stages, found)
+        with ROOMS.lend() as room:
+            ranked = list[Proposal]()
+            levels = propose_by_level(query, limit, room, stages, ranked)
+            return self._search(query, levels, ranked, limit, stages, found)
 
     def check(self, xy: ArrayLike, key: int, transform: SE2, *, diameters: ArrayLike | None = None) -> Recognition:
         """Verify a given pose as if it had been found, with the same doubts and the same verdict.
@@ -194,35 +178,37 @@ class Recognizer:
         with stages.timed("verify given"):
             verified = verify(query.pattern, query.submaps.pattern(key), start, query.index.reach)
         standing = doubt(query, [Proposal(key, "given", 0, verified)], stages, found)
-        return self._conclude(standing, query, 1, stages, found)
+        return self._conclude(standing, query, 1, stages, found, "exhausted")
 
-    def _search(self, query: Sighting, limit: int, room: Room, stages: Stages, found: list[Finding]) -> Standing:
-        """The levels in the order of their cost, until one leaves nothing to doubt."""
-        standing, wide = Standing([], None, []), None
-        # Quads and polygons choose among submaps; a single one is swept at once, which needs no choice, but for one so
-        # much larger than the query that a sweep would leave out its ends.
-        if len(query.index) > 1 or not sees_ends(query.pattern, query.submaps.pattern(next(iter(query.index)))):
-            tight = search_quads(query, TIGHT, room)
-            for share, count in ((_HALF, max(limit, _FIRST)), (1.0, self.config.candidates)):
-                proposals = propose_by_quads(query, tight, share, count, stages)
-                standing = doubt(query, proposals, stages, found, standing.ranked)
-                if self._settled(standing, query) or query.budget.is_spent():
-                    return standing
-            proposals = propose_by_polygons(query, stages)
-            standing = doubt(query, proposals, stages, found, standing.ranked)
-            if query.budget.is_spent():
-                return standing
-            if self._lost(standing.ranked, query) and not is_small(query.index):
-                wide = search_quads(query, WIDE, room)
-                for share in (_MOST, 1.0):
-                    proposals = propose_by_quads(query, wide, share, self.config.candidates, stages)
-                    standing = doubt(query, proposals, stages, found, standing.ranked)
-                    if self._settled(standing, query) or query.budget.is_spent():
-                        return standing
-        if self._lost(standing.ranked, query) and not is_large(query.index):
-            proposals = propose_by_sweep(query, wide, stages)
-            standing = doubt(query, proposals, stages, found, standing.ranked)
-        return standing
+    def _search(
+        self,
+        query: Sighting,
+        levels: Iterator[list[Proposal]],
+        ranked: list[Proposal],
+        limit: int,
+        stages: Stages,
+        found: list[Finding],
+    ) -> Recognition:
+        """Level by level, until one leaves nothing to doubt or the time is over.
+
+        Args:
+            levels: what each level proposes.
+            ranked: filled with the proposals so far, best first, before the next level begins.
+        """
+        standing = Standing([], None, [])
+        stopped: StoppedBy | None = None
+        for proposals in levels:
+            standing = doubt(query, proposals, stages, found, ranked)
+            ranked[:] = standing.ranked
+            if is_settled(standing, query):
+                stopped = "settled"
+            elif query.budget.is_spent():
+                stopped = "deadline"
+            if stopped is not None:
+                break
+        if stopped is None:
+            stopped = "exhausted" if is_lost(ranked, query) else "beats_chance"
+        return self._conclude(standing, query, limit, stages, found, stopped)
 
     def _look(
         self,
@@ -249,7 +235,13 @@ class Recognizer:
         return source
 
     def _conclude(
-        self, standing: Standing, query: Sighting, limit: int, stages: Stages, found: list[Finding]
+        self,
+        standing: Standing,
+        query: Sighting,
+        limit: int,
+        stages: Stages,
+        found: list[Finding],
+        stopped: StoppedBy,
     ) -> Recognition:
         ranked, lead, config = standing.ranked, standing.lead, self.config
         candidates = tuple(
@@ -257,41 +249,16 @@ class Recognizer:
             for proposal in ranked[:limit]
         )
         verdict, reason = decide(candidates) if found else ("no_match", "no_votes")
-        if query.budget.is_spent() and not self._settled(standing, query):
+        if stopped == "deadline":
             verdict, reason = "no_match", "deadline"
         rivals: tuple[Rival, ...] = ()
         if ranked:
             rivals = make_rivals(
                 standing.rivals, ranked[0].verified, query, lambda key: query.submaps.features(key).origin, config
             )
-        return Recognition(verdict, reason, candidates, rivals, lead, stages.done(), tuple(found))
-
-    def _settled(self, standing: Standing, query: Sighting) -> bool:
-        """Whether the first proposal is so sure that another level could not change the answer."""
-        if not standing.ranked:
-            return False
-        first = standing.ranked[0].verified
-        odds = log_odds(first, query.pattern, query.volume)
-        return odds > 2.0 * self.config.gate and refusal(first, odds, standing.lead, self.config) is None
-
-    def _lost(self, ranked: list[Proposal], query: Sighting) -> bool:
-        """Whether no proposal is better than chance. Too close a rival is another matter: more poses do not mend it."""
-        return (
-            not ranked or against_chance(log_odds(ranked[0].verified, query.pattern, query.volume)) < self.config.gate
-        )
+        end = stages.end(stopped)
+        return Recognition(verdict, reason, candidates, rivals, lead, stages.done(), tuple(found), end)
 
 
-def warm_up(config: Config) -> None:
-    """Compile every kernel, or load it from the cache, so that no query has to wait for that."""
-    rng = np.random.default_rng(0)
-    recognizer = Recognizer(config)
-    here, elsewhere, unknown = (rng.uniform(-20.0, 20.0, (60, 2)) for _ in range(3))
-    # Only rows of trees have rivals to be looked at.
-    rows = 3.0 * np.stack(np.meshgrid(np.arange(8.0), np.arange(8.0)), axis=-1).reshape(-1, 2)
-    features = [describe(here, config), Features.unpack(describe(here, config).pack()), describe(elsewhere, config)]
-    # The second segment is merged with the first.
-    recognizer.add(enumerate(features))
-    recognizer.add([(len(features), describe(rows, config))])
-    for xy in (here, elsewhere, unknown, rows):
-        recognizer.recognize(xy)
-        recognizer.recognize(xy, method="paper")
+def _not_started(reason: str, stages: Stages) -> Recognition:
+    return Recognition("no_match", reason, (), (), None, stages.done(), (), stages.end("not_started"))

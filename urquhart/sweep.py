@@ -29,7 +29,9 @@ _SIDE: Final = 400
 """Most cells along a side of the grid."""
 _FINE: Final = 4096
 """Parts of a cell that displacements are reckoned in."""
-_LOOK: Final = 200
+_LOOK: Final = 1 << 30
+"""Count at which a cell is looked at; it starts from as much less as there have to be pairs. A cell may hold every pair
+of landmarks there is, and 32 bits hold this and four hundred million pairs."""
 _FLAGGED: Final = 1024
 """Most cells looked at for one rotation."""
 _SAMPLED: Final = 8
@@ -86,8 +88,6 @@ def find_peaks(
     rate = expected_counts(query, submap, cell, steps, extent)
     fresh = thresholds(rate, side, farthest / cell)
     grid = np.empty_like(fresh)
-    # Cleared eight cells at a time: that is where much of the time would go.
-    words, fresh_words = grid.view(np.uint64), fresh.view(np.uint64)
     flagged = np.empty(_FLAGGED, np.int64)
     best = np.zeros((peaks, 4))
     # Whole numbers of 4096ths of a cell: subtracted and shifted eight at a time where floats would be converted singly.
@@ -101,8 +101,7 @@ def find_peaks(
         if abs((turn - yaw + 3.0 * math.pi) % (2.0 * math.pi) - math.pi) > half:
             continue
         c, s = math.cos(turn) * _FINE / cell, math.sin(turn) * _FINE / cell
-        for w in range(len(words)):
-            words[w] = fresh_words[w]
+        grid[:] = fresh
         count = 0
         for i in range(n):
             x = np.int32(c * query[i, 0] - s * query[i, 1])
@@ -113,7 +112,7 @@ def find_peaks(
                 places[j] = a * stride + b
             for j in range(m):
                 at = places[j]
-                value = grid[at] + np.uint8(1)
+                value = grid[at] + np.uint32(1)
                 grid[at] = value
                 if value == _LOOK and count < _FLAGGED:
                     flagged[count] = at
@@ -142,19 +141,19 @@ def find_peaks(
 
 
 @kernel
-def thresholds(rate: NDArray[np.float64], side: int, farthest: float) -> NDArray[np.uint8]:
-    """What each cell of a grid (`side` * `side`, padded) starts from, so that it is looked at when it reaches `_LOOK`.
+def thresholds(rate: NDArray[np.float64], side: int, farthest: float) -> NDArray[np.uint32]:
+    """What each cell of a grid (`side` * `side`) starts from, so that it is looked at when it reaches `_LOOK`.
 
     Args:
         rate: displacements that chance brings into one cell, by distance from the middle in units of two cells.
         farthest: cells; those farther from the middle start from nothing.
     """
-    start = np.zeros(len(rate), np.uint8)
+    start = np.zeros(len(rate), np.uint32)
     for k in range(len(rate)):
         if 2.0 * k <= farthest:
             needed = max(3, math.ceil(rate[k] + _SIGMAS * math.sqrt(rate[k])) + 1)
-            start[k] = _LOOK - min(needed, 190)
-    fresh = np.zeros((side * side + 7) // 8 * 8, np.uint8)
+            start[k] = _LOOK - needed
+    fresh = np.zeros(side * side, np.uint32)
     middle, last = 0.5 * side, side - 1
     # The four quarters are alike.
     for a in range((side + 1) // 2):

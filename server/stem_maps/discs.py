@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from server.stem_maps.reader import StemMap
+from urquhart.landmarks import thin
 
 MERGE_DISTANCE: Final = 0.01
 """Metres. Trees closer than this are one tree recorded twice, or two that no sensor tells apart."""
@@ -126,13 +127,7 @@ def merge(xy: NDArray[np.float64], distance: float = MERGE_DISTANCE) -> NDArray[
 
     Returns the positions of those that stay, (K,) int64, ascending.
     """
-    keep = np.ones(len(xy), dtype=bool)
-    pairs = cKDTree(xy).query_pairs(distance, output_type="ndarray")
-    # By the later tree: when its turn comes, it is known which of the earlier ones stay.
-    for earlier, later in pairs[np.lexsort((pairs[:, 0], pairs[:, 1]))]:
-        if keep[earlier]:
-            keep[later] = False
-    return np.flatnonzero(keep).astype(np.int64)
+    return np.flatnonzero(thin(xy, distance) < 0)
 
 
 def _centres(coordinates: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:

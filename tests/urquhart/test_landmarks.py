@@ -1,8 +1,10 @@
+import tracemalloc
+
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
-from urquhart.landmarks import LandmarkError, check_landmarks, width
+from urquhart.landmarks import MAXIMUM, LandmarkError, check_landmarks, thin, width
 
 SQUARE = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]]
 BAD: dict[str, tuple[ArrayLike, str, tuple[int, ...]]] = {
@@ -54,3 +56,37 @@ def test_width_does_not_depend_on_direction(angle: float) -> None:
     strip = np.random.default_rng(1).uniform([0.0, 0.0], [100.0, 2.0], (200, 2))
     turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
     assert width(strip @ turn) == pytest.approx(width(strip), rel=1e-9)
+
+
+def test_a_point_gives_way_to_the_first_kept_one_near_it() -> None:
+    """As the search through all pairs has it, on sets dense enough for chains of close points."""
+    for seed in range(300):
+        rng = np.random.default_rng(seed)
+        xy = rng.uniform(-0.5, 0.5, (int(rng.integers(1, 60)), 2)) * rng.choice([0.002, 0.01, 0.05])
+        if seed % 3 == 0:
+            xy = np.round(xy, 3)
+        wanted = np.full(len(xy), -1, np.int64)
+        for i in range(len(xy)):
+            near = [j for j in range(i) if wanted[j] < 0 and np.hypot(*(xy[i] - xy[j])) <= 1e-3]
+            wanted[i] = near[0] if near else -1
+        np.testing.assert_array_equal(thin(xy, 1e-3), wanted)
+
+
+@pytest.mark.parametrize("kind", ["equal", "pairs", "patch", "far"])
+def test_memory_for_the_search_for_duplicates_grows_with_the_landmarks_only(kind: str) -> None:
+    """Twenty thousand equal points have two hundred million pairs: none of them may be written down."""
+    rng = np.random.default_rng(0)
+    xy = {
+        "equal": np.ones((MAXIMUM, 2)),
+        "pairs": np.repeat(rng.uniform(0.0, 400.0, (MAXIMUM // 2, 2)), 2, axis=0),
+        "patch": rng.uniform(0.0, 0.02, (MAXIMUM, 2)),
+        "far": np.full((MAXIMUM, 2), 1e8),
+    }[kind]
+    tracemalloc.start()
+    with pytest.raises(LandmarkError, match="keep one of each") as caught:
+        check_landmarks(xy)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert caught.value.code == "duplicates"
+    assert caught.value.indices[0] == 0
+    assert peak < 500 * MAXIMUM

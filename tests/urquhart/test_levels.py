@@ -1,15 +1,18 @@
 """In which order a look-up tries what, how far it goes, and what it is told to look at."""
 
 from collections import Counter
+from typing import get_args
 
 import numpy as np
 import pytest
 
 from tests.urquhart.contents import CONFIG, FOREST, over, place
-from urquhart import SE2, Abandoned, Budget, Config, Recognition, Recognizer, describe
+from urquhart import SE2, Abandoned, Budget, Config, Recognition, Recognizer, SearchEnd, describe
 from urquhart.collection_index import CollectionIndex
 from urquhart.consensus import Consensus
+from urquhart.explaining import SKIPS, STOPS, search_sentence
 from urquhart.simulation import bridson, observe, paper_forest
+from urquhart.stages import Skipped, StoppedBy
 
 PLACES = {key: place(key) for key in range(36)}
 MANY = {key: place(key % 36, key // 36) for key in range(72)}
@@ -120,9 +123,9 @@ def test_a_level_answers_where_those_before_it_have_nothing_to_say(level: str, m
     def nothing(*_: object) -> list[object]:
         return []
 
-    monkeypatch.setattr("urquhart.recognizer.propose_by_quads", search_only)
+    monkeypatch.setattr("urquhart.levels.propose_by_quads", search_only)
     if level == "sweep":
-        monkeypatch.setattr("urquhart.recognizer.propose_by_polygons", nothing)
+        monkeypatch.setattr("urquhart.levels.propose_by_polygons", nothing)
     for count in (20, 36):
         found = recognizer(count=count).recognize(here(sigma=0.1, detection=0.9))
         assert found.verdict == "matched"
@@ -200,3 +203,34 @@ def test_a_search_that_nobody_waits_for_ends() -> None:
     budget.abandon()
     with pytest.raises(Abandoned):
         recognizer().recognize(nowhere(3), budget=budget)
+
+
+def test_how_a_search_ended_is_told() -> None:
+    seen = here(sigma=0.1, detection=0.9)
+    assert recognizer().recognize(seen).search == SearchEnd("settled")
+    assert recognizer().recognize(nowhere(0)).search.stopped_by == "exhausted"
+    assert recognizer().recognize(nowhere(3), budget=Budget(0.0)).search.stopped_by == "deadline"
+    assert recognizer().recognize(seen, only=[]).search == SearchEnd("not_started")
+    assert Recognizer(CONFIG).recognize(seen).search == SearchEnd("not_started")
+    assert recognizer().recognize(seen[:2]).search == SearchEnd("not_started")
+    assert recognizer().recognize(seen, method="paper").search == SearchEnd("settled")
+    found = recognizer(Config(gate=60.0)).recognize(seen)
+    assert (found.reason, found.search) == ("below_gate", SearchEnd("beats_chance"))
+
+
+def test_limits_that_left_something_out_are_told() -> None:
+    config, rng = Config(quad_hits=1_000), np.random.default_rng(0)
+    thickets = [rng.uniform(-40.0, 40.0, (700, 2)) for _ in range(3)]
+    crowd = Recognizer(config)
+    crowd.add((key, describe(xy, config)) for key, xy in enumerate(thickets[:2]))
+    assert crowd.recognize(thickets[2]).search.skipped == ("quad_hits", "common_quads")
+    assert recognizer().recognize(nowhere(0)).search.skipped == ("exhaustive_rest",)
+    assert recognizer(Config(survey=1), 72).recognize(nowhere(0)).search.skipped == ("exhaustive",)
+    assert recognizer(count=20).recognize(nowhere(0)).search.skipped == ()
+
+
+def test_every_end_and_every_limit_has_a_sentence() -> None:
+    assert {*STOPS} == {*get_args(StoppedBy)}
+    assert {*SKIPS} == {*get_args(Skipped)}
+    told = search_sentence(SearchEnd("exhausted", ("quad_hits", "exhaustive")))
+    assert told == "; ".join([STOPS["exhausted"], SKIPS["quad_hits"], SKIPS["exhaustive"]])

@@ -8,10 +8,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from urquhart import SE2, Config, Recognizer, describe
+from urquhart import SE2, Config, Recognition, Recognizer, describe
 from urquhart.consensus import TURN, Consensus
 from urquhart.pairing import Pattern
-from urquhart.simulation import Observation, bridson, observe, paper_forest
+from urquhart.simulation import Observation, bridson, observe, paper_forest, plantation
 from urquhart.sweep import find_peaks, glance, sees_ends, sweep
 from urquhart.verification import REACH, pattern, settle_rough
 
@@ -199,7 +199,7 @@ def test_in_a_dense_forest_hardly_a_polygon_is_whole_but_quads_and_surveys_find_
         return []
 
     # As if no pose of theirs were any good, only the rotations that they agree on.
-    monkeypatch.setattr("urquhart.recognizer.propose_by_quads", search_only)
+    monkeypatch.setattr("urquhart.levels.propose_by_quads", search_only)
     without = levels()
     assert without.count("sweep") >= 4
     monkeypatch.setattr(recognizer, "config", Config(survey=0))
@@ -248,3 +248,39 @@ def test_only_of_submaps_not_much_larger_than_the_query_a_sweep_sees_the_ends(fo
     assert sees_ends(small, small)
     assert sees_ends(large, small)
     assert not sees_ends(small, large)
+
+
+def alone(xy: NDArray[np.float64], pose: SE2) -> tuple[Recognition, float]:
+    """What a collection of nothing but `xy` answers to the same trees seen from `pose`, and metres from the truth."""
+    recognizer = Recognizer(CONFIG)
+    recognizer.add([(0, describe(xy, CONFIG))])
+    found = recognizer.recognize(pose.apply(xy))
+    apart = (found.candidates[0].transform @ pose).distance(SE2.identity())[0] if found.candidates else np.inf
+    return found, apart
+
+
+@pytest.mark.parametrize("yaw", [0.0, 1.3])
+@pytest.mark.parametrize("kind", ["dense", "sparse", "few", "rows"])
+def test_a_submap_alone_finds_itself(kind: str, yaw: float) -> None:
+    """An exact copy puts every pair of one shift into one cell, hundreds of them; of a few trees it has a few."""
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        trees, radius = {
+            "dense": (bridson(100.0, 100.0, 2.5, rng), 26.0),
+            "sparse": (paper_forest(rng, 100.0), 40.0),
+            "few": (paper_forest(rng, 100.0), 14.0),
+            "rows": (plantation(100.0, 100.0, rng), 30.0),
+        }[kind]
+        xy = observe(trees, SE2(50.0, 50.0, 0.0), radius, rng).xy
+        pose = SE2(float(rng.uniform(-9.0, 9.0)), 4.0, yaw)
+        found, apart = alone(xy, pose)
+        assert (found.verdict, found.reason) == ("matched", "verified"), (seed, len(xy))
+        assert apart < 0.05
+
+
+def test_a_cell_holds_as_many_pairs_as_there_are() -> None:
+    """An exact copy of 900 landmarks brings 900 pairs into the four cells about the right shift."""
+    trees = np.random.default_rng(0).uniform(-100.0, 100.0, (900, 2))
+    peaks = find_peaks(trees, trees, 1.0, 4, 0.0, 0.0)
+    assert np.abs(peaks[0, :2]).max() <= 1.0
+    assert peaks[0, 3] > 1_000.0 > 20.0 * peaks[1, 3]

@@ -1,0 +1,23 @@
+"""Compiling ahead of the first query."""
+
+import numpy as np
+
+from urquhart.config import Config
+from urquhart.features import Features, describe
+from urquhart.recognizer import Recognizer
+
+
+def warm_up(config: Config) -> None:
+    """Compile every kernel, or load it from the cache, so that no query has to wait for that."""
+    rng = np.random.default_rng(0)
+    recognizer = Recognizer(config)
+    here, elsewhere, unknown = (rng.uniform(-20.0, 20.0, (60, 2)) for _ in range(3))
+    # Only rows of trees have rivals to be looked at.
+    rows = 3.0 * np.stack(np.meshgrid(np.arange(8.0), np.arange(8.0)), axis=-1).reshape(-1, 2)
+    features = [describe(here, config), Features.unpack(describe(here, config).pack()), describe(elsewhere, config)]
+    # The second segment is merged with the first.
+    recognizer.add(enumerate(features))
+    recognizer.add([(len(features), describe(rows, config))])
+    for xy in (here, elsewhere, unknown, rows):
+        recognizer.recognize(xy)
+        recognizer.recognize(xy, method="paper")
