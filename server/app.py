@@ -68,18 +68,22 @@ Transforms are `submap_T_query`: p_submap = R(yaw) p_query + t, in metres and ra
 Errors are `application/problem+json` (RFC 9457), and their `type` leads to an explanation."""
 
 
-def create_app(settings: Settings, exchange: Exchange | None = None) -> FastAPI:
+def create_app(settings: Settings, exchange: Exchange | None = None, *, create_database: bool = True) -> FastAPI:
     """The service over the database that the settings name; the database is opened when the app starts.
 
-    With an `exchange`, this is one process of several whose metrics are told together.
+    With an `exchange`, this is one process of several whose metrics are told together. `create_database`: make the file
+    where there is none; not for a process that goes on with what another one opened.
     """
     database = Database(
-        settings.database_path, busy_timeout=settings.busy_timeout, read_only=settings.database_read_only
+        settings.database_path,
+        busy_timeout=settings.busy_timeout,
+        read_only=settings.database_read_only,
+        create=create_database,
     )
     metrics = Metrics(settings.metrics_collections)
     catalog = Catalog(database, metrics, settings.index)
     tools = Tools(settings, database, catalog, metrics, JobFolder(database))
-    gate, readiness = Gate(settings.limits), Readiness()
+    gate, readiness = Gate(settings.limits), Readiness(database.trouble)
     metrics.in_flight.set_function(lambda: gate.running)
     metrics.queued.set_function(lambda: gate.waiting)
     service = Service(

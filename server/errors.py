@@ -131,10 +131,10 @@ class InvalidLandmarks(DomainError):
 
 
 class NotReady(DomainError):
-    """The service is starting; `check` names what is still open."""
+    """The service is starting, or cannot use its database; `check` names what is open."""
 
     def __init__(self, check: str, detail: str) -> None:
-        super().__init__(f"The check {check} is not passed yet: {detail}.")
+        super().__init__(f"The check {check} is not passed: {detail.removesuffix('.')}.")
         self.check = check
 
 
@@ -188,6 +188,10 @@ class StorageDamaged(StorageError):
 
 class StorageUnavailable(StorageError):
     """The file cannot be opened or read."""
+
+
+class StorageAltered(StorageError):
+    """The database file was moved, deleted, replaced or written to by others while it was open."""
 
 
 class NotADatabase(StorageError):

@@ -114,7 +114,10 @@ TABLE: Mapping[type[errors.DomainError], Kind] = {
         "A submap needs at least 3 landmarks, not all on one line, each once, with finite coordinates.",
     ),
     errors.NotReady: Kind(
-        503, "not-ready", "Not ready", "The service is starting; `check` names what is still open. Try again shortly."
+        503,
+        "not-ready",
+        "Not ready",
+        "The service is starting, about to end, or cannot use its database; `check` names what is open.",
     ),
     errors.Overloaded: Kind(
         503,
@@ -150,6 +153,13 @@ TABLE: Mapping[type[errors.DomainError], Kind] = {
     ),
     errors.StorageDamaged: Kind(
         500, "storage-damaged", "The database is damaged", "The operator must check it and restore a backup."
+    ),
+    errors.StorageAltered: Kind(
+        503,
+        "storage-altered",
+        "The database file is not the one that was opened",
+        "Somebody moved, deleted, replaced or wrote to the file under the running service. Nothing is read or stored "
+        "until the operator mends that; `detail` says how. A write that was under way then may be stored or not.",
     ),
     errors.StorageError: Kind(
         503, "storage-unavailable", "The database cannot be used", "The operator must look at the file and its disk."

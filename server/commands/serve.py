@@ -69,7 +69,7 @@ def serve(
     typer.echo(f"urquhart: serving on http://{address}:{listener.getsockname()[1]} ; API at /docs, stop with Ctrl-C")
     with listener:
         if workers == 1:
-            serve_app(create_app(settings), listener, alone=True)
+            serve_app(create_app(settings, create_database=False), listener, alone=True)
         else:
             code = supervise(workers, settings, listener)
             if code:

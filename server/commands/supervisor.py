@@ -114,7 +114,7 @@ def _work(settings: Settings, listener: socket.socket, exchange: Exchange) -> No
     logs.configure(settings.log)
     threading.Thread(target=_stop_with_parent, name="parent-watch", daemon=True).start()
     try:
-        serve_app(create_app(settings, exchange), listener, alone=False)
+        serve_app(create_app(settings, exchange, create_database=False), listener, alone=False)
     finally:
         parent = multiprocessing.parent_process()
         if parent is not None and not parent.is_alive():

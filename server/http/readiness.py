@@ -1,18 +1,21 @@
 """What has to be done before the service is ready, and how far it is."""
 
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from server.errors import NotReady
 
 CHECKS = ("migrations", "kernels", "index")
 SHUTDOWN = "shutdown"
+DATABASE = "database"
 
 
 class Readiness:
     """Named checks, each open with a sentence or passed. Thread-safe."""
 
-    def __init__(self) -> None:
+    def __init__(self, database: Callable[[], str | None] = lambda: None) -> None:
+        """Nothing is passed yet. `database` tells at any time why the database cannot be used, None if it can."""
+        self._database = database
         self._open = dict.fromkeys(CHECKS, "waiting")
         self._guard = threading.Lock()
 
@@ -35,14 +38,14 @@ class Readiness:
     @property
     def ready(self) -> bool:
         """Whether nothing is open."""
-        with self._guard:
-            return not self._open
+        return all(state == "ok" for state in self.states().values())
 
     def states(self) -> Mapping[str, str]:
         """All checks with "ok" or what is open, in the order in which they are passed; "shutdown" first if any."""
         with self._guard:
             extra = {name: state for name, state in self._open.items() if name not in CHECKS}
-            return extra | {name: self._open.get(name, "ok") for name in CHECKS}
+            states = extra | {name: self._open.get(name, "ok") for name in CHECKS}
+        return states | {DATABASE: self._database() or "ok"}
 
     def require(self) -> None:
         """Raise NotReady, naming the first open check."""

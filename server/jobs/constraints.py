@@ -13,7 +13,7 @@ from server.jobs.folder import cut
 from server.jobs.runner import Assignment, Tools
 from server.queries.lookup import look_up
 from server.schemas.constraints import ConstraintsInput
-from server.store.database import storage_errors
+from server.store.sqlite_errors import storage_errors
 from server.store.submaps import Submaps
 from server.store.tables import SubmapRow
 

@@ -23,7 +23,7 @@ from server.intake.bulk import BatchResult, Line
 from server.jobs.folder import cut
 from server.jobs.runner import Assignment, Interrupted, Tools
 from server.kinds import document
-from server.store.database import storage_errors
+from server.store.sqlite_errors import storage_errors
 
 _log = logging.getLogger(__name__)
 

@@ -20,8 +20,9 @@ from server.schemas.common import to_json
 from server.schemas.constraints import ConstraintFormat
 from server.schemas.jobs import JobAnswer, JobLinks, JobPage, JobState
 from server.settings import Limits
-from server.store.database import Database, storage_errors
+from server.store.database import Database
 from server.store.jobs import UNFINISHED, Jobs
+from server.store.sqlite_errors import storage_errors
 from server.store.submaps import Submaps, stored_place
 from server.store.tables import JobRow
 from urquhart import SE2

@@ -3,7 +3,7 @@
 from server.index.flushing import Stopped, rebuild
 from server.index.upkeep import Upkeep
 from server.jobs.runner import Assignment, Interrupted, Tools
-from server.store.database import storage_errors
+from server.store.sqlite_errors import storage_errors
 
 
 def run_reindex(assignment: Assignment, tools: Tools) -> None:

@@ -12,7 +12,7 @@ import anyio.to_thread
 from server.errors import MalformedBody, TooLarge
 from server.jobs.folder import JobFolder
 from server.locks import try_lock
-from server.store.database import storage_errors
+from server.store.sqlite_errors import storage_errors
 
 _PIECE: Final = 1 << 20
 """Bytes that are inflated and written at once."""

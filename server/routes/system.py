@@ -34,7 +34,10 @@ async def livez() -> Response:
         200: {
             "content": {
                 "application/json": {
-                    "example": {"status": "ok", "checks": {"migrations": "ok", "kernels": "ok", "index": "ok"}}
+                    "example": {
+                        "status": "ok",
+                        "checks": {"migrations": "ok", "kernels": "ok", "index": "ok", "database": "ok"},
+                    }
                 }
             }
         },
@@ -42,9 +45,8 @@ async def livez() -> Response:
     },
 )
 async def readyz(service: ServiceDep) -> Response:
-    """503 while migrations, kernels or the index are open, or the service is about to end, naming which.
-
-    Requests are answered all the same.
+    """503 while migrations, kernels or the index are open, the database file is not the one that was opened, or the
+    service is about to end, naming which. Requests are answered all the same, unless they need the database.
     """
     service.readiness.require()
     return json_response(Readiness(status="ok", checks=dict(service.readiness.states())))

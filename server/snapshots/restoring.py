@@ -25,12 +25,13 @@ from server.snapshots.snapshot_folder import SnapshotFolder, is_name, read_manif
 from server.snapshots.snapshots import moment_name
 from server.store import schema
 from server.store.collections import Collections
-from server.store.database import Database, storage_errors
+from server.store.database import Database
 from server.store.integrity import file_findings
 from server.store.jobs import Jobs
 from server.store.occupancy import alone
 from server.store.renewal import bring_up_to_date
 from server.store.segments import Segments
+from server.store.sqlite_errors import storage_errors
 from urquhart.segment_file import SegmentDamaged, sync
 
 _BESIDE: Final = ("-wal", "-journal", "-shm")

@@ -17,7 +17,7 @@ from pydantic import ValidationError
 from server.errors import Conflict, InvalidField, NotFound, StorageDamaged
 from server.locks import try_lock
 from server.schemas.snapshots import Snapshot
-from server.store.database import storage_errors
+from server.store.sqlite_errors import storage_errors
 from urquhart.segment_file import sync
 
 _FILE: Final = ".db"

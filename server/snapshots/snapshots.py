@@ -19,8 +19,9 @@ from server.settings import Limits
 from server.snapshots.snapshot_folder import SnapshotFolder, check_name, sha256
 from server.store import schema
 from server.store.collections import Collections
-from server.store.database import Database, storage_errors
+from server.store.database import Database
 from server.store.integrity import file_findings
+from server.store.sqlite_errors import storage_errors
 from server.version import service_version
 from urquhart.segment_file import sync
 

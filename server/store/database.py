@@ -1,6 +1,6 @@
 """The SQLite file: connections, transactions, and SQLite's errors in the words of the domain."""
 
-import errno
+import logging
 import sqlite3
 import threading
 import time
@@ -18,10 +18,13 @@ from sqlalchemy.pool import QueuePool
 
 from server import errors
 from server.store import occupancy
+from server.store.file_watch import FileWatch, Trouble
+from server.store.sqlite_errors import BUSY, domain_error, storage_errors
 
 _WRITE = "urquhart_write"
 _PIECE = 256  # pages of a copy that are written at once, about a megabyte
 _POOL_SIZE = 64  # above the threads that serve requests, so that no request waits for a connection
+_log = logging.getLogger(__name__)
 
 
 class Database:
@@ -30,10 +33,18 @@ class Database:
     `read()` gives a session on one snapshot that no writer disturbs; `write()` a session that holds the write
     lock from its first statement, committed at the end of the block and rolled back by any exception. Repositories
     get such sessions handed in and never commit. Errors of SQLite leave as `errors.StorageError`.
+
+    From `use_wal` to `dispose` the file must stay what it is and where it is: else nothing is read and no write is
+    acknowledged, see `file_watch`.
     """
 
-    def __init__(self, path: Path | str, *, busy_timeout: float = 10.0, read_only: bool = False) -> None:
-        """Prepare for the file at `path` (it is opened, or made, at first use); `busy_timeout` in seconds."""
+    def __init__(
+        self, path: Path | str, *, busy_timeout: float = 10.0, read_only: bool = False, create: bool = True
+    ) -> None:
+        """Prepare for the file at `path`, which is opened at first use; `busy_timeout` in seconds.
+
+        `create`: `use_wal` makes the file where there is none. Nothing else does.
+        """
         self.path = Path(path).absolute()
         self.read_only = read_only
         self._busy_timeout = busy_timeout
@@ -41,13 +52,18 @@ class Database:
         self._writer = threading.Lock()
         self._occupancy: int | None = None
         self._moving_in = threading.Lock()
+        self._create = create and not read_only
+        self._watch = FileWatch(self.path)
+        self._sentinel: sqlite3.Connection | None = None
+        self._trouble: Trouble | None = None
+        self._noticing = threading.Lock()
         self.engine = self._make_engine()
         self._write_engine = self.engine.execution_options(**{_WRITE: True})
 
     @contextmanager
     def read(self) -> Iterator[Session]:
         """A session on a read transaction: everything read in it is of one revision."""
-        with self._translated(), Session(self.engine, expire_on_commit=False) as session:
+        with self._guarded(), Session(self.engine, expire_on_commit=False) as session:
             yield session
 
     @contextmanager
@@ -55,7 +71,7 @@ class Database:
         """A session on a write transaction, committed at the end; durable once the block is left."""
         with (
             self._one_writer(),
-            self._translated(),
+            self._guarded(),
             Session(self._write_engine, expire_on_commit=False) as session,
             session.begin(),
         ):
@@ -64,21 +80,45 @@ class Database:
     @contextmanager
     def write_connection(self) -> Iterator[Connection]:
         """A connection on a write transaction, for the schema's own statements."""
-        with self._one_writer(), self._translated(), self._write_engine.begin() as connection:
+        with self._one_writer(), self._guarded(), self._write_engine.begin() as connection:
             yield connection
 
     @contextmanager
     def read_connection(self) -> Iterator[Connection]:
         """A connection on a read transaction, for the schema's own statements."""
-        with self._translated(), self.engine.connect() as connection:
+        with self._guarded(), self.engine.connect() as connection:
             yield connection
 
+    def trouble(self) -> str | None:
+        """Why the database cannot be used although it was opened, and what to do; None where it can.
+
+        For files that were moved, deleted, replaced or written to by others. It is logged when that begins and ends.
+        """
+        found = self._watch.trouble()
+        with self._noticing:
+            before, self._trouble = self._trouble, found
+            if found is not None and before is None:
+                _log.error("the database cannot be used: %s", found.sentence)
+                self._save(found)
+            elif found is None and before is not None:
+                _log.warning("the database can be used again")
+        return None if found is None else found.sentence
+
     def use_wal(self) -> None:
-        """Put the file into WAL mode, for good. Not done on connecting: the file may be somebody else's."""
-        if self.read_only:
-            return
+        """Put the file into WAL mode, for good, and watch it from now on. It is made where there is none.
+
+        Not done on connecting: the file may be somebody else's. Raises StorageError.
+        """
+        with self._guarded():
+            if not self.read_only:
+                self._begin_wal()
+            with self._moving_in:
+                if self._sentinel is None:
+                    self._sentinel = self._watched()
+
+    def _begin_wal(self) -> None:
         deadline = time.monotonic() + self._busy_timeout
-        with self._translated(), closing(self._connect()) as connection:
+        with closing(self._connect(create=self._create and not self._watch.bound)) as connection:
             while connection.execute("PRAGMA journal_mode").fetchone()[0] != "wal":
                 try:
                     connection.execute("PRAGMA journal_mode = WAL")
@@ -103,7 +143,7 @@ class Database:
         The copy is one file without a log beside it, not yet synced. `between` is called after every megabyte; what it
         raises ends the copying. Raises StorageError.
         """
-        with self._translated(), closing(self._connect()) as source, closing(_new_file(target)) as copy:
+        with self._guarded(), closing(self._connect()) as source, closing(_new_file(target)) as copy:
             # In one read transaction, however long: else every write by others would make it begin again.
             source.execute("BEGIN")
             source.execute("SELECT count(*) FROM sqlite_master").fetchone()
@@ -114,6 +154,10 @@ class Database:
         """Close all idle connections; the last one to close folds the write-ahead log into the file."""
         self.engine.dispose()
         with self._moving_in:
+            if self._sentinel is not None:
+                self._sentinel.close()
+                self._watch.release()
+                self._sentinel = self._trouble = None
             if self._occupancy is not None:
                 occupancy.leave(self._occupancy)
                 self._occupancy = None
@@ -132,8 +176,10 @@ class Database:
         event.listen(engine, "begin", _begin)
         return engine
 
-    def _connect(self) -> sqlite3.Connection:
-        mode = "ro" if self.read_only else "rwc"
+    def _connect(self, *, create: bool = False) -> sqlite3.Connection:
+        if create:
+            self._refuse_orphaned_log()
+        mode = "ro" if self.read_only else ("rwc" if create else "rw")
         connection = sqlite3.connect(
             f"{self.path.as_uri()}?mode={mode}",
             uri=True,
@@ -142,23 +188,66 @@ class Database:
             check_same_thread=False,
         )
         try:
+            # The file is open, and nothing of it was read: one that is not ours stays as it is.
+            self._require()
             _configure(connection)
-        except sqlite3.Error:
+        except (sqlite3.Error, errors.StorageError):
             connection.close()
             raise
         return connection
 
+    def _watched(self) -> sqlite3.Connection:
+        """A connection that keeps the log from being removed by whoever closes the file last; the file is watched."""
+        with storage_errors(self.path):
+            before = self._watch.identity()
+            connection = self._connect()
+            try:
+                connection.execute("SELECT count(*) FROM sqlite_master").fetchone()  # opens the log
+                self._watch.bind()
+                if self._watch.identity() != before:
+                    raise errors.StorageAltered(f"{self.path.name} was replaced while it was opened; start again.")
+            except BaseException:
+                connection.close()
+                self._watch.release()
+                raise
+            return connection
+
+    def _refuse_orphaned_log(self) -> None:
+        """SQLite would remove the log of a database that is not there, with all that was committed to it."""
+        real = self.path.resolve()
+        log = real.with_name(f"{real.name}-wal")
+        if not real.exists() and log.exists() and log.stat().st_size:
+            raise errors.StorageAltered(
+                f"{log.name} holds what was stored last in {real.name}, which is not there. Put the database back "
+                "beside it; or move the log away to begin with an empty database."
+            )
+
+    def _require(self, cause: Exception | None = None) -> None:
+        if (sentence := self.trouble()) is not None:
+            raise errors.StorageAltered(sentence) from cause
+
+    def _save(self, trouble: Trouble) -> None:
+        """Put what is only in the log into the file that is open, wherever that is: the log may get lost."""
+        if self._sentinel is None or self.read_only or not trouble.intact:
+            return
+        try:
+            self._sentinel.execute("PRAGMA wal_checkpoint(PASSIVE)").fetchall()
+        except sqlite3.Error as error:
+            _log.warning("what is in the log cannot be written to the database file: %s", error)
+
     @contextmanager
     def _one_writer(self) -> Iterator[None]:
         if not self._writer.acquire(timeout=self._busy_timeout):
-            raise errors.StorageBusy(_BUSY)
+            raise errors.StorageBusy(BUSY)
         try:
             yield
         finally:
             self._writer.release()
 
     @contextmanager
-    def _translated(self) -> Iterator[None]:
+    def _guarded(self) -> Iterator[None]:
+        """Look at the file before it is used, and after: what is acknowledged must be in it. Raises StorageError."""
+        self._require()
         try:
             yield
         except DBAPIError as error:
@@ -169,24 +258,14 @@ class Database:
             self._raise_domain_error(error, error)
         except PoolTimeout as error:
             raise errors.StorageBusy("All database connections are in use; try again shortly.") from error
+        self._require()
 
     def _raise_domain_error(self, error: sqlite3.Error, cause: Exception) -> NoReturn:
-        code = getattr(error, "sqlite_errorcode", None)
-        known = _ERRORS.get(code & 0xFF) if isinstance(code, int) else None
+        self._require(cause)
+        known = domain_error(error, self.path)
         if known is None:
             raise cause
-        kind, sentence = known
-        raise kind(f"{sentence} (database {self.path.name})") from cause
-
-
-@contextmanager
-def storage_errors(path: Path) -> Iterator[None]:
-    """What the disk says about files beside the database, in the words of the domain. Raises StorageError."""
-    try:
-        yield
-    except OSError as error:
-        kind, sentence = _ERRORS[_DISK.get(error.errno or 0, sqlite3.SQLITE_IOERR)]
-        raise kind(f"{sentence} ({path.name}: {error.strerror or error})") from error
+        raise known from cause
 
 
 def _configure(connection: sqlite3.Connection) -> None:
@@ -211,40 +290,3 @@ def _begin(connection: Connection) -> None:
     writing = connection.get_execution_options().get(_WRITE, False)
     # To the driver itself: said before every read, it would cost more on its way there than it does.
     connection.connection.cursor().execute("BEGIN IMMEDIATE" if writing else "BEGIN")
-
-
-_DISK = {
-    errno.ENOSPC: sqlite3.SQLITE_FULL,
-    errno.EDQUOT: sqlite3.SQLITE_FULL,
-    errno.EROFS: sqlite3.SQLITE_READONLY,
-    errno.EACCES: sqlite3.SQLITE_READONLY,
-}
-_BUSY = "Another process is writing for longer than the busy timeout; nothing was stored, try again shortly."
-_ERRORS: dict[int, tuple[type[errors.StorageError], str]] = {
-    sqlite3.SQLITE_FULL: (
-        errors.StorageFull,
-        "The disk is full: nothing of this request was stored, what was stored before is intact. "
-        "Free some space and send it again.",
-    ),
-    sqlite3.SQLITE_READONLY: (
-        errors.StorageReadOnly,
-        "The database cannot be written: nothing was stored. Make the file and its folder writable for the service.",
-    ),
-    sqlite3.SQLITE_PERM: (errors.StorageUnavailable, "The database file may not be opened; check its permissions."),
-    sqlite3.SQLITE_BUSY: (errors.StorageBusy, _BUSY),
-    sqlite3.SQLITE_LOCKED: (errors.StorageBusy, _BUSY),
-    sqlite3.SQLITE_IOERR: (errors.StorageUnavailable, "The disk reports an error; check it before writing more."),
-    sqlite3.SQLITE_CORRUPT: (
-        errors.StorageDamaged,
-        "The database file is damaged. Stop the service, run `urquhart db check`, and restore a backup "
-        "if it confirms this.",
-    ),
-    sqlite3.SQLITE_NOTADB: (
-        errors.NotADatabase,
-        "The file is not a SQLite database and is left as it is. Give another path.",
-    ),
-    sqlite3.SQLITE_CANTOPEN: (
-        errors.StorageUnavailable,
-        "The database cannot be opened: its folder must exist and the service must be allowed to write there.",
-    ),
-}

@@ -261,6 +261,7 @@ def test_findings_name_each_kind_of_disagreement(database: Database, statement: 
 
 
 def test_findings_of_a_database_that_is_not_upgraded(tmp_path: Path) -> None:
+    (tmp_path / "empty.db").touch()
     database = Database(tmp_path / "empty.db")
     (finding,) = findings(database)
     assert "urquhart db upgrade" in finding.what

@@ -25,8 +25,8 @@ from server.jobs.runner import Assignment
 from server.keys import Doorkeeper
 from server.locks import try_lock
 from server.settings import IndexSettings, Limits, Settings
-from server.store.database import storage_errors
 from server.store.jobs import Jobs
+from server.store.sqlite_errors import storage_errors
 from tests.server.world import TestClient, forest, points, put_submap
 
 IMPORTS = "/v1/collections/plots/imports"

@@ -67,7 +67,10 @@ def ready(client: httpx.Client) -> httpx.Response:
 
 def test_probes(client: httpx.Client) -> None:
     assert client.get("/livez").json() == {"status": "ok"}
-    assert ready(client).json() == {"status": "ok", "checks": {"migrations": "ok", "kernels": "ok", "index": "ok"}}
+    assert ready(client).json() == {
+        "status": "ok",
+        "checks": {"migrations": "ok", "kernels": "ok", "index": "ok", "database": "ok"},
+    }
 
 
 def test_readiness_names_what_is_open(service: Service, monkeypatch: pytest.MonkeyPatch, client: httpx.Client) -> None:

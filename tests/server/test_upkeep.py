@@ -186,7 +186,7 @@ def test_a_full_disk_when_the_list_is_to_be_written(process: Process) -> None:
         connection.execute(f"PRAGMA max_page_count = {pages}")
         return connection
 
-    process.database._connect = limited  # type: ignore[method-assign]
+    process.database._connect = limited  # type: ignore[method-assign,assignment]
     process.database.engine = process.database._make_engine()
     process.upkeep.run()
     assert process.held() == {f"p{i}" for i in range(8)}

@@ -1,0 +1,207 @@
+"""Whether a database file is still the one that was opened, under its name, with its write-ahead log and its content.
+
+SQLite asks this hardly ever: after a `mv` it goes on writing into the file that was moved, and connections that are
+opened later use whatever lies at the path. So the service compares before each use of the database, and after each
+commit, before it acknowledges it. A look is four system calls and takes about ten microseconds.
+
+Files are looked at by name only. To open and close the database or its `-shm` file would drop the locks of SQLite in
+this process (POSIX locks belong to the process), which is why the descriptor of `-shm` is shared and kept.
+"""
+
+import os
+import struct
+import threading
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+_HEADER: Final = struct.Struct("=I4xIBBHII8x8s8s")
+"""Of the wal-index (SQLite's `WalIndexHdr`): version, change, initialised, byte order, page size, frames, pages, salts,
+checksum.
+"""
+_HEADER_BYTES: Final = 48
+_BACKFILLED, _ATTEMPTED, _INDEX_BYTES = 96, 128, 136
+"""Where the wal-index says how many frames are in the database, and how many a checkpoint began to put there."""
+_LOG_HEADER: Final = 32
+_FRAME_HEADER: Final = 24
+_TRIES: Final = 20
+"""Looks at a wal-index that somebody else is changing, before it is taken as it is."""
+_WHAT_TO_DO: Final = (
+    "Nothing is read or stored until this is mended. Put the same file back where it was, and the service goes on by "
+    "itself; to use another file, stop the service, put that file in place, and start the service."
+)
+_RESTART: Final = (
+    "Nothing is read or stored any more. Stop the service, restore the database from a backup or a snapshot if "
+    "`urquhart db check` finds fault with it, and start the service."
+)
+_Identity = tuple[int, int]
+"""Device and inode."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trouble:
+    """Why the database must not be used.
+
+    Attributes:
+        sentence: what is wrong and what to do.
+        intact: whether the file and the log that are open are as SQLite left them, though not under their names.
+    """
+
+    sentence: str
+    intact: bool
+
+
+@dataclass(frozen=True, slots=True)
+class _Index:
+    """What the wal-index says: bytes that the log must have, and how far checkpoints came since which start of it."""
+
+    log_bytes: int
+    checkpoints: tuple[bytes, int]
+    at_work: bool
+
+
+class FileWatch:
+    """Compares one database file with what was opened; `bind` says what that is. Thread-safe."""
+
+    def __init__(self, path: Path) -> None:
+        """Of the file at `path`, which need not be there yet."""
+        self.path = path
+        self._file: _Identity | None = None
+        self._beside: dict[str, tuple[Path, _Identity]] = {}
+        self._shared: int | None = None
+        self._seen: tuple[int, int, tuple[bytes, int]] | None = None
+        self._changed = False
+        self._guard = threading.Lock()
+
+    @property
+    def bound(self) -> bool:
+        """Whether there is something to compare with."""
+        return self._file is not None
+
+    def identity(self) -> _Identity:
+        """Device and inode of what lies at the path. Raises OSError."""
+        found = self.path.stat()
+        return found.st_dev, found.st_ino
+
+    def bind(self) -> None:
+        """What lies at the path now, with its log, is what is open; a connection must have read it. Raises OSError."""
+        with self._guard:
+            real = self.path.resolve()
+            self._beside = {}
+            for ending in ("-wal", "-shm"):
+                path = real.with_name(f"{real.name}{ending}")
+                if path.exists():
+                    found = path.stat()
+                    self._beside[ending] = path, (found.st_dev, found.st_ino)
+            if "-shm" in self._beside:
+                self._shared = _DESCRIPTORS.borrow(*self._beside["-shm"])
+            self._seen, self._changed = None, False
+            self._file = self.identity()
+
+    def release(self) -> None:
+        """Compare with nothing any more; no connection may be open."""
+        with self._guard:
+            if self._shared is not None:
+                _DESCRIPTORS.give_back(self._beside["-shm"][1])
+            self._file = self._shared = None
+            self._beside = {}
+
+    def trouble(self) -> Trouble | None:
+        """Why the database must not be used now; None where all is well, or nothing was bound."""
+        with self._guard:
+            if self._file is None:
+                return None
+            try:
+                return self._look()
+            except OSError as error:
+                name, why = Path(str(error.filename or self.path)).name, error.strerror or str(error)
+                return Trouble(f"{name} cannot be found: {why}. {_WHAT_TO_DO}", intact=True)
+
+    def _look(self) -> Trouble | None:
+        name = self.path.name
+        if self.identity() != self._file:
+            return Trouble(
+                f"Another file lies where the service opened {name}, which was moved or deleted. {_WHAT_TO_DO}",
+                intact=True,
+            )
+        sizes = dict[str, int]()
+        for ending, (path, identity) in self._beside.items():
+            found = path.stat()
+            if (found.st_dev, found.st_ino) != identity:
+                return Trouble(f"Another file lies where {path.name} was. {_WHAT_TO_DO}", intact=True)
+            sizes[ending] = found.st_size
+        if self._shared is None:
+            return None
+        if sizes["-shm"] < _INDEX_BYTES:
+            return Trouble(f"{name}-shm was cut off. {_RESTART}", intact=False)
+        for _ in range(_TRIES):  # others commit and checkpoint between the looks at the several files
+            trouble = self._compare(self._shared)
+            if trouble is None:
+                return None
+        return trouble
+
+    def _compare(self, shared: int) -> Trouble | None:
+        name = self.path.name
+        before = _read_index(shared)
+        log, file = self._beside["-wal"][0].stat(), self.path.stat()
+        after = _read_index(shared)
+        if before is None or after is None:
+            return None
+        if log.st_size < min(before.log_bytes, after.log_bytes):
+            return Trouble(f"{name}-wal was cut off, and what it held is gone. {_RESTART}", intact=False)
+        if file.st_size == 0:
+            return Trouble(f"{name} was cut off. {_RESTART}", intact=False)
+        if self._changed:
+            return Trouble(f"{name} was written to by something else than SQLite. {_RESTART}", intact=False)
+        if before.checkpoints != after.checkpoints or after.at_work:
+            return None  # the file is being written to by SQLite
+        seen = file.st_size, file.st_mtime_ns, after.checkpoints
+        if self._seen is not None and self._seen[2] == seen[2] and self._seen != seen:
+            # SQLite writes to the file in checkpoints only, and there was none.
+            self._changed = True
+            return self._compare(shared)
+        self._seen = seen
+        return None
+
+
+def _read_index(shared: int) -> _Index | None:
+    """What the wal-index says; None while somebody changes it, or before anything was written to the log."""
+    content = os.pread(shared, _INDEX_BYTES, 0)
+    if len(content) < _INDEX_BYTES or content[:_HEADER_BYTES] != content[_HEADER_BYTES : 2 * _HEADER_BYTES]:
+        return None
+    _, _, initialised, _, page, frames, _, salts, _ = _HEADER.unpack_from(content)
+    if not initialised:
+        return None
+    page_bytes = (page & 0xFE00) + ((page & 0x0001) << 16)
+    backfilled, attempted = (struct.unpack_from("=I", content, at)[0] for at in (_BACKFILLED, _ATTEMPTED))
+    log_bytes = _LOG_HEADER + frames * (_FRAME_HEADER + page_bytes) if frames else 0
+    return _Index(log_bytes, (salts, backfilled), attempted > backfilled)
+
+
+class _Descriptors:
+    """Open files by identity, shared by all who watch the same database in this process."""
+
+    def __init__(self) -> None:
+        self._open: dict[_Identity, tuple[int, int]] = {}
+        self._guard = threading.Lock()
+
+    def borrow(self, path: Path, identity: _Identity) -> int:
+        """A descriptor for reading. Raises OSError."""
+        with self._guard:
+            descriptor, users = self._open.get(identity, (-1, 0))
+            if not users:
+                descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+            self._open[identity] = descriptor, users + 1
+            return descriptor
+
+    def give_back(self, identity: _Identity) -> None:
+        """One who borrowed it needs it no more."""
+        with self._guard:
+            descriptor, users = self._open.pop(identity)
+            if users > 1:
+                self._open[identity] = descriptor, users - 1
+            else:
+                os.close(descriptor)
+
+
+_DESCRIPTORS: Final = _Descriptors()

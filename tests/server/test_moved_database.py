@@ -1,0 +1,288 @@
+"""The database file is moved, deleted, replaced or cut off under services that write to it; no write is lost."""
+
+import os
+import shutil
+import sqlite3
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+
+import httpx
+import pytest
+
+from server.checks.inspection import inspect
+from server.errors import StorageAltered
+from server.store import schema
+from server.store.database import Database
+from tests.server.processes import Server
+from tests.server.world import forest, points
+
+SUBMAPS = "/v1/collections/plots/submaps"
+TREES = points(forest(1, 12, 20.0))
+_PATIENCE = 60.0
+
+
+class Writers:
+    """Threads that store submaps through several services, and what these acknowledged."""
+
+    def __init__(self, servers: list[Server]) -> None:
+        self.acknowledged: list[str] = []
+        self.others: list[httpx.Response] = []
+        self._stop = threading.Event()
+        self._threads = [
+            threading.Thread(target=self._write, args=(server, f"{i}-{k}"))
+            for i, server in enumerate(servers)
+            for k in range(3)
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    def more(self, count: int = 8) -> None:
+        """Wait until so many more are acknowledged."""
+        wanted = len(self.acknowledged) + count
+        until(lambda: len(self.acknowledged) >= wanted)
+
+    def refused(self, count: int = 12) -> None:
+        """Wait until so many more are refused."""
+        wanted = len(self.others) + count
+        until(lambda: len(self.others) >= wanted)
+
+    def stop(self) -> None:
+        """End them; whatever was not stored was answered with the problem that says so."""
+        self._stop.set()
+        for thread in self._threads:
+            thread.join(_PATIENCE)
+        kinds = {(one.status_code, one.json()["type"]) for one in self.others}
+        assert kinds <= {(503, "/problems/storage-altered")}, [one.text for one in self.others][:3]
+
+    def _write(self, server: Server, name: str) -> None:
+        number = 0
+        with httpx.Client(base_url=str(server.client.base_url), timeout=_PATIENCE) as client:
+            while not self._stop.is_set():
+                number += 1
+                try:
+                    response = client.put(f"{SUBMAPS}/{name}-{number}", json={"xy": TREES})
+                except httpx.TransportError:
+                    return  # the service is no more; tests that expect it to live go on to ask it
+                if response.status_code == 201:
+                    self.acknowledged.append(f"{name}-{number}")
+                else:
+                    self.others.append(response)
+                    time.sleep(0.01)
+
+
+@contextmanager
+def writing(*servers: Server) -> Iterator[Writers]:
+    writers = Writers(list(servers))
+    try:
+        writers.more()
+        yield writers
+    finally:
+        writers.stop()
+
+
+def until(condition: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + _PATIENCE
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def not_ready(server: Server) -> bool:
+    response = server.client.get("/readyz")
+    return response.status_code == 503 and response.json()["check"] == "database"
+
+
+def shut(server: Server) -> None:
+    """Nothing is answered from the database."""
+    assert not_ready(server)
+    for response in (
+        server.client.get(SUBMAPS),
+        server.client.get("/v1/collections"),
+        server.client.get("/v1/jobs"),
+        server.client.post("/v1/collections/plots/queries", json={"xy": TREES}),
+        server.client.put("/v1/collections/new", json={}),
+        server.client.delete("/v1/collections/plots"),
+    ):
+        assert (response.status_code, response.json()["type"]) == (503, "/problems/storage-altered"), response.text
+        assert "stop the service" in response.json()["detail"].lower()
+    assert server.client.get("/livez").status_code == 200
+
+
+def stored(path: Path) -> set[str]:
+    """Ids of the submaps in a database that agrees with itself."""
+    database = Database(path)
+    assert list(inspect(database)) == []
+    database.dispose()
+    with closing(sqlite3.connect(path)) as connection:
+        return {name for (name,) in connection.execute("SELECT id FROM submaps")}
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    (tmp_path / "data").mkdir()
+    return tmp_path / "data" / "plots.db"
+
+
+def start(serve: Callable[..., Server], path: Path, count: int = 1) -> list[Server]:
+    servers = [serve(path) for _ in range(count)]
+    servers[0].client.put("/v1/collections/plots", json={}).raise_for_status()
+    return servers
+
+
+@pytest.mark.parametrize("beside", [False, True])
+def test_a_file_that_is_moved_and_put_back(serve: Callable[..., Server], path: Path, beside: bool) -> None:
+    servers = start(serve, path, 2)
+    away = path.parent.parent / "away"
+    away.mkdir()
+    with writing(*servers) as writers:
+        for _ in range(2):
+            moved = sorted(path.parent.glob("plots.db-*") if beside else []) + [path]
+            for one in reversed(moved):
+                one.rename(away / one.name)
+            until(lambda: all(map(not_ready, servers)))
+            writers.refused()
+            before = len(writers.acknowledged)
+            for server in servers:
+                shut(server)
+            assert len(writers.acknowledged) == before
+            assert not path.exists()
+            for one in moved:
+                (away / one.name).rename(one)
+            until(lambda: all(server.client.get("/readyz").status_code == 200 for server in servers))
+            writers.more()
+    for server in servers:
+        server.kill()
+    assert stored(path) >= set(writers.acknowledged)
+
+
+def test_what_is_in_the_log_is_in_the_file_that_was_moved(serve: Callable[..., Server], path: Path) -> None:
+    (server,) = start(serve, path)
+    with writing(server) as writers:
+        path.rename(path.with_name("moved.db"))
+        writers.refused()
+    server.kill()
+    assert not path.exists()
+    assert stored(path.with_name("moved.db")) >= set(writers.acknowledged)
+
+
+@pytest.mark.parametrize("ending", ["-wal", "-shm"])
+def test_a_log_that_is_deleted(serve: Callable[..., Server], path: Path, ending: str) -> None:
+    (server,) = start(serve, path)
+    with writing(server) as writers:
+        path.with_name(f"{path.name}{ending}").unlink()
+        writers.refused()
+        shut(server)
+    server.kill()
+    assert stored(path) >= set(writers.acknowledged)
+
+
+def test_a_file_that_is_deleted_is_not_made_again(serve: Callable[..., Server], path: Path) -> None:
+    (server,) = start(serve, path)
+    with writing(server) as writers:
+        path.unlink()
+        writers.refused()
+        shut(server)
+        assert not path.exists()
+
+
+def test_another_file_in_its_place(serve: Callable[..., Server], path: Path) -> None:
+    """It is not used before a restart, and is not changed meanwhile; the first one goes on where it was put back."""
+    (server,) = start(serve, path)
+    copy = path.with_name("copy.db")
+    with closing(sqlite3.connect(path)) as source, closing(sqlite3.connect(copy)) as target:
+        source.backup(target)
+    content = copy.read_bytes()
+    with writing(server) as writers:
+        path.rename(path.with_name("moved.db"))
+        shutil.copy(copy, path)
+        writers.refused()
+        shut(server)
+        assert path.read_bytes() == content
+        path.with_name("moved.db").replace(path)
+        writers.more()
+    server.kill()
+    assert stored(path) >= set(writers.acknowledged)
+
+
+@pytest.mark.parametrize("how", ["cp", "truncate", "truncate-wal"])
+def test_a_file_that_is_written_to_in_place(serve: Callable[..., Server], path: Path, how: str) -> None:
+    """What was acknowledged before is the operator's to restore; nothing is acknowledged after it."""
+    servers = start(serve, path, 2)
+    copy = path.with_name("copy.db")
+    with writing(*servers) as writers:
+        with closing(sqlite3.connect(path)) as source, closing(sqlite3.connect(copy)) as target:
+            source.backup(target)
+        writers.more()
+        match how:
+            case "cp":
+                subprocess.run(["cp", str(copy), str(path)], check=True)
+            case "truncate":
+                os.truncate(path, 0)
+            case _:
+                os.truncate(path.with_name(f"{path.name}-wal"), 0)
+        until(lambda: all(map(not_ready, servers)))
+        before = len(writers.acknowledged)
+        writers.refused()
+        for server in servers:
+            shut(server)
+        assert len(writers.acknowledged) <= before
+
+
+def test_a_memory_of_the_log_that_is_cut_off(serve: Callable[..., Server], path: Path) -> None:
+    """Whoever reads it at that moment is ended by the system; the log itself has everything."""
+    (server,) = start(serve, path)
+    with writing(server) as writers:
+        os.truncate(path.with_name(f"{path.name}-shm"), 0)
+        until(lambda: server.process.poll() is not None or bool(writers.others))
+    server.kill()
+    assert stored(path) >= set(writers.acknowledged)
+
+
+def test_a_log_is_not_thrown_away_for_want_of_its_database(path: Path) -> None:
+    """SQLite would delete it when it makes the file that is not there."""
+    database = Database(path)
+    schema.upgrade(database)
+    copy = path.with_name("copy.db")
+    shutil.copy(path, copy)
+    shutil.copy(f"{path}-wal", f"{copy}-wal")
+    database.dispose()
+    copy.unlink()
+    kept = path.with_name("copy.db-wal").read_bytes()
+    assert kept
+    with pytest.raises(StorageAltered, match="Put the database back beside it"):
+        schema.upgrade(Database(copy))
+    assert path.with_name("copy.db-wal").read_bytes() == kept and not copy.exists()
+
+
+def test_what_sqlite_does_is_no_alarm(tmp_path: Path) -> None:
+    """Checkpoints of every kind, by this process and by others, and files that grow and shrink."""
+    path = tmp_path / "busy.db"
+    database, reader = Database(path), Database(path, read_only=True)
+    schema.upgrade(database)
+    schema.upgrade(reader)
+    script = (
+        "import sqlite3,sys\n"
+        "c = sqlite3.connect(sys.argv[1], timeout=60, isolation_level=None)\n"
+        "for i in range(150):\n"
+        "    c.execute('INSERT INTO scratch VALUES (randomblob(5000))')\n"
+        "    c.execute('PRAGMA wal_checkpoint(' + ['PASSIVE','FULL','RESTART','TRUNCATE'][i % 4] + ')')\n"
+        "c.execute('DELETE FROM scratch'); c.execute('VACUUM'); c.execute('PRAGMA wal_checkpoint(TRUNCATE)')\n"
+    )
+    with database.write() as session:
+        session.connection().exec_driver_sql("CREATE TABLE scratch (content BLOB)")
+    with subprocess.Popen([sys.executable, "-c", script, str(path)]) as other:
+        while other.poll() is None:
+            with database.write() as session:
+                session.connection().exec_driver_sql("INSERT INTO scratch VALUES (randomblob(3000))")
+            with reader.read() as session:
+                session.connection().exec_driver_sql("SELECT count(*) FROM scratch").fetchone()
+            assert database.trouble() is None
+    assert other.returncode == 0
+    assert reader.trouble() is None
+    database.dispose()
+    reader.dispose()
