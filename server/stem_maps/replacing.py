@@ -11,7 +11,8 @@ from typing import Final
 from server.intake.batches import Described, Refusal
 from server.intake.bulk import BatchResult, write_in
 from server.registry import get_collection
-from server.store.database import Database, storage_errors
+from server.store.database import Database
+from server.store.sqlite_errors import storage_errors
 from server.store.stands import StandRecord, Stands
 from server.store.submaps import Submaps
 
