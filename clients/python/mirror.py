@@ -5,14 +5,17 @@ import re
 from pathlib import Path
 
 HERE = Path(__file__).parent / "urquhart_client"
-_AWAITED = ("_send", "get_job", "get_snapshot", "wait_for_job", "close")
+_AWAITED = ("_send", "_exchange", "_hang_up", "get_job", "get_snapshot", "wait_for_job", "close")
+_CALLS = (" http.close()", " http.request(", " stream.close()")
 _WORDS = {
     "_sync": "_async",
     "httpx.Client(": "httpx.AsyncClient(",
     "httpx.BaseTransport": "httpx.AsyncBaseTransport",
-    "self._http.close()": "await self._http.aclose()",
-    "self._http.request(": "await self._http.request(",
-    "with self._http.stream(": "async with self._http.stream(",
+    " http.close()": " await http.aclose()",
+    " stream.close()": " await stream.aclose()",
+    " http.request(": " await http.request(",
+    "with http.stream(": "async with http.stream(",
+    "this_process": "this_loop",
     "with self._streamed(": "async with self._streamed(",
     "contextmanager": "asynccontextmanager",
     "response.read()": "await response.aread()",
@@ -51,7 +54,7 @@ def _waits(body: str, name: str) -> bool:
         return False
     if name in ("__enter__", "__exit__"):
         return True
-    awaited = "self._http." in body or any(f"self.{one}(" in body for one in _AWAITED)
+    awaited = any(word in body for word in _CALLS) or any(f"self.{one}(" in body for one in _AWAITED)
     return (awaited and "lambda cursor" not in body) or "yield " in body
 
 

@@ -62,7 +62,7 @@ def test_one_call_stores_and_asks(client: Client) -> None:
 
 
 def test_the_command(client: Client, season: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    url = str(client._http.base_url)
+    url = client.base_url
     if "127.0.0.1" not in url:
         pytest.skip("the command talks over a socket")
 

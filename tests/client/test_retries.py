@@ -62,21 +62,59 @@ def test_what_is_harmless_is_sent_again(
     for other in others:
         assert (other.method, other.url, other.content) == (first.method, first.url, first.content)
         assert other.headers.get("Idempotency-Key") == first.headers.get("Idempotency-Key")
-    assert (name in ("post", "query that is kept")) == ("Idempotency-Key" in first.headers)
+    assert (name not in ("get", "query", "batch")) == ("Idempotency-Key" in first.headers)
+
+
+LATE = httpx.ReadTimeout("no answer in time")
 
 
 @pytest.mark.parametrize(
-    "call",
-    [
-        lambda c: c.query_batch("plots", [{"xy": [], "store": True}]),
-        lambda c: c.patch_submap("plots", "p7", properties={}),
-    ],
+    "late", [LATE, httpx.Response(504, json={"title": "late", "status": 504})], ids=["own", "proxy"]
 )
-def test_what_may_do_harm_is_not(call: Callable[[Client], object]) -> None:
-    service = Service(LOST)
-    with pytest.raises(ConnectionFailed):
+@pytest.mark.parametrize("name", ["query", "batch"])
+def test_a_search_that_took_too_long_is_not_begun_again(name: str, late: Answer) -> None:
+    call = next(call for known, call, _ in CALLS if known == name)
+    service = Service(late)
+    with pytest.raises((ConnectionFailed, ProblemError)):
         call(client(service))
     assert len(service.requests) == 1
+
+
+def test_a_write_that_took_too_long_joins_its_first_attempt() -> None:
+    running = httpx.Response(409, json={"title": "still running", "status": 409}, headers={"Retry-After": "0"})
+    service = Service(LATE, running, ok(RECEIPT, 201))
+    assert client(service).post_submap("plots", xy=[(0, 0)], query={}).id == "p7"
+    assert len({request.headers["Idempotency-Key"] for request in service.requests}) == 1
+    assert len({request.headers["X-Request-Id"] for request in service.requests}) == 3
+
+
+WRITES: list[Callable[[Client], object]] = [
+    lambda c: c.put_collection("plots"),
+    lambda c: c.patch_collection("plots", title="t"),
+    lambda c: c.delete_collection("plots"),
+    lambda c: c.put_submap("plots", "p7", xy=[(0, 0)]),
+    lambda c: c.post_submap("plots", xy=[(0, 0)]),
+    lambda c: c.patch_submap("plots", "p7", properties={}),
+    lambda c: c.delete_submap("plots", "p7"),
+    lambda c: c.query("plots", xy=[], store=True),
+    lambda c: c.query_batch("plots", [{"xy": []}, {"xy": [], "store": True}]),
+    lambda c: c.import_file("plots", __file__, wait=False),
+    lambda c: c.reindex("plots"),
+    lambda c: c.constraints("plots"),
+    lambda c: c.delete_job("j"),
+    lambda c: c.create_snapshot(),
+    lambda c: c.delete_snapshot("s"),
+]
+
+
+@pytest.mark.parametrize("call", WRITES)
+def test_every_write_carries_a_key_of_its_own_for_all_its_attempts(call: Callable[[Client], object]) -> None:
+    service = Service(LOST)
+    for calls in (1, 2):
+        with pytest.raises(ConnectionFailed):
+            call(client(service))
+        assert len(service.requests) == 4 * calls
+        assert len({request.headers["Idempotency-Key"] for request in service.requests}) == calls
 
 
 @pytest.mark.parametrize("status", [400, 401, 403, 404, 409, 412, 413, 422, 500, 507])

@@ -3,6 +3,7 @@
 import gzip
 import json
 import math
+import uuid
 import zlib
 from collections.abc import AsyncIterator, Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -36,9 +37,22 @@ class Request(Generic[T]):
     harmless: bool = False
 
     @property
-    def repeatable(self) -> bool:
-        """Whether it may be sent again when it is not known what became of it."""
-        return self.harmless or self.method in ("GET", "HEAD", "PUT", "DELETE") or "Idempotency-Key" in self.headers
+    def is_keyed(self) -> bool:
+        """Whether the service knows a repetition of it by its Idempotency-Key, and joins it to the first attempt."""
+        return "Idempotency-Key" in self.headers
+
+    def may_follow(self, outcome: httpx.Response | Exception) -> bool:
+        """Whether it may be sent again after an attempt that ended like this.
+
+        A search that takes longer than the caller waits takes as long the next time: it is not sent again after that,
+        whether it was the caller who gave up waiting or a proxy in between.
+        """
+        if self.method in ("GET", "HEAD") or self.is_keyed:
+            return True
+        late = isinstance(outcome, httpx.ReadTimeout) or (
+            isinstance(outcome, httpx.Response) and outcome.status_code == httpx.codes.GATEWAY_TIMEOUT
+        )
+        return self.harmless and not late
 
     def packed(self) -> "Request[T]":
         """The same with its body packed, where that is worth it."""
@@ -77,6 +91,24 @@ def bearer(api_key: str) -> str:
     if not api_key or any(not "!" <= character <= "~" for character in api_key):
         raise ValueError("the API key is empty, or has a space or a character that no key has: was it copied whole?")
     return f"Bearer {api_key}"
+
+
+def labelled(request: Request[Any]) -> dict[str, str]:
+    """The headers of one attempt, with an id by which its answer is known."""
+    return {**request.headers, "X-Request-Id": uuid.uuid4().hex}
+
+
+def foreign(response: httpx.Response, sent: Mapping[str, str]) -> UnexpectedAnswer | None:
+    """The error to raise where `response` answers another request than the one whose headers were `sent`."""
+    answered = response.headers.get("X-Request-Id")
+    if answered is None or answered == sent["X-Request-Id"]:
+        return None  # a proxy's own answer carries none
+    return UnexpectedAnswer(
+        f"the answer is to another request: its X-Request-Id is {answered!r}, and {sent['X-Request-Id']!r} was sent. "
+        "Do two processes share this connection?",
+        response.status_code,
+        "",
+    )
 
 
 def failed(request: Request[Any], error: Exception, service: httpx.URL) -> ConnectionFailed:

@@ -32,12 +32,12 @@ def post_import(
 
 def post_reindex(collection: str) -> Request[Job]:
     """Have an index written anew."""
-    return Request("POST", f"{collection_path(collection)}/reindex", model(Job), headers=once(None))
+    return Request("POST", f"{collection_path(collection)}/reindex", model(Job), headers=once())
 
 
 def post_constraints(collection: str, body: Mapping[str, Any]) -> Request[Job]:
     """Have constraints looked for."""
-    return with_body("POST", f"{collection_path(collection)}/constraints", body, model(Job), once(None))
+    return with_body("POST", f"{collection_path(collection)}/constraints", body, model(Job), once())
 
 
 def get_jobs(state: str | None, collection: str | None, limit: int | None, cursor: str | None) -> Request[Page[Job]]:
@@ -57,7 +57,7 @@ def delete_job(job_id: str) -> Request[Job | None]:
     def parse(response: httpx.Response) -> Job | None:
         return model(Job)(response) if response.status_code == 202 else None
 
-    return Request("DELETE", _job(job_id), parse)
+    return Request("DELETE", _job(job_id), parse, headers=once())
 
 
 def get_results(job_id: str, what: str) -> Request[str]:
@@ -72,7 +72,7 @@ def get_constraints(job_id: str, wanted: str) -> Request[str]:
 
 def post_snapshot(name: str | None) -> Request[Snapshot]:
     """Make a snapshot."""
-    return with_body("POST", "/v1/snapshots", {} if name is None else {"name": name}, model(Snapshot), once(None))
+    return with_body("POST", "/v1/snapshots", {} if name is None else {"name": name}, model(Snapshot), once())
 
 
 def get_snapshots(limit: int | None, cursor: str | None) -> Request[Page[Snapshot]]:
@@ -92,7 +92,7 @@ def get_snapshot_file(name: str) -> Request[str]:
 
 def delete_snapshot(name: str) -> Request[None]:
     """Forget a snapshot."""
-    return Request("DELETE", _snapshot(name), nothing)
+    return Request("DELETE", _snapshot(name), nothing, headers=once())
 
 
 def _job(job_id: str) -> str:

@@ -81,7 +81,7 @@ def put_collection(
         crs=crs,
         origin=None if origin is None else [float(value) for value in origin],
     )
-    return with_body("PUT", collection_path(collection), body, model(Collection))
+    return with_body("PUT", collection_path(collection), body, model(Collection), once())
 
 
 def get_collection(collection: str) -> Request[Collection]:
@@ -91,12 +91,12 @@ def get_collection(collection: str) -> Request[Collection]:
 
 def patch_collection(collection: str, changes: Mapping[str, Any]) -> Request[Collection]:
     """Change fields of a collection."""
-    return with_body("PATCH", collection_path(collection), changes, model(Collection))
+    return with_body("PATCH", collection_path(collection), changes, model(Collection), once())
 
 
 def delete_collection(collection: str) -> Request[None]:
     """Drop a collection."""
-    return Request("DELETE", collection_path(collection), nothing)
+    return Request("DELETE", collection_path(collection), nothing, headers=once())
 
 
 # ---------------------------------------------------------------- submaps
@@ -110,7 +110,7 @@ def put_submap(
     if_none_match: str | None,
 ) -> Request[SubmapReceipt]:
     """Store a submap under an id."""
-    request = with_body("PUT", _submap(collection, submap_id), body, model(SubmapReceipt))
+    request = with_body("PUT", _submap(collection, submap_id), body, model(SubmapReceipt), once())
     return _conditional(request, if_match, if_none_match)
 
 
@@ -156,13 +156,14 @@ def get_submap(collection: str, submap_id: str) -> Request[Submap]:
 
 def patch_submap(collection: str, submap_id: str, changes: Mapping[str, Any], if_match: str | None) -> Request[Submap]:
     """Change fields of a submap."""
-    request = with_body("PATCH", _submap(collection, submap_id), changes, model(Submap))
+    request = with_body("PATCH", _submap(collection, submap_id), changes, model(Submap), once())
     return _conditional(request, if_match, None)
 
 
 def delete_submap(collection: str, submap_id: str, if_match: str | None) -> Request[None]:
     """Remove a submap."""
-    return _conditional(Request("DELETE", _submap(collection, submap_id), nothing), if_match, None)
+    request = Request("DELETE", _submap(collection, submap_id), nothing, headers=once())
+    return _conditional(request, if_match, None)
 
 
 def get_tessellation(collection: str, submap_id: str) -> Request[Tessellation]:
@@ -182,10 +183,7 @@ def get_tessellation_svg(collection: str, submap_id: str) -> Request[str]:
 
 def post_query(collection: str, body: Mapping[str, Any]) -> Request[QueryResult]:
     """Ask where an observation was made."""
-    request = with_body("POST", f"{collection_path(collection)}/queries", body, model(QueryResult))
-    if body.get("store", False):
-        return replace(request, headers={**request.headers, **once(None)})
-    return replace(request, harmless=True)
+    return _asking(with_body("POST", f"{collection_path(collection)}/queries", body, model(QueryResult)), [body])
 
 
 def post_batch(
@@ -205,7 +203,7 @@ def post_batch(
         )
 
     request = with_body("POST", f"{collection_path(collection)}/queries/batch", {"queries": list(queries)}, parse)
-    return replace(request, harmless=not any(query.get("store", False) for query in queries))
+    return _asking(request, queries)
 
 
 def get_query(collection: str, query_id: str) -> Request[QueryResult]:
@@ -256,8 +254,8 @@ def parameters(**fields: str | int | float | None) -> dict[str, str | int | floa
     return {name: value for name, value in fields.items() if value is not None}
 
 
-def once(key: str | None) -> dict[str, str]:
-    """The header by which a POST can be sent again; a key of its own where none is given."""
+def once(key: str | None = None) -> dict[str, str]:
+    """The header by which a write is done once, however often it is sent; a key of its own where none is given."""
     return {"Idempotency-Key": key if key is not None else uuid.uuid4().hex}
 
 
@@ -276,6 +274,13 @@ def with_body(
     return Request(
         method, path, parse, headers={"Content-Type": JSON, "Accept": JSON, **(headers or {})}, content=content
     )
+
+
+def _asking(request: Request[T], queries: Sequence[Mapping[str, Any]]) -> Request[T]:
+    """A request that asks `queries`: to keep an answer is a write, any other changes nothing."""
+    if any(query.get("store", False) for query in queries):
+        return replace(request, headers={**request.headers, **once()})
+    return replace(request, harmless=True)
 
 
 def _conditional(request: Request[T], if_match: str | None, if_none_match: str | None) -> Request[T]:

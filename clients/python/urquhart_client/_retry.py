@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 _PASSING = frozenset({408, 429, 502, 503, 504})
 """What a service or a proxy answers when the same may succeed in a while."""
+_CONFLICT = 409
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +35,9 @@ class Retry:
             status: what the last was answered with; None where the connection failed.
             asked: seconds that the answer asked to wait (Retry-After).
         """
-        if attempt >= self.attempts or (status is not None and status not in _PASSING):
+        # 409 comes with Retry-After where the first attempt is still at work, and is final otherwise.
+        passing = status is None or status in _PASSING or (status == _CONFLICT and asked is not None)
+        if attempt >= self.attempts or not passing:
             return None
         # All robots of a fleet lose a service at once; they must not come back at once.
         drawn = random.uniform(0.0, min(self.first * 2.0 ** (attempt - 1), self.most))

@@ -11,15 +11,15 @@ from urquhart_client._sync.submaps import SubmapCalls
 
 
 class Client(ServiceCalls, SubmapCalls, QueryCalls, JobCalls):
-    """A connection to one service; usable as a context manager, and by several threads at once.
+    """A client of one service; usable as a context manager, by several threads at once, and after a fork.
 
     Every call raises `ProblemError` when the service refuses, `ConnectionFailed` when it cannot be reached and
-    `UnexpectedAnswer` when something else answers. What is harmless to repeat is sent again by itself where the
-    connection breaks or the service is busy, as `retry` says: reads, PUT and DELETE, queries that are not stored, and
-    POSTs, which carry an Idempotency-Key. A PUT with `if_match` that is sent again may meet its own first attempt and
-    be refused (412): read the submap to see whether it is yours.
+    `UnexpectedAnswer` when something else answers, or the answer is to another request. Where the connection breaks
+    or the service is busy, the client sends the request again, as `retry` says. Every write carries an
+    Idempotency-Key, so the service does it once and answers a repetition with the first answer. The client does not
+    repeat a search that took longer than `timeout`.
     """
 
 
 class AsyncClient(AsyncServiceCalls, AsyncSubmapCalls, AsyncQueryCalls, AsyncJobCalls):
-    """The same for asyncio: calls are awaited, listings are asynchronous iterators."""
+    """The same for asyncio, on any number of event loops: calls are awaited, listings are asynchronous iterators."""

@@ -4,12 +4,13 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from types import TracebackType
-from typing import Self, TypeVar
+from typing import Any, Self, TypeVar
 
 import httpx
 from pydantic import BaseModel
 
-from urquhart_client._exchange import Request, answer, bearer, failed, retry_after
+from urquhart_client._exchange import Request, answer, bearer, failed, foreign, labelled, retry_after
+from urquhart_client._pools import Pools, this_process
 from urquhart_client._retry import Retry
 from urquhart_client.models import Page
 
@@ -46,9 +47,31 @@ class Connection:
             ValueError: what is given as `api_key` cannot be one.
         """
         sent = dict(headers or {}) | ({} if api_key is None else {"Authorization": bearer(api_key)})
-        self._http = httpx.Client(base_url=base_url, timeout=timeout, headers=sent, transport=transport)
+        self._options: dict[str, Any] = {"base_url": base_url, "timeout": timeout, "headers": sent}
+        self._transport = transport
         self._retry = retry or Retry()
         self._compress = compress
+        self._base_url = httpx.URL(base_url)
+        self._open_pools()
+
+    def _open_pools(self) -> None:
+        options, transport = self._options, self._transport
+        self._pools = Pools(
+            lambda: httpx.Client(**options, transport=transport), this_process, shared=transport is not None
+        )
+
+    @property
+    def base_url(self) -> str:
+        """Where the service is, without any password that the URL may hold."""
+        return str(self._base_url.copy_with(userinfo=b""))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Pickled, a client is what it was made of, the API key included; its copy opens connections of its own."""
+        return {name: value for name, value in self.__dict__.items() if name != "_pools"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._open_pools()
 
     def __enter__(self) -> Self:
         return self
@@ -60,7 +83,9 @@ class Connection:
 
     def close(self) -> None:
         """Close the connections; the client cannot be used afterwards."""
-        self._http.close()
+        http = self._pools.close()
+        if http is not None:
+            http.close()
 
     def _send(self, request: Request[T]) -> T:
         if self._compress:
@@ -69,21 +94,16 @@ class Connection:
         while True:
             attempt += 1
             try:
-                response = self._http.request(
-                    request.method,
-                    request.path,
-                    params=dict(request.params),
-                    headers=dict(request.headers),
-                    content=request.content,
-                )
+                response = self._exchange(request)
             except (httpx.TransportError, httpx.DecodingError) as error:
-                pause = self._retry.pause(attempt, time.monotonic() - began) if request.repeatable else None
+                again = request.may_follow(error)
+                pause = self._retry.pause(attempt, time.monotonic() - began) if again else None
                 if pause is None:
-                    raise failed(request, error, self._http.base_url) from error
+                    raise failed(request, error, self._base_url) from error
                 lost = True
             else:
                 pause = None
-                if not response.is_success and request.repeatable:
+                if not response.is_success and request.may_follow(response):
                     asked = retry_after(response)
                     pause = self._retry.pause(
                         attempt, time.monotonic() - began, status=response.status_code, asked=asked
@@ -91,6 +111,23 @@ class Connection:
                 if pause is None:
                     return answer(request, response, lost=lost)
             time.sleep(pause)
+
+    def _exchange(self, request: Request[Any]) -> httpx.Response:
+        """Send once. Raises UnexpectedAnswer for the answer to another request, and closes its connection."""
+        http, headers = self._pools.here(), labelled(request)
+        response = http.request(
+            request.method, request.path, params=dict(request.params), headers=headers, content=request.content
+        )
+        wrong = foreign(response, headers)
+        if wrong is not None:
+            self._hang_up(response)
+            raise wrong
+        return response
+
+    def _hang_up(self, response: httpx.Response) -> None:
+        stream = response.extensions.get("network_stream")
+        if stream is not None:  # there is none where a test answers in the network's place
+            stream.close()
 
     def _lines(self, request: Request[T]) -> Iterator[str]:
         """The lines of an answer, as they come in."""
@@ -106,16 +143,19 @@ class Connection:
 
     @contextmanager
     def _streamed(self, request: Request[T]) -> Iterator[httpx.Response]:
+        http, headers = self._pools.here(), labelled(request)
         try:
-            with self._http.stream(
-                request.method, request.path, params=dict(request.params), headers=dict(request.headers)
-            ) as response:
+            with http.stream(request.method, request.path, params=dict(request.params), headers=headers) as response:
+                wrong = foreign(response, headers)
+                if wrong is not None:
+                    self._hang_up(response)
+                    raise wrong
                 if not response.is_success:
                     response.read()
                     answer(request, response)
                 yield response
         except (httpx.TransportError, httpx.DecodingError) as error:
-            raise failed(request, error, self._http.base_url) from error
+            raise failed(request, error, self._base_url) from error
 
     def _pages(self, request: Callable[[str | None], Request[Page[M]]]) -> Iterator[M]:
         cursor: str | None = None
