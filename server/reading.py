@@ -9,6 +9,7 @@ from pydantic import TypeAdapter, ValidationError
 import urquhart
 from server import links
 from server.errors import InvalidField, NotAcceptable, NotFound
+from server.footprints import geometry_of, outside, references_of, without_crs
 from server.geo import Georeference, polygon
 from server.index.derive import config_of, features_of
 from server.paging import page_size, read_cursor, read_name_cursor, write_cursor
@@ -28,6 +29,7 @@ from server.schemas.submaps import (
 from server.settings import Limits
 from server.store.codec import digest, unpack_attributes, unpack_ids, unpack_positions
 from server.store.database import Database
+from server.store.frames import Frames
 from server.store.sessions import Sessions
 from server.store.submaps import SubmapFilter, Submaps, stored_place
 from server.store.tables import SubmapRow
@@ -73,24 +75,20 @@ def sessions(
 def geojson_page(
     database: Database, limits: Limits, collection_id: str, chosen: SubmapFilter, limit: int | None, cursor: str | None
 ) -> tuple[dict[str, Any], str | None]:
-    """The same page as GeoJSON: footprints; a submap without map_pose has no geometry. And the next cursor.
+    """The same page as GeoJSON: footprints, each by its own map frame's CRS. And the next cursor.
 
-    Raises NotAcceptable for a collection without CRS.
+    A submap without map_pose, or in a map frame without CRS, has no geometry, and `no_geometry` says why. Raises
+    NotAcceptable for a collection without any CRS.
     """
     collection, rows, following = _rows(database, limits, collection_id, chosen, limit, cursor, landmarks=True)
-    georeference = Georeference(collection, ["application/json"])
+    references = references_of(database, collection, {row.map_frame_id for row in rows if row.map_frame_id is not None})
     features = []
     for row in rows:
-        place = stored_place(row)
         summary = SubmapSummary(**_summary(collection_id, row)).model_dump(mode="json")
-        features.append(
-            {
-                "type": "Feature",
-                "id": summary.pop("id"),
-                "geometry": place and georeference.footprint(place, unpack_positions(row.landmarks)),
-                "properties": summary,
-            }
-        )
+        submap_id = summary.pop("id")
+        geometry, reason = geometry_of(row, references)
+        summary |= {} if reason is None else {"no_geometry": reason}
+        features.append({"type": "Feature", "id": submap_id, "geometry": geometry, "properties": summary})
     return {"type": "FeatureCollection", "features": features} | ({"next": following} if following else {}), following
 
 
@@ -105,6 +103,10 @@ class Tessellated:
             if row is None:
                 raise NotFound("submap", submap_id)
             self._row = row
+            frame_id = row.map_frame_id
+            self._reference = (
+                None if frame_id is None else Frames(session, self._collection).some([frame_id]).get(frame_id)
+            )
         self._features = features_of(row.features, row.landmarks, row.attributes, config_of(self._collection))
         self.etag = digest(row.etag.encode(), self._features.fingerprint.encode(), self._geo_etag())
 
@@ -130,7 +132,6 @@ class Tessellated:
     def to_geojson(self) -> dict[str, Any]:
         """Polygons in longitude and latitude. Raises NotAcceptable without CRS or map_pose."""
         others = ["application/json", "image/svg+xml"]
-        georeference = Georeference(self._collection, others)
         place = stored_place(self._row)
         if place is None:
             raise NotAcceptable(
@@ -138,7 +139,11 @@ class Tessellated:
                 "Set one by PATCH, or ask for application/json.",
                 others,
             )
-        positions = georeference.lonlat(place, self._features.landmarks + self._features.origin)
+        if self._reference is None:
+            raise NotAcceptable(f"The submap {self._row.id!r}: {without_crs(place.map_frame_id)}.", others)
+        positions = Georeference(self._reference).lonlat(place, self._features.landmarks + self._features.origin)
+        if positions is None:
+            raise NotAcceptable(f"The submap {self._row.id!r}: {outside(place.map_frame_id, self._reference)}.", others)
         tessellation = self._features.tessellation
         return {
             "type": "FeatureCollection",
@@ -158,8 +163,7 @@ class Tessellated:
         return urquhart.draw_tessellation(self._features, title=self._row.id)
 
     def _geo_etag(self) -> bytes:
-        collection = self._collection
-        return repr((collection.crs, collection.origin_x, collection.origin_y)).encode()
+        return repr(self._reference).encode()
 
 
 def submap_filter(

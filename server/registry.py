@@ -10,6 +10,7 @@ from server.access import Caller
 from server.errors import Conflict, InvalidField, NotFound
 from server.geo import check_crs
 from server.index.derive import config_of
+from server.map_frames import check_default_frame, check_frames, must_agree, set_frames
 from server.paging import page_size, read_cursor, write_cursor
 from server.preconditions import ANYTHING, Preconditions
 from server.schemas.collections import (
@@ -20,12 +21,14 @@ from server.schemas.collections import (
     CollectionPut,
     CollectionSummary,
     Extent,
+    MapFrame,
     SpatialExtent,
 )
 from server.schemas.common import Counts
 from server.settings import Limits
 from server.store.collections import Collections
 from server.store.database import Database
+from server.store.frames import Frames
 from server.store.tables import CollectionRow
 from urquhart import Config, ConfigError
 
@@ -50,11 +53,12 @@ def ensure(
     config = read_config(body.config)
     if body.crs is not None:
         check_crs(body.crs)
+    check_frames(body.frames)
     with database.read() as session:
         row = Collections(session).get(collection_id)
         if row is not None:
             preconditions.check(etag_of(row))
-            _must_agree(row, body, config)
+            _must_agree(session, row, body, config)
             return Ensured(_full(session, row), etag_of(row), created=False)
     with database.write() as session:
         collections = Collections(session)
@@ -70,8 +74,9 @@ def ensure(
                 crs=body.crs,
                 origin=body.origin,
             )
+            set_frames(session, row, body.frames)
         else:
-            _must_agree(row, body, config)
+            _must_agree(session, row, body, config)
         return Ensured(_full(session, row), etag_of(row), created)
 
 
@@ -103,10 +108,11 @@ def page(database: Database, limits: Limits, caller: Caller, limit: int | None, 
 def patch(
     database: Database, collection_id: str, body: CollectionPatch, preconditions: Preconditions = ANYTHING
 ) -> tuple[Collection, str]:
-    """Change title, crs or origin. Raises NotFound, Conflict (the configuration stays), InvalidField."""
+    """Change title, crs, origin or frames. Raises NotFound, Conflict (the configuration stays), InvalidField."""
     given = body.model_fields_set
     if "crs" in given and body.crs is not None:
         check_crs(body.crs)
+    check_frames(body.frames)
     config = read_config(body.config)
     with database.write() as session:
         row = get_collection(session, collection_id)
@@ -120,7 +126,9 @@ def patch(
             row.crs = body.crs
         if "origin" in given:
             row.origin_x, row.origin_y = body.origin or (None, None)
-        if (row.title, row.crs, row.origin_x, row.origin_y) != before:
+        if (row.crs, row.origin_x, row.origin_y) != before[1:]:
+            check_default_frame(session, row, "/crs" if "crs" in given else "/origin")
+        if set_frames(session, row, body.frames) or (row.title, row.crs, row.origin_x, row.origin_y) != before:
             session.flush()
             Collections(session).advance(row.key)
             session.refresh(row)
@@ -159,7 +167,7 @@ def read_config(values: dict[str, Any] | None) -> Config:
         raise InvalidField(str(error)[:500], code="config", pointer="/config") from error
 
 
-def _must_agree(row: CollectionRow, body: CollectionPut, config: Config) -> None:
+def _must_agree(session: Session, row: CollectionRow, body: CollectionPut, config: Config) -> None:
     if body.config is not None and config != config_of(row):
         raise _other_config(row.id)
     origin = None if row.origin_x is None else (row.origin_x, row.origin_y)
@@ -170,6 +178,7 @@ def _must_agree(row: CollectionRow, body: CollectionPut, config: Config) -> None
     ):
         if wanted is not None and wanted != stored:
             raise Conflict(f"The collection {row.id!r} exists with another {name}; change it by PATCH.")
+    must_agree(session, row, body.frames)
 
 
 def _other_config(collection_id: str) -> Conflict:
@@ -206,5 +215,9 @@ def _full(session: Session, row: CollectionRow) -> Collection:
         # What a stored configuration does not name has its default: it is told whole.
         **_summary(row),
         config=Config().to_dict() | row.config,
+        frames={
+            frame_id: MapFrame(crs=reference.crs, origin=reference.origin)
+            for frame_id, reference in Frames(session, row).named().items()
+        },
         extent=Extent(spatial=spatial, temporal=collections.interval(row.key)),
     )

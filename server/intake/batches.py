@@ -16,6 +16,7 @@ from pydantic import ValidationError
 
 import urquhart
 from server.errors import DomainError, InvalidBody, InvalidField, MalformedBody, TooLarge
+from server.geo import check_place
 from server.index.derive import config_of
 from server.intake.prepare import Prepared
 from server.intake.workers import PATIENCE, Work, Workers
@@ -25,6 +26,7 @@ from server.schemas.pointers import invalid_body
 from server.schemas.submaps import NamedSubmap
 from server.settings import Limits
 from server.store.database import Database
+from server.store.frames import Frames
 from server.store.submaps import SubmapRecord, Submaps
 from server.threads import pin_threads
 from urquhart import Config
@@ -193,11 +195,16 @@ def _describe(
     with database.read() as session:
         collection = get_collection(session, collection_id)
         known = Submaps(session, collection.key).identities({submap.id for _, submap in submaps})
+        maps = {submap.map_pose.frame_id for _, submap in submaps if submap.map_pose is not None}
+        references = Frames(session, collection).some(maps)
     config = config_of(collection)
     described = Described(collection.key, following, [], 0, refused)
     for position, submap in submaps:
         try:
-            record = Prepared(submap.id, submap, limits).record(known.get(submap.id), config)
+            prepared = Prepared(submap.id, submap, limits)
+            if prepared.place is not None:
+                check_place(prepared.place, references.get(prepared.place.map_frame_id))
+            record = prepared.record(known.get(submap.id), config)
         except DomainError as error:
             refused.append(Refusal(submap.id, error, position))
             continue

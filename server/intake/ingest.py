@@ -10,6 +10,7 @@ from typing import Literal
 
 from sqlalchemy.orm import Session
 
+from server import geo
 from server.errors import Conflict, NotFound
 from server.idempotency import Kept, Once, keep, recall
 from server.index.derive import config_of
@@ -21,7 +22,8 @@ from server.settings import Limits
 from server.store.codec import unpack_positions
 from server.store.collections import Collections
 from server.store.database import Database
-from server.store.submaps import Identity, SubmapRecord, Submaps, stored_place
+from server.store.frames import Frames
+from server.store.submaps import Identity, Place, SubmapRecord, Submaps, stored_place
 from server.store.tables import CollectionRow
 from server.threads import pin_threads
 
@@ -54,6 +56,7 @@ def put(
     prepared = Prepared(submap_id, body, limits)
     with database.read() as session:
         collection = get_collection(session, collection_id)
+        check_place(session, collection, prepared.place)
         known = Submaps(session, collection.key).identities([submap_id]).get(submap_id)
     preconditions.check(known.etag if known else None)
     if known is not None and known.etag == prepared.etag:
@@ -85,6 +88,7 @@ def post(
     prepared = Prepared(submap_id, body, limits)
     with database.read() as session:
         collection = get_collection(session, collection_id)
+        check_place(session, collection, prepared.place)
     config = config_of(collection)
     prepared.describe(config)
     with database.write() as session:
@@ -128,6 +132,8 @@ def patch(
         preconditions.check(row.etag)
         given = body.model_fields_set
         place = place_from(body.map_pose, unpack_positions(row.landmarks)) if "map_pose" in given else stored_place(row)
+        if "map_pose" in given:
+            check_place(session, collection, place)
         properties = body.properties if "properties" in given else row.properties
         etag = row_etag(row, place, properties)
         if etag != row.etag:
@@ -148,6 +154,12 @@ def delete(database: Database, collection_id: str, submap_id: str, preconditions
             collection.key, submaps=-1, landmarks=-known.landmark_count, polygons=-known.polygon_count
         )
         submaps.delete(known.key, revision)
+
+
+def check_place(session: Session, collection: CollectionRow, place: Place | None) -> None:
+    """Raise InvalidField when the pose in the map is where the map frame's CRS does not reach."""
+    if place is not None:
+        geo.check_place(place, Frames(session, collection).some([place.map_frame_id]).get(place.map_frame_id))
 
 
 def same_collection(session: Session, collection_id: str, key: int) -> CollectionRow:

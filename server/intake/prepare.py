@@ -36,7 +36,7 @@ class Prepared:
         self.id = submap_id
         self._body = body
         self._xy = body.positions()
-        self._place = place_from(body.map_pose, self._xy)
+        self.place = place_from(body.map_pose, self._xy)
         self._landmarks = pack_positions(self._xy)
         self._ids = pack_json(body.landmark_ids())
         self._attributes = pack_json(body.attributes())
@@ -49,7 +49,7 @@ class Prepared:
             frame_id=body.frame_id,
             session=body.session,
             stamp=body.stamp,
-            place=self._place,
+            place=self.place,
             properties=body.properties,
         )
 
@@ -82,7 +82,7 @@ class Prepared:
             landmark_count=len(self._xy),
             polygon_count=polygons,
             counts=counts,
-            place=self._place,
+            place=self.place,
             properties=body.properties,
             landmarks_hash=self.landmarks_hash,
             etag=self.etag,

@@ -29,7 +29,7 @@ from server.schemas.collections import (
 router = APIRouter(route_class=JsonRoute, tags=["collections"])
 _PATH = "/v1/collections/{collection}"
 _EXAMPLE = {"content": {"application/json": {"example": COLLECTION_EXAMPLE}}}
-_SUMMARY = {name: value for name, value in COLLECTION_EXAMPLE.items() if name not in {"config", "extent"}}
+_SUMMARY = {name: value for name, value in COLLECTION_EXAMPLE.items() if name not in {"frames", "config", "extent"}}
 
 
 @router.get(
@@ -105,7 +105,10 @@ def get_collection(collection: CollectionId, service: ServiceDep, if_none_match:
 def patch_collection(
     collection: CollectionId, body: CollectionPatch, service: ServiceDep, preconditions: PreconditionsDep
 ) -> Response:
-    """Title, crs and origin; null clears, what is left out stays. The configuration cannot be changed (409)."""
+    """Title, crs, origin and frames; null clears, what is left out stays. The configuration cannot be changed (409).
+
+    422 when a crs or an origin puts a submap that is there outside the area where the CRS is used.
+    """
     changed, etag = registry.patch(service.database, collection, body, preconditions)
     return json_response(changed, headers=etag_header(etag))
 

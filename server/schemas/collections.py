@@ -10,9 +10,26 @@ from server.schemas.common import Answer, Body, Counts, Free, Label, Metres, Poi
 _Written = Annotated[datetime, PlainSerializer(write_stamp, return_type=str, when_used="json")]
 _Title = Annotated[str, Field(min_length=1, max_length=500)]
 _Crs = Annotated[str, Field(min_length=1, max_length=500)]
-_CRS = "Projected coordinate reference system in metres that map poses are given in, such as 'EPSG:32633'."
-_ORIGIN = "Easting and northing of the map frame's origin in the CRS, metres: keeps map poses small."
+_CRS = "Projected coordinate reference system in metres of poses in the map frame 'map', such as 'EPSG:32633'."
+_ORIGIN = (
+    "Easting and northing, metres, of the origin of the map frame 'map' in the CRS: keeps map poses small. "
+    "Leave it out where poses are in full coordinates of the CRS."
+)
+_FRAMES = "CRS and origin of each map frame other than 'map', by the frame's name."
+_MOST = 5_000
+"""Frames that one request names at most."""
 _CONFIG = "Parameters of the method; those left out have their defaults."
+
+
+class MapFrame(Body):
+    """Where a map frame is on Earth."""
+
+    crs: _Crs = Field(description="Projected coordinate reference system in metres, such as 'EPSG:32633'.")
+    origin: tuple[Metres, Metres] | None = Field(
+        None,
+        description="Easting and northing, metres, of the frame's origin in the CRS. Leave it out where poses are in "
+        "full coordinates of the CRS.",
+    )
 
 
 class CollectionPut(Body):
@@ -28,17 +45,28 @@ class CollectionPut(Body):
     config: Free | None = Field(None, description=_CONFIG)
     crs: _Crs | None = Field(None, description=_CRS)
     origin: tuple[Metres, Metres] | None = Field(None, description=_ORIGIN)
+    frames: Annotated[dict[Label, MapFrame], Field(max_length=_MOST)] | None = Field(None, description=_FRAMES)
 
 
 class CollectionPatch(Body):
     """Fields to change; null clears a field, one left out stays."""
 
-    model_config = ConfigDict(json_schema_extra={"examples": [{"title": "Plots of 2026, north"}]})
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [
+                {"title": "Plots of 2026, north"},
+                {"frames": {"stand-7": {"crs": "EPSG:32633", "origin": [415200.0, 5821500.0]}, "stand-8": None}},
+            ]
+        }
+    )
 
     title: _Title | None = Field(None, description="A name for people.")
     config: Free | None = Field(None, description="Must be what the collection has: it cannot be changed.")
     crs: _Crs | None = Field(None, description=_CRS)
     origin: tuple[Metres, Metres] | None = Field(None, description=_ORIGIN)
+    frames: Annotated[dict[Label, MapFrame | None], Field(max_length=_MOST)] | None = Field(
+        None, description=f"{_FRAMES} A frame that is not named stays as it is, null takes its CRS away."
+    )
 
 
 class SpatialExtent(Answer):
@@ -81,6 +109,7 @@ class CollectionSummary(Answer):
 class Collection(CollectionSummary):
     """A collection."""
 
+    frames: dict[str, MapFrame] = Field(description=_FRAMES)
     config: dict[str, Any]
     extent: Extent
 
@@ -107,6 +136,7 @@ COLLECTION_EXAMPLE: dict[str, Any] = {
         "submaps": "/v1/collections/plots/submaps",
         "queries": "/v1/collections/plots/queries",
     },
+    "frames": {"stand-7": {"crs": "EPSG:32633", "origin": [415200.0, 5821500.0]}},
     "config": {},
     "extent": {
         "spatial": [{"frame_id": "map", "bbox": [-40.2, -38.9, 161.0, 140.4]}],

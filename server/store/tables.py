@@ -145,6 +145,20 @@ class StandRow(Table):
     updated: Mapped[datetime] = mapped_column(Instant)
 
 
+class MapFrameRow(Table):
+    """Where a map frame other than the default one is on Earth: its system, and its origin there in metres."""
+
+    __tablename__ = "map_frames"
+
+    collection_key: Mapped[int] = mapped_column(
+        ForeignKey("collections.key", ondelete="CASCADE"), primary_key=True, autoincrement=False
+    )
+    frame_id: Mapped[str] = mapped_column(Text, primary_key=True)
+    crs: Mapped[str] = mapped_column(Text)
+    origin_x: Mapped[float | None] = mapped_column(Float)
+    origin_y: Mapped[float | None] = mapped_column(Float)
+
+
 def beside_key(collection_key: Any) -> ColumnElement[bool]:
     """Whether a submap is of a collection, in a statement that names submaps by their keys.
 

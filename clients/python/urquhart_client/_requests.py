@@ -73,6 +73,7 @@ def put_collection(
     config: Mapping[str, Any] | None,
     crs: str | None,
     origin: Sequence[float] | None,
+    frames: Mapping[str, Mapping[str, Any]] | None,
 ) -> Request[Collection]:
     """Make a collection, or find it the same."""
     body = given(
@@ -80,6 +81,7 @@ def put_collection(
         config=None if config is None else dict(config),
         crs=crs,
         origin=None if origin is None else [float(value) for value in origin],
+        frames=frames,
     )
     return with_body("PUT", collection_path(collection), body, model(Collection), once())
 

@@ -209,7 +209,10 @@ class Extent(Model):
 
 
 class Collection(Model):
-    """Submaps that share a configuration. A listing leaves `config` and `extent` out (None)."""
+    """Submaps that share a configuration. A listing leaves `frames`, `config` and `extent` out (None).
+
+    `crs` and `origin` are those of the map frame "map"; `frames` has them for every other map frame.
+    """
 
     id: str
     title: str | None = None
@@ -220,6 +223,7 @@ class Collection(Model):
     counts: dict[str, int] = Field(default_factory=dict)
     created: datetime | None = None
     updated: datetime | None = None
+    frames: dict[str, dict[str, Any]] | None = None
     config: dict[str, Any] | None = None
     extent: Extent | None = None
     links: dict[str, Any] = Field(default_factory=dict)

@@ -48,9 +48,10 @@ class AsyncServiceCalls(AsyncConnection):
         config: Mapping[str, Any] | None = None,
         crs: str | None = None,
         origin: Sequence[float] | None = None,
+        frames: Mapping[str, Mapping[str, Any]] | None = None,
     ) -> Collection:
         """Create a collection. With the same content it may be repeated; with another `config` it is refused (409)."""
-        return await self._send(_requests.put_collection(collection, title, config, crs, origin))
+        return await self._send(_requests.put_collection(collection, title, config, crs, origin, frames))
 
     async def patch_collection(
         self,
@@ -59,9 +60,10 @@ class AsyncServiceCalls(AsyncConnection):
         title: str | Unset | None = UNSET,
         crs: str | Unset | None = UNSET,
         origin: Sequence[float] | Unset | None = UNSET,
+        frames: Mapping[str, Mapping[str, Any] | None] | Unset = UNSET,
     ) -> Collection:
-        """Change what is given; None clears a field."""
-        changes = _bodies.changes(title=title, crs=crs, origin=origin)
+        """Change what is given; None clears a field, and takes the CRS of one of the `frames` away."""
+        changes = _bodies.changes(title=title, crs=crs, origin=origin, frames=frames)
         return await self._send(_requests.patch_collection(collection, changes))
 
     async def delete_collection(self, collection: str) -> None:

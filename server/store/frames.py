@@ -1,0 +1,99 @@
+"""Where map frames are on Earth, all seen through one collection."""
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from typing import Final
+
+from sqlalchemy import delete, func, select
+from sqlalchemy.orm import Session
+
+from server.store.tables import CollectionRow, MapFrameRow, SubmapRow
+
+DEFAULT_FRAME: Final = "map"
+"""The map frame of poses that name none; the collection's own crs and origin are this frame's."""
+_VARIABLES = 500  # names per statement, well below SQLite's limit on bound values
+
+
+@dataclass(frozen=True, slots=True)
+class FrameReference:
+    """The system of a map frame's coordinates, and its origin there: easting and northing, metres; None for (0, 0)."""
+
+    crs: str
+    origin: tuple[float, float] | None
+
+
+class Frames:
+    """Repository of one collection's map frames; the session is the caller's, and so is the commit."""
+
+    def __init__(self, session: Session, collection: CollectionRow) -> None:
+        self._session = session
+        self._collection = collection
+
+    def named(self) -> dict[str, FrameReference]:
+        """All frames but the default one, by name."""
+        query = select(MapFrameRow).where(MapFrameRow.collection_key == self._collection.key)
+        return {row.frame_id: _reference(row) for row in self._session.scalars(query.order_by(MapFrameRow.frame_id))}
+
+    def some(self, frame_ids: Collection[str]) -> dict[str, FrameReference]:
+        """Those of the frames that have a reference, the default one among them."""
+        found: dict[str, FrameReference] = {}
+        if DEFAULT_FRAME in frame_ids and self._collection.crs is not None:
+            found[DEFAULT_FRAME] = _reference(self._collection)
+        wanted = sorted(set(frame_ids) - {DEFAULT_FRAME})
+        for start in range(0, len(wanted), _VARIABLES):
+            some = wanted[start : start + _VARIABLES]
+            query = select(MapFrameRow).where(
+                MapFrameRow.collection_key == self._collection.key, MapFrameRow.frame_id.in_(some)
+            )
+            found |= {row.frame_id: _reference(row) for row in self._session.scalars(query)}
+        return found
+
+    def any(self) -> bool:
+        """Whether any frame of the collection has a reference."""
+        query = select(MapFrameRow.frame_id).where(MapFrameRow.collection_key == self._collection.key).limit(1)
+        return self._collection.crs is not None or self._session.scalar(query) is not None
+
+    def put(self, frame_id: str, reference: FrameReference | None) -> None:
+        """Set a frame's reference, or with None take it away; not for the default frame."""
+        key = self._collection.key
+        self._session.execute(
+            delete(MapFrameRow).where(MapFrameRow.collection_key == key, MapFrameRow.frame_id == frame_id)
+        )
+        if reference is not None:
+            x, y = reference.origin or (None, None)
+            self._session.add(
+                MapFrameRow(collection_key=key, frame_id=frame_id, crs=reference.crs, origin_x=x, origin_y=y)
+            )
+            self._session.flush()
+
+    def extent(self, frame_id: str) -> tuple[float, float, float, float] | None:
+        """min x, min y, max x, max y of the footprints in a frame, metres; None where there are none."""
+        low_x, low_y, high_x, high_y = self._session.execute(
+            select(
+                func.min(SubmapRow.map_min_x),
+                func.min(SubmapRow.map_min_y),
+                func.max(SubmapRow.map_max_x),
+                func.max(SubmapRow.map_max_y),
+            ).where(SubmapRow.collection_key == self._collection.key, SubmapRow.map_frame_id == frame_id)
+        ).one()
+        if low_x is None or low_y is None or high_x is None or high_y is None:
+            return None
+        return low_x, low_y, high_x, high_y
+
+    def centres(self, frame_id: str) -> Iterator[tuple[str, float, float]]:
+        """Id and middle of the footprint, metres, of every submap in a frame."""
+        query = select(
+            SubmapRow.id,
+            (SubmapRow.map_min_x + SubmapRow.map_max_x) / 2,
+            (SubmapRow.map_min_y + SubmapRow.map_max_y) / 2,
+        ).where(SubmapRow.collection_key == self._collection.key, SubmapRow.map_frame_id == frame_id)
+        for submap_id, x, y in self._session.execute(query.execution_options(yield_per=1000)):
+            if x is not None and y is not None:
+                yield submap_id, x, y
+
+
+def _reference(row: MapFrameRow | CollectionRow) -> FrameReference:
+    if row.crs is None:
+        raise AssertionError("only a frame with a crs has a reference")
+    origin = None if row.origin_x is None or row.origin_y is None else (row.origin_x, row.origin_y)
+    return FrameReference(row.crs, origin)
