@@ -32,6 +32,11 @@ class Limits(BaseModel):
     )
     batch_queries: int = Field(200, ge=1, description="Most queries in one batch.")
     import_bytes: int = Field(8 * 1024**3, ge=1024, description="Largest import, in bytes, unpacked.")
+    import_refusal_bytes: int = Field(
+        8 * 1024 * 1024,
+        ge=0,
+        description="Bytes of an import's results that tell of refused lines one by one; further ones are counted.",
+    )
     import_all_lines: int = Field(20_000, ge=1, description="Most lines of an import that stores all or none.")
     import_all_bytes: int = Field(
         256 * 1024 * 1024, ge=1024, description="Largest import that stores all or none, in bytes, unpacked."

@@ -21,8 +21,8 @@ from server.index.flushing import Stopped, flush
 from server.intake import batches, bulk
 from server.intake.bulk import BatchResult, Line
 from server.jobs.folder import cut
+from server.jobs.refusals import Refusals
 from server.jobs.runner import Assignment, Interrupted, Tools
-from server.kinds import document
 from server.store.sqlite_errors import storage_errors
 
 _log = logging.getLogger(__name__)
@@ -101,11 +101,19 @@ def _skip_line(file: BinaryIO) -> None:
 
 
 def _one_by_one(assignment: Assignment, tools: Tools, source: _Source, results: BinaryIO) -> None:
+    refusals = Refusals(tools.settings.limits.import_refusal_bytes, assignment.progress.get("refusals"))
+
     def witness(session: Session, batch: BatchResult) -> None:
         assignment.collection(session)
-        _write_results(results, batch.lines)
+        _write_results(results, _told(batch.lines, refusals))
         _count(assignment, batch.lines, batch.following)
-        assignment.report(session, line=batch.following, offset=source.after(batch.following), written=results.tell())
+        assignment.report(
+            session,
+            line=batch.following,
+            offset=source.after(batch.following),
+            written=results.tell(),
+            refusals=refusals.state(),
+        )
 
     with batches.describers(tools.settings.jobs.processes) as workers:
         ingesting = bulk.ingest_lines(
@@ -152,9 +160,10 @@ def _all_or_nothing(assignment: Assignment, tools: Tools, source: _Source, resul
             if position not in at_fault
         ]
         lines.sort(key=lambda line: line.position)
-        _write_results(results, lines)
+        refusals = Refusals(tools.settings.limits.import_refusal_bytes)
+        _write_results(results, _told(lines, refusals))
         _count(assignment, lines, found[-1].following)
-        assignment.report(written=results.tell())
+        assignment.report(written=results.tell(), refusals=refusals.state())
         raise LinesRefused(f"Nothing was stored: {len(refused)} lines cannot be, and mode=all asks for all or none.")
 
 
@@ -188,7 +197,7 @@ def _store_all(assignment: Assignment, tools: Tools, found: list[batches.Describ
             if refused:
                 raise _Undone
             lines = [line for batch in stored for line in batch.lines]
-            _write_results(results, lines)
+            _write_results(results, _told(lines, Refusals(0)))
             _count(assignment, lines, found[-1].following if found else 0)
             assignment.report(session, line=assignment.done, written=results.tell())
     except _Undone:
@@ -198,22 +207,26 @@ def _store_all(assignment: Assignment, tools: Tools, found: list[batches.Describ
     return []
 
 
-def _write_results(results: BinaryIO, lines: list[Line]) -> None:
-    results.writelines(orjson.dumps(_told(line)) + b"\n" for line in lines)
+def _write_results(results: BinaryIO, lines: list[bytes]) -> None:
+    results.writelines(lines)
     results.flush()
     os.fsync(results.fileno())
 
 
-def _told(line: Line) -> dict[str, Any]:
+def _told(lines: list[Line], refusals: Refusals) -> list[bytes]:
+    """A line of results for each line, apart from refused ones that are only counted."""
+    told = (_line_of(line) if line.error is None else refusals.told(line) for line in lines)
+    return [line for line in told if line is not None]
+
+
+def _line_of(line: Line) -> bytes:
     told: dict[str, Any] = {"line": line.position + 1}
     if line.id is not None:
         told["id"] = line.id
     told["outcome"] = line.outcome
     if line.revision is not None:
         told["revision"] = line.revision
-    if line.error is not None:
-        told["problem"] = document(line.error)
-    return told
+    return orjson.dumps(told) + b"\n"
 
 
 def _count(assignment: Assignment, lines: list[Line], following: int) -> None:

@@ -14,6 +14,7 @@ from server.errors import Conflict, Gone, NotFound, StorageReadOnly
 from server.idempotency import Kept, Once, keep, recall
 from server.identifiers import new_id
 from server.jobs.folder import JobFolder
+from server.jobs.refusals import summary
 from server.paging import page_size, read_cursor, write_cursor
 from server.registry import get_collection
 from server.schemas.common import to_json
@@ -147,10 +148,11 @@ def dismiss(database: Database, folder: JobFolder, caller: Caller, job_id: str) 
 
 @dataclass(frozen=True, slots=True)
 class Results:
-    """What came of a job: an open file, and how much of it counts, in bytes."""
+    """What came of a job: an open file, how much of it counts, in bytes, and lines that follow."""
 
     file: BinaryIO
     size: int
+    rest: bytes
 
 
 def results(database: Database, folder: JobFolder, caller: Caller, job_id: str) -> Results:
@@ -170,7 +172,7 @@ def results(database: Database, folder: JobFolder, caller: Caller, job_id: str) 
         file = folder.results(job_id).open("rb")
     except FileNotFoundError as error:
         raise Gone(f"The job {job_id} left no results, or they were kept long enough and are gone.") from error
-    return Results(file, int(row.progress.get("written", 0)))
+    return Results(file, int(row.progress.get("written", 0)), summary(row.progress.get("refusals")))
 
 
 def constraints(database: Database, folder: JobFolder, caller: Caller, job_id: str, wanted: ConstraintFormat) -> bytes:

@@ -181,6 +181,9 @@ def get_job_results(
     """Of an import: for each line of input a line with its number, `outcome`, and `problem` where it was refused. Of
     constraints: a line for each, `from`, `to` and the transform from_T_to; or all of them in another `format`.
 
+    Of very many refused lines later ones are told in short, and those beyond `import_refusal_bytes` are counted: one
+    line for each kind of problem, with `lines`, the first (`line`) and the `last_line`.
+
     `created`, `replaced`, `unchanged` are as of a PUT. `skipped` is left out: for what is there, with on_conflict=skip;
     or, with mode=all, because other lines were refused.
     """
@@ -210,6 +213,7 @@ def _pieces(found: queue.Results) -> Iterator[bytes]:
         while piece := file.read(min(_PIECE, left)):
             left -= len(piece)
             yield piece
+    yield found.rest
 
 
 def _refused(found: queue.Results) -> Iterator[bytes]:
@@ -223,4 +227,4 @@ def _refused(found: queue.Results) -> Iterator[bytes]:
             if len(piece) >= _PIECE:
                 yield bytes(piece)
                 piece.clear()
-    yield bytes(piece)
+    yield bytes(piece) + found.rest

@@ -121,7 +121,7 @@ def _work(path: Path, point: int) -> None:
 
         return called
 
-    def write_half(results: BinaryIO, lines: list[bulk.Line]) -> None:
+    def write_half(results: BinaryIO, lines: list[bytes]) -> None:
         before = results.seek(0, os.SEEK_END)
         results.write(b'{"line": 7, "outco')
         results.flush()

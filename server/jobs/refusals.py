@@ -1,0 +1,75 @@
+"""What an import tells of lines that it refuses: a limited number of bytes, however many there are.
+
+A refused line may have three bytes, and its problem a hundred times as many. So the first refusals are told in full,
+the next ones in short, and the rest are counted by kind. Nothing is left out silently: each is told or counted.
+"""
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+import orjson
+
+from server.intake.bulk import Line
+from server.kinds import document
+
+_IN_FULL: Final = 0.5
+"""Share of the bytes for refusals in full; the rest is for short ones."""
+_KINDS: Final = 200
+"""Kinds that are counted apart; there are about fifty."""
+_OTHER: Final = "/problems/invalid-request"
+
+
+class Refusals:
+    """Lines of results for refused lines, and the state that a job keeps between two of its batches.
+
+    Args:
+        most: bytes of lines for them, about; the one that reaches the limit is still told.
+        state: what `state()` said when the job was left, or None.
+    """
+
+    def __init__(self, most: int, state: Mapping[str, Any] | None = None) -> None:
+        self._most = most
+        self._written = int(state["bytes"]) if state else 0
+        self._counted: dict[str, list[int]] = {kind: list(known) for kind, known in state["counted"]} if state else {}
+
+    def state(self) -> dict[str, Any]:
+        """How much was told, and what was counted, ready for JSON."""
+        return {"bytes": self._written, "counted": [[kind, known] for kind, known in self._counted.items()]}
+
+    def told(self, line: Line) -> bytes | None:
+        """A line of results for one that was refused, or None where it is only counted."""
+        assert line.error is not None
+        problem = document(line.error)
+        if self._written >= self._most:
+            self._count(f"{problem['type']} {problem['status']} {_code(problem)}", line.position + 1)
+            return None
+        if self._written >= _IN_FULL * self._most:
+            problem = {"type": problem["type"], "status": problem["status"], "code": _code(problem)}
+        named = {} if line.id is None else {"id": line.id}
+        text = orjson.dumps({"line": line.position + 1, **named, "outcome": "refused", "problem": problem}) + b"\n"
+        self._written += len(text)
+        return text
+
+    def _count(self, kind: str, number: int) -> None:
+        if kind not in self._counted and len(self._counted) >= _KINDS:
+            kind = f"{_OTHER} 422 other"
+        known = self._counted.setdefault(kind, [0, number, number])
+        known[0] += 1
+        known[2] = number
+
+
+def summary(state: Mapping[str, Any] | None) -> bytes:
+    """Lines of results for refusals that were only counted: `lines` of a kind, from `line` to `last_line`."""
+    told = []
+    for kind, (count, first, last) in state["counted"] if state else ():
+        slug, status, code = kind.split(" ", 2)
+        problem = {"type": slug, "status": int(status), "code": code}
+        entry = {"line": first, "last_line": last, "lines": count, "outcome": "refused", "problem": problem}
+        told.append(orjson.dumps(entry) + b"\n")
+    return b"".join(told)
+
+
+def _code(problem: Mapping[str, Any]) -> str:
+    """The most telling word of a problem: the code of its first error, else the end of its type."""
+    errors = problem.get("errors")
+    return str(errors[0]["code"]) if errors else str(problem["type"]).rsplit("/", 1)[-1]
