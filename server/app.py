@@ -31,6 +31,7 @@ from server.metrics.exchange import Exchange
 from server.metrics.metrics import Metrics
 from server.rates import Rates
 from server.routes import arrivals, collections, imports, jobs, pages, queries, snapshots, submaps, system
+from server.schemas import strict_json
 from server.settings import Settings
 from server.snapshots.snapshot_folder import SnapshotFolder
 from server.store.database import Database
@@ -153,6 +154,8 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     except BaseException:
         service.database.dispose()
         raise
+    # Bodies are read on the event loop, which must not wait for a compiler.
+    await anyio.to_thread.run_sync(strict_json.warm_up)
     service.readiness.passed("migrations")
     # Some more than there are places, so that probes and metrics find one whatever goes on.
     threads = anyio.to_thread.current_default_thread_limiter()

@@ -31,9 +31,9 @@ from server.schemas.common import (
     Problem,
     ResourceId,
     check_digits,
-    read_json,
     to_json,
 )
+from server.schemas.strict_json import read_json
 from server.settings import Settings
 from server.snapshots.snapshot_folder import SnapshotFolder
 from server.store.database import Database

@@ -21,8 +21,8 @@ from server.index.derive import config_of
 from server.intake.prepare import Prepared
 from server.intake.workers import PATIENCE, Work, Workers
 from server.registry import get_collection
-from server.schemas.common import read_json
 from server.schemas.pointers import invalid_body
+from server.schemas.strict_json import read_json
 from server.schemas.submaps import NamedSubmap
 from server.settings import Limits
 from server.store.database import Database

@@ -6,7 +6,6 @@ import unicodedata
 from datetime import UTC, datetime
 from typing import Annotated, Any
 
-import orjson
 from pydantic import (
     AfterValidator,
     AwareDatetime,
@@ -17,12 +16,8 @@ from pydantic import (
     PlainSerializer,
 )
 
-from server.errors import InvalidField, TooLarge
-
 _RFC3339 = re.compile(r"\d{4}-\d{2}-\d{2}[Tt ]\d{2}:\d{2}:\d{2}(\.\d+)?([Zz]|[+-]\d{2}:\d{2})")
 _DEPTH = 32
-_MEMBERS = 5_000
-_FEW_BYTES = 1 << 16
 _ID_MARKS = frozenset("._~-")
 _ID_RULE = "1 to 128 letters, digits, '.', '_', '~' or '-'; not '.' or '..'"
 
@@ -59,51 +54,6 @@ def _check_depth(value: dict[str, Any]) -> dict[str, Any]:
         if not level:
             return value
     raise ValueError(f"must not be nested more than {_DEPTH} deep")
-
-
-def _check_breadth(content: Any, size: int) -> None:
-    """Refuse JSON of `size` bytes in which an object has very many members, before each is told of by itself.
-
-    No request has so many, and hundreds of thousands of errors take seconds, in which nobody else is answered. What
-    `properties` holds is the caller's own, and has its own limit. Raises InvalidField.
-    """
-    level: list[Any] = [content] if size > _FEW_BYTES else []
-    while level:
-        wide = next((outer for outer in level if isinstance(outer, dict) and len(outer) > _MEMBERS), None)
-        if wide is not None:
-            raise InvalidField(
-                f"an object has {len(wide)} members, and none of a request has more than {_MEMBERS}",
-                code="too_many_members",
-                pointer="",
-            )
-        inner: list[Any] = []
-        for outer in level:
-            if isinstance(outer, dict):
-                inner += [v for k, v in outer.items() if isinstance(v, dict | list) and k != "properties"]
-            elif isinstance(outer, list):  # points are lists of numbers: there is nothing to be found in them
-                inner += [value for value in outer if isinstance(value, dict)]
-        level = inner
-
-
-def _check_values(raw: bytes, most: int) -> None:
-    """Refuse JSON with very many arrays and objects before it is read: while Python makes them, nobody is answered.
-
-    Brackets in texts count, too: no request has so many of them. Raises TooLarge.
-    """
-    got = raw.count(b"[") + raw.count(b"{")
-    if got > most:
-        raise TooLarge("body_values", most, got, "Send fewer submaps or queries at a time.")
-
-
-def read_json(raw: bytes, most: int) -> Any:
-    """JSON that is not more than a request can be: at most `most` arrays and objects, none of them very wide.
-
-    Raises TooLarge, InvalidField and orjson.JSONDecodeError.
-    """
-    _check_values(raw, most)
-    content = orjson.loads(raw)
-    _check_breadth(content, len(raw))
-    return content
 
 
 def _check_stamp(value: object) -> object:
