@@ -1,27 +1,26 @@
-"""Constraints between the submaps of a collection: found by looking each up, agreed from both sides, written out.
+"""Constraints between the submaps of a collection: found by looking each up, and agreed from both sides.
 
 A constraint is from_T_to: it takes points of the submap `to` into the frame of `from`, p_from = R(yaw) p_to + t. That
 is the pose of `to` seen from `from`, as an edge of a pose graph has it.
 """
 
 import math
-from collections import deque
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable
 from typing import Any, Final
 
 import numpy as np
-import orjson
 
 from server.errors import InvalidField
+from server.queries.lookup import Look
+from server.queries.poses import flat, transform_answer
 from server.reading import submap_filter
 from server.registry import get_collection
-from server.schemas.candidates import CandidateAnswer
-from server.schemas.constraints import ConstraintFormat, ConstraintsInput
+from server.schemas.constraints import ConstraintsInput
 from server.schemas.queries import Exclude, QueryInput
 from server.store.database import Database
 from server.store.submaps import SubmapFilter, Submaps
 from server.store.tables import SubmapRow
-from urquhart import SE2
+from urquhart import SE2, Candidate
 
 _SHIFT: Final = 1.0
 """Metres, and"""
@@ -29,7 +28,7 @@ _TURN: Final = math.radians(5.0)
 """radians: two finds of a pair that are farther from each other than this contradict each other."""
 
 Found = dict[str, Any]
-"""A constraint as JSON: from, to, transform, inliers, rms, confidence, from_session, to_session."""
+"""A constraint as JSON, as it is kept: all of `server.schemas.constraints.Constraint` but `stale`."""
 
 
 def chosen_submaps(body: ConstraintsInput) -> SubmapFilter:
@@ -53,33 +52,49 @@ def check_ids(database: Database, collection_id: str, body: ConstraintsInput) ->
 
 def question(row: SubmapRow, body: ConstraintsInput, most: int) -> QueryInput:
     """The query that looks a submap up among all others that it may be paired with; `most` candidates of any query."""
+    wanted = body.exclude
+    # A submap without a session is of one session with no other, and one without a stamp is close to none in time.
+    possible = row.session is not None or not wanted.same_session
+    possible = possible and (row.stamp is not None or wanted.within_seconds is None)
     exclude = Exclude()
-    if body.exclude.within_seconds is not None and row.stamp is not None:
-        exclude = Exclude(within_seconds=body.exclude.within_seconds)
+    if possible:
+        session = row.session if wanted.same_session else None
+        exclude = Exclude(session=session, within_seconds=wanted.within_seconds)
     return QueryInput(submap_id=row.id, limit=min(body.per_submap, most), exclude=exclude, pairs=False)
 
 
-def from_candidates(row: SubmapRow, candidates: Sequence[CandidateAnswer], body: ConstraintsInput) -> list[Found]:
+def from_look(row: SubmapRow, look: Look, body: ConstraintsInput) -> list[Found]:
     """Those candidates of a submap's look-up that are accepted and pass the gates, as constraints."""
     gates = body.gates
     return [
         {
             "from": one.submap_id,
             "to": row.id,
-            "transform": one.transform.model_dump(),
+            **measured(found),
             "inliers": one.inlier_count,
             "rms": one.rms,
             "confidence": one.confidence,
             "from_session": one.session,
             "to_session": row.session,
+            "from_revision": look.content_revisions[one.submap_id],
+            "to_revision": look.content_revisions[row.id],
         }
-        for one in candidates
+        for one, found in zip(look.answer.candidates, look.candidates, strict=True)
         if one.refused is None
         and one.confidence >= gates.confidence
         and one.inlier_count >= gates.inliers
         and (gates.rms is None or one.rms <= gates.rms)
-        and not (body.exclude.same_session and row.session is not None and one.session == row.session)
     ]
+
+
+def measured(found: Candidate) -> dict[str, Any]:
+    """What a candidate tells of the pose of `to` in the frame of `from`."""
+    answer = transform_answer(found.transform, found.uncertainty).model_dump()
+    return {
+        "transform": answer | {"covariance_frame": "from", "about": "to_origin"},
+        "information": flat(found.uncertainty.source_information(found.transform)),
+        "information_frame": "to",
+    }
 
 
 def agree(found: Iterable[Found]) -> tuple[list[Found], int]:
@@ -92,74 +107,24 @@ def agree(found: Iterable[Found]) -> tuple[list[Found], int]:
         if pair not in pairs:
             pairs[pair] = one
         elif other is not None:
-            mine, theirs = _pose(one), _pose(other)
-            shift, turn = mine.distance(theirs if one["from"] == other["from"] else theirs.inverse())
-            if shift > _SHIFT or turn > _TURN:
+            if _contradict(one, other):
                 pairs[pair], contradictions = None, contradictions + 1
             elif one["inliers"] > other["inliers"]:
                 pairs[pair] = one
     return [one for one in pairs.values() if one is not None], contradictions
 
 
-def write_out(found: Sequence[Found], wanted: ConstraintFormat, poses: Mapping[str, SE2]) -> bytes:
-    """Constraints in a format; `poses` are those of submaps in a map, where g2o begins."""
-    match wanted:
-        case "json":
-            return orjson.dumps({"constraints": list(found)})
-        case "g2o":
-            return _g2o(found, poses).encode()
-        case "matrices":
-            return "".join(map(_matrix, found)).encode()
-        case _:
-            return b"".join(orjson.dumps(one) + b"\n" for one in found)
+def _contradict(one: Found, other: Found) -> bool:
+    """Whether two finds of a pair put the trees in different places. An origin far from them would only swing."""
+    mine, theirs = pose_of(one), pose_of(other)
+    if one["from"] != other["from"]:
+        theirs = theirs.inverse()
+    trees = np.array([one["transform"]["middle"]["source"]])
+    shift, turn = float(np.hypot(*(mine.apply(trees) - theirs.apply(trees))[0])), mine.distance(theirs)[1]
+    return shift > _SHIFT or turn > _TURN
 
 
-def _g2o(found: Sequence[Found], poses: Mapping[str, SE2]) -> str:
-    names = list(dict.fromkeys(name for one in found for name in (one["from"], one["to"])))
-    numbers = {name: i for i, name in enumerate(names)}
-    starts = _starts(found, names, poses)
-    lines = [f"# {numbers[name]} {name}" for name in names]
-    for name in names:
-        pose = starts[name]
-        lines.append(f"VERTEX_SE2 {numbers[name]} {pose.x!r} {pose.y!r} {pose.yaw!r}")
-    for one in found:
-        at = one["transform"]
-        information = np.linalg.pinv(np.reshape(at["covariance"], (3, 3)), hermitian=True)
-        upper = " ".join(repr(float(information[i, j])) for i in range(3) for j in range(i, 3))
-        lines.append(
-            f"EDGE_SE2 {numbers[one['from']]} {numbers[one['to']]} {at['x']!r} {at['y']!r} {at['yaw']!r} {upper}"
-        )
-    return "\n".join(lines) + "\n" if lines else ""
-
-
-def _starts(found: Sequence[Found], names: Sequence[str], poses: Mapping[str, SE2]) -> dict[str, SE2]:
-    """A pose for every submap: its own in the map, else along the constraints from one that has a pose, else 0."""
-    beside: dict[str, list[tuple[str, SE2]]] = {name: [] for name in names}
-    for one in found:
-        beside[one["from"]].append((one["to"], _pose(one)))
-        beside[one["to"]].append((one["from"], _pose(one).inverse()))
-    starts: dict[str, SE2] = {}
-    for root in sorted(names, key=lambda name: name not in poses):
-        if root in starts:
-            continue
-        starts[root] = poses.get(root, SE2.identity())
-        queue = deque([root])
-        while queue:
-            name = queue.popleft()
-            for other, step in beside[name]:
-                if other not in starts:
-                    starts[other] = poses.get(other, starts[name] @ step)
-                    queue.append(other)
-    return starts
-
-
-def _matrix(one: Found) -> str:
-    at = one["transform"]
-    c, s = math.cos(at["yaw"]), math.sin(at["yaw"])
-    rows = [c, -s, 0.0, at["x"], s, c, 0.0, at["y"], 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]
-    return f"{one['from']} {one['to']} {' '.join(map(repr, rows))}\n"
-
-
-def _pose(one: Found) -> SE2:
+def pose_of(one: Found) -> SE2:
+    """from_T_to of a constraint."""
     at = one["transform"]
     return SE2(at["x"], at["y"], at["yaw"])

@@ -14,7 +14,8 @@ from server.geo import Georeference, polygon
 from server.index.derive import config_of, features_of
 from server.paging import page_size, read_cursor, read_name_cursor, write_cursor
 from server.registry import get_collection
-from server.schemas.common import MapPose, Stamp
+from server.schemas.common import Stamp
+from server.schemas.poses import PlacedPose
 from server.schemas.submaps import (
     SessionPage,
     SessionSummary,
@@ -202,7 +203,7 @@ def _summary(collection_id: str, row: SubmapRow) -> dict[str, Any]:
         "stamp": row.stamp,
         "session": row.session,
         "map_pose": place
-        and MapPose(
+        and PlacedPose(
             frame_id=place.map_frame_id,
             x=place.map_x,
             y=place.map_y,

@@ -18,6 +18,7 @@ METHOD = [
         "stages",
         "landmarks",
         "se2",
+        "uncertainty",
         "quads",
         "tessellation",
         "descriptor",

@@ -12,7 +12,8 @@ from urquhart.confidence import against_chance, against_rival, log_odds, surely_
 from urquhart.config import Config
 from urquhart.features import Features
 from urquhart.proposing import Level, Proposal, Sighting
-from urquhart.se2 import SE2, covariance
+from urquhart.se2 import SE2
+from urquhart.uncertainty import PoseUncertainty, least_squares
 from urquhart.verification import Verified
 
 Verdict = Literal["matched", "ambiguous", "no_match"]
@@ -30,7 +31,7 @@ class Candidate:
         key: the submap, as given to `Recognizer.add`.
         level: which features proposed the transform.
         transform: `submap_T_query`, in the frames as posted.
-        covariance: (3, 3) float64 over (x, y, yaw): metres, radians.
+        uncertainty: of the transform, about the middle of the inliers.
         query_indices, submap_indices: (K,) int64, the one-to-one inliers, positions as posted.
         residuals: (K,) float64, metres.
         votes: features that voted for the submap.
@@ -48,7 +49,7 @@ class Candidate:
     key: int
     level: Level
     transform: SE2
-    covariance: NDArray[np.float64]
+    uncertainty: PoseUncertainty
     query_indices: NDArray[np.int64]
     submap_indices: NDArray[np.int64]
     residuals: NDArray[np.float64]
@@ -62,6 +63,11 @@ class Candidate:
     lead: float | None
     confidence: float
     refused: str | None
+
+    @property
+    def covariance(self) -> NDArray[np.float64]:
+        """(3, 3) over the transform's x, y and yaw: about the query's origin, along the axes of the submap's frame."""
+        return self.uncertainty.origin_covariance(self.transform)
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,7 +200,7 @@ def make_candidate(
         key=proposal.key,
         level=proposal.level,
         transform=transform,
-        covariance=covariance(features.landmarks[v.query] + features.origin, transform, variance),
+        uncertainty=least_squares(features.landmarks[v.query] + features.origin, transform, variance),
         query_indices=v.query,
         submap_indices=v.submap,
         residuals=v.residuals,

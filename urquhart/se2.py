@@ -89,22 +89,3 @@ def fit(
     yaw = math.atan2(cross, dot)
     c, s = math.cos(yaw), math.sin(yaw)
     return bx - c * ax + s * ay, by - s * ax - c * ay, yaw
-
-
-def covariance(query: NDArray[np.float64], transform: SE2, variance: float) -> NDArray[np.float64]:
-    """Covariance (3, 3) over (x, y, yaw) of the least-squares transform from inliers with isotropic noise.
-
-    Args:
-        query: (K, 2) float64, metres, query frame: the inlier landmarks.
-        transform: `submap_T_query` at the optimum.
-        variance: of one coordinate of a residual, square metres.
-
-    The inverse of the Gauss-Newton normal matrix; the Jacobian of p_submap with respect to yaw is R(yaw) p rotated by
-    a quarter turn. Frames: translation in the submap frame, about the query's origin.
-    """
-    c, s = math.cos(transform.yaw), math.sin(transform.yaw)
-    rotated = query @ np.array([[c, s], [-s, c]])
-    n, sx, sy = float(len(query)), float(rotated[:, 0].sum()), float(rotated[:, 1].sum())
-    normal = np.array([[n, 0.0, -sy], [0.0, n, sx], [-sy, sx, float((rotated**2).sum())]])
-    inverse = np.linalg.inv(normal) * variance
-    return np.asarray(0.5 * (inverse + inverse.T), dtype=np.float64)

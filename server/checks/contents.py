@@ -8,7 +8,8 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session, undefer
 
 from server.intake.prepare import place_from, row_etag
-from server.schemas.common import MapPose, check_id
+from server.schemas.common import check_id
+from server.schemas.poses import PlacedPose
 from server.store.codec import unpack_positions
 from server.store.database import Database
 from server.store.integrity import Finding
@@ -50,7 +51,7 @@ def _submap(row: SubmapRow) -> Iterator[str]:
 
 def _footprint(row: SubmapRow, place: Place) -> Iterator[str]:
     try:
-        pose = MapPose(
+        pose = PlacedPose(
             frame_id=place.map_frame_id,
             x=place.map_x,
             y=place.map_y,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 import urquhart
 from server.errors import InvalidLandmarks, TooLarge
-from server.schemas.common import MapPose
+from server.schemas.poses import MapPose, PlacedPose
 from server.schemas.submaps import LandmarkBody, SubmapInput
 from server.settings import Limits
 from server.store.codec import (
@@ -139,7 +139,7 @@ def invalid_landmarks(error: LandmarkError, body: LandmarkBody) -> InvalidLandma
     return InvalidLandmarks(body.landmark_pointer, error.code, str(error), error.indices)
 
 
-def place_from(pose: MapPose | None, xy: NDArray[np.float64]) -> Place | None:
+def place_from(pose: MapPose | PlacedPose | None, xy: NDArray[np.float64]) -> Place | None:
     """The pose with the footprint of the landmarks ((N, 2) float64, metres, submap frame) in the map."""
     if pose is None:
         return None

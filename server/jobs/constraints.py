@@ -7,7 +7,7 @@ from typing import Final
 import orjson
 from sqlalchemy.orm import Session
 
-from server.constraints import agree, chosen_submaps, from_candidates, question, write_out
+from server.constraints import agree, chosen_submaps, from_look, question
 from server.errors import NotFound
 from server.jobs.folder import cut
 from server.jobs.runner import Assignment, Tools
@@ -46,7 +46,7 @@ def run_constraints(assignment: Assignment, tools: Tools) -> None:
             kept, contradictions = agree(orjson.loads(line) for line in found)
         with results_file.open("wb") as results:
             tools.folder.sync()
-            results.write(write_out(kept, "ndjson", {}))
+            results.writelines(orjson.dumps(one) + b"\n" for one in kept)
             results.flush()
             os.fsync(results.fileno())
             size = results.tell()
@@ -81,18 +81,10 @@ def _matching(assignment: Assignment, session: Session, body: ConstraintsInput) 
 
 
 def _look_up(assignment: Assignment, tools: Tools, row: SubmapRow, body: ConstraintsInput) -> list[dict[str, object]]:
-    excluded = row.session if body.exclude.same_session else None
+    limits = tools.settings.limits
+    asked = question(row, body, limits.candidates)
     try:
-        look = look_up(
-            tools.catalog,
-            tools.metrics,
-            tools.settings.limits,
-            assignment.collection_id,
-            question(row, body, tools.settings.limits.candidates),
-            without_session=excluded,
-        )
+        look = look_up(tools.catalog, tools.metrics, limits, assignment.collection_id, asked)
     except NotFound:
         return []  # deleted meanwhile
-    if look.answer.verdict != "matched":
-        return []
-    return from_candidates(row, look.answer.candidates, body)
+    return from_look(row, look, body) if look.answer.verdict == "matched" else []

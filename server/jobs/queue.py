@@ -9,7 +9,7 @@ from sqlalchemy.orm import Session
 
 from server import links
 from server.access import Caller
-from server.constraints import write_out
+from server.constraint_formats import Known, is_stale, write_out
 from server.errors import Conflict, Gone, NotFound, StorageReadOnly
 from server.idempotency import Kept, Once, keep, recall
 from server.identifiers import new_id
@@ -26,7 +26,6 @@ from server.store.jobs import UNFINISHED, Jobs
 from server.store.sqlite_errors import storage_errors
 from server.store.submaps import Submaps, stored_place
 from server.store.tables import JobRow
-from urquhart import SE2
 
 Kind = Literal["import", "reindex", "constraints"]
 
@@ -148,8 +147,10 @@ def dismiss(database: Database, folder: JobFolder, caller: Caller, job_id: str) 
 
 @dataclass(frozen=True, slots=True)
 class Results:
-    """What came of a job: an open file, how much of it counts, in bytes, and lines that follow."""
+    """What came of a job of a kind: an open file, how much of it counts, in bytes, and lines that follow."""
 
+    kind: str
+    collection_key: int
     file: BinaryIO
     size: int
     rest: bytes
@@ -172,25 +173,30 @@ def results(database: Database, folder: JobFolder, caller: Caller, job_id: str) 
         file = folder.results(job_id).open("rb")
     except FileNotFoundError as error:
         raise Gone(f"The job {job_id} left no results, or they were kept long enough and are gone.") from error
-    return Results(file, int(row.progress.get("written", 0)), summary(row.progress.get("refusals")))
+    size, rest = int(row.progress.get("written", 0)), summary(row.progress.get("refusals"))
+    return Results(row.kind, row.collection_key, file, size, rest)
 
 
-def constraints(database: Database, folder: JobFolder, caller: Caller, job_id: str, wanted: ConstraintFormat) -> bytes:
-    """The results of a job that looked for constraints, in a format. Raises as `results`, and Conflict for others."""
-    left = results(database, folder, caller, job_id)
-    with left.file as file, database.read() as session:
-        row = _row(session, caller, job_id)
-        if row.kind != "constraints":
-            raise Conflict(f"The job {job_id} is of the kind {row.kind}; only constraints come in other formats.")
+def constraints(
+    database: Database, left: Results, wanted: ConstraintFormat, frame_id: str | None = None
+) -> tuple[bytes, int]:
+    """Constraints that a job left, in a format, and how many of them are stale by now; closes the results.
+
+    `frame_id`: of the map in which a g2o file begins; by default the one that most of its submaps are placed in.
+    Raises Conflict for results of other jobs.
+    """
+    with left.file as file:
+        if left.kind != "constraints":
+            raise Conflict(f"The job is of the kind {left.kind}; only constraints come in other formats.")
         found = [orjson.loads(line) for line in file.read(left.size).splitlines()]
-        names = {name for one in found for name in (one["from"], one["to"])}
-        submaps = Submaps(session, row.collection_key)
-        poses = {
-            known.id: SE2(place.map_x, place.map_y, place.map_yaw)
-            for known in submaps.rows(submaps.keys(names).values())
-            if (place := stored_place(known)) is not None
+    names = {name for one in found for name in (one["from"], one["to"])}
+    with database.read() as session:
+        submaps = Submaps(session, left.collection_key)
+        known = {
+            row.id: Known(row.content_revision, stored_place(row)) for row in submaps.rows(submaps.keys(names).values())
         }
-    return write_out(found, wanted, poses)
+    told = [one | {"stale": is_stale(one, known)} for one in found]
+    return write_out(told, wanted, known, frame_id), sum(one["stale"] for one in told)
 
 
 def describe(row: JobRow) -> JobAnswer:

@@ -9,7 +9,7 @@ from pydantic import TypeAdapter
 import urquhart
 from server import links
 from server.queries.pairs import PairAllowance
-from server.queries.poses import query_in_map, with_covariance
+from server.queries.poses import query_in_map, transform_answer
 from server.schemas.candidates import (
     CandidateAnswer,
     CandidateLinks,
@@ -20,7 +20,7 @@ from server.schemas.candidates import (
     RivalLinks,
     StageAnswer,
 )
-from server.schemas.common import Transform
+from server.schemas.poses import Transform
 from server.schemas.queries import FINDINGS
 from server.store.codec import unpack_ids
 from server.store.found import FoundSubmap
@@ -128,8 +128,8 @@ def _candidate_answer(
         session=found.session,
         stamp=found.stamp,
         frame_id=found.frame_id,
-        transform=with_covariance(candidate.transform, candidate.covariance),
-        map_pose=None if place is None else query_in_map(place, candidate.transform, candidate.covariance),
+        transform=transform_answer(candidate.transform, candidate.uncertainty),
+        map_pose=None if place is None else query_in_map(place, candidate.transform, candidate.uncertainty),
         inliers=_INLIERS.validate_python(inliers),
         inlier_count=count,
         inliers_omitted=0 if given else count,

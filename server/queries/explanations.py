@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from server import links
-from server.schemas.common import Transform
+from server.schemas.poses import Transform
 from server.schemas.queries import ExplanationAnswer, ExplanationLinks, QueryAnswer
 from urquhart import SE2, Stage
 from urquhart.explaining import Explanation, Found, Laid, draw_explanation, sentence

@@ -33,7 +33,7 @@ from server.store.codec import position_names, unpack_diameters, unpack_ids, unp
 from server.store.database import Database
 from server.store.found import FoundSubmap, found_submaps
 from server.store.sessions import Sessions
-from server.store.submaps import SubmapFilter, Submaps
+from server.store.submaps import Submaps
 from server.store.tables import CollectionRow, SubmapRow
 from server.threads import pin_threads
 from urquhart import Candidate, LandmarkError, Recognition
@@ -61,7 +61,8 @@ class Look:
     """A query that was looked up: the answer, and what a drawing of it needs.
 
     `submaps` are the landmarks of the candidates and the strongest rival, (N, 2) float64, metres, submap frame, by
-    submap id, where they were read.
+    submap id, where they were read. `content_revisions` are of the candidates, and of the submap that was asked with,
+    if it was one, by submap id: the collection's revision at which their landmarks came.
     """
 
     asked: Observation
@@ -69,6 +70,7 @@ class Look:
     answer: QueryAnswer
     candidates: tuple[Candidate, ...]
     submaps: dict[str, NDArray[np.float64]]
+    content_revisions: dict[str, int]
 
     def draw(self, rank: int, title: str) -> str:
         """SVG of the candidate at `rank`, from 1."""
@@ -122,13 +124,10 @@ def look_up(
     *,
     own_id: str | None = None,
     to_draw: bool = False,
-    without_session: str | None = None,
 ) -> Look:
     """Place an observation in a collection; with `to_draw`, read the landmarks of candidates and first rival too.
 
     The submap `own_id` is left out of the search: what is stored there, if anything, is the observation itself.
-    So are the submaps of `without_session`.
-
     Too few or collinear landmarks are an answer, not an error. Raises NotFound (the collection, or `submap_id`),
     InvalidLandmarks, InvalidField, TooLarge and StorageError.
     """
@@ -148,8 +147,6 @@ def look_up(
         excluded = keys_excluded(submaps, body.exclude, asked.stamp)
         if row is not None:
             excluded.add(row.key)
-        if without_session is not None:
-            excluded |= submaps.matching(SubmapFilter(session=without_session))
         if own_id is not None:
             excluded.update(submaps.keys([own_id]).values())
         sessions = Sessions(view.session, view.collection.key)
@@ -163,12 +160,15 @@ def look_up(
         rows = found_submaps(view.session, view.collection.key, keys, landmarks=to_draw)
         pairs = limits.answer_pairs if body.pairs or body.store else 0
         answer = _answer(view, body, asked, found, rows, pairs)
-        landmarks = {row.id: unpack_positions(row.landmarks) for row in rows.values()} if to_draw else {}
+        landmarks = {one.id: unpack_positions(one.landmarks) for one in rows.values()} if to_draw else {}
+        revisions = {one.id: one.content_revision for one in rows.values()}
+        if row is not None:
+            revisions[row.id] = row.content_revision
     metrics.verdicts.labels(answer.verdict).inc()
     for stage in answer.stages:
         metrics.observe_stage(stage.name, stage.milliseconds)
     note_query(answer.verdict, ((stage.name, stage.milliseconds) for stage in answer.stages))
-    return Look(asked, view.collection, answer, found.candidates, landmarks)
+    return Look(asked, view.collection, answer, found.candidates, landmarks, revisions)
 
 
 def _search(view: View, body: QueryInput, asked: Observation, most: int, only: set[int] | None) -> Search:

@@ -28,6 +28,7 @@ from server.store.queries import Queries
 from server.store.submaps import Submaps
 from server.store.tables import CollectionRow, QueryRow
 from urquhart import SE2, Candidate
+from urquhart.uncertainty import PoseUncertainty
 
 
 def keep(
@@ -201,6 +202,8 @@ def _pack(candidate: Candidate) -> dict[str, Any]:
             value = value.tolist()
         elif isinstance(value, SE2):
             value = [value.x, value.y, value.yaw]
+        elif isinstance(value, PoseUncertainty):
+            value = [value.source.tolist(), value.covariance.tolist()]
         packed[field.name] = value
     return packed
 
@@ -213,6 +216,10 @@ def _without_pairs(candidate: Candidate) -> Candidate:
 def _unpack(packed: dict[str, Any]) -> Candidate:
     if packed.keys() != {field.name for field in fields(Candidate)}:
         raise Gone("The match was stored by another version of the service; ask again to see it.")
-    arrays = {name: np.array(packed[name], dtype=np.float64) for name in ("covariance", "residuals")}
+    transform = SE2(*packed["transform"])
+    source, covariance = (np.array(value, dtype=np.float64) for value in packed["uncertainty"])
+    uncertainty = PoseUncertainty.about_point(source, transform, covariance)
+    residuals = np.array(packed["residuals"], dtype=np.float64)
     indices = {name: np.array(packed[name], dtype=np.int64) for name in ("query_indices", "submap_indices")}
-    return Candidate(**packed | arrays | indices | {"transform": SE2(*packed["transform"])})
+    known = {"transform": transform, "uncertainty": uncertainty, "residuals": residuals}
+    return Candidate(**packed | indices | known)

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Iterator
-from typing import Annotated
+from typing import Annotated, Any
 
 import anyio
 import anyio.to_thread
@@ -34,15 +34,18 @@ ACCEPTED = {"description": "Taken on; `Location` is the job.", "model": JobAnswe
 """How the answer of a route that takes a job on is described."""
 _LINE = '{"line": 1, "id": "p1", "outcome": "created", "revision": 4}\n'
 _LINES = {"content": {NDJSON: {"schema": {"type": "string"}, "example": _LINE}}}
-_RESULTS = {
+STALE = "X-Stale-Constraints"
+"""Header of results: how many constraints are of submaps that changed or went since."""
+_RESULTS: dict[str, Any] = {
+    "headers": {STALE: {"description": "How many constraints are stale.", "schema": {"type": "integer"}}},
     "content": {
         **_LINES["content"],
         JSON: {"schema": {"type": "object"}, "example": {"constraints": [CONSTRAINT_EXAMPLE]}},
         "text/plain": {
             "schema": {"type": "string"},
-            "example": "EDGE_SE2 0 1 1.2 -0.4 0.31 900 0 0 900 0 4e5",
+            "example": "EDGE_SE2 0 1 1.2 -0.4 0.31 900 0 0 900 0 4e5\n# 0 p7\n# 1 q3\n",
         },
-    }
+    },
 }
 _LOOK = 0.2
 """Seconds between two looks at a job that somebody waits for."""
@@ -175,23 +178,35 @@ def get_job_results(
     caller: CallerDep,
     wanted: Annotated[
         ConstraintFormat | None,
-        Query(alias="format", description="Format of constraints: ndjson (default), json, g2o or matrices."),
+        Query(alias="format", description="Format of constraints; ndjson by default."),
+    ] = None,
+    frame_id: Annotated[
+        str | None,
+        Query(
+            description="Of constraints as g2o: the map's frame that vertices begin in; by default that of most of "
+            "its submaps.",
+            max_length=128,
+        ),
     ] = None,
 ) -> Response:
-    """Of an import: for each line of input a line with its number, `outcome`, and `problem` where it was refused. Of
-    constraints: a line for each, `from`, `to` and the transform from_T_to; or all of them in another `format`.
-
-    Of very many refused lines later ones are told in short, and those beyond `import_refusal_bytes` are counted: one
-    line for each kind of problem, with `lines`, the first (`line`) and the `last_line`.
-
+    """Of an import: for each line of input a line with its number, `outcome`, and `problem` where it was refused.
     `created`, `replaced`, `unchanged` are as of a PUT. `skipped` is left out: for what is there, with on_conflict=skip;
-    or, with mode=all, because other lines were refused.
+    or, with mode=all, because other lines were refused. Of very many refused lines later ones are told in short, and
+    those beyond `import_refusal_bytes` are counted: one line for each kind of problem, with `lines`, the first (`line`)
+    and the `last_line`.
+
+    Of constraints: a line for each, `from`, `to` and the transform from_T_to; or all of them in another `format`. Those
+    whose submaps changed or went since say `stale`. g2o and matrices leave these out, and the header
+    `X-Stale-Constraints` counts them. In `g2o_middle` each vertex lies among the trees of its submap instead of at the
+    origin of its frame, at the coordinates that are written behind its name: for coordinates far from the origin.
     """
-    if wanted not in (None, "ndjson"):
-        text = queue.constraints(service.database, service.jobs.folder, caller, job, wanted)
-        return Response(text, media_type=JSON if wanted == "json" else "text/plain")
-    found = queue.results(service.database, service.jobs.folder, caller, job)
-    return StreamingResponse(_pieces(found), media_type=NDJSON)
+    left = queue.results(service.database, service.jobs.folder, caller, job)
+    if wanted is None and left.kind != "constraints":
+        return StreamingResponse(_pieces(left), media_type=NDJSON)
+    written = wanted or "ndjson"
+    content, stale = queue.constraints(service.database, left, written, frame_id)
+    media_type = {"ndjson": NDJSON, "json": JSON}.get(written, "text/plain")
+    return Response(content, media_type=media_type, headers={STALE: str(stale)})
 
 
 @router.get(

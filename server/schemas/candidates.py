@@ -5,7 +5,8 @@ from typing import Annotated
 
 from pydantic import Field, PlainSerializer
 
-from server.schemas.common import Answer, PoseWithCovariance, Transform, write_stamp
+from server.schemas.common import Answer, write_stamp
+from server.schemas.poses import CandidateTransform, MapPoseAnswer, Transform
 from urquhart.proposing import Level
 
 _Written = Annotated[datetime, PlainSerializer(write_stamp, return_type=str, when_used="json")]
@@ -30,12 +31,6 @@ _VOTES = (
 _LEVEL = "What proposed the pose: `quads` or `polygons` that match, or a `sweep` of all rotations and shifts."
 
 
-class MapPoseAnswer(PoseWithCovariance):
-    """Pose of the query's frame in the map that the submap is placed in."""
-
-    frame_id: str = Field(description="The map's frame.")
-
-
 class CandidateLinks(Answer):
     """Where to go from a candidate."""
 
@@ -51,7 +46,7 @@ class CandidateAnswer(Answer):
     session: str | None = Field(description="Session of the submap, where it has one.")
     stamp: _Written | None = Field(description="When the submap was observed, where that is known.")
     frame_id: str | None = Field(description="The submap's frame, which `transform` leads to.")
-    transform: PoseWithCovariance = Field(description="submap_T_query: p_submap = R(yaw) p_query + (x, y).")
+    transform: CandidateTransform = Field(description="submap_T_query: p_submap = R(yaw) p_query + (x, y).")
     map_pose: MapPoseAnswer | None = Field(description="The query's pose in the map, when the submap has one.")
     inliers: list[Inlier] = Field(
         description="Pairs of landmarks that are the same tree. Empty where they are left out: see `inliers_omitted`."

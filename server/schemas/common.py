@@ -1,6 +1,5 @@
 """Types that several resources share."""
 
-import math
 import re
 import unicodedata
 from datetime import UTC, datetime
@@ -100,7 +99,6 @@ Stamp = Annotated[
 ]
 Point = tuple[Number, Number]
 Points = Annotated[list[Point], Field(fail_fast=True)]
-Covariance = Annotated[list[Metres], Field(min_length=9, max_length=9)]
 Free = Annotated[dict[str, Any], AfterValidator(_check_depth)]
 
 
@@ -114,44 +112,6 @@ class Answer(BaseModel):
     """Base of answers."""
 
     model_config = ConfigDict(extra="forbid", ser_json_inf_nan="null")
-
-
-def check_covariance(values: list[float]) -> list[float]:
-    """Refuse what cannot be a covariance over (x, y, yaw): it is symmetric with variances of 0 or more."""
-    scale = max(abs(value) for value in values)
-    for row in range(3):
-        if values[4 * row] < 0:
-            raise ValueError(f"is a 3x3 row-major covariance: the variance at position {4 * row} must not be negative")
-        for column in range(row):
-            if not math.isclose(values[3 * row + column], values[3 * column + row], rel_tol=1e-6, abs_tol=1e-9 * scale):
-                raise ValueError("is a 3x3 row-major covariance over (x, y, yaw) and must be symmetric")
-    return values
-
-
-class MapPose(Body):
-    """Pose of a submap's frame in a map: p_map = R(yaw) p_submap + (x, y)."""
-
-    frame_id: Label = Field("map", description="The map's frame.")
-    x: Metres = Field(description="Metres, east where geographic; relative to the collection's origin.")
-    y: Metres = Field(description="Metres, north where geographic; relative to the collection's origin.")
-    yaw: Number = Field(description="Radians, counter-clockwise.")
-    covariance: Annotated[Covariance, AfterValidator(check_covariance)] | None = Field(
-        None, description="3x3 row-major over (x, y, yaw)."
-    )
-
-
-class Transform(Answer):
-    """A rigid transform: metres, radians, counter-clockwise."""
-
-    x: float
-    y: float
-    yaw: float
-
-
-class PoseWithCovariance(Transform):
-    """A rigid transform or pose: metres, radians, counter-clockwise."""
-
-    covariance: list[float] | None = Field(description="3x3 row-major over (x, y, yaw); null where it is not known.")
 
 
 class Counts(Answer):

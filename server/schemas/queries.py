@@ -32,17 +32,22 @@ _DBH: Any = [0.31, 0.22, 0.45, 0.28, 0.19, 0.37]
 
 
 class Exclude(Body):
-    """What must not be found."""
+    """What must not be found: the submaps of `submap_ids`, and those for which `session` and `within_seconds` hold.
+
+    `{"session": "mine", "within_seconds": 60}` leaves out the last minute of that session and nothing of others.
+    """
 
     submap_ids: Annotated[list[ResourceId], Field(fail_fast=True)] = Field(
         default_factory=list, description="Submaps to leave out; ids that are not there are passed over."
     )
     session: Label | None = Field(
-        None, description="Leave out the submaps of this session; with `within_seconds` only those."
+        None,
+        description="Leave out the submaps of this session; with `within_seconds` only those as close in time.",
     )
     within_seconds: Annotated[float, Field(ge=0, le=1e9, allow_inf_nan=False)] | None = Field(
         None,
-        description="Leave out submaps whose stamp is at most so many seconds from the query's, which must have one.",
+        description="Leave out submaps with a stamp at most so many seconds from the query's, which must have one; "
+        "with `session` only those of that session.",
     )
 
 

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from pydantic import AfterValidator, ConfigDict, Field, PlainSerializer, model_validator
 from pydantic_core import PydanticCustomError
 
-from server.schemas.common import Answer, Body, Free, Label, MapPose, Number, Points, ResourceId, Stamp, write_stamp
+from server.schemas.common import Answer, Body, Free, Label, Number, Points, ResourceId, Stamp, write_stamp
+from server.schemas.poses import MapPose, PlacedPose
 
 _Written = Annotated[datetime, PlainSerializer(write_stamp, return_type=str, when_used="json")]
 _XY: Any = [[1.2, 3.4], [4.9, -2.2], [-3.1, 0.7], [2.2, -6.5], [-5.8, -4.1], [7.4, 5.3]]
@@ -179,7 +180,7 @@ class SubmapSummary(Answer):
     frame_id: str | None
     stamp: _Written | None
     session: str | None
-    map_pose: MapPose | None
+    map_pose: PlacedPose | None
     properties: dict[str, Any] | None
     counts: dict[str, int]
     etag: str

@@ -14,7 +14,8 @@ from pydantic import ValidationError
 from server.intake.batches import Described
 from server.intake.bulk import describe_lines
 from server.intake.workers import Workers
-from server.schemas.common import MapPose, check_id
+from server.schemas.common import check_id
+from server.schemas.poses import MapPose
 from server.schemas.submaps import Landmark
 from server.settings import Limits
 from server.stem_maps.discs import Cut, cut

@@ -19,6 +19,8 @@ PLOTS = "/v1/collections/plots"
 SUBMAP = f"{PLOTS}/submaps/bad"
 JSON = {"Content-Type": "application/json"}
 GOOD = [[0, 0], [5, 1], [2, 6], [9, 9]]
+AT = {"x": 0, "y": 0, "yaw": 0}
+COVARIANCE = "/map_pose/covariance"
 
 
 def problem(response: httpx.Response, status: int) -> dict[str, Any]:
@@ -113,6 +115,18 @@ def test_what_is_not_json(client: httpx.Client, body: bytes) -> None:
             "/map_pose/covariance",
             "value_error",
         ),
+        # Variances are there, and it is symmetric; the eigenvalues are 6, 1 and -4.
+        ({"xy": GOOD, "map_pose": AT | {"covariance": [1, 5, 0, 5, 1, 0, 0, 0, 1]}}, COVARIANCE, "value_error"),
+        # The same in units that hide it.
+        (
+            {"xy": GOOD, "map_pose": AT | {"covariance": [1e4, 0, 1, 0, 1e4, 0, 1, 0, 1e-6]}},
+            COVARIANCE,
+            "value_error",
+        ),
+        ({"xy": GOOD, "map_pose": AT | {"covariance": [0, 0, 1, 0, 1, 0, 1, 0, 1]}}, COVARIANCE, "value_error"),
+        ({"xy": GOOD, "map_pose": {"x": 0, "y": 0, "yaw": 90}}, "/map_pose/yaw", "value_error"),
+        ({"xy": GOOD, "map_pose": {"x": 0, "y": 0, "yaw": -6.29}}, "/map_pose/yaw", "value_error"),
+        ({"xy": GOOD, "map_pose": {"x": 0, "y": 0, "yaw": 0, "about": "middle"}}, "/map_pose/about", "literal_error"),
         ({"xy": GOOD, "properties": []}, "/properties", "dict_type"),
         ({"xy": GOOD, "properties": {"a": json.loads("[" * 300 + "]" * 300)}}, "/properties", "value_error"),
         ({"xy": GOOD, "session": "a\nb"}, "/session", "value_error"),

@@ -8,13 +8,17 @@ import numpy as np
 import orjson
 import pytest
 
-from server.constraints import agree, write_out
+from server.constraint_formats import Known, write_out
+from server.constraints import agree
 from server.jobs import runner
 from server.jobs.folder import JobFolder
 from server.jobs.runner import Assignment
+from server.queries.poses import transform_answer
+from server.store.submaps import Place
 from tests.server.test_jobs import finished
-from tests.server.world import forest, observed, points
+from tests.server.world import forest, observed
 from urquhart import SE2
+from urquhart.uncertainty import least_squares
 
 URL = "/v1/collections/plots/constraints"
 
@@ -71,6 +75,10 @@ def test_filters_gates_and_exclusions(client: httpx.Client, truth: dict[str, SE2
     across = ALL - {frozenset(("b1", "b2"))}
     assert pairs(found(client, {"exclude": {"same_session": True}})) == across
     assert pairs(found(client, {"exclude": {"within_seconds": 61}})) == {frozenset(("b1", "b3"))}
+    # Both together leave out what is of one session and close in time, as in queries.
+    both = {"exclude": {"same_session": True, "within_seconds": 61}}
+    assert pairs(found(client, both)) == ALL - {frozenset(("b1", "b2"))}
+    assert pairs(found(client, {"exclude": {"same_session": True, "within_seconds": 59}})) == ALL
     assert pairs(found(client, {"session": "tue", "exclude": {"same_session": True}})) == across
     assert pairs(found(client, {"submap_ids": ["a2", "c"]})) == {frozenset(("a1", "a2"))}
     assert found(client, {"gates": {"inliers": 1000}}) == []
@@ -93,6 +101,7 @@ def test_every_format_tells_the_same(client: httpx.Client, truth: dict[str, SE2]
     url = job["links"]["results"]
     lines = [orjson.loads(line) for line in client.get(url).content.splitlines()]
     assert client.get(url, params={"format": "json"}).json() == {"constraints": lines}
+    assert client.get(url, params={"format": "ndjson"}).content == client.get(url).content
     matrices = client.get(url, params={"format": "matrices"}).text.splitlines()
     assert len(matrices) == len(lines)
     for one, text in zip(lines, matrices, strict=True):
@@ -159,14 +168,20 @@ def test_only_constraints_come_in_formats(client: httpx.Client) -> None:
     assert client.get(job["links"]["results"], params={"format": "g2o"}).status_code == 410
 
 
-def constraint(first: str, second: str, pose: SE2, inliers: int) -> dict[str, Any]:
-    covariance = np.diag([0.01, 0.01, 1e-4]).ravel().tolist()
+def constraint(first: str, second: str, pose: SE2, inliers: int, trees: tuple[float, float] = (0.0, 0.0)) -> Any:
+    seen = np.array([trees]) + np.array([[-10.0, 0.0], [10.0, 0.0], [0.0, 10.0]])
+    uncertainty = least_squares(seen, pose, 0.01)
     return {
         "from": first,
         "to": second,
-        "transform": {"x": pose.x, "y": pose.y, "yaw": pose.yaw, "covariance": covariance},
+        "transform": transform_answer(pose, uncertainty).model_dump(),
         "inliers": inliers,
+        "stale": False,
     }
+
+
+def placed(frame_id: str, pose: SE2) -> Known:
+    return Known(1, Place(frame_id, pose.x, pose.y, pose.yaw, None, 0.0, 0.0, 0.0, 0.0))
 
 
 def test_two_finds_of_a_pair_have_to_agree() -> None:
@@ -180,12 +195,105 @@ def test_two_finds_of_a_pair_have_to_agree() -> None:
     assert agree([constraint("a", "b", pose, 10), constraint("b", "a", pose, 12), third])[0] == []
 
 
+def test_finds_agree_by_where_the_trees_come_to_lie() -> None:
+    """Far from the origin, a turn that does not matter moves the origin by metres."""
+    far = (3e6, 4e6)
+    pose = SE2(3.0, -1.0, 0.4)
+    here = pose.apply(np.array([far]))[0]
+    turned = SE2.shift(here) @ SE2(0.01, 0.0, 1e-4) @ SE2.shift(here).inverse() @ pose
+    assert math.hypot(turned.x - pose.x, turned.y - pose.y) > 100.0
+    assert agree([constraint("a", "b", pose, 10, far), constraint("a", "b", turned, 12, far)])[1] == 0
+    back = constraint("b", "a", turned.inverse(), 12, (float(here[0]), float(here[1])))
+    assert agree([constraint("a", "b", pose, 10, far), back])[1] == 0
+
+
+def vertices(text: bytes) -> dict[str, SE2]:
+    lines = list(map(str.split, text.decode().splitlines()))
+    names = {fields[1]: fields[2] for fields in lines if fields[0] == "#"}
+    return {names[fields[1]]: SE2(*map(float, fields[2:5])) for fields in lines if fields[0] == "VERTEX_SE2"}
+
+
 def test_g2o_starts_from_the_map_where_there_is_one() -> None:
     found = [constraint("a", "b", SE2(1.0, 0.0, math.pi / 2), 9), constraint("b", "c", SE2(2.0, 0.0, 0.0), 9)]
-    text = write_out(found, "g2o", {"b": SE2(10.0, 20.0, 0.0)}).decode()
-    starts = {line.split()[1]: line.split()[2:4] for line in text.splitlines() if line.startswith("VERTEX")}
-    assert [float(value) for value in starts["1"]] == [10.0, 20.0]
-    assert [float(value) for value in starts["2"]] == [12.0, 20.0]
-    np.testing.assert_allclose([float(value) for value in starts["0"]], [10.0, 21.0], atol=1e-12)
+    starts = vertices(write_out(found, "g2o", {"b": placed("map", SE2(10.0, 20.0, 0.0))}))
+    assert (starts["b"], starts["c"]) == (SE2(10.0, 20.0, 0.0), SE2(12.0, 20.0, 0.0))
+    assert starts["a"].distance(SE2(10.0, 21.0, -math.pi / 2))[0] < 1e-12
     assert write_out([], "g2o", {}) == b""
-    assert points(forest(1))
+
+
+def test_g2o_starts_in_one_frame() -> None:
+    """Poses in two robots' maps have nothing to do with each other."""
+    step = SE2(2.0, 0.0, 0.0)
+    found = [constraint(*pair, step, 9) for pair in (("a", "b"), ("b", "x"), ("x", "y"), ("k", "l"), ("m", "n"))]
+    known = {
+        "a": placed("one", SE2(5.0, 5.0, 0.0)),
+        "b": placed("one", SE2(7.0, 5.0, 0.0)),
+        "x": placed("two", SE2(-150.0, 40.0, 1.0)),
+        "k": placed("two", SE2(60.0, 0.0, 2.0)),
+        "l": placed("one", SE2(100.0, 0.0, 0.0)),
+    }
+    text = write_out(found, "g2o", known)
+    starts = vertices(text)
+    along = {"a": (5, 5), "b": (7, 5), "x": (9, 5), "y": (11, 5), "l": (100, 0), "k": (98, 0), "m": (0, 0)}
+    for name, (x, y) in along.items():
+        assert starts[name].distance(SE2(float(x), float(y), 0.0)) == pytest.approx((0.0, 0.0), abs=1e-9), name
+    told = [line for line in text.decode().splitlines() if line.startswith("## component")]
+    assert ["frame 'one'" in line for line in told] == [True, True, False]
+    assert "no map frame" in told[2]
+    other = vertices(write_out(found, "g2o", known, "two"))
+    assert (other["x"], other["k"]) == (SE2(-150.0, 40.0, 1.0), SE2(60.0, 0.0, 2.0))
+    assert other["a"].distance(SE2(-150.0, 40.0, 1.0) @ SE2(-4.0, 0.0, 0.0))[0] < 1e-9
+
+
+def test_what_changed_since_is_stale(client: httpx.Client, truth: dict[str, SE2]) -> None:
+    job = finished(client, client.post(URL, json={}))
+    url, plots = job["links"]["results"], "/v1/collections/plots/submaps"
+
+    def stale() -> dict[frozenset[str], bool]:
+        answer = client.get(url)
+        told = [orjson.loads(line) for line in answer.content.splitlines()]
+        assert told == client.get(url, params={"format": "json"}).json()["constraints"]
+        assert answer.headers["X-Stale-Constraints"] == str(sum(one["stale"] for one in told))
+        graph = client.get(url, params={"format": "g2o"})
+        assert graph.text.count("EDGE_SE2") == sum(not one["stale"] for one in told)
+        assert graph.headers["X-Stale-Constraints"] == answer.headers["X-Stale-Constraints"]
+        matrices = client.get(url, params={"format": "matrices"}).text.splitlines()
+        assert len(matrices) == sum(not one["stale"] for one in told)
+        return {frozenset((one["from"], one["to"])): one["stale"] for one in told}
+
+    assert stale() == dict.fromkeys(ALL, False)
+    # Where a submap is in a map, and what it is called, has nothing to do with how the trees lie.
+    client.patch(f"{plots}/a1", json={"map_pose": {"x": 1, "y": 2, "yaw": 0}}).raise_for_status()
+    assert stale() == dict.fromkeys(ALL, False)
+    seen, _ = observed(forest(2), 77)
+    client.put(f"{plots}/b1", json={"xy": seen}).raise_for_status()
+    assert stale() == {pair: "b1" in pair for pair in ALL}
+    client.delete(f"{plots}/a2").raise_for_status()
+    assert stale() == {pair: bool({"b1", "a2"} & pair) for pair in ALL}
+    # Another submap under the same name is not the one that was compared.
+    client.put(f"{plots}/a2", json={"xy": seen}).raise_for_status()
+    assert stale() == {pair: bool({"b1", "a2"} & pair) for pair in ALL}
+
+
+def test_results_of_an_older_version_can_be_read(client: httpx.Client, truth: dict[str, SE2]) -> None:
+    """They name neither revisions nor the middle of the trees."""
+    job = finished(client, client.post(URL, json={}))
+    folder: JobFolder = client.app.state.service.jobs.folder  # type: ignore[attr-defined]
+    old = []
+    for line in folder.results(job["id"]).read_bytes().splitlines():
+        one = orjson.loads(line)
+        covariance = one["transform"]["covariance"]
+        transform = {name: one["transform"][name] for name in ("x", "y", "yaw")} | {"covariance": covariance}
+        kept = ("from", "to", "inliers", "rms", "confidence", "from_session", "to_session")
+        old.append(orjson.dumps({name: one[name] for name in kept} | {"transform": transform}) + b"\n")
+    # What counts of a file is noted: what is written here must be as long.
+    size = folder.results(job["id"]).stat().st_size
+    old[-1] = old[-1].rstrip() + b" " * (size - sum(map(len, old))) + b"\n"
+    folder.results(job["id"]).write_bytes(b"".join(old))
+    url = job["links"]["results"]
+    told = client.get(url, params={"format": "json"}).json()["constraints"]
+    assert [one["stale"] for one in told] == [False] * len(ALL)
+    assert client.get(url, params={"format": "g2o"}).text.count("EDGE_SE2") == len(ALL)
+    client.delete("/v1/collections/plots/submaps/a1").raise_for_status()
+    told = client.get(url, params={"format": "json"}).json()["constraints"]
+    assert sum(one["stale"] for one in told) == 1

@@ -3,18 +3,14 @@
 import threading
 
 import faiss
-import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from server.errors import InvalidField, NotAcceptable
 from server.http.negotiation import choose
 from server.paging import read_cursor, write_cursor
 from server.preconditions import Preconditions
-from server.queries.poses import compose_covariance
 from server.schemas.pointers import pointer
 from server.threads import pin_threads
-from urquhart import SE2
 
 OFFERED = ["application/json", "application/geo+json", "image/svg+xml"]
 
@@ -62,25 +58,6 @@ def test_preconditions_that_are_not_given_always_hold() -> None:
     Preconditions().check("x")
     Preconditions(if_none_match=("*",)).check(None)
     Preconditions(if_match=("a", "x")).check("x")
-
-
-def test_composed_covariance_follows_the_composition() -> None:
-    first, second = (10.0, -4.0, 0.8), (6.0, 9.0, -2.0)
-    rng = np.random.default_rng(1)
-    roots = rng.normal(size=(2, 3, 3)) * [0.2, 0.1, 0.01]
-    one, two = (root @ root.T for root in roots)
-
-    def composed(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        pose = SE2(*map(float, values[:3])) @ SE2(*map(float, values[3:]))
-        return np.array([pose.x, pose.y, pose.yaw])
-
-    step = 1e-6 * np.eye(6)
-    at = np.array([*first, *second])
-    jacobian = np.stack([(composed(at + d) - composed(at - d)) / 2e-6 for d in step], axis=1)
-    joint = np.zeros((6, 6))
-    joint[:3, :3], joint[3:, 3:] = one, two
-    expected = jacobian @ joint @ jacobian.T
-    assert np.allclose(compose_covariance(SE2(*first), one, SE2(*second), two), expected, rtol=1e-6, atol=1e-9)
 
 
 def test_threads_are_pinned_where_they_compute() -> None:

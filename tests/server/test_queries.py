@@ -6,9 +6,11 @@ import httpx
 import numpy as np
 import pytest
 from fastapi import FastAPI
+from sqlalchemy import update
 
 from server.app import create_app
 from server.settings import Limits, Settings
+from server.store.tables import SubmapRow
 from tests.server.served import together
 from tests.server.world import TestClient, forest, observed, points, put_submap
 from urquhart import SE2
@@ -65,8 +67,50 @@ def test_pose_in_the_map(client: httpx.Client) -> None:
     lever = submap_T_query.x**2 + submap_T_query.y**2
     composed = np.reshape(placed["covariance"], (3, 3))
     assert np.trace(composed[:2, :2]) == pytest.approx(1.0 + 0.001 * lever, rel=0.05)
+    for told, frame in ((candidate["transform"], "submap"), (placed, "map")):
+        assert (told["covariance_frame"], told["about"]) == (frame, "query_origin")
+        middle = told["middle"]
+        at = SE2(told["x"], told["y"], told["yaw"]).apply(np.array([middle["source"]]))[0]
+        np.testing.assert_allclose(at, middle["target"], atol=1e-9)
+        product = np.reshape(middle["covariance"], (3, 3)) @ np.reshape(middle["information"], (3, 3))
+        np.testing.assert_allclose(product, np.eye(3), atol=1e-9)
+    # A pose in the map can be stored as it was answered.
+    put_submap(client, "plots", "q", 2, map_pose=placed).raise_for_status()
+    again = client.get(f"{PLOTS}/submaps/q").json()["map_pose"]
+    assert {name: again[name] for name in pose} == {name: placed[name] for name in pose}
+    client.delete(f"{PLOTS}/submaps/q").raise_for_status()
     client.patch(f"{PLOTS}/submaps/p", json={"map_pose": pose | {"covariance": None}}).raise_for_status()
-    assert ask(client, xy=seen)["candidates"][0]["map_pose"]["covariance"] is None
+    unsure = ask(client, xy=seen)["candidates"][0]["map_pose"]
+    assert (unsure["covariance"], unsure["middle"]) == (None, None)
+
+
+def test_what_older_versions_took_for_a_covariance_gives_none_with_negative_eigenvalues(client: httpx.Client) -> None:
+    put_submap(client, "plots", "p", 1, map_pose={"x": 1.0, "y": 2.0, "yaw": 0.5}).raise_for_status()
+    with client.app.state.service.database.write() as session:  # type: ignore[attr-defined]
+        session.execute(update(SubmapRow).values(map_yaw=90.0, map_covariance=[1, 5, 0, 5, 1, 0, 0, 0, 1]))
+    seen, _ = observed(forest(1), 2, sigma=0.01)
+    placed = ask(client, xy=seen)["candidates"][0]["map_pose"]
+    for values in (placed["covariance"], placed["middle"]["covariance"]):
+        assert np.linalg.eigvalsh(np.reshape(values, (3, 3)))[0] >= 0.0
+    kept = client.get(f"{PLOTS}/submaps/p").json()["map_pose"]
+    assert (kept["yaw"], kept["covariance"]) == (90.0, [1, 5, 0, 5, 1, 0, 0, 0, 1])
+
+
+def test_exclusions_leave_out_what_all_of_them_hold_for(client: httpx.Client) -> None:
+    """Not my own last minute, but everybody else now."""
+    now = "2026-05-04T10:00:00Z"
+    for name, session, stamp in (("old", "me", "09:00:00"), ("mine", "me", "09:59:30"), ("yours", "you", "09:59:50")):
+        put_submap(client, "plots", name, 1, session=session, stamp=f"2026-05-04T{stamp}Z").raise_for_status()
+    seen, _ = observed(forest(1), 2)
+
+    def found(**exclude: Any) -> set[str]:
+        answer = ask(client, xy=seen, stamp=now, exclude=exclude)
+        return {one["submap_id"] for one in answer["candidates"]}
+
+    assert found(session="me", within_seconds=60) == {"old", "yours"}
+    assert found(session="me") == {"yours"}
+    assert found(within_seconds=60) == {"old"}
+    assert found(session="me", within_seconds=60, submap_ids=["old"]) == {"yours"}
 
 
 @pytest.mark.parametrize(

@@ -41,7 +41,8 @@ def test_everything_that_is_posted_comes_back(client: httpx.Client) -> None:
         {"id": "3", "dbh": None, "height": None, "species": None, "x": 11.0, "y": 12.0},
     ]
     assert submap["stamp"] == "2026-05-04T09:30:00.250000Z"
-    assert submap["map_pose"] == FULL["map_pose"] | {"frame_id": "map"}
+    placed = {"frame_id": "map", "covariance_frame": "map", "about": "submap_origin"}
+    assert submap["map_pose"] == FULL["map_pose"] | placed
     assert (submap["frame_id"], submap["session"], submap["properties"]) == ("plot_7", "drive-2", FULL["properties"])
     assert put.headers["ETag"] == f'"{submap["etag"]}"'
 
@@ -116,7 +117,8 @@ def test_patch_moves_without_indexing(client: httpx.Client) -> None:
     before = put_submap(client, "plots", "p1", 1, properties={"a": 1}).json()
     moved = client.patch(f"{PLOTS}/submaps/p1", json={"map_pose": {"x": 5, "y": 6, "yaw": 0.5}})
     assert moved.status_code == 200
-    assert moved.json()["map_pose"] == {"frame_id": "map", "x": 5.0, "y": 6.0, "yaw": 0.5, "covariance": None}
+    expected = {"frame_id": "map", "x": 5.0, "y": 6.0, "yaw": 0.5, "covariance": None}
+    assert moved.json()["map_pose"] == expected | {"covariance_frame": "map", "about": "submap_origin"}
     assert moved.json()["properties"] == {"a": 1}
     assert moved.headers["ETag"] != f'"{before["etag"]}"'
     assert moved.json()["revision"] == 2

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from urquhart.se2 import SE2, covariance, fit, wrap
+from urquhart.se2 import SE2, fit, wrap
 
 transforms = st.builds(SE2, st.floats(-1e3, 1e3), st.floats(-1e3, 1e3), st.floats(-math.pi, math.pi))
 POINTS = np.random.default_rng(0).uniform(-50.0, 50.0, (12, 2))
@@ -50,13 +50,3 @@ def test_fit_takes_only_the_pairs_it_is_given() -> None:
     pairs = np.arange(11)
     shift, _ = SE2(*fit(POINTS, target, pairs, 11 - pairs)).distance(a)
     assert shift < 1e-9
-
-
-def test_covariance_is_what_repeated_measurement_shows() -> None:
-    rng = np.random.default_rng(3)
-    truth, sigma = SE2(12.0, -7.0, 1.1), 0.15
-    rows = np.arange(len(POINTS))
-    found = np.array(
-        [fit(POINTS, truth.apply(POINTS) + rng.normal(0.0, sigma, POINTS.shape), rows, rows) for _ in range(4000)]
-    )
-    np.testing.assert_allclose(covariance(POINTS, truth, sigma**2), np.cov(found.T), rtol=0.12, atol=2e-5)

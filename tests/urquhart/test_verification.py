@@ -7,8 +7,8 @@ from tests.urquhart import forests
 from urquhart import SE2, Config, describe
 from urquhart.confidence import climb, distinct, log_odds, log_volume, pose_row, same_place, shift_peaks
 from urquhart.pairing import Pattern, lay_out, nearest, pair_up
-from urquhart.se2 import covariance
 from urquhart.simulation import observe, paper_forest, plantation
+from urquhart.uncertainty import least_squares
 from urquhart.verification import LOOSE, best_hypotheses, pattern, settle_rough, verify, weigh_pose, weigh_settled
 
 REACH = 0.75
@@ -187,6 +187,6 @@ def test_the_pose_left_possible_is_the_one_that_repeated_measurement_shows() -> 
     submap, map_T_submap = seen(SE2(250.0, 250.0, 0.0), 16)
     query, map_T_query = seen(SE2(250.0, 250.0, 1.0), 17, sigma=0.2)
     found = verify(query, submap, map_T_submap.inverse() @ map_T_query, REACH)
-    spread = covariance(query.landmarks[found.query], found.transform, found.noise**2)
+    spread = least_squares(query.landmarks[found.query], found.transform, found.noise**2).covariance
     left = 1.5 * np.log(2.0 * np.pi) + 0.5 * np.log(np.linalg.det(spread))
     assert log_odds(found, query, 30.0) == pytest.approx(found.evidence + left - 30.0)

@@ -19,7 +19,6 @@ from urquhart_client.models import (
     Inlier,
     Landmark,
     Limits,
-    MapPose,
     Page,
     Polygon,
     QueryResult,
@@ -28,8 +27,8 @@ from urquhart_client.models import (
     Submap,
     SubmapReceipt,
     Tessellation,
-    Transform,
 )
+from urquhart_client.poses import MapPose, Transform, TreesMiddle
 from urquhart_client.work import Job, JobLine, Progress, SessionSummary, Snapshot
 
 __all__ = [
@@ -63,6 +62,7 @@ __all__ = [
     "SubmapReceipt",
     "Tessellation",
     "Transform",
+    "TreesMiddle",
     "UnexpectedAnswer",
     "UrquhartError",
 ]

@@ -8,7 +8,8 @@ from typing import Any, Final
 
 from pydantic import BaseModel
 
-from urquhart_client.models import Landmark, MapPose
+from urquhart_client.models import Landmark
+from urquhart_client.poses import MapPose
 
 
 class Unset(Enum):

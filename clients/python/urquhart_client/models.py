@@ -4,24 +4,17 @@ Fields that a newer service adds are passed over, so that an older client keeps 
 radians, counter-clockwise; a transform is `submap_T_query`, p_submap = R(yaw) p_query + t.
 """
 
-from collections.abc import Iterable
 from datetime import datetime
-from math import cos, sin
 from typing import Any, Generic, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from urquhart_client.poses import MapPose, Model, Transform
+
 Verdict = Literal["matched", "ambiguous", "no_match"]
 Method = Literal["robust", "paper"]
-Covariance = tuple[float, float, float, float, float, float, float, float, float]
 
 Item = TypeVar("Item", bound=BaseModel)
-
-
-class Model(BaseModel):
-    """Base of all documents: immutable, and blind to fields it does not know."""
-
-    model_config = ConfigDict(frozen=True, extra="ignore")
 
 
 class Landmark(BaseModel):
@@ -38,30 +31,6 @@ class Landmark(BaseModel):
     dbh: float | None = None
     height: float | None = None
     species: str | None = None
-
-
-class Transform(Model):
-    """`submap_T_query`; `covariance` is 3 x 3, row by row, over (x, y, yaw)."""
-
-    x: float
-    y: float
-    yaw: float
-    covariance: Covariance | None = None
-
-    def apply(self, xy: Iterable[tuple[float, float]]) -> list[tuple[float, float]]:
-        """Points of the query's frame, in the submap's frame; metres."""
-        c, s = cos(self.yaw), sin(self.yaw)
-        return [(c * x - s * y + self.x, s * x + c * y + self.y) for x, y in xy]
-
-
-class MapPose(Model):
-    """Where a frame lies in the map `frame_id`: p_map = R(yaw) p + (x, y)."""
-
-    frame_id: str = "map"
-    x: float
-    y: float
-    yaw: float
-    covariance: Covariance | None = None
 
 
 class Inlier(Model):

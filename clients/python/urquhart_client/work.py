@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
-from urquhart_client.models import Model
+from urquhart_client.poses import Model
 
 
 class SessionSummary(Model):
