@@ -61,6 +61,6 @@ class MapPose(Model):
     y: float
     yaw: float
     covariance: Covariance | None = None
-    covariance_frame: str | None = None
-    about: str | None = None
+    covariance_frame: str = "map"
+    about: str = "submap_origin"
     middle: TreesMiddle | None = None
