@@ -13,6 +13,7 @@ import urquhart
 from server import configuration, logs
 from server.errors import DomainError
 from server.http import problems
+from server.http.admission import Shared
 from server.http.browsers import KnownHosts, SafeAnswers
 from server.http.compression import DeflateAnswers, InflateRequests
 from server.http.dependencies import JobRoom, Service
@@ -122,7 +123,7 @@ def create_app(settings: Settings, exchange: Exchange | None = None, *, create_d
     app.add_middleware(InflateRequests, limit=settings.limits.body_bytes)
     app.add_middleware(DeflateAnswers)
     app.add_middleware(BodyLimit, limit=settings.limits.body_bytes)
-    app.add_middleware(Overload, limits=settings.limits, gate=gate, metrics=metrics, readiness=readiness)
+    app.add_middleware(Overload, shared=Shared(settings.limits, gate, metrics, readiness))
     app.add_middleware(
         KnownHosts,
         allowed=settings.host_names,

@@ -162,6 +162,14 @@ class TooSlow(DomainError):
     """The request does not arrive within the time that it has."""
 
 
+class OutOfTime(DomainError):
+    """The work would take longer than a request may. `limit` is the name of that limit in `GET /v1/limits`."""
+
+    def __init__(self, limit: str, seconds: float, advice: str) -> None:
+        super().__init__(f"The time was over before this was done: {limit} is {seconds:g} s. {advice}")
+        self.limit = limit
+
+
 class WorkerLost(DomainError):
     """A process that worked for this one ended before it was done."""
 

@@ -139,6 +139,13 @@ TABLE: Mapping[type[errors.DomainError], Kind] = {
         "The head or the body did not arrive in the time that GET /v1/limits gives it. Nothing was stored, and the "
         "connection is closed; send it again.",
     ),
+    errors.OutOfTime: Kind(
+        503,
+        "out-of-time",
+        "The time was over",
+        "The work takes longer than a request may; `limit` names the limit as in GET /v1/limits. Ask for less at a "
+        "time.",
+    ),
     errors.StorageFull: Kind(
         507, "storage-full", "The disk is full", "Nothing was stored; what was stored before is intact."
     ),
@@ -194,6 +201,8 @@ def _members(error: errors.DomainError) -> dict[str, Any]:
             members: dict[str, Any] = {"limit": error.limit, "allowed": error.allowed, "got": error.got}
         case errors.TooManyRequests():
             members = {"limit": "requests_per_second"}
+        case errors.OutOfTime():
+            members = {"limit": error.limit}
         case errors.PreconditionFailed():
             members = {"etag": error.etag}
         case errors.NotAcceptable():

@@ -31,6 +31,12 @@ class Limits(BaseModel):
         description="Most landmark pairs (`inliers`) in the answer to a query or batch; further candidates have none.",
     )
     batch_queries: int = Field(200, ge=1, description="Most queries in one batch.")
+    query_seconds: float = Field(
+        5.0, gt=0, le=3600, description="Seconds in which a query is answered, with what was found until then."
+    )
+    batch_seconds: float = Field(
+        5.0, gt=0, le=3600, description="Seconds in which a batch is answered; the queries left then are not asked."
+    )
     import_bytes: int = Field(8 * 1024**3, ge=1024, description="Largest import, in bytes, unpacked.")
     import_refusal_bytes: int = Field(
         8 * 1024 * 1024,

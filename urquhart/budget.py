@@ -1,6 +1,7 @@
 """How long a piece of work may go on: until a deadline, and only while somebody waits for its result."""
 
 import math
+import threading
 import time
 
 
@@ -16,12 +17,27 @@ class Budget:
 
     def __init__(self, seconds: float = math.inf) -> None:
         """Begin now and end in `seconds`; by default there is no deadline."""
-        self._deadline = time.monotonic() + seconds
-        self._abandoned = False
+        self._began = time.monotonic()
+        self._deadline = self._began + seconds
+        self._abandoned = threading.Event()
+
+    def within(self, seconds: float) -> "Budget":
+        """A part of this budget that begins now: it ends in `seconds`, or earlier with the whole.
+
+        Part and whole are abandoned together, whichever of them `abandon` is called on.
+        """
+        part = Budget(min(seconds, self.remaining))
+        part._abandoned = self._abandoned
+        return part
 
     def abandon(self) -> None:
         """Tell the work that nobody waits for its result. Safe from any thread, at any time, and more than once."""
-        self._abandoned = True
+        self._abandoned.set()
+
+    @property
+    def elapsed(self) -> float:
+        """Seconds since it began."""
+        return time.monotonic() - self._began
 
     @property
     def remaining(self) -> float:
@@ -34,6 +50,6 @@ class Budget:
         Raises:
             Abandoned: nobody waits for the result; the work ends without one.
         """
-        if self._abandoned:
+        if self._abandoned.is_set():
             raise Abandoned
         return self._deadline <= time.monotonic()

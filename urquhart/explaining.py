@@ -29,7 +29,7 @@ REASONS: Final[Mapping[str, str]] = {
     "nothing_left": "all submaps are excluded, or none is near",
     "too_few_landmarks": "fewer than three trees fix no pose",
     "collinear_landmarks": "trees on one line fix no pose",
-    "deadline": "the time ran out before rivals were ruled out",
+    "deadline": "the time ran out before the search was complete",
 }
 """What each reason of a verdict or a refusal means."""
 STOPS: Final[Mapping[StoppedBy, str]] = {

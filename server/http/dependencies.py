@@ -1,6 +1,7 @@
 """What routes ask for: the service's parts, preconditions, JSON bodies; and how they answer."""
 
 import hashlib
+import math
 import re
 from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ from pydantic import BaseModel, BeforeValidator
 
 from server.access import Caller
 from server.errors import DomainError, InvalidField, MalformedBody, TooLarge, UnsupportedMediaType
+from server.http.admission import Admission
 from server.http.authorization import GuardedRoute, get_caller, get_visitor
 from server.http.gate import Gate
 from server.http.problems import MEDIA_TYPE
@@ -34,9 +36,10 @@ from server.schemas.common import (
     to_json,
 )
 from server.schemas.strict_json import read_json
-from server.settings import Settings
+from server.settings import Limits, Settings
 from server.snapshots.snapshot_folder import SnapshotFolder
 from server.store.database import Database
+from urquhart import Budget
 
 _ETAG = re.compile(r'\s*(?:W/)?"([^"]*)"\s*')
 
@@ -64,6 +67,15 @@ class Service:
     exchange: Exchange | None
     gate: Gate
     snapshots: SnapshotFolder
+
+    @property
+    def limits(self) -> Limits:
+        """The limits in force. While the kernels are still being compiled or loaded, queries have no deadline: the
+        first ones wait for that.
+        """
+        if self.readiness.is_open("kernels"):
+            return self.settings.limits.model_copy(update={"query_seconds": math.inf, "batch_seconds": math.inf})
+        return self.settings.limits
 
 
 # Not `async` for what they wait for: the framework would send a plain function to a thread and back.
@@ -111,7 +123,14 @@ async def get_once(
     return once_of(service, caller, idempotency_key, request.url.query.encode() + b"\n" + await request.body())
 
 
+async def get_budget(request: Request) -> Budget:
+    """Until when, and for whom, the request is worked on; it began when the request was there as a whole."""
+    admission: Admission = request.state.admission
+    return admission.budget
+
+
 ServiceDep = Annotated[Service, Depends(get_service)]
+BudgetDep = Annotated[Budget, Depends(get_budget)]
 CallerDep = Annotated[Caller, Depends(get_caller)]
 OnceDep = Annotated[Once | None, Depends(get_once)]
 VisitorDep = Annotated[Caller, Depends(get_visitor)]

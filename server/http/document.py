@@ -5,8 +5,8 @@ from typing import Any
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 
+from server.http.admission import ALWAYS_ANSWERED
 from server.http.dependencies import problems
-from server.http.overload import ALWAYS_ANSWERED
 from server.http.scopes import SCOPES
 from server.schemas.common import Problem
 

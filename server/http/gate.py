@@ -34,16 +34,19 @@ class Gate:
         """Requests in the queue."""
         return len(self._waiting)
 
-    async def enter(self) -> None:
-        """Take a place, and wait for one in the queue. Raises Overloaded: it is full, or the wait too long."""
+    async def enter(self, place: asyncio.Future[None]) -> None:
+        """Take a place, and wait for one in the queue. Raises Overloaded: it is full, or the wait too long.
+
+        `place` is done when it is given; who sets an exception there ends the wait with it.
+        """
         if self._free:
             self._free -= 1
+            place.set_result(None)
             return
         if len(self._waiting) >= self._most_waiting:
             raise Overloaded(
                 f"{self._places} requests are worked on and {self._most_waiting} wait; try again shortly.", _RETRY
             )
-        place: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         self._waiting.append(place)
         try:
             async with asyncio.timeout(self._patience):
@@ -51,7 +54,7 @@ class Gate:
         except BaseException as error:
             if place in self._waiting:
                 self._waiting.remove(place)
-            elif place.done() and not place.cancelled():
+            elif place.done() and not place.cancelled() and place.exception() is None:
                 self.leave()  # it was handed over just when the wait was given up
             if isinstance(error, TimeoutError):
                 raise Overloaded(f"No place was free within {self._patience:g} s; try again shortly.", _RETRY) from None

@@ -1,8 +1,9 @@
 """Connections: how many there may be, how long one may take to say what it wants, and how they end."""
 
 import asyncio
+import select
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, Final
 
 import h11
 import orjson
@@ -19,6 +20,10 @@ _LAST_WORD = 0.25
 """Seconds that an idle connection has, when the service ends, to say what it was about to say."""
 _FLUSH = 30.0
 """Seconds that a caller has to take the rest of an answer after its connection was closed."""
+
+_UNREAD: Final = 0.1
+"""Seconds between two looks whether a caller is gone from whom no more is read, because it sent the next request."""
+_HUNG_UP: Final = getattr(select, "POLLRDHUP", 0) | select.POLLHUP | select.POLLERR
 
 
 class ServerConfig(Config):
@@ -49,6 +54,7 @@ class Connection(H11Protocol):
         self._head_timer: asyncio.TimerHandle | None = None
         self._idle_since = self.loop.time()
         self._leaving = False
+        self._unread_timer: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """A caller is here."""
@@ -77,6 +83,12 @@ class Connection(H11Protocol):
             if self._leaving:
                 self.cycle.keep_alive = False
 
+    def handle_events(self) -> None:
+        """Requests in what came. Where the next one came before an answer, no more is read, and no end is seen."""
+        super().handle_events()
+        if self._is_unread and self._unread_timer is None:
+            self._unread_timer = self.loop.call_later(_UNREAD, self._look_for_end)
+
     def on_response_complete(self) -> None:
         """The answer is given."""
         self._idle_since = self.loop.time()
@@ -99,6 +111,22 @@ class Connection(H11Protocol):
     def is_idle(self) -> bool:
         """Whether no request is at hand: nothing was asked yet, or all is answered."""
         return self.cycle is None or self.cycle.response_complete
+
+    @property
+    def _is_unread(self) -> bool:
+        """Whether a request is worked on while nothing more is read from its caller."""
+        return self.flow.read_paused and not self.is_idle and not self.cycle.more_body
+
+    def _look_for_end(self) -> None:
+        self._unread_timer = None
+        if self.transport.is_closing() or not self._is_unread:
+            return
+        poll = select.poll()
+        poll.register(self.transport.get_extra_info("socket").fileno(), _HUNG_UP)
+        if poll.poll(0):
+            self.transport.abort()
+        else:
+            self._unread_timer = self.loop.call_later(_UNREAD, self._look_for_end)
 
     def _make_room(self) -> bool:
         idle = [one for one in self.connections if isinstance(one, Connection) and one is not self and one.is_idle]

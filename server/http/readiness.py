@@ -35,6 +35,11 @@ class Readiness:
         with self._guard:
             return SHUTDOWN in self._open
 
+    def is_open(self, check: str) -> bool:
+        """Whether the check is not passed yet."""
+        with self._guard:
+            return check in self._open
+
     @property
     def ready(self) -> bool:
         """Whether nothing is open."""

@@ -3,7 +3,7 @@
 from pydantic import ValidationError
 
 from server.access import Caller, Scope
-from server.errors import DomainError, TooLarge
+from server.errors import DomainError, OutOfTime, TooLarge
 from server.index.catalog import Catalog
 from server.kinds import document
 from server.metrics.metrics import Metrics
@@ -15,6 +15,7 @@ from server.schemas.pointers import invalid_body
 from server.schemas.queries import QueryAnswer, QueryInput
 from server.settings import Limits
 from server.store.database import Database
+from urquhart import Budget
 
 
 def answer_batch(
@@ -25,23 +26,37 @@ def answer_batch(
     caller: Caller,
     collection_id: str,
     body: BatchInput,
+    budget: Budget,
 ) -> BatchAnswer:
     """Look queries up one after the other; what is wrong with one stands in its place.
 
-    Raises NotFound (the collection), TooLarge (more than `limits.batch_queries`) and StorageError.
+    Each query has its own deadline, and the batch one for all, `limits.batch_seconds` or `timeout_ms` after the budget
+    began. A query that is not begun by then has the problem `OutOfTime` in its place.
+
+    Raises NotFound (the collection), TooLarge (more than `limits.batch_queries`), StorageError, and Abandoned.
     """
     if len(body.queries) > limits.batch_queries:
         raise TooLarge("batch_queries", limits.batch_queries, len(body.queries), "Send them in parts.")
     with database.read() as session:
         get_collection(session, collection_id)
+    seconds = limits.batch_seconds if body.timeout_ms is None else min(limits.batch_seconds, body.timeout_ms / 1000.0)
+    whole = budget.within(seconds - budget.elapsed)
+    late = document(OutOfTime("batch_seconds", seconds, "Send fewer queries at a time."))
     results: list[QueryAnswer | BatchProblem] = []
     pairs = Shares(limits.answer_pairs, len(body.queries))
     for members in body.queries:
+        own = whole.within(limits.query_seconds)
+        if own.is_spent():
+            pairs.used(0)
+            results.append(BatchProblem(problem=late))
+            continue
         try:
             query = QueryInput.model_validate(members)
             if query.store:
                 caller.require(Scope.WRITE)
-            answer = answer_query(database, catalog, metrics, limits, collection_id, query, pairs=pairs.next())
+            answer = answer_query(
+                database, catalog, metrics, limits, collection_id, query, pairs=pairs.next(), budget=own
+            )
             pairs.used(carried(answer))
             results.append(answer)
         except ValidationError as error:

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from datetime import datetime
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +37,12 @@ from server.store.sessions import Sessions
 from server.store.submaps import Submaps
 from server.store.tables import CollectionRow, SubmapRow
 from server.threads import pin_threads
-from urquhart import Candidate, LandmarkError, Recognition
+from urquhart import Budget, Candidate, LandmarkError, Recognition
+
+_TO_ANSWER: Final = 0.2
+"""Seconds before the deadline at which a search ends, because it takes a while to end it and to write the answer,"""
+_ANSWER_SHARE: Final = 0.1
+"""but at most this share of the time that the search has."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,12 +99,13 @@ def answer_query(
     own_id: str | None = None,
     once: Once | None = None,
     pairs: int | None = None,
+    budget: Budget | None = None,
 ) -> QueryAnswer:
     """Look a query up and keep the answer, `once`, where that was asked for. Raises as `look_up`, and KeyReused.
 
     `pairs`: most pairs of landmarks in what is answered, by default `limits.answer_pairs`.
     """
-    look = look_up(catalog, metrics, limits, collection_id, body, own_id=own_id)
+    look = look_up(catalog, metrics, limits, collection_id, body, own_id=own_id, budget=budget)
     answer = look.answer
     if body.store:
         answer = keep(database, limits, look.collection, look.asked.xy, look.asked.ids, look.candidates, answer, once)
@@ -124,13 +131,18 @@ def look_up(
     *,
     own_id: str | None = None,
     to_draw: bool = False,
+    budget: Budget | None = None,
 ) -> Look:
     """Place an observation in a collection; with `to_draw`, read the landmarks of candidates and first rival too.
 
     The submap `own_id` is left out of the search: what is stored there, if anything, is the observation itself.
+    With a `budget`, the search ends `limits.query_seconds` or `timeout_ms` after the budget began; without one it takes
+    as long as it takes.
+
     Too few or collinear landmarks are an answer, not an error. Raises NotFound (the collection, or `submap_id`),
-    InvalidLandmarks, InvalidField, TooLarge and StorageError.
+    InvalidLandmarks, InvalidField, TooLarge, StorageError, and Abandoned (nobody waits for the answer any more).
     """
+    budget = Budget() if budget is None else _share(budget, body, limits)
     check_landmark_count(body, limits)
     _check_sizes(body, limits)
     pin_threads()
@@ -151,7 +163,7 @@ def look_up(
             excluded.update(submaps.keys([own_id]).values())
         sessions = Sessions(view.session, view.collection.key)
         most = min(body.limit, limits.candidates)  # less than the default only where the operator wants it so
-        search = _search(view, body, asked, most, keys_near(submaps, body.near))
+        search = _search(view, body, asked, most, keys_near(submaps, body.near), budget)
         try:
             found = by_session(search, sessions, excluded, most) if body.per_session else search(excluded)
         except LandmarkError as error:
@@ -171,7 +183,17 @@ def look_up(
     return Look(asked, view.collection, answer, found.candidates, landmarks, revisions)
 
 
-def _search(view: View, body: QueryInput, asked: Observation, most: int, only: set[int] | None) -> Search:
+def _share(budget: Budget, body: QueryInput, limits: Limits) -> Budget:
+    """What of a request's budget the search may use, so that the answer is ready at the deadline."""
+    seconds = limits.query_seconds
+    if body.timeout_ms is not None:
+        seconds = min(seconds, body.timeout_ms / 1000.0)
+    return budget.within(seconds - min(_TO_ANSWER, _ANSWER_SHARE * seconds) - budget.elapsed)
+
+
+def _search(
+    view: View, body: QueryInput, asked: Observation, most: int, only: set[int] | None, budget: Budget
+) -> Search:
     def search(excluded: set[int]) -> Recognition:
         return view.recognizer.recognize(
             asked.xy,
@@ -181,6 +203,7 @@ def _search(view: View, body: QueryInput, asked: Observation, most: int, only: s
             exclude=excluded,
             only=only,
             rng=None if body.seed is None else np.random.default_rng(body.seed),
+            budget=budget,
         )
 
     return search

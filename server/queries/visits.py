@@ -14,7 +14,8 @@ def by_session(search: Search, sessions: Sessions, excluded: set[int], limit: in
     """The answer to a question, with the best candidate of every session that has been here, `limit` at most.
 
     Verdict, reason and rivals are those of the first search. Each further candidate is `matched` in a search of its
-    own, among all submaps but those of the sessions found before; submaps without a session count as one.
+    own, among all submaps but those of the sessions found before; submaps without a session count as one. Where the
+    time is over before all sessions are found, the reason is `deadline`.
     """
     first = search(excluded)
     found = _distinct(first, sessions)
@@ -26,6 +27,8 @@ def by_session(search: Search, sessions: Sessions, excluded: set[int], limit: in
         following = search(excluded)
         stages += following.stages
         if following.verdict != "matched":
+            if following.reason == "deadline":
+                first = replace(first, reason="deadline")
             break
         found.append(following.candidates[0])
     return replace(first, candidates=tuple(found), stages=tuple(stages))

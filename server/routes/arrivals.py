@@ -8,6 +8,7 @@ from server import links, reading
 from server.access import Caller, Scope
 from server.errors import InvalidField
 from server.http.dependencies import (
+    BudgetDep,
     CallerDep,
     CollectionId,
     JsonRoute,
@@ -29,6 +30,7 @@ from server.schemas import examples
 from server.schemas.arrivals import ArrivingSubmap, SubmapReceipt
 from server.schemas.common import to_json
 from server.schemas.queries import QueryAnswer
+from urquhart import Budget
 
 router = APIRouter(route_class=JsonRoute, tags=["submaps"])
 _ALL = "/v1/collections/{collection}/submaps"
@@ -56,10 +58,11 @@ def put_submap(
     service: ServiceDep,
     caller: CallerDep,
     preconditions: PreconditionsDep,
+    budget: BudgetDep,
     query: WithQuery = False,
 ) -> Response:
     """The next query finds it. The same content again changes nothing, so a PUT can be repeated safely."""
-    found = _ask_first(service, caller, collection, submap, body, wanted=query)
+    found = _ask_first(service, caller, collection, submap, body, budget, wanted=query)
     receipt = ingest.put(service.database, collection, submap, body, service.settings.limits, preconditions)
     service.metrics.submaps_written.labels(receipt.outcome).inc()
     return kept_response(_answered(collection, submap, receipt, found))
@@ -82,6 +85,7 @@ def post_submap(
     service: ServiceDep,
     caller: CallerDep,
     once: OnceDep,
+    budget: BudgetDep,
     query: WithQuery = False,
 ) -> Response:
     """Under an id that the service makes, later ones after earlier ones. Sent again with the same `Idempotency-Key`,
@@ -90,7 +94,7 @@ def post_submap(
     kept = ingest.posted(service.database, collection, once)
     if kept is None:
         submap = new_id()
-        found = _ask_first(service, caller, collection, None, body, wanted=query)
+        found = _ask_first(service, caller, collection, None, body, budget, wanted=query)
         kept = ingest.post(
             service.database,
             collection,
@@ -106,16 +110,30 @@ def post_submap(
 
 
 def _ask_first(
-    service: Service, caller: Caller, collection: str, submap: str | None, body: ArrivingSubmap, *, wanted: bool
+    service: Service,
+    caller: Caller,
+    collection: str,
+    submap: str | None,
+    body: ArrivingSubmap,
+    budget: Budget,
+    *,
+    wanted: bool,
 ) -> QueryAnswer | None:
     """Where else the submap was seen, by what is stored before it is."""
     if not wanted and body.query is None:
         return None
     caller.require(Scope.READ)
-    limits = service.settings.limits
+    limits = service.limits
     try:
         return lookup.answer_query(
-            service.database, service.catalog, service.metrics, limits, collection, body.question(), own_id=submap
+            service.database,
+            service.catalog,
+            service.metrics,
+            limits,
+            collection,
+            body.question(),
+            own_id=submap,
+            budget=budget,
         )
     except InvalidField as error:
         raise error.below("/query") from error

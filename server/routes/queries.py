@@ -7,6 +7,7 @@ from fastapi import APIRouter, Path, Response
 from server.access import Scope
 from server.http.dependencies import (
     Accept,
+    BudgetDep,
     CallerDep,
     CollectionId,
     JsonRoute,
@@ -46,7 +47,12 @@ QueryId = Annotated[str, Path(description="`id` of the answer.", examples=["17"]
     responses={200: _EXAMPLE, **problems(400, 404, 413, 415, 422, 503, 507)},
 )
 def query(
-    collection: CollectionId, body: QueryInput, service: ServiceDep, caller: CallerDep, once: OnceDep
+    collection: CollectionId,
+    body: QueryInput,
+    service: ServiceDep,
+    caller: CallerDep,
+    once: OnceDep,
+    budget: BudgetDep,
 ) -> Response:
     """Act on `verdict`: `matched`, `ambiguous` or `no_match`, with a `reason`. Too few trees in view is an answer, too.
 
@@ -60,8 +66,9 @@ def query(
     if answer is not None:
         answer, headers = lookup.shown(answer, body), {"Idempotency-Replayed": "true"}
     else:
+        limits = service.limits
         answer = lookup.answer_query(
-            service.database, service.catalog, service.metrics, service.settings.limits, collection, body, once=once
+            service.database, service.catalog, service.metrics, limits, collection, body, once=once, budget=budget
         )
     if answer.links.self:
         headers["Location"] = answer.links.self
@@ -78,12 +85,13 @@ def query(
         **problems(400, 404, 413, 415, 422, 503, 507),
     },
 )
-def query_batch(collection: CollectionId, body: BatchInput, service: ServiceDep, caller: CallerDep) -> Response:
+def query_batch(
+    collection: CollectionId, body: BatchInput, service: ServiceDep, caller: CallerDep, budget: BudgetDep
+) -> Response:
     """Each is answered as if it had come alone, in their order; one that is wrong has a `problem` in its place."""
+    limits = service.limits
     return json_response(
-        answer_batch(
-            service.database, service.catalog, service.metrics, service.settings.limits, caller, collection, body
-        )
+        answer_batch(service.database, service.catalog, service.metrics, limits, caller, collection, body, budget)
     )
 
 

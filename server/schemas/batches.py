@@ -1,6 +1,6 @@
 """Bodies of several queries at once."""
 
-from typing import Any
+from typing import Annotated, Any
 
 from pydantic import ConfigDict, Field
 
@@ -17,6 +17,11 @@ class BatchInput(Body):
 
     # Read one by one, so that one that is wrong does not spoil the others.
     queries: list[dict[str, Any]] = Field(min_length=1, description="Bodies of `query`.")
+    timeout_ms: Annotated[int, Field(ge=1, le=3_600_000, strict=True)] | None = Field(
+        None,
+        description="Milliseconds within which the whole batch is needed; at most, and by default, the limit "
+        "`batch_seconds`. Queries that were not begun by then have the problem `out-of-time` in their place.",
+    )
 
 
 class BatchProblem(Answer):

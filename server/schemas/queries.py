@@ -83,6 +83,12 @@ class QueryOptions(Body):
     per_session: Annotated[bool, Field(strict=True)] = Field(
         False, description="Who has been here, and when: the best candidate of every session, each matched by itself."
     )
+    timeout_ms: Annotated[int, Field(ge=1, le=3_600_000, strict=True)] | None = Field(
+        None,
+        description="Milliseconds within which the answer is needed, counted from when the request is there as a "
+        "whole; at most, and by default, the limit `query_seconds`. The answer at the deadline is `no_match` with the "
+        "reason `deadline` and what was found so far.",
+    )
     near: Near | None = Field(None, description="About where it was observed, if that is known.")
     exclude: Exclude = Field(default_factory=Exclude, description="What must not be found.")
 

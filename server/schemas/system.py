@@ -56,6 +56,8 @@ LIMITS_EXAMPLE: dict[str, Any] = {
         "properties_bytes": 16384,
         "candidates": 100,
         "excluded_submaps": 10000,
+        "query_seconds": 5.0,
+        "batch_seconds": 5.0,
         "page": 100,
         "page_max": 1000,
         "concurrent_requests": 32,

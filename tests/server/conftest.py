@@ -18,8 +18,9 @@ from tests.server.world import TestClient
 
 @pytest.fixture
 def settings(tmp_path: Path) -> Settings:
-    """Settings over a database that is not there yet, with small pages."""
-    return Settings(database=str(tmp_path / "urquhart.db"), limits=Limits(page=50, page_max=50))
+    """Settings over a database that is not there yet, with small pages, and time enough on a machine that is busy."""
+    limits = Limits(page=50, page_max=50, query_seconds=600, batch_seconds=600)
+    return Settings(database=str(tmp_path / "urquhart.db"), limits=limits)
 
 
 @pytest.fixture

@@ -77,7 +77,9 @@ class House:
 
     def get(self, target: str, authorization: str, method: str = "GET", more: str = "") -> tuple[int, str]:
         """Status and all of the answer to a request for exactly this target, with exactly this header."""
-        answer = self.raw(f"{method} {target} HTTP/1.1\r\nHost: x\r\n{authorization}{more}Connection: close\r\n")
+        answer = self.raw(
+            f"{method} {target} HTTP/1.1\r\nHost: localhost\r\n{authorization}{more}Connection: close\r\n"
+        )
         return int(answer.split(b" ", 2)[1]), answer.decode("utf-8", "replace")
 
     def line(self, who: str) -> str:
@@ -208,7 +210,9 @@ def test_what_is_let_in_is_what_is_read(house: House, target: str) -> None:
 @pytest.mark.parametrize("name", ["B", "%EF%BD%82", "b%00", "b.", "b-", "b%2Fsubmaps", "b%CC%81", "%2A", "b%3F", "a-1"])
 def test_a_pattern_makes_nothing_beside_itself(house: House, name: str) -> None:
     before = house.ask("owner", "GET", "/v1/collections").json()["collections"]
-    head = f"PUT /v1/collections/{name} HTTP/1.1\r\nHost: x\r\n{house.line('tenant')}{JSON}Content-Length: 2\r\n"
+    head = (
+        f"PUT /v1/collections/{name} HTTP/1.1\r\nHost: localhost\r\n{house.line('tenant')}{JSON}Content-Length: 2\r\n"
+    )
     status = int(house.raw(f"{head}Connection: close\r\n", "{}").split(b" ", 2)[1])
     assert status in {404, 405}
     assert house.ask("owner", "GET", "/v1/collections").json()["collections"] == before
@@ -394,10 +398,10 @@ def test_where_a_body_ends_is_not_for_two_to_argue_about(house: House, headers: 
     """What a proxy takes for the rest of a body must not be the next request to us, nor the other way round."""
     smuggled = f"{A}/submaps/smuggled-{FRAMES.index((headers, body))}"
     inner = (
-        f"PUT {smuggled} HTTP/1.1\r\nHost: x\r\n{house.line('owner')}{JSON}"
+        f"PUT {smuggled} HTTP/1.1\r\nHost: localhost\r\n{house.line('owner')}{JSON}"
         f"Content-Length: {len(BODY)}\r\nConnection: close\r\n\r\n{BODY}"
     )
-    head = f"POST {A}/queries HTTP/1.1\r\nHost: x\r\n{house.line('reader')}{JSON}{headers}"
+    head = f"POST {A}/queries HTTP/1.1\r\nHost: localhost\r\n{house.line('reader')}{JSON}{headers}"
     answer = house.raw(head, body + inner)
     assert answer.startswith(b"HTTP/1.1 400 "), answer
     assert answer.count(b"HTTP/1.1 ") == 1
@@ -405,19 +409,19 @@ def test_where_a_body_ends_is_not_for_two_to_argue_about(house: House, headers: 
 
 
 def test_the_same_requests_are_two_where_there_is_nothing_to_argue_about(house: House) -> None:
-    last = f"GET {A} HTTP/1.1\r\nHost: x\r\n{house.line('reader')}Connection: close\r\n\r\n"
+    last = f"GET {A} HTTP/1.1\r\nHost: localhost\r\n{house.line('reader')}Connection: close\r\n\r\n"
     for headers, body in (
         (f"Content-Length: {len(BODY)}\r\n", BODY),
         ("Transfer-Encoding: chunked\r\n", CHUNKED),
     ):
-        head = f"POST {A}/queries HTTP/1.1\r\nHost: x\r\n{house.line('reader')}{JSON}{headers}"
+        head = f"POST {A}/queries HTTP/1.1\r\nHost: localhost\r\n{house.line('reader')}{JSON}{headers}"
         assert house.raw(head, body + last).count(b"HTTP/1.1 200 ") == 2
 
 
 def test_the_second_request_of_a_connection_has_its_own_key(house: House) -> None:
-    first = f"GET {B} HTTP/1.1\r\nHost: x\r\n{house.line('owner')}"
+    first = f"GET {B} HTTP/1.1\r\nHost: localhost\r\n{house.line('owner')}"
     for second, status in (("", b"401"), (house.line("reader"), b"404"), (house.line("tenant"), b"200")):
-        answer = house.raw(first, f"GET {B} HTTP/1.1\r\nHost: x\r\n{second}Connection: close\r\n\r\n")
+        answer = house.raw(first, f"GET {B} HTTP/1.1\r\nHost: localhost\r\n{second}Connection: close\r\n\r\n")
         _, one, two = answer.split(b"HTTP/1.1 ")
         assert (one[:3], two[:3]) == (b"200", status)
 
@@ -425,7 +429,7 @@ def test_the_second_request_of_a_connection_has_its_own_key(house: House) -> Non
 def test_a_key_behind_the_body_is_none(house: House) -> None:
     trailed = CHUNKED.removesuffix("\r\n") + house.line("owner") + "\r\n"
     for header, status in (("", b"401"), (house.line("reader"), b"404")):
-        head = f"POST {B}/queries HTTP/1.1\r\nHost: x\r\n{header}{JSON}Connection: close\r\n"
+        head = f"POST {B}/queries HTTP/1.1\r\nHost: localhost\r\n{header}{JSON}Connection: close\r\n"
         assert house.raw(f"{head}Transfer-Encoding: chunked\r\n", trailed)[9:12] == status
 
 

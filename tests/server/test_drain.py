@@ -42,7 +42,7 @@ def start(tmp_path: Path) -> Iterator[Start]:
 def half_a_put(served: Served, name: str) -> socket.socket:
     """A PUT of which the last bytes are still to come."""
     connection = socket.create_connection(("127.0.0.1", served.port), timeout=PATIENCE)
-    head = f"PUT /v1/collections/plots/submaps/{name} HTTP/1.1\r\nHost: x\r\nContent-Type: application/json\r\n"
+    head = f"PUT /v1/collections/plots/submaps/{name} HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
     connection.sendall(f"{head}Content-Length: {len(BODY)}\r\n\r\n".encode() + BODY[:-10])
     return connection
 

@@ -49,7 +49,7 @@ def test_half_an_upload_is_no_job(serve: Callable[..., Server], tmp_path: Path) 
     path = tmp_path / "half.db"
     server = started(serve, path)
     url, content = server.client.base_url, lines(200)
-    head = f"POST {IMPORTS} HTTP/1.1\r\nHost: x\r\nContent-Type: application/x-ndjson\r\n"
+    head = f"POST {IMPORTS} HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/x-ndjson\r\n"
     with socket.create_connection((url.host, url.port or 0)) as half:
         half.sendall(f"{head}Content-Length: {len(content)}\r\n\r\n".encode() + content[: len(content) // 2])
         while not (Path(f"{path}.jobs").is_dir() and uploads(path)):

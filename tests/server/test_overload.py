@@ -26,7 +26,7 @@ from tests.server.world import forest, points
 Start = Callable[..., Threaded]
 ASK = "/v1/collections/plots/queries"
 PUT_HEAD = (
-    "PUT /v1/collections/plots/submaps/p HTTP/1.1\r\nHost: x\r\n"
+    "PUT /v1/collections/plots/submaps/p HTTP/1.1\r\nHost: localhost\r\n"
     "Content-Type: application/json\r\nContent-Length: {}\r\n\r\n"
 )
 
@@ -136,15 +136,18 @@ def test_places_are_given_in_turn_and_none_is_lost() -> None:
         gate = Gate(Limits(concurrent_requests=1, queued_requests=3, queue_seconds=100))
         order: list[int] = []
 
+        async def enter() -> None:
+            await gate.enter(asyncio.get_running_loop().create_future())
+
         async def visit(number: int) -> None:
-            await gate.enter()
+            await enter()
             order.append(number)
 
-        await gate.enter()
+        await enter()
         tasks = [asyncio.create_task(visit(number)) for number in range(3)]
         await asyncio.sleep(0)
         with pytest.raises(Overloaded):
-            await gate.enter()
+            await enter()
         tasks[1].cancel()
         await asyncio.sleep(0)
         assert gate.waiting == 2
@@ -287,7 +290,7 @@ def test_slow_bodies_take_nobodys_turn(start: Start) -> None:
         connection.close()
 
 
-@pytest.mark.parametrize("half", [b"", b"GET /livez HT", b"GET /livez HTTP/1.1\r\nHost: x\r\nX: "])
+@pytest.mark.parametrize("half", [b"", b"GET /livez HT", b"GET /livez HTTP/1.1\r\nHost: localhost\r\nX: "])
 def test_half_a_head_is_not_waited_for(start: Start, half: bytes) -> None:
     server = start(header_seconds=0.2)
     with server.connect() as slow:
@@ -300,7 +303,7 @@ def test_half_a_head_is_not_waited_for(start: Start, half: bytes) -> None:
 
 def is_answered(connection: socket.socket) -> None:
     """It can be asked, and answers."""
-    connection.sendall(b"GET /livez HTTP/1.1\r\nHost: x\r\n\r\n")
+    connection.sendall(b"GET /livez HTTP/1.1\r\nHost: localhost\r\n\r\n")
     said = b""
     while not said.endswith(b"}"):  # head and body may come one after the other
         said += connection.recv(65536)
@@ -312,7 +315,7 @@ def is_answered(connection: socket.socket) -> None:
     [
         b"GARBAGE\r\n\r\n",
         b"GET /livez HTTP/1.1\r\n\r\n",  # without Host
-        b"GET /livez HTTP/1.1\r\nHost: x\r\nX: " + b"a" * 100_000,
+        b"GET /livez HTTP/1.1\r\nHost: localhost\r\nX: " + b"a" * 100_000,
         PUT_HEAD.format("5\r\nContent-Length: 6").encode() + b"{}",
         PUT_HEAD.replace("Content-Length: {}", "Transfer-Encoding: chunked").encode() + b"zz\r\n{}",
     ],
@@ -342,7 +345,7 @@ def test_half_a_head_after_a_whole_request_is_not_waited_for(start: Start) -> No
 def test_the_rest_of_a_body_that_was_refused_is_not_waited_for(start: Start) -> None:
     server = start(header_seconds=0.3)
     with server.connect() as slow:
-        slow.sendall(b"PUT /nope HTTP/1.1\r\nHost: x\r\nContent-Length: 100000\r\n\r\n")
+        slow.sendall(b"PUT /nope HTTP/1.1\r\nHost: localhost\r\nContent-Length: 100000\r\n\r\n")
         assert slow.recv(65536).startswith(b"HTTP/1.1 404 ")
         began = time.monotonic()
         while time.monotonic() - began < PATIENCE:

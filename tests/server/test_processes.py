@@ -100,7 +100,7 @@ def test_a_caller_that_goes_away(serve: Callable[[Path], Server], tmp_path: Path
     server = serve(tmp_path / "urquhart.db")
     server.client.put("/v1/collections/plots", json={}).raise_for_status()
     url = server.client.base_url
-    head = "PUT /v1/collections/plots/submaps/p HTTP/1.1\r\nHost: x\r\nContent-Type: application/json\r\n"
+    head = "PUT /v1/collections/plots/submaps/p HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
     with socket.create_connection((url.host, url.port or 0)) as half:
         half.sendall(f'{head}Content-Length: 1000\r\n\r\n{{"xy": [[1, 2], '.encode())
     while 'status="499"' not in server.client.get("/metrics").text:

@@ -27,3 +27,26 @@ def test_another_thread_can_abandon_it() -> None:
     thread.join()
     with pytest.raises(Abandoned):
         budget.is_spent()
+
+
+def test_a_part_ends_with_the_whole_and_not_after_its_own_time() -> None:
+    assert Budget(0.0).within(100.0).is_spent()
+    whole = Budget(100.0)
+    assert whole.within(0.0).is_spent()
+    assert not whole.within(50.0).is_spent()
+    assert whole.within(1000.0).remaining <= 100.0
+
+
+@pytest.mark.parametrize("which", ["whole", "part"])
+def test_part_and_whole_are_abandoned_together(which: str) -> None:
+    whole = Budget()
+    part = whole.within(100.0)
+    (whole if which == "whole" else part).abandon()
+    for budget in (whole, part, whole.within(0.0)):
+        with pytest.raises(Abandoned):
+            budget.is_spent()
+
+
+def test_it_tells_how_long_ago_it_began() -> None:
+    whole = Budget()
+    assert 0.0 <= whole.within(1.0).elapsed <= whole.elapsed

@@ -1,0 +1,157 @@
+"""One request on its way through the service: how it arrives, its turn, and for how long it is worked on."""
+
+import asyncio
+import time
+from dataclasses import dataclass
+from typing import Final
+
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.requests import ClientDisconnect
+from starlette.types import Message, Receive, Scope, Send
+
+from server.errors import Overloaded, TooSlow
+from server.http.gate import Gate
+from server.http.middleware import is_streamed
+from server.http.readiness import Readiness
+from server.metrics.metrics import Metrics
+from server.settings import Limits
+from urquhart import Budget
+
+ALWAYS_ANSWERED: Final = frozenset({"/livez", "/readyz", "/metrics"})
+"""Paths that take no place: who watches the service must see it all the more when it is overloaded."""
+_RETRY: Final = 1.0
+
+
+@dataclass(slots=True)
+class Shared:
+    """What the requests of a process share. `held`: bytes of bodies that are kept in memory."""
+
+    limits: Limits
+    gate: Gate
+    metrics: Metrics
+    readiness: Readiness
+    held: int = 0
+
+    def hold(self, size: int) -> None:
+        """Count bytes of a body that are kept in memory. Raises Overloaded."""
+        if self.held + size > self.limits.buffered_bytes:
+            self.count("memory")
+            raise Overloaded("The bodies that are just being received fill the memory; try again shortly.", _RETRY)
+        self.held += size
+
+    def count(self, reason: str) -> None:
+        """Count a request that is refused."""
+        self.metrics.rejected.labels(reason).inc()
+
+
+class Admission:
+    """One request on its way in and its answer on the way out.
+
+    When the request is there as a whole, its budget begins, it waits for a place, and from then on somebody watches
+    whether the caller is still there: if not, the wait ends, and the budget is abandoned.
+    """
+
+    def __init__(self, shared: Shared, scope: Scope, receive: Receive, send: Send) -> None:
+        self._shared, self._limits = shared, shared.limits
+        self._inner_receive, self._inner_send = receive, send
+        self._began = time.monotonic()
+        self._received = self._held = 0
+        headers = Headers(scope=scope)
+        self._has_body = headers.get("content-length", "0") != "0" or "transfer-encoding" in headers
+        self._streamed = is_streamed(scope)
+        self._takes_place = scope["path"] not in ALWAYS_ANSWERED and not _waits(scope)
+        self._inside = self._told = self.answered = False
+        self._place: asyncio.Future[None] | None = None
+        self._watch: asyncio.Task[None] | None = None
+        self._gone = asyncio.Event()
+        self.budget = Budget()
+
+    async def begin(self) -> None:
+        """Take a place for a request without a body. Raises Overloaded and ClientDisconnect."""
+        if not self._has_body:
+            await self._arrived()
+
+    def end(self) -> None:
+        """Give back what is taken."""
+        self._leave()
+        self._shared.held -= self._held
+        self._held = 0
+        if self._watch is not None:
+            self._watch.cancel()
+
+    async def receive(self) -> Message:
+        """The next piece of the body, in time; after the last one, that the caller is gone, when it is."""
+        if not self._has_body:
+            if not self._told:
+                self._told = True
+                return {"type": "http.request", "body": b"", "more_body": False}
+            await self._gone.wait()
+            return {"type": "http.disconnect"}
+        if self.answered:
+            return await self._inner_receive()
+        message = await self._next()
+        if message["type"] != "http.request":
+            return message
+        size = len(message.get("body", b""))
+        self._received += size
+        if not self._streamed:
+            self._shared.hold(size)
+            self._held += size
+        if not message.get("more_body", False):
+            self._has_body, self._told = False, True
+            await self._arrived()
+        return message
+
+    async def send(self, message: Message) -> None:
+        """The answer; the place is free as soon as it begins, however slowly it is taken."""
+        if message["type"] == "http.response.start":
+            self.answered = True
+            self._leave()
+            if self._shared.readiness.stopping:
+                MutableHeaders(scope=message)["Connection"] = "close"
+        await self._inner_send(message)
+
+    async def _next(self) -> Message:
+        deadline = self._began + self._limits.body_seconds + self._received / self._limits.body_rate
+        try:
+            async with asyncio.timeout(deadline - time.monotonic()):
+                return await self._inner_receive()
+        except TimeoutError:
+            self._shared.count("slow_body")
+            raise TooSlow(
+                f"Of the body {self._received} bytes came in {time.monotonic() - self._began:.0f} s; the limits are "
+                f"body_seconds {self._limits.body_seconds:g} and body_rate {self._limits.body_rate} bytes a second."
+            ) from None
+
+    async def _arrived(self) -> None:
+        self.budget = Budget()
+        self._watch = asyncio.create_task(self._watch_caller())
+        if not self._takes_place or self._inside:
+            return
+        self._place = asyncio.get_running_loop().create_future()
+        try:
+            await self._shared.gate.enter(self._place)
+        except Overloaded:
+            self._shared.count("overloaded")
+            raise
+        self._inside = True
+
+    def _leave(self) -> None:
+        if self._inside:
+            self._inside = False
+            self._shared.gate.leave()
+        self._takes_place = False
+
+    async def _watch_caller(self) -> None:
+        """What comes after the body: nothing, until the caller is gone or has the whole answer."""
+        while (await self._inner_receive())["type"] != "http.disconnect":
+            continue
+        self._gone.set()
+        self.budget.abandon()
+        if self._place is not None and not self._place.done():
+            self._place.set_exception(ClientDisconnect())
+
+
+def _waits(scope: Scope) -> bool:
+    """Whether the request only waits for a job."""
+    return b"wait=" in scope["query_string"] and scope["path"].startswith("/v1/jobs/")
