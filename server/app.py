@@ -24,9 +24,10 @@ from server.http.overload import Overload
 from server.http.readiness import SHUTDOWN, Readiness
 from server.index.catalog import Catalog
 from server.index.upkeep import Upkeep
+from server.jobs.assignment import Tools
 from server.jobs.folder import JobFolder
 from server.jobs.kinds import WORKS
-from server.jobs.runner import Runner, Tools
+from server.jobs.runner import Runner
 from server.keys import Doorkeeper, check_exposure
 from server.metrics.exchange import Exchange
 from server.metrics.metrics import Metrics

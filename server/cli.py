@@ -11,7 +11,7 @@ from typing import Annotated, Final
 import typer
 from typer.exceptions import TyperException
 
-from server.commands import config, db, index, keys, locate, reference, serve, snapshot
+from server.commands import config, db, index, jobs, keys, locate, reference, serve, snapshot
 from server.commands.demo import command as demo
 from server.commands.failure import Failure
 from server.errors import DomainError
@@ -38,6 +38,7 @@ app.command("reference")(reference.reference_page)
 app.command()(config.config)
 app.add_typer(db.app, name="db")
 app.add_typer(keys.app, name="keys")
+app.add_typer(jobs.app, name="jobs")
 app.add_typer(snapshot.app, name="snapshot")
 
 

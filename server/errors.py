@@ -158,6 +158,18 @@ class TooManyRequests(Busy):
     """This caller asks more often than `limits.requests_per_second` allows."""
 
 
+class TooManyJobs(Busy):
+    """This caller has as many unfinished jobs as `limits.unfinished_jobs` allows."""
+
+    def __init__(self, allowed: int) -> None:
+        super().__init__(
+            f"The limit unfinished_jobs is {allowed}, and as many jobs of this key are not finished; wait for one to "
+            "end, or dismiss one with DELETE /v1/jobs/<id>.",
+            retry_after=10.0,
+        )
+        self.allowed = allowed
+
+
 class TooSlow(DomainError):
     """The request does not arrive within the time that it has."""
 

@@ -19,8 +19,10 @@ from typing import Final
 
 from server.access import ANYBODY, Caller, Scope
 from server.errors import Conflict, InvalidField, NotFound, Unauthorized
+from server.kinds import kind_of, plain
 from server.settings import Settings
 from server.store.database import Database
+from server.store.jobs import Jobs
 from server.store.keys import Keys
 from server.store.tables import KeyRow
 
@@ -94,7 +96,10 @@ def listed(database: Database) -> list[KeyInfo]:
 
 
 def revoke(database: Database, key_id: str) -> None:
-    """Make a key useless, for every process within a second. Raises NotFound and Conflict (it is already)."""
+    """Make a key useless, for every process within a second, and end its jobs.
+
+    Raises NotFound and Conflict (it is already).
+    """
     with database.write() as session:
         keys = Keys(session)
         row = keys.get(key_id)
@@ -103,6 +108,8 @@ def revoke(database: Database, key_id: str) -> None:
         if row.revoked is not None:
             raise Conflict(f"The key {key_id} was revoked on {row.revoked:%Y-%m-%d}.")
         keys.revoke(key_id)
+        problem = plain(kind_of(Unauthorized("")), f"The key {key_id}, which began the job, was revoked.")
+        Jobs(session).end_those_of(key_id, problem)
 
 
 def is_exposed(settings: Settings) -> bool:

@@ -132,6 +132,13 @@ TABLE: Mapping[type[errors.DomainError], Kind] = {
         "One key, or one address, asks more often than `rates` in GET /v1/limits allows. Nothing was done; try again "
         "after Retry-After seconds.",
     ),
+    errors.TooManyJobs: Kind(
+        429,
+        "too-many-jobs",
+        "Too many unfinished jobs",
+        "One key has as many unfinished jobs as `unfinished_jobs` in GET /v1/limits allows. Nothing was taken on; try "
+        "again after Retry-After seconds, or dismiss a job.",
+    ),
     errors.TooSlow: Kind(
         408,
         "request-timeout",
@@ -203,6 +210,8 @@ def _members(error: errors.DomainError) -> dict[str, Any]:
             members = {"limit": "requests_per_second"}
         case errors.OutOfTime():
             members = {"limit": error.limit}
+        case errors.TooManyJobs():
+            members = {"limit": "unfinished_jobs", "allowed": error.allowed}
         case errors.PreconditionFailed():
             members = {"etag": error.etag}
         case errors.NotAcceptable():

@@ -37,6 +37,9 @@ class Limits(BaseModel):
     batch_seconds: float = Field(
         5.0, gt=0, le=3600, description="Seconds in which a batch is answered; the queries left then are not asked."
     )
+    unfinished_jobs: int = Field(
+        20, ge=1, description="Most unfinished jobs of one key, or of all callers without one; more are answered 429."
+    )
     import_bytes: int = Field(8 * 1024**3, ge=1024, description="Largest import, in bytes, unpacked.")
     import_refusal_bytes: int = Field(
         8 * 1024 * 1024,
@@ -117,6 +120,12 @@ class JobSettings(BaseModel):
 
     processes: int | None = Field(
         None, ge=1, le=256, description="Processes that describe imported submaps, the service among them; one a core."
+    )
+    slice_seconds: float = Field(
+        5.0,
+        gt=0,
+        le=3600,
+        description="Seconds after which a job gives way while one of another key, or on another collection, waits.",
     )
     keep_days: float = Field(7.0, gt=0, le=3650, description="Days for which results of finished jobs are kept.")
     keep_rows: int = Field(10_000, ge=1, description="Finished jobs that are told of; the oldest are forgotten first.")

@@ -43,3 +43,6 @@ SCOPES: Final[Mapping[str, Scope | None]] = {
     "getSnapshot": Scope.ADMIN,
     "deleteSnapshot": Scope.ADMIN,
 }
+
+ALSO: Final[Mapping[str, frozenset[Scope]]] = {"deleteJob": frozenset({Scope.READ, Scope.ADMIN})}
+"""Further scopes that open an operation, which then looks at whose thing it is: a job may be the caller's own."""

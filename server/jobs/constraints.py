@@ -9,8 +9,8 @@ from sqlalchemy.orm import Session
 
 from server.constraints import agree, chosen_submaps, from_look, question
 from server.errors import NotFound
+from server.jobs.assignment import Assignment, Tools
 from server.jobs.folder import cut
-from server.jobs.runner import Assignment, Tools
 from server.queries.lookup import look_up
 from server.schemas.constraints import ConstraintsInput
 from server.store.sqlite_errors import storage_errors
@@ -18,7 +18,9 @@ from server.store.submaps import Submaps
 from server.store.tables import SubmapRow
 
 _PAGE: Final = 50
-"""Submaps looked up between two notes of how far it is."""
+"""Submaps that are looked up before the job notes how far it is."""
+_SILENCE: Final = 1.0
+"""Seconds after which it notes that although they are fewer."""
 
 
 def run_constraints(assignment: Assignment, tools: Tools) -> None:
@@ -34,14 +36,16 @@ def run_constraints(assignment: Assignment, tools: Tools) -> None:
         with found_file.open("a+b") as found:
             tools.folder.sync()
             cut(found, assignment.progress.get("found", 0))
-            for rows in _pages(assignment, tools, body):
-                for row in rows:
-                    constraints = _look_up(assignment, tools, row, body)
-                    found.writelines(orjson.dumps(one) + b"\n" for one in constraints)
-                found.flush()
-                os.fsync(found.fileno())
-                assignment.done += len(rows)
-                assignment.report(after=rows[-1].key, found=found.tell())
+            for row, is_last in _rows(assignment, tools, body):
+                constraints = _look_up(assignment, tools, row, body)
+                found.writelines(orjson.dumps(one) + b"\n" for one in constraints)
+                assignment.done += 1
+                # A look-up may take seconds, and somebody may wait for the end of the job, or for their turn.
+                if is_last or assignment.since_report > _SILENCE:
+                    found.flush()
+                    os.fsync(found.fileno())
+                    assignment.report(after=row.key, found=found.tell())
+                    assignment.give_way()
             found.seek(0)
             kept, contradictions = agree(orjson.loads(line) for line in found)
         with results_file.open("wb") as results:
@@ -55,15 +59,16 @@ def run_constraints(assignment: Assignment, tools: Tools) -> None:
         assignment.report(written=size)
 
 
-def _pages(assignment: Assignment, tools: Tools, body: ConstraintsInput) -> Iterator[list[SubmapRow]]:
-    """Submaps to look up, in the order of their keys, from where the job stands."""
+def _rows(assignment: Assignment, tools: Tools, body: ConstraintsInput) -> Iterator[tuple[SubmapRow, bool]]:
+    """Submaps to look up, in the order of their keys, from where the job stands; whether it is the last of a page."""
     after = int(assignment.progress.get("after", 0))
     while True:
         with tools.database.read() as session:
             rows = _page(assignment, session, body, after)
         if not rows:
             return
-        yield rows
+        for row in rows:
+            yield row, row is rows[-1]
         after = rows[-1].key
 
 

@@ -20,9 +20,9 @@ from server.errors import LinesRefused, StorageError, StorageUnavailable, TooLar
 from server.index.flushing import Stopped, flush
 from server.intake import batches, bulk
 from server.intake.bulk import BatchResult, Line
+from server.jobs.assignment import Assignment, Interrupted, Tools
 from server.jobs.folder import cut
 from server.jobs.refusals import Refusals
-from server.jobs.runner import Assignment, Interrupted, Tools
 from server.store.sqlite_errors import storage_errors
 
 _log = logging.getLogger(__name__)
@@ -129,6 +129,7 @@ def _one_by_one(assignment: Assignment, tools: Tools, source: _Source, results: 
         with closing(ingesting):
             for batch in ingesting:
                 _observe(tools, batch)
+                assignment.give_way()
 
 
 def _all_or_nothing(assignment: Assignment, tools: Tools, source: _Source, results: BinaryIO) -> None:

@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 from typing import Final
 
+from server.jobs.assignment import Work
 from server.jobs.constraints import run_constraints
 from server.jobs.imports import run_import
 from server.jobs.reindex import run_reindex
-from server.jobs.runner import Work
 
 WORKS: Final[Mapping[str, Work]] = {
     "import": run_import,

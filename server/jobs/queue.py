@@ -8,12 +8,13 @@ import orjson
 from sqlalchemy.orm import Session
 
 from server import links
-from server.access import Caller
+from server.access import Caller, Scope
 from server.constraint_formats import Known, is_stale, write_out
-from server.errors import Conflict, Gone, NotFound, StorageReadOnly
+from server.errors import Conflict, Forbidden, Gone, NotFound, StorageReadOnly
 from server.idempotency import Kept, Once, keep, recall
 from server.identifiers import new_id
 from server.jobs.folder import JobFolder
+from server.jobs.quota import check_key, check_quota
 from server.jobs.refusals import summary
 from server.paging import page_size, read_cursor, write_cursor
 from server.registry import get_collection
@@ -36,6 +37,7 @@ def accept(
     caller: Caller,
     kind: Kind,
     once: Once | None,
+    limits: Limits,
     *,
     job_id: str | None = None,
     parameters: dict[str, Any] | None = None,
@@ -47,7 +49,7 @@ def accept(
 
     `alone`: not beside another unfinished one of its kind on the collection.
     `collection_key`: of the collection that `check` found, where one of that name may have been made again since.
-    Raises NotFound, Conflict, KeyReused and StorageError.
+    Raises NotFound, Conflict, KeyReused, TooManyJobs, Unauthorized (the key was just revoked) and StorageError.
     """
     with database.write() as session:
         collection = get_collection(session, collection_id)
@@ -58,6 +60,8 @@ def accept(
         if kept is not None:
             return kept
         jobs = Jobs(session)
+        check_key(session, caller)
+        check_quota(session, caller, limits)
         if alone and jobs.unfinished(collection.key, kind):
             raise Conflict(f"A job of the kind {kind} is at work on {collection_id!r}; wait for it, or dismiss it.")
         row = jobs.add(
@@ -122,10 +126,12 @@ def page(
 def dismiss(database: Database, folder: JobFolder, caller: Caller, job_id: str) -> JobAnswer | None:
     """End a job, at once or when what is at hand is done; or forget a finished one (None) with its files.
 
-    Raises NotFound and StorageError.
+    Raises NotFound, Forbidden (another's job, and a key that may only read) and StorageError.
     """
     with database.write() as session:
         row, jobs = _row(session, caller, job_id), Jobs(session)
+        if not (row.caller == caller.id or caller.scopes & {Scope.WRITE, Scope.ADMIN}):
+            raise Forbidden("This is a job of another key; to dismiss it, a key needs the scope write or admin.")
         answer = None
         match row.state:
             case "running":

@@ -2,7 +2,7 @@
 
 from server.index.flushing import Stopped, rebuild
 from server.index.upkeep import Upkeep
-from server.jobs.runner import Assignment, Interrupted, Tools
+from server.jobs.assignment import Assignment, Interrupted, Tools
 from server.store.sqlite_errors import storage_errors
 
 

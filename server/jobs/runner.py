@@ -1,6 +1,7 @@
 """The thread that does the jobs: it takes them, whatever process left them, and sees them to their end.
 
-Jobs of one collection are done one after the other, in the order they came. Who does them holds the collection's lock,
+Jobs of one key on one collection are done one after the other, in the order they came; the keys, and the collections of
+a key, take turns. Who does a job holds the collection's lock,
 which the kernel frees when the process ends; so a job that is `running` while its lock is free was left by a process
 that is gone, and whoever gets the lock goes on with it. No clock is asked.
 """
@@ -9,23 +10,15 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
-from sqlalchemy.orm import Session
-
-from server.errors import DomainError, NotFound, StorageBusy, StorageError, StorageFull, WorkerLost
-from server.index.catalog import Catalog
-from server.jobs.folder import ARRIVING, FOUND, INPUT, RESULTS, JobFolder
+from server.errors import DomainError, StorageBusy, StorageError, StorageFull, WorkerLost
+from server.jobs.assignment import Assignment, Dismissed, GaveWay, Interrupted, Tools, Work
+from server.jobs.folder import ARRIVING, FOUND, INPUT, RESULTS
 from server.kinds import INTERNAL, document
-from server.metrics.metrics import Metrics
-from server.settings import Settings
-from server.store.collections import Collections
-from server.store.database import Database
-from server.store.jobs import Jobs
-from server.store.tables import CollectionRow, JobRow
+from server.store.jobs import Jobs, Queue
 from server.threads import pin_threads
 
 _LOOK: Final = 0.5
@@ -40,75 +33,6 @@ _STARTS: Final = 5
 _log = logging.getLogger(__name__)
 
 
-class Interrupted(Exception):
-    """The service stops: the job goes on another time."""
-
-
-class Dismissed(Exception):
-    """Somebody asked for the end of the job."""
-
-
-@dataclass(frozen=True, slots=True)
-class Tools:
-    """What jobs work with."""
-
-    settings: Settings
-    database: Database
-    catalog: Catalog
-    metrics: Metrics
-    folder: JobFolder
-
-
-class Work(Protocol):
-    """A kind of job: a function that does one from where it stands to its end.
-
-    It calls `assignment.report` now and then, best in the transaction of what it reports; that raises when it is to
-    stop, and undoes that transaction. What it needs to go on after a restart it leaves in `progress`. What it raises
-    of `DomainError` is told as the reason why the job failed.
-    """
-
-    def __call__(self, assignment: "Assignment", tools: Tools) -> None: ...
-
-
-class Assignment:
-    """A job in the hands of who does it."""
-
-    def __init__(self, row: JobRow, database: Database, stopping: threading.Event) -> None:
-        self.id, self.collection_id, self.collection_key = row.id, row.collection_id, row.collection_key
-        self.parameters: Mapping[str, Any] = row.parameters
-        self.total, self.done, self.counts = row.total, row.done, dict(row.counts)
-        self.progress: dict[str, Any] = dict(row.progress)
-        self._database, self._stopping = database, stopping
-        self._began, self._before = time.monotonic(), float(row.progress.get("worked", 0.0))
-
-    def collection(self, session: Session) -> CollectionRow:
-        """The collection that the job was taken on for. Raises NotFound, also where another has its name by now."""
-        collection = Collections(session).get(self.collection_id)
-        if collection is None or collection.key != self.collection_key:
-            raise NotFound("collection", self.collection_id)
-        return collection
-
-    def report(self, session: Session | None = None, **progress: Any) -> None:
-        """Note `done`, `total`, `counts` and where to go on. Raises Interrupted, Dismissed and StorageError."""
-        if self._stopping.is_set():
-            raise Interrupted
-        self.progress.update(progress, starts=0, worked=self._before + time.monotonic() - self._began)
-        if session is not None:
-            self._note(session)
-        else:
-            with self._database.write() as own:
-                self._note(own)
-
-    def _note(self, session: Session) -> None:
-        jobs = Jobs(session)
-        if jobs.is_dismissed(self.id):
-            raise Dismissed
-        if self.total is not None:
-            # Submaps that others store meanwhile are worked on, too: there is more to do than was counted at first.
-            self.total = max(self.total, self.done)
-        jobs.change(self.id, done=self.done, total=self.total, counts=self.counts, progress=self.progress)
-
-
 class Runner:
     """Does the jobs of a database, one at a time in this process."""
 
@@ -117,6 +41,8 @@ class Runner:
         self._stopping, self._news = threading.Event(), threading.Event()
         self._swept = -_SWEEP
         self._thread: threading.Thread | None = None
+        self._turns = 0
+        self._served: dict[Queue | str, int] = {}
 
     def start(self) -> None:
         """Begin, in the background."""
@@ -157,16 +83,25 @@ class Runner:
                 self._news.clear()
 
     def run_once(self) -> bool:
-        """Do the job that has waited longest, of those that nobody else is at; whether one was brought forward."""
+        """Give the next job its turn, of those that nobody else is at; whether one was brought forward.
+
+        Callers take turns, and so do the collections of one caller: however many jobs somebody has, a job of another
+        waits for one turn of each caller.
+        """
         with self._tools.database.read() as session:
-            waiting = Jobs(session).waiting()
-        for key in waiting:
-            with self._tools.folder.turn(key) as ours:
-                if ours and self._take(key):
+            queues = Jobs(session).queues()
+        callers = {queue.caller for queue in queues}
+        self._served = {one: turn for one, turn in self._served.items() if one in callers or one in queues}
+        for queue in sorted(queues, key=self._last_served):
+            with self._tools.folder.turn(queue.collection_key) as ours:
+                if ours and self._take(queue):
                     return True
             if self._stopping.is_set():
                 return False
         return False
+
+    def _last_served(self, queue: Queue) -> tuple[int, int]:
+        return self._served.get(queue.caller, 0), self._served.get(queue, 0)
 
     def sweep(self) -> None:
         """Remove the files of jobs that were finished long ago, and rows beyond those that are kept.
@@ -187,10 +122,12 @@ class Runner:
         wanted = {INPUT: unfinished, FOUND: unfinished, RESULTS: with_results, ARRIVING: set[str]()}
         return [path for path in paths if path.suffix in wanted and path.stem not in wanted[path.suffix]]
 
-    def _take(self, collection_key: int) -> bool:
+    def _take(self, queue: Queue) -> bool:
+        self._turns += 1
+        self._served[queue.caller] = self._served[queue] = self._turns
         with self._tools.database.write() as session:
             jobs = Jobs(session)
-            row = jobs.next(collection_key)
+            row = jobs.next(queue)
             if row is None:
                 return False
             starts = int(row.progress.get("starts", 0)) + 1
@@ -201,7 +138,8 @@ class Runner:
                 progress={**row.progress, "starts": starts},
             )
             session.refresh(row)
-            assignment = Assignment(row, self._tools.database, self._stopping)
+            turn = self._tools.settings.jobs.slice_seconds
+            assignment = Assignment(row, self._tools.database, self._stopping, turn)
             dismissed = row.dismissed
         if dismissed:
             self._finish(row.id, "dismissed")
@@ -212,9 +150,12 @@ class Runner:
         return True
 
     def _do(self, kind: str, assignment: Assignment) -> bool:
-        """Bring a job to its end, or as far as possible now; whether it is at its end."""
+        """Bring a job to its end, or as far as possible now; whether it is at its end, or had its turn."""
         try:
             self._works[kind](assignment, self._tools)
+        except GaveWay:
+            self._put_back(assignment.id, starts=-1)
+            return True
         except Interrupted:
             self._put_back(assignment.id, starts=-1)
             return False
@@ -238,7 +179,9 @@ class Runner:
     def _finish(self, job_id: str, state: str, problem: dict[str, Any] | None = None) -> None:
         def note() -> None:
             with self._tools.database.write() as session:
-                Jobs(session).change(job_id, state=state, problem=problem, finished=datetime.now(UTC))
+                # Who dismissed it may have said why.
+                why = {} if state == "dismissed" else {"problem": problem}
+                Jobs(session).change(job_id, state=state, finished=datetime.now(UTC), **why)
 
         def make_room() -> None:
             self._tools.folder.clear(job_id)

@@ -22,6 +22,7 @@ from server.http.negotiation import NDJSON
 from server.identifiers import new_id
 from server.intake.bulk import OnConflict
 from server.jobs import queue
+from server.jobs.quota import check_room
 from server.jobs.spool import spooled
 from server.routes.jobs import ACCEPTED
 from server.schemas.jobs import JobAnswer
@@ -68,6 +69,8 @@ async def post_import(
     limit = service.settings.limits.import_bytes
     _check_length(declared_length(request.headers), limit)
     collection_key = await anyio.to_thread.run_sync(queue.check, service.database, collection)
+    if idempotency_key is None:  # one that is sent again is answered whatever else waits
+        await anyio.to_thread.run_sync(check_room, service.database, caller, service.settings.limits)
     folder, job_id = service.jobs.folder, new_id()
     async with spooled(folder, job_id, request.stream(), limit, inflater) as arrived:
         once = once_of(service, caller, idempotency_key, request.url.query.encode() + arrived.digest.encode())
@@ -78,6 +81,7 @@ async def post_import(
                 caller,
                 "import",
                 once,
+                service.settings.limits,
                 job_id=job_id,
                 parameters={"on_conflict": on_conflict, "mode": mode},
                 total=arrived.lines,

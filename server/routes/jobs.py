@@ -60,11 +60,11 @@ JobId = Annotated[str, Path(description="`id` of the job.", examples=[JOB_EXAMPL
     summary="Write the index anew",
     response_model=JobAnswer,
     status_code=202,
-    responses={202: ACCEPTED, **problems(404, 409, 422, 503, 507)},
+    responses={202: ACCEPTED, **problems(404, 409, 422, 429, 503, 507)},
 )
 def post_reindex(collection: CollectionId, service: ServiceDep, caller: CallerDep, once: OnceDep) -> Response:
     """From the landmarks; the old index serves until the new one takes its place. 409 while one is at work."""
-    kept = queue.accept(service.database, collection, caller, "reindex", once, alone=True)
+    kept = queue.accept(service.database, collection, caller, "reindex", once, service.settings.limits, alone=True)
     service.jobs.runner.wake()
     return kept_response(kept)
 
@@ -86,7 +86,13 @@ def post_constraints(
     chosen_submaps(body)
     check_ids(service.database, collection, body)
     kept = queue.accept(
-        service.database, collection, caller, "constraints", once, parameters=body.model_dump(mode="json")
+        service.database,
+        collection,
+        caller,
+        "constraints",
+        once,
+        service.settings.limits,
+        parameters=body.model_dump(mode="json"),
     )
     service.jobs.runner.wake()
     return kept_response(kept)
@@ -158,7 +164,7 @@ async def get_job(
 )
 def delete_job(job: JobId, service: ServiceDep, caller: CallerDep) -> Response:
     """An unfinished one ends after what is at hand, and what it did stays (202); a finished one is forgotten with its
-    results (204).
+    results (204). A key may dismiss its own jobs whatever its scope; those of others need `write` or `admin`.
     """
     found = queue.dismiss(service.database, service.jobs.folder, caller, job)
     service.jobs.runner.wake()

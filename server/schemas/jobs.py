@@ -26,7 +26,10 @@ class JobAnswer(Answer):
     id: str
     kind: str = Field(description="import, reindex or constraints.")
     collection: str
-    state: str = Field(description="accepted, running, successful, failed or dismissed; the last three are final.")
+    state: str = Field(
+        description="`accepted`: waits for a turn, also between two turns. `running`: at work. `successful`, `failed` "
+        "and `dismissed` are final."
+    )
     total: int | None = Field(description="How much there is to do: lines, or submaps; null where it is not known.")
     done: int
     counts: dict[str, int] = Field(description="What became of it, by outcome.")
@@ -35,7 +38,9 @@ class JobAnswer(Answer):
     created: _Written
     started: _Written | None
     finished: _Written | None
-    problem: dict[str, Any] | None = Field(description="Why it failed: a problem document.")
+    problem: dict[str, Any] | None = Field(
+        description="Why it failed, or why the operator ended it: a problem document."
+    )
     links: JobLinks
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Sequence
 from datetime import UTC, datetime
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from sqlalchemy import ColumnElement, delete, exists, func, or_, select, update
 from sqlalchemy.orm import Session
@@ -10,6 +10,13 @@ from sqlalchemy.orm import Session
 from server.store.tables import CollectionRow, JobRow, matches
 
 UNFINISHED: Final = ("accepted", "running")
+
+
+class Queue(NamedTuple):
+    """The jobs of one caller on one collection: they are done one after the other, in the order they came."""
+
+    caller: str
+    collection_key: int
 
 
 class Jobs:
@@ -91,24 +98,56 @@ class Jobs:
             query = query.where(matches(JobRow.collection_id, patterns), or_(JobRow.caller == caller, ~_superseded()))
         return self._session.scalars(query).all()
 
-    def waiting(self) -> list[int]:
-        """Keys of the collections with unfinished jobs, the one whose job has waited longest first."""
+    def queues(self) -> list[Queue]:
+        """The queues in which unfinished jobs wait, the one whose first job is the oldest first."""
         query = (
-            select(JobRow.collection_key)
+            select(JobRow.caller, JobRow.collection_key)
             .where(JobRow.state.in_(UNFINISHED))
-            .group_by(JobRow.collection_key)
+            .group_by(JobRow.caller, JobRow.collection_key)
             .order_by(func.min(JobRow.key))
         )
-        return list(self._session.scalars(query))
+        return [Queue(*row) for row in self._session.execute(query)]
+
+    def others_wait(self, queue: Queue) -> bool:
+        """Whether a job of another queue waits for its turn."""
+        other = or_(JobRow.caller != queue.caller, JobRow.collection_key != queue.collection_key)
+        query = select(JobRow.key).where(JobRow.state == "accepted", other)
+        return self._session.scalar(query.limit(1)) is not None
+
+    def unfinished_of(self, caller: str) -> int:
+        """How many unfinished jobs a caller has."""
+        query = select(func.count()).where(JobRow.state.in_(UNFINISHED), JobRow.caller == caller)
+        return self._session.scalar(query) or 0
+
+    def all(self, states: Sequence[str] | None = None) -> Sequence[JobRow]:
+        """All jobs, or those in some states, oldest first."""
+        query = select(JobRow).order_by(JobRow.key)
+        return self._session.scalars(query if states is None else query.where(JobRow.state.in_(states))).all()
+
+    def end(self, ids: Collection[str], problem: dict[str, Any]) -> None:
+        """Dismiss unfinished jobs, for a reason: at once where nobody is at it, else after what is at hand."""
+        for job_id in ids:
+            self.change(job_id, dismissed=True, problem=problem)
+            waiting = update(JobRow).where(JobRow.id == job_id, JobRow.state == "accepted")
+            values = {"state": "dismissed", "finished": datetime.now(UTC)}
+            self._session.execute(waiting.values(**values), execution_options={"synchronize_session": False})
+
+    def end_those_of(self, caller: str, problem: dict[str, Any]) -> None:
+        """Dismiss all unfinished jobs of a caller, for a reason."""
+        self.end([row.id for row in self.all(UNFINISHED) if row.caller == caller], problem)
 
     def by_state(self) -> dict[str, int]:
         """How many jobs there are in each of the states before the end."""
         query = select(JobRow.state, func.count()).where(JobRow.state.in_(UNFINISHED)).group_by(JobRow.state)
         return dict.fromkeys(UNFINISHED, 0) | {row[0]: row[1] for row in self._session.execute(query)}
 
-    def next(self, collection_key: int) -> JobRow | None:
-        """The oldest unfinished job of a collection, or None."""
-        query = select(JobRow).where(JobRow.state.in_(UNFINISHED), JobRow.collection_key == collection_key)
+    def next(self, queue: Queue) -> JobRow | None:
+        """The oldest unfinished job of a queue, or None."""
+        query = select(JobRow).where(
+            JobRow.state.in_(UNFINISHED),
+            JobRow.caller == queue.caller,
+            JobRow.collection_key == queue.collection_key,
+        )
         return self._session.scalar(query.order_by(JobRow.key).limit(1))
 
     def unfinished(self, collection_key: int, kind: str) -> bool:

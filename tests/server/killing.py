@@ -26,12 +26,13 @@ from server.index.catalog import Catalog
 from server.intake import bulk
 from server.jobs import folder as job_folder
 from server.jobs import imports, queue
+from server.jobs.assignment import Tools
 from server.jobs.folder import JobFolder
 from server.jobs.kinds import WORKS
-from server.jobs.runner import Runner, Tools
+from server.jobs.runner import Runner
 from server.metrics.metrics import Metrics
 from server.schemas.collections import CollectionPut
-from server.settings import JobSettings, Settings
+from server.settings import JobSettings, Limits, Settings
 from server.store import schema
 from server.store.database import Database
 
@@ -88,6 +89,7 @@ def _prepare(path: Path, mode: str, content: bytes) -> None:
         ANYBODY,
         "import",
         None,
+        Limits(),
         job_id=_JOB,
         parameters={"mode": mode, "on_conflict": "replace"},
         total=content.count(b"\n"),

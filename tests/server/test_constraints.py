@@ -10,9 +10,9 @@ import pytest
 
 from server.constraint_formats import Known, write_out
 from server.constraints import agree
-from server.jobs import runner
+from server.jobs import assignment, runner
+from server.jobs.assignment import Assignment
 from server.jobs.folder import JobFolder
-from server.jobs.runner import Assignment
 from server.queries.poses import transform_answer
 from server.store.submaps import Place
 from tests.server.test_jobs import finished
@@ -149,12 +149,12 @@ def test_a_search_that_is_stopped_at_any_point_finds_the_same(
             nonlocal left
             left -= 1
             if left == 0 and runs % 2:
-                raise runner.Interrupted
+                raise assignment.Interrupted
             real(self, session, **progress)
             if left == 0:
                 with folder.found(self.id).open("ab") as file:
                     file.write(b'{"from": "a1", "to')
-                raise runner.Interrupted
+                raise assignment.Interrupted
 
         monkeypatch.setattr(Assignment, "report", report)
         assert found(client, {}) == expected

@@ -19,13 +19,13 @@ from server.errors import StorageBusy, StorageFull, WorkerLost
 from server.http.dependencies import Service
 from server.index.flushing import count_uncovered
 from server.intake import bulk
-from server.jobs import imports, queue, runner
+from server.jobs import assignment, imports, queue, runner
+from server.jobs.assignment import Assignment
 from server.jobs.folder import JobFolder
-from server.jobs.runner import Assignment
 from server.keys import Doorkeeper
 from server.locks import try_lock
 from server.settings import IndexSettings, Limits, Settings
-from server.store.jobs import Jobs
+from server.store.jobs import Jobs, Queue
 from server.store.sqlite_errors import storage_errors
 from tests.server.world import TestClient, forest, points, put_submap
 
@@ -276,7 +276,7 @@ def test_blank_lines_have_no_result_and_are_counted(client: httpx.Client, monkey
             stopped.append(1)
             with service_folder(client).results(self.id).open("ab") as file:
                 file.write(b"never committed\n" * 100)
-            raise runner.Interrupted
+            raise assignment.Interrupted
         real(self, session, **progress)
 
     monkeypatch.setattr(Assignment, "report", report)
@@ -466,7 +466,7 @@ def test_a_stopped_job_goes_on_where_it_was(settings: Settings, monkeypatch: pyt
     def report(self: Assignment, session: Any = None, **progress: Any) -> None:
         if self.done == 6 and not stopping:
             stopping.append(1)
-            raise runner.Interrupted
+            raise assignment.Interrupted
         real(self, session, **progress)
 
     monkeypatch.setattr(Assignment, "report", report)
@@ -503,7 +503,7 @@ def test_a_job_that_ends_processes_is_given_up(client: httpx.Client, monkeypatch
 
 
 @pytest.mark.parametrize(
-    ("error", "times"), [(runner.Interrupted(), 9), (StorageBusy("busy"), 9), (WorkerLost("gone"), 3)]
+    ("error", "times"), [(assignment.Interrupted(), 9), (StorageBusy("busy"), 9), (WorkerLost("gone"), 3)]
 )
 def test_what_is_no_fault_of_a_job_does_not_end_it(
     client: httpx.Client, monkeypatch: pytest.MonkeyPatch, error: Exception, times: int
@@ -516,15 +516,15 @@ def test_what_is_no_fault_of_a_job_does_not_end_it(
 
 
 def test_a_look_that_fails_is_not_the_last(client: httpx.Client, monkeypatch: pytest.MonkeyPatch) -> None:
-    real, failed = Jobs.waiting, list[int]()
+    real, failed = Jobs.queues, list[int]()
 
-    def waiting(self: Jobs) -> list[int]:
+    def queues(self: Jobs) -> list[Queue]:
         if not failed:
             failed.append(1)
             raise RuntimeError("unforeseen")
         return real(self)
 
-    monkeypatch.setattr(Jobs, "waiting", waiting)
+    monkeypatch.setattr(Jobs, "queues", queues)
     assert finished(client, upload(client, [line("a", 1)]))["state"] == "successful"
     assert failed
 
@@ -658,9 +658,9 @@ def test_results_are_read_to_their_end_although_the_job_is_forgotten(client: htt
         assert orjson.loads(file.read(found.size))["outcome"] == "created"
 
 
-def _with(tools: runner.Tools, jobs: Any) -> runner.Tools:
+def _with(tools: assignment.Tools, jobs: Any) -> assignment.Tools:
     settings = tools.settings.model_copy(update={"jobs": jobs})
-    return runner.Tools(settings, tools.database, tools.catalog, tools.metrics, tools.folder)
+    return assignment.Tools(settings, tools.database, tools.catalog, tools.metrics, tools.folder)
 
 
 def test_what_was_never_taken_on_is_swept(client: httpx.Client, service: Service) -> None:

@@ -12,7 +12,7 @@ from server.access import Scope
 from server.checks.inspection import inspect
 from server.http.dependencies import Service
 from server.index import flushing
-from server.jobs import runner
+from server.jobs import assignment
 from server.jobs.folder import JobFolder
 from server.keys import Doorkeeper
 from server.schemas.collections import CollectionPut
@@ -124,16 +124,16 @@ def test_constraints_beside_writers_leave_a_sound_database(
 ) -> None:
     put_submap(client, "plots", "p0", 0).raise_for_status()
     put_submap(client, "plots", "p1", 1).raise_for_status()
-    real, told = runner.Assignment.report, list[tuple[int, int | None]]()
+    real, told = assignment.Assignment.report, list[tuple[int, int | None]]()
 
-    def report(self: runner.Assignment, session: Any = None, **progress: Any) -> None:
+    def report(self: assignment.Assignment, session: Any = None, **progress: Any) -> None:
         if not told:
             put_submap(client, "plots", "late", 7).raise_for_status()
         real(self, session, **progress)
         told.append((self.done, self.total))
         assert list(inspect(service.database)) == []
 
-    monkeypatch.setattr(runner.Assignment, "report", report)
+    monkeypatch.setattr(assignment.Assignment, "report", report)
     job = finished(client, client.post(f"{URL}/constraints", json={}))
     assert (job["state"], job["done"], job["total"]) == ("successful", 3, 3), told
     assert list(inspect(service.database)) == []

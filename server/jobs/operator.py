@@ -1,0 +1,57 @@
+"""Jobs as the operator of the host sees them: all of them, whoever began them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+
+from server.errors import Conflict, NotFound
+from server.kinds import kind_of, plain
+from server.store.database import Database
+from server.store.jobs import UNFINISHED, Jobs
+from server.store.tables import JobRow
+
+_CANCELLED = plain(kind_of(Conflict("")), "The operator of the service cancelled this job.")
+
+
+@dataclass(frozen=True, slots=True)
+class JobInfo:
+    """What the operator sees of a job; `key` is empty for one that was begun without a key."""
+
+    id: str
+    kind: str
+    collection: str
+    key: str
+    state: str
+    done: int
+    total: int | None
+    created: datetime
+
+
+def listed(database: Database, *, finished: bool = False) -> list[JobInfo]:
+    """Unfinished jobs, oldest first; with `finished`, those that are over, too. Raises StorageError."""
+    with database.read() as session:
+        return [_info(row) for row in Jobs(session).all(UNFINISHED if not finished else None)]
+
+
+def cancel(database: Database, *, ids: Sequence[str] = (), key: str | None = None, every: bool = False) -> list[str]:
+    """End the jobs with these `ids`, all of a `key`, or `every` one; the ids of those that were unfinished.
+
+    All or none. Raises NotFound, Conflict (it is finished already) and StorageError.
+    """
+    with database.write() as session:
+        jobs = Jobs(session)
+        unfinished = jobs.all(UNFINISHED)
+        if ids:
+            for job_id in ids:
+                row = jobs.get(job_id)
+                if row is None:
+                    raise NotFound("job", job_id[:100])
+                if row.state not in UNFINISHED:
+                    raise Conflict(f"The job {job_id} is {row.state} already.")
+        chosen = [row.id for row in unfinished if every or row.id in ids or row.caller == key]
+        jobs.end(chosen, _CANCELLED)
+        return chosen
+
+
+def _info(row: JobRow) -> JobInfo:
+    return JobInfo(row.id, row.kind, row.collection_id, row.caller, row.state, row.done, row.total, row.created)

@@ -1,0 +1,32 @@
+"""How many unfinished jobs a caller may have, and whose jobs are taken on at all."""
+
+from sqlalchemy.orm import Session
+
+from server.access import Caller
+from server.errors import TooManyJobs, Unauthorized
+from server.settings import Limits
+from server.store.database import Database
+from server.store.jobs import Jobs
+from server.store.keys import Keys
+
+
+def check_quota(session: Session, caller: Caller, limits: Limits) -> None:
+    """Refuse a job of a caller who has as many as may wait. Raises TooManyJobs.
+
+    In the transaction that takes the job on, the count cannot be outrun by requests that come at once.
+    """
+    if Jobs(session).unfinished_of(caller.id) >= limits.unfinished_jobs:
+        raise TooManyJobs(limits.unfinished_jobs)
+
+
+def check_key(session: Session, caller: Caller) -> None:
+    """Refuse a job of a key that was revoked after the caller was let in. Raises Unauthorized."""
+    row = Keys(session).get(caller.id) if caller.id else None
+    if row is not None and row.revoked is not None:
+        raise Unauthorized(f"The key {caller.id} is revoked; ask the operator for another.")
+
+
+def check_room(database: Database, caller: Caller, limits: Limits) -> None:
+    """The same before an upload is sent, which would be for nothing. Raises TooManyJobs and StorageError."""
+    with database.read() as session:
+        check_quota(session, caller, limits)
