@@ -215,5 +215,8 @@ def gather_places(
             continue
         row = places[i] & ((1 << _ROW_BITS) - 1)
         owner = owners[row]
+        if not 0 <= owner < len(keys):  # the file was damaged since the row was found
+            out_keys[i], out_outlines[i] = -1, 0.0
+            continue
         out_keys[i] = keys[owner]
         draw_outline(outlines[row], units[owner], out_outlines[i])

@@ -99,6 +99,8 @@ class Segment:
         if file.about.get("format") != FORMAT:
             raise SegmentDamaged(f"{path.name} has segment format {file.about.get('format')}, this version {FORMAT}")
         arrays = file.arrays
+        # Whatever happens to the file later, slots keep the submaps that they stand for: these are copies.
+        keys, scales, units = (file.copied(name) for name in ("keys", "scales", "units"))
         polygons: dict[int, dict[str, NDArray[Any]]] = {}
         for name, array in arrays.items():
             if name.startswith("polygons/"):
@@ -106,9 +108,9 @@ class Segment:
                 polygons.setdefault(int(count), {})[part] = array
         return Segment(
             file.about["fingerprint"],
-            arrays["keys"],
-            arrays["scales"],
-            arrays["units"],
+            keys,
+            scales,
+            units,
             QuadTable(arrays["codes"], arrays["starts"], arrays["words"]),
             {count: Partition.of(count, parts) for count, parts in sorted(polygons.items())},
             file,

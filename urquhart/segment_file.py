@@ -45,12 +45,14 @@ class SegmentFile:
         arrays: by name. They are copies as far as writing is concerned (nothing reaches the file), because arrays that
             cannot be written to are another type to the compiler, which would compile every kernel twice.
         sums: CRC-32 of each array.
+        stamp: inode, size and time of the last change (ns) when it was opened.
     """
 
     path: Path
     about: Mapping[str, Any]
     arrays: Mapping[str, NDArray[Any]]
     sums: Mapping[str, int]
+    stamp: tuple[int, int, int]
 
     @staticmethod
     def open(path: Path) -> "SegmentFile":
@@ -60,8 +62,8 @@ class SegmentFile:
             SegmentDamaged: not such a file, of another format, truncated, or changed since it was written.
             OSError: it is not there, or cannot be read.
         """
-        size = path.stat().st_size
         with path.open("rb") as file:
+            stamp = _stamp(os.fstat(file.fileno()))
             lead = file.read(_LEAD.size)
             if len(lead) < _LEAD.size:
                 raise SegmentDamaged(f"{path.name} is truncated")
@@ -73,7 +75,7 @@ class SegmentFile:
             mapped = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_COPY)
         if len(header) < length or zlib.crc32(header) != checksum:
             raise SegmentDamaged(f"{path.name} has a damaged header")
-        contents = json.loads(header)
+        contents, size = json.loads(header), stamp[1]
         arrays, sums = dict[str, NDArray[Any]](), dict[str, int]()
         for name, dtype, shape, offset, crc in contents["arrays"]:
             count = int(np.prod(shape))
@@ -84,7 +86,7 @@ class SegmentFile:
             else:
                 arrays[name] = np.empty(shape, dtype)
             sums[name] = crc
-        opened = SegmentFile(path, contents["about"], arrays, sums)
+        opened = SegmentFile(path, contents["about"], arrays, sums, stamp)
         for name, array in arrays.items():
             if array.nbytes <= _SMALL:
                 opened._check(name)
@@ -92,8 +94,30 @@ class SegmentFile:
 
     def check(self) -> None:
         """Compare every array with its checksum. Raises SegmentDamaged."""
+        if self.stamp_now()[1] < self.stamp[1]:
+            # To read what is not there any more would end the process.
+            raise SegmentDamaged(f"{self.path.name} was cut off")
         for name in self.arrays:
             self._check(name)
+
+    def copied(self, name: str) -> NDArray[Any]:
+        """A copy of an array in memory, which is what was written. Raises KeyError, SegmentDamaged."""
+        copy = self.arrays[name].copy()
+        if _checksum(copy) != self.sums[name]:
+            raise SegmentDamaged(f"{self.path.name}: {name} is not what was written")
+        return copy
+
+    def stamp_now(self) -> tuple[int, int, int]:
+        """The stamp of the file as it is now: another one where somebody wrote to what is mapped.
+
+        That of the opening where the name is gone or another file has it, since what is mapped stays as it is then.
+        Raises OSError.
+        """
+        try:
+            now = _stamp(self.path.stat())
+        except FileNotFoundError:
+            return self.stamp
+        return now if now[0] == self.stamp[0] else self.stamp
 
     def nbytes(self) -> int:
         """Bytes of all arrays."""
@@ -176,6 +200,10 @@ def sync(path: Path) -> None:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
+
+
+def _stamp(status: os.stat_result) -> tuple[int, int, int]:
+    return status.st_ino, status.st_size, status.st_mtime_ns
 
 
 def _checksum(array: NDArray[Any]) -> int:

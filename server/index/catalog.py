@@ -8,14 +8,14 @@ may write to one database.
 import logging
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, TypeVar
 
 from sqlalchemy.orm import Session
 
-from server.errors import NotFound, StorageError
+from server.errors import DomainError, NotFound, StorageError
 from server.index.feature_cache import FeatureCache, FeatureReader
 from server.index.flushing import Shop, Stopped, flush
 from server.index.live_index import LiveIndex, Obstacle, State, TooMany, Unusable
@@ -24,13 +24,18 @@ from server.metrics.metrics import Metrics
 from server.settings import IndexSettings
 from server.store.collections import Collections
 from server.store.database import Database
-from server.store.segments import Segments
+from server.store.segments import Listed, Segments
 from server.store.tables import CollectionRow
-from urquhart import Recognizer
+from urquhart import Abandoned, Recognizer
+from urquhart.collection_index import Part
+from urquhart.segment_file import SegmentDamaged
 
 _AGAIN: Final = 60.0
 """Seconds after which a query tries again to write segments where that failed."""
+_TRIES: Final = 10
+"""Times that a look-up is tried again because another segment turned out to be damaged."""
 _log = logging.getLogger(__name__)
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +62,9 @@ class Catalog:
         self._indexes: dict[str, LiveIndex] = {}
         self._guard = threading.Lock()
         self._not_before = 0.0
+        self._sound: dict[str, tuple[int, int, int]] = {}
+        """Stamps at which segments that somebody touched were found to be what was written, by name."""
+        self._distrusted = 0
 
     @contextmanager
     def view(self, collection_id: str) -> Iterator[View]:
@@ -88,6 +96,43 @@ class Catalog:
                 flushed = True
             elif isinstance(obstacle, Unusable):
                 self._look_into(collection_id, obstacle, missed)
+
+    def whatever_happens(self, collection_id: str, work: Callable[[], Result]) -> Result:
+        """Do `work`, which looks up in a collection; again where it failed because a segment is damaged.
+
+        The kernels trust what they are given: bytes that change in a mapped file can make a look-up fail in any way.
+        Raises what `work` raises on sound segments.
+        """
+        for _ in range(_TRIES):
+            before = self._distrusted
+            try:
+                return work()
+            except (DomainError, Abandoned):
+                raise
+            except Exception:
+                if self._distrusted == before and not self.find_damage(collection_id):
+                    raise
+                _log.warning("collection %s: a look-up failed on a damaged segment; trying again", collection_id)
+        return work()
+
+    def find_damage(self, collection_id: str) -> bool:
+        """Read the segments of a collection as a whole; whether one is damaged, which is used no more then."""
+        live = self._indexes.get(collection_id)
+        state = live.state if live is not None else None
+        if live is None or state is None:
+            return False
+        segments = zip(state.chain, state.files, strict=False)
+        return not all(self.verify(live, listed, part) for listed, part in segments)
+
+    def verify(self, live: LiveIndex, listed: Listed, part: Part) -> bool:
+        """Compare a mapped segment with its checksums; whether it is sound, else it is used no more."""
+        try:
+            if part.segment.file is not None:
+                part.segment.file.check()
+        except SegmentDamaged as error:
+            self.distrust(live, Unusable(listed, error))
+            return False
+        return True
 
     def warm_up(self) -> Iterator[tuple[str, int, int]]:
         """Open or catch up the index of every collection in which something was stored; yields its id, how many are
@@ -129,6 +174,7 @@ class Catalog:
     def distrust(self, live: LiveIndex, obstacle: Unusable) -> None:
         """A segment turned out to be damaged, or gone: what it held is read from the rows until it is made anew."""
         name, why = obstacle.listed.name, str(obstacle.error)
+        self._distrusted += 1
         self._metrics.segments_damaged.inc()
         _log.warning("collection %s: segment %s cannot be used (%s); making it anew", live.id, name, why)
         # One that cannot be read today may be sound: it is not given up for that.
@@ -171,8 +217,23 @@ class Catalog:
         state = live.catch_up(session, collection, seen, most)
         if state is not before:
             self._observe(live)
+        self._check_touched(state)
         source = FeatureReader(session, live.key, live.config, self._cache, live.owner, state.revision)
         return View(session, collection, Recognizer(live.config, state.index, source), state.revision)
+
+    def _check_touched(self, state: State) -> None:
+        """Compare segments whose files were written to, which nobody should, with their checksums. Raises Unusable."""
+        for listed, part in zip(state.chain, state.files, strict=False):
+            file = part.segment.file
+            if file is None:
+                continue
+            try:
+                stamp = file.stamp_now()
+                if stamp not in (file.stamp, self._sound.get(listed.name)):
+                    file.check()
+                    self._sound[listed.name] = stamp
+            except (SegmentDamaged, OSError) as error:
+                raise Unusable(listed, error) from error
 
     def _live(self, collection: CollectionRow) -> LiveIndex:
         with self._guard:

@@ -53,6 +53,7 @@ def merge(shop: Shop, collection_key: int, state: State, run: range) -> bool:
         if not held:
             return False
         parts, old = [state.files[i] for i in run], [state.chain[i] for i in run]
+        stamps = [_stamp(part) for part in parts]
         for part, listed in zip(parts, old, strict=True):
             _check(part, listed)
             shop.check()
@@ -61,10 +62,18 @@ def merge(shop: Shop, collection_key: int, state: State, run: range) -> bool:
             # Nothing changed since: it holds everything up to now, and what was deleted until now can be forgotten.
             revision = state.revision
         new = write(shop, collection_key, parts, old[0].since, revision)
+        if stamps != [_stamp(part) for part in parts]:
+            # Somebody wrote to what was being read, after it was checked.
+            shop.folder.remove([new.name])
+            raise Unusable(old[0], SegmentDamaged("it was written to while it was merged"))
         if not register(shop, collection_key, old, [new]):
             return False
         shop.folder.remove(segment.name for segment in old)
     return True
+
+
+def _stamp(part: Part) -> tuple[int, int, int] | None:
+    return None if part.segment.file is None else part.segment.file.stamp_now()
 
 
 def _check(part: Part, listed: Listed) -> None:

@@ -21,7 +21,7 @@ from server.store.collections import Collections
 from server.store.database import Database
 from server.store.segments import Listed, all_chains
 from server.threads import pin_threads
-from urquhart.segment_file import SegmentDamaged
+from urquhart.collection_index import Part
 
 _SWEEP: Final = 60.0
 """Seconds between two looks for files that are left over, and at segments that could not be read."""
@@ -29,6 +29,10 @@ _REST: Final = 30.0
 """Times as long as a look took until the next: with very many collections, to see that all is well is work."""
 _PATIENCE: Final = 300.0
 """Seconds that something that failed waits at most before it is tried again."""
+_AGAIN: Final = 600.0
+"""Seconds from one comparison of a segment with its checksums to the next."""
+_SHARE: Final = 100.0
+"""Times as long as such a comparison took until the next one of any segment."""
 _log = logging.getLogger(__name__)
 
 
@@ -48,7 +52,9 @@ class Upkeep:
         self._database, self._catalog, self._metrics = database, catalog, metrics
         self._settled: dict[int, tuple[int, tuple[Listed, ...]]] = {}
         """Revision and segments at which there was nothing to do for a collection, by key."""
-        self._checked: set[str] = set()
+        self._checked: dict[str, float] = {}
+        """When each segment that is mapped was compared with its checksums last (`time.monotonic`), by name."""
+        self._next_check = 0.0
         self._failures: dict[str, _Failure] = {}
         self._swept = -_SWEEP
         self._look_seconds = 0.0
@@ -84,6 +90,7 @@ class Upkeep:
                     self._settled[key] = seen
         there = {key for key, _, _ in revisions}
         self._settled = {key: seen for key, seen in self._settled.items() if key in there}
+        self._try("checks of segments", self._check_again)
         if time.monotonic() - self._swept >= _SWEEP:
             self._swept = time.monotonic()
             self._try("left-over segments", self._sweep)
@@ -174,19 +181,40 @@ class Upkeep:
         return True
 
     def _check(self, live: LiveIndex) -> None:
-        """Read every segment that this process has mapped once as a whole, and compare it with its checksums."""
+        """Compare every segment that this process has mapped with its checksums, once."""
         state = live.state
         for listed, part in zip(state.chain, state.files, strict=False) if state is not None else ():
-            if listed.name in self._checked or part.segment.file is None:
-                continue
-            self._catalog.shop.check()
-            try:
-                with self._metrics.upkeep("check"):
-                    part.segment.file.check()
-            except SegmentDamaged as error:
-                self._catalog.distrust(live, Unusable(listed, error))
+            if listed.name not in self._checked and not self._verify(live, listed, part):
                 return
-            self._checked.add(listed.name)
+
+    def _check_again(self) -> bool:
+        """The same again and again for all of them, one at a time: bytes on a disk can change with nobody writing.
+
+        One that was checked last within `_AGAIN` seconds is left alone, and a check takes a hundredth of the time.
+        """
+        if time.monotonic() < self._next_check:
+            return True
+        mapped = [
+            (live, listed, part)
+            for live in self._catalog.all_live()
+            if (state := live.state) is not None
+            for listed, part in zip(state.chain, state.files, strict=False)
+        ]
+        names = {listed.name for _, listed, _ in mapped}
+        self._checked = {name: at for name, at in self._checked.items() if name in names}
+        due = [one for one in mapped if self._checked.get(one[1].name, 0.0) < time.monotonic() - _AGAIN]
+        if due:
+            began = time.monotonic()
+            self._verify(*min(due, key=lambda one: self._checked.get(one[1].name, 0.0)))
+            self._next_check = time.monotonic() + _SHARE * (time.monotonic() - began)
+        return True
+
+    def _verify(self, live: LiveIndex, listed: Listed, part: Part) -> bool:
+        self._catalog.shop.check()
+        with self._metrics.upkeep("check"):
+            sound = self._catalog.verify(live, listed, part)
+        self._checked[listed.name] = time.monotonic()
+        return sound
 
     def _sweep(self) -> bool:
         for live in self._catalog.all_live():

@@ -1,8 +1,10 @@
 """Queries: landmarks in, a verdict with its evidence out; and the stored ones again."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Final
+from functools import wraps
+from typing import Concatenate, Final, ParamSpec
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +45,8 @@ _TO_ANSWER: Final = 0.2
 """Seconds before the deadline at which a search ends, because it takes a while to end it and to write the answer,"""
 _ANSWER_SHARE: Final = 0.1
 """but at most this share of the time that the search has."""
+
+P = ParamSpec("P")
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,6 +126,23 @@ def shown(answer: QueryAnswer, body: QueryInput, pairs: int | None = None) -> Qu
     return answer if body.explain else answer.model_copy(update=unasked)
 
 
+def _on_sound_segments(
+    look: Callable[Concatenate[Catalog, Metrics, Limits, str, P], Look],
+) -> Callable[Concatenate[Catalog, Metrics, Limits, str, P], Look]:
+    """Look up again where a segment turned out to be damaged meanwhile."""
+
+    @wraps(look)
+    def looked_up(
+        catalog: Catalog, metrics: Metrics, limits: Limits, collection_id: str, /, *args: P.args, **named: P.kwargs
+    ) -> Look:
+        return catalog.whatever_happens(
+            collection_id, lambda: look(catalog, metrics, limits, collection_id, *args, **named)
+        )
+
+    return looked_up
+
+
+@_on_sound_segments
 def look_up(
     catalog: Catalog,
     metrics: Metrics,
