@@ -66,6 +66,8 @@ def question(row: SubmapRow, body: ConstraintsInput, most: int) -> QueryInput:
 def from_look(row: SubmapRow, look: Look, body: ConstraintsInput) -> list[Found]:
     """Those candidates of a submap's look-up that are accepted and pass the gates, as constraints."""
     gates = body.gates
+    if look.answer.verdict != "matched":
+        return []
     return [
         {
             "from": one.submap_id,

@@ -11,7 +11,8 @@ from server.constraints import agree, chosen_submaps, from_look, question
 from server.errors import NotFound
 from server.jobs.assignment import Assignment, Tools
 from server.jobs.folder import cut
-from server.queries.lookup import look_up
+from server.queries.contradictions import REASON
+from server.queries.lookup import Look, look_up
 from server.schemas.constraints import ConstraintsInput
 from server.store.sqlite_errors import storage_errors
 from server.store.submaps import Submaps
@@ -21,6 +22,8 @@ _PAGE: Final = 50
 """Submaps that are looked up before the job notes how far it is."""
 _SILENCE: Final = 1.0
 """Seconds after which it notes that although they are fewer."""
+CONTRADICTING: Final = "contradicting_maps"
+"""Count of submaps whose look-up came to nothing because the maps that it was found in contradict each other."""
 
 
 def run_constraints(assignment: Assignment, tools: Tools) -> None:
@@ -36,15 +39,18 @@ def run_constraints(assignment: Assignment, tools: Tools) -> None:
         with found_file.open("a+b") as found:
             tools.folder.sync()
             cut(found, assignment.progress.get("found", 0))
+            contradicting = int(assignment.progress.get(CONTRADICTING, 0))
             for row, is_last in _rows(assignment, tools, body):
-                constraints = _look_up(assignment, tools, row, body)
-                found.writelines(orjson.dumps(one) + b"\n" for one in constraints)
+                look = _look_up(assignment, tools, row, body)
+                if look is not None:
+                    contradicting += look.answer.reason == REASON
+                    found.writelines(orjson.dumps(one) + b"\n" for one in from_look(row, look, body))
                 assignment.done += 1
                 # A look-up may take seconds, and somebody may wait for the end of the job, or for their turn.
                 if is_last or assignment.since_report > _SILENCE:
                     found.flush()
                     os.fsync(found.fileno())
-                    assignment.report(after=row.key, found=found.tell())
+                    assignment.report(after=row.key, found=found.tell(), contradicting_maps=contradicting)
                     assignment.give_way()
             found.seek(0)
             kept, contradictions = agree(orjson.loads(line) for line in found)
@@ -55,7 +61,11 @@ def run_constraints(assignment: Assignment, tools: Tools) -> None:
             os.fsync(results.fileno())
             size = results.tell()
         assignment.total = assignment.done  # submaps came and went meanwhile
-        assignment.counts = {"constraints": len(kept), "inconsistent": contradictions}
+        assignment.counts = {
+            "constraints": len(kept),
+            "inconsistent": contradictions,
+            CONTRADICTING: contradicting,
+        }
         assignment.report(written=size)
 
 
@@ -85,11 +95,10 @@ def _matching(assignment: Assignment, session: Session, body: ConstraintsInput) 
     return keys if body.submap_ids is None else keys & set(submaps.keys(body.submap_ids).values())
 
 
-def _look_up(assignment: Assignment, tools: Tools, row: SubmapRow, body: ConstraintsInput) -> list[dict[str, object]]:
+def _look_up(assignment: Assignment, tools: Tools, row: SubmapRow, body: ConstraintsInput) -> Look | None:
     limits = tools.settings.limits
     asked = question(row, body, limits.candidates)
     try:
-        look = look_up(tools.catalog, tools.metrics, limits, assignment.collection_id, asked)
+        return look_up(tools.catalog, tools.metrics, limits, assignment.collection_id, asked)
     except NotFound:
-        return []  # deleted meanwhile
-    return from_look(row, look, body) if look.answer.verdict == "matched" else []
+        return None  # deleted meanwhile

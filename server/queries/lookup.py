@@ -25,6 +25,7 @@ from server.queries.answers import (
     stage_answers,
     strongest,
 )
+from server.queries.contradictions import COMPARED, without_contradictions
 from server.queries.explanations import Explained, sentences
 from server.queries.narrowing import keys_excluded, keys_near
 from server.queries.pairs import within
@@ -216,16 +217,22 @@ def _search(
     view: View, body: QueryInput, asked: Observation, most: int, only: set[int] | None, budget: Budget
 ) -> Search:
     def search(excluded: set[int]) -> Recognition:
-        return view.recognizer.recognize(
+        found = view.recognizer.recognize(
             asked.xy,
             diameters=asked.diameters,
-            limit=most,
+            limit=max(most, COMPARED),
             method=body.method,
             exclude=excluded,
             only=only,
             rng=None if body.seed is None else np.random.default_rng(body.seed),
             budget=budget,
         )
+        accepted = [one.key for one in found.candidates if one.refused is None]
+        places = {}
+        if len(accepted) > 1:
+            rows = found_submaps(view.session, view.collection.key, accepted, landmarks=False)
+            places = {key: row.place for key, row in rows.items() if row.place is not None}
+        return without_contradictions(found, places, asked.xy, most)
 
     return search
 
