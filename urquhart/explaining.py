@@ -23,7 +23,7 @@ REASONS: Final[Mapping[str, str]] = {
     "verified": "chance and every rival pose are ruled out",
     "below_gate": "too little to rule out chance or trees in rows",
     "runner_up_too_close": "another pose explains the trees about as well",
-    "contradicting_maps": "submaps that fit alike put the query at different places of one map",
+    "contradicting_maps": "submaps that fit have contradicting map poses",
     "verification_failed": "more trees speak against the pose than for it",
     "no_votes": "no submap has anything like these trees",
     "empty_collection": "there is no submap to look in",

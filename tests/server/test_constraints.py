@@ -1,6 +1,7 @@
 """Constraints: found from both sides, told once, in every format the same."""
 
 import math
+from types import SimpleNamespace
 from typing import Any
 
 import httpx
@@ -10,9 +11,12 @@ import pytest
 
 from server.constraint_formats import Known, write_out
 from server.constraints import agree
+from server.errors import StorageBusy
 from server.jobs import assignment, runner
+from server.jobs import constraints as constraints_job
 from server.jobs.assignment import Assignment
 from server.jobs.folder import JobFolder
+from server.queries.lookup import look_up
 from server.queries.poses import transform_answer
 from server.store.submaps import Place
 from tests.server.test_jobs import finished
@@ -161,6 +165,29 @@ def test_a_search_that_is_stopped_at_any_point_finds_the_same(
         if left > 0:
             break
     assert runs > 4
+
+
+def test_a_slow_search_that_is_cut_short_goes_on_where_it_was(
+    client: httpx.Client, truth: dict[str, SE2], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each look-up may take seconds: what was looked up before a process ended is not looked up again."""
+    assert truth
+    now, asked = 0.0, list[str]()
+
+    def slow(*given: Any) -> Any:
+        nonlocal now
+        now += 2.0
+        if len(asked) in (1, 4):
+            asked.append("a process ends")
+            raise StorageBusy("a process ends")
+        asked.append(given[-1].submap_id)
+        return look_up(*given)
+
+    monkeypatch.setattr(constraints_job, "look_up", slow)
+    monkeypatch.setattr(assignment, "time", SimpleNamespace(monotonic=lambda: now))
+    monkeypatch.setattr(runner, "_LOOK", 0.01)
+    assert pairs(found(client, {})) == ALL
+    assert sorted(asked) == sorted([*truth, "a process ends", "a process ends"])
 
 
 def test_only_constraints_come_in_formats(client: httpx.Client) -> None:

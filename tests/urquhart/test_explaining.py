@@ -10,6 +10,7 @@ from typing import get_args
 import numpy as np
 import pytest
 
+from server.queries import contradictions
 from tests.urquhart import forests
 from urquhart import SE2, Stage, Verdict, ranking, recognizer
 from urquhart.explaining import (
@@ -80,7 +81,7 @@ def reasons_of(module: ModuleType) -> Iterator[str]:
 
 
 def test_every_reason_has_a_sentence_and_no_other_does() -> None:
-    given = {*reasons_of(ranking), *reasons_of(recognizer)}
+    given = {*reasons_of(ranking), *reasons_of(recognizer), contradictions.REASON}
     assert {"verified", "below_gate", "no_votes", "too_few_landmarks"} <= given
     assert given == set(REASONS)
     assert len({*REASONS.values(), UNREFUSED}) == len(REASONS) + 1
