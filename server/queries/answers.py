@@ -18,6 +18,7 @@ from server.schemas.candidates import (
     Inlier,
     RivalAnswer,
     RivalLinks,
+    SearchAnswer,
     StageAnswer,
 )
 from server.schemas.poses import Transform
@@ -25,6 +26,8 @@ from server.schemas.queries import FINDINGS
 from server.store.codec import unpack_ids
 from server.store.found import FoundSubmap
 from urquhart import Candidate, Config, Finding, Rival, Stage
+from urquhart.explaining import search_sentence
+from urquhart.stages import SearchEnd
 
 _INLIERS = TypeAdapter(list[Inlier])
 
@@ -39,6 +42,11 @@ def gates_answer(config: Config) -> Gates:
 def stage_answers(stages: Sequence[Stage]) -> list[StageAnswer]:
     """The stages, in order."""
     return [StageAnswer(name=s.name, milliseconds=s.milliseconds, counts=s.counts) for s in stages]
+
+
+def search_answer(end: SearchEnd) -> SearchAnswer:
+    """How a search ended, in stable words and in a sentence."""
+    return SearchAnswer(stopped_by=end.stopped_by, skipped=list(end.skipped), sentence=search_sentence(end))
 
 
 def candidate_answers(

@@ -41,6 +41,7 @@ class Explained:
             reason=answer.reason,
             margin=answer.margin,
             gates=answer.gates,
+            search=answer.search,
             stages=answer.stages,
             findings=answer.findings,
             findings_total=answer.findings_total,
@@ -56,6 +57,8 @@ class Explained:
         answer = self.answer
         total = sum(stage.milliseconds for stage in answer.stages)
         subtitles = [f"{answer.landmarks} landmarks; {answer.collection} at revision {answer.revision}; {total:.1f} ms"]
+        if answer.search is not None:
+            subtitles.append(f"{answer.search.sentence.capitalize()}.")
         if answer.margin is not None:
             gates = answer.gates
             subtitles.append(

@@ -22,6 +22,7 @@ from server.queries.answers import (
     finding_answers,
     gates_answer,
     rival_answers,
+    search_answer,
     stage_answers,
     strongest,
 )
@@ -274,6 +275,7 @@ def _answer(
         gates=gates_answer(view.recognizer.config),
         candidates=candidate_answers(collection_id, found.candidates, rows, asked.names(), pairs),
         rivals=rival_answers(collection_id, found.rivals, ids),
+        search=search_answer(found.search),
         stages=stage_answers(found.stages),
         findings=None if findings is None else finding_answers(findings, ids),
         findings_total=None if findings is None else len(found.findings),

@@ -22,16 +22,18 @@ def by_session(search: Search, sessions: Sessions, excluded: set[int], limit: in
     if first.verdict != "matched":
         return replace(first, candidates=tuple(found[:limit]))
     found, excluded, stages = found[:1], set(excluded), list(first.stages)
+    end = first.search
     while len(found) < limit:
         excluded |= sessions.beside(found[-1].key)
         following = search(excluded)
         stages += following.stages
+        end = replace(end, skipped=tuple(dict.fromkeys(end.skipped + following.search.skipped)))
         if following.verdict != "matched":
             if following.reason == "deadline":
-                first = replace(first, reason="deadline")
+                first, end = replace(first, reason="deadline"), replace(end, stopped_by="deadline")
             break
         found.append(following.candidates[0])
-    return replace(first, candidates=tuple(found), stages=tuple(stages))
+    return replace(first, candidates=tuple(found), stages=tuple(stages), search=end)
 
 
 def _distinct(answer: Recognition, sessions: Sessions) -> list[Candidate]:

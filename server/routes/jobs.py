@@ -189,7 +189,7 @@ def get_job_results(
     frame_id: Annotated[
         str | None,
         Query(
-            description="Of constraints as g2o: the map's frame that vertices begin in; by default that of most of "
+            description="With `format=g2o`: the map's frame that vertices begin in; by default that of most of "
             "its submaps.",
             max_length=128,
         ),

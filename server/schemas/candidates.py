@@ -1,13 +1,22 @@
 """What an answer says of one submap: a candidate with its evidence, a rival, a finding; and what a match must pass."""
 
+from collections.abc import Mapping
 from datetime import datetime
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import Field, PlainSerializer
 
 from server.schemas.common import Answer, write_stamp
 from server.schemas.poses import CandidateTransform, MapPoseAnswer, Transform
+from urquhart.explaining import SKIPS, STOPS
 from urquhart.proposing import Level
+from urquhart.stages import Skipped, StoppedBy
+
+
+def _words(meanings: Mapping[Any, str]) -> str:
+    """Each word with its meaning, as one sentence."""
+    return "; ".join(f"`{word}`: {text}" for word, text in meanings.items()) + "."
+
 
 _Written = Annotated[datetime, PlainSerializer(write_stamp, return_type=str, when_used="json")]
 _ID = (
@@ -134,6 +143,16 @@ class Gates(Answer):
         description="Lead asked for besides, for each landmark of the overlap. The configuration calls it `margin`."
     )
     lead_share: float = Field(description="Lead asked for besides, as a share of the rival's evidence.")
+
+
+class SearchAnswer(Answer):
+    """How the search ended, and what its limits left out: whether searching longer could have found more."""
+
+    stopped_by: StoppedBy = Field(description=f"Why the search ended, as a stable word. {_words(STOPS)}")
+    skipped: list[Skipped] = Field(
+        description=f"Limits that left something out, as stable words; empty where nothing was. {_words(SKIPS)}"
+    )
+    sentence: str = Field(description="The same in words.")
 
 
 class StageAnswer(Answer):

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from urquhart.explaining import REASONS
+from urquhart.explaining import REASONS, SKIPS, STOPS
 
 _LINKS = {
     "self": "/v1/collections/plots/submaps/p7",
@@ -140,6 +140,11 @@ QUERY_ANSWER: dict[str, Any] = {
         }
     ],
     "rivals": [],
+    "search": {
+        "stopped_by": "settled",
+        "skipped": [],
+        "sentence": STOPS["settled"],
+    },
     "stages": [{"name": "describe", "milliseconds": 0.8, "counts": {"triangles": 168, "polygons": 24}}],
     "findings": [_FINDING],
     "findings_total": 1,
@@ -157,6 +162,11 @@ EXPLANATION: dict[str, Any] = {
     "reason": "runner_up_too_close",
     "margin": 2.4,
     "gates": QUERY_ANSWER["gates"],
+    "search": {
+        "stopped_by": "exhausted",
+        "skipped": ["exhaustive"],
+        "sentence": f"{STOPS['exhausted']}; {SKIPS['exhaustive']}",
+    },
     "stages": QUERY_ANSWER["stages"],
     "findings": [_FINDING],
     "findings_total": 1,

@@ -79,20 +79,23 @@ class MapPose(Body):
         description="3x3 row-major over (x, y, yaw), symmetric and positive semidefinite: of the position of the "
         "submap's origin, along the axes of the map's frame, and of the yaw. Null where it is not known.",
     )
-    covariance_frame: Literal["map"] = Field("map", description="As in answers; nothing else is possible.")
+    covariance_frame: Literal["map"] = Field(
+        "map", description="The frame of `covariance`, as in answers; nothing else is possible."
+    )
     about: Literal["submap_origin", "query_origin"] = Field(
-        "submap_origin", description="As in answers: a query's pose in the map can be posted as it is."
+        "submap_origin", description="Accepted as in answers: a query's pose in the map can be posted as it is."
     )
     middle: TreesMiddle | None = Field(
-        None, description="As in the answer to a query, whose pose can be posted as it is; only `covariance` is kept."
+        None,
+        description="Accepted so that the pose in an answer can be posted as it is; only `covariance` is kept.",
     )
 
 
 class Transform(Answer):
     """A rigid transform: metres, radians, counter-clockwise."""
 
-    x: float = Field(description="Metres.")
-    y: float = Field(description="Metres.")
+    x: float = Field(description="Translation along x, in metres.")
+    y: float = Field(description="Translation along y, in metres.")
     yaw: float = Field(description="Radians, counter-clockwise.")
 
 

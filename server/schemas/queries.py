@@ -6,7 +6,7 @@ from typing import Annotated, Any
 from pydantic import ConfigDict, Field, PlainSerializer, model_validator
 from pydantic_core import PydanticCustomError
 
-from server.schemas.candidates import CandidateAnswer, FindingAnswer, Gates, RivalAnswer, StageAnswer
+from server.schemas.candidates import CandidateAnswer, FindingAnswer, Gates, RivalAnswer, SearchAnswer, StageAnswer
 from server.schemas.common import (
     Answer,
     Body,
@@ -151,6 +151,9 @@ _MARGIN = (
 )
 
 
+_SEARCH = "Why the search ended, and what its limits left out; null in answers that an older version stored."
+
+
 class QueryAnswer(Answer):
     """Outcome before pose: act on `verdict`, never on a candidate alone."""
 
@@ -169,6 +172,7 @@ class QueryAnswer(Answer):
     rivals: list[RivalAnswer] = Field(
         description="Other poses that explain the data about as well as the first candidate's, the strongest first."
     )
+    search: SearchAnswer | None = Field(None, description=_SEARCH)
     stages: list[StageAnswer] = Field(description="What each stage of the search did, in order.")
     findings: list[FindingAnswer] | None = Field(
         description="What each level found, by level, the best first; null unless asked with `explain`. Stored answers "
@@ -211,6 +215,7 @@ class ExplanationAnswer(Answer):
     reason: str = Field(description=_REASON)
     margin: float | None = Field(description=_MARGIN)
     gates: Gates = Field(description="What was asked of a match.")
+    search: SearchAnswer | None = Field(None, description=_SEARCH)
     stages: list[StageAnswer] = Field(description="What each stage of the search did, in order.")
     findings: list[FindingAnswer] | None = Field(
         description="What each level found, by level, the best first; null for an answer stored by a version that kept "

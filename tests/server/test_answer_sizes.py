@@ -10,6 +10,8 @@ import pytest
 from server.app import create_app
 from server.settings import Limits, Settings
 from tests.server.world import TestClient, forest, observed, points
+from urquhart import levels
+from urquhart.explaining import SKIPS, STOPS
 
 TREES = forest(1)
 QUERIES = "/v1/collections/plots/queries"
@@ -116,3 +118,30 @@ def test_ids_of_positions_are_text(client: httpx.Client) -> None:
 
 def test_the_limit_is_published(client: httpx.Client) -> None:
     assert client.get("/v1/limits").json()["limits"]["answer_pairs"] == MOST
+
+
+def test_an_answer_tells_how_the_search_ended(client: httpx.Client) -> None:
+    answer = ask(client, store=True)
+    assert answer["search"] == {
+        "stopped_by": answer["search"]["stopped_by"],
+        "skipped": [],
+        "sentence": STOPS["settled"],
+    }
+    page = client.get(answer["links"]["explanation"], headers={"Accept": "application/json"}).json()
+    assert page["search"] == answer["search"]
+    drawing = client.get(answer["links"]["explanation"], headers={"Accept": "image/svg+xml"}).text
+    assert STOPS["settled"].capitalize() in drawing
+
+
+@pytest.mark.parametrize("per_session", [False, True])
+def test_an_answer_tells_which_limit_left_something_out(
+    client: httpx.Client, monkeypatch: pytest.MonkeyPatch, per_session: bool
+) -> None:
+    """A collection that is too large to be searched exhaustively says so."""
+    monkeypatch.setattr(levels, "is_large", lambda index: True)
+    elsewhere = points(forest(99))
+    answer = ask(client, xy=elsewhere, per_session=per_session)
+    assert answer["verdict"] == "no_match"
+    assert answer["search"]["stopped_by"] == "exhausted"
+    assert answer["search"]["skipped"] == ["exhaustive"]
+    assert SKIPS["exhaustive"] in answer["search"]["sentence"]

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from fastapi import FastAPI
 
-_RUNS_ON = re.compile(r"^(and|or|but|with|of|as|for)\b", re.IGNORECASE)
+_RUNS_ON = re.compile(r"^(and|or|but|with(?! `)|of|as|for)\b", re.IGNORECASE)
 _NOT_ALONE = re.compile(r"^(Only (these|those)|The (least|most|fewest|latest|earliest|strongest))\b[^`]{0,12}\.$")
 
 
