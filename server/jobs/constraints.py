@@ -5,10 +5,11 @@ from collections.abc import Iterator
 from typing import Final
 
 import orjson
+from pydantic import ValidationError
 from sqlalchemy.orm import Session
 
 from server.constraints import agree, chosen_submaps, from_look, question
-from server.errors import NotFound
+from server.errors import Conflict, NotFound
 from server.jobs.assignment import Assignment, Tools
 from server.jobs.folder import cut
 from server.queries.contradictions import REASON
@@ -30,7 +31,12 @@ def run_constraints(assignment: Assignment, tools: Tools) -> None:
     """Look submaps up one by one; at the end keep one constraint for each pair. Raises NotFound, StorageError ..."""
     if "written" in assignment.progress:
         return  # only the end could not be noted
-    body = ConstraintsInput.model_validate(assignment.parameters)
+    try:
+        body = ConstraintsInput.model_validate(assignment.parameters)
+    except ValidationError as error:
+        raise Conflict(
+            "Another version of the service took this job on, and this one cannot read its parameters; post it again."
+        ) from error
     found_file, results_file = tools.folder.found(assignment.id), tools.folder.results(assignment.id)
     if assignment.total is None:
         with tools.database.read() as session:

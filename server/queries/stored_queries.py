@@ -1,7 +1,7 @@
 """Answers that were asked to be kept: written, read, drawn, and explained."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import MISSING, dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from server.idempotency import Kept, Once, recall
 from server.index.derive import config_of
 from server.queries.answers import gates_answer
 from server.queries.explanations import Explained
+from server.queries.older_answers import completed, gone, read_older
 from server.registry import get_collection
 from server.schemas.candidates import CandidateAnswer, CandidateLinks
 from server.schemas.queries import MatchAnswer, QueryAnswer, QueryLinks
@@ -50,7 +51,7 @@ def keep(
             raise NotFound("collection", collection.id)
         kept = recall(session, once, _keeping(collection))
         if kept is not None:
-            return QueryAnswer.model_validate_json(kept.body)
+            return _kept_before(kept)
         number = Collections(session).next_query_number(collection.key)
         candidates = [
             shown.model_copy(
@@ -90,7 +91,11 @@ def kept_answer(database: Database, collection_id: str, once: Once | None) -> Qu
         return None
     with database.read() as session:
         kept = recall(session, once, _keeping(get_collection(session, collection_id)))
-    return None if kept is None else QueryAnswer.model_validate_json(kept.body)
+    return None if kept is None else _kept_before(kept)
+
+
+def _kept_before(kept: Kept) -> QueryAnswer:
+    return read_older(QueryAnswer, orjson.loads(kept.body), "The answer to this Idempotency-Key")
 
 
 def _keeping(collection: CollectionRow) -> str:
@@ -138,7 +143,7 @@ def stored_match(database: Database, collection_id: str, query_id: str, rank: in
     with database.read() as session:
         collection = get_collection(session, collection_id)
         stored = _stored(session, collection, query_id)
-        answer = QueryAnswer.model_validate(_answer_of(stored, collection))
+        answer = read_older(QueryAnswer, _answer_of(stored, collection), f"Query {query_id}")
         if not 1 <= rank <= len(answer.candidates):
             raise NotFound(f"candidate of query {query_id!r} with rank", str(rank))
         if answer.candidates[rank - 1].inliers_omitted:
@@ -146,7 +151,8 @@ def stored_match(database: Database, collection_id: str, query_id: str, rank: in
                 f"The pairs of candidate {rank} were not kept: the candidates before it use up the limit answer_pairs. "
                 "Ask again with a smaller `limit`."
             )
-        candidate = _unpack(stored.candidates[rank - 1])
+        if rank > len(stored.candidates) or (candidate := _unpack(stored.candidates[rank - 1])) is None:
+            raise gone(f"The match of query {query_id}")
         row = found_submaps(session, collection.key, [candidate.key], landmarks=True).get(candidate.key)
         if row is None or row.content_revision > answer.revision:
             what = "deleted" if row is None else "given other landmarks"
@@ -166,7 +172,7 @@ def stored_explanation(database: Database, collection_id: str, query_id: str) ->
     with database.read() as session:
         collection = get_collection(session, collection_id)
         stored = _stored(session, collection, query_id)
-        answer = QueryAnswer.model_validate(_answer_of(stored, collection))
+        answer = read_older(QueryAnswer, _answer_of(stored, collection), f"Query {query_id}")
         submaps = Submaps(session, collection.key)
         shown = {one.submap_id for one in answer.candidates[:1]} | {one.submap_id for one in answer.rivals[:1]}
         rows = [row for row in map(submaps.get_whole, shown) if row is not None]
@@ -175,13 +181,27 @@ def stored_explanation(database: Database, collection_id: str, query_id: str) ->
 
 
 def _answer_of(stored: QueryRow, collection: CollectionRow) -> dict[str, Any]:
-    """The members of a stored answer; those that an older version did not write say that it did not keep them."""
-    members: dict[str, Any] = orjson.loads(stored.answer)
-    if "rivals" not in members:
-        members |= {"rivals": [], "findings": None, "findings_total": None}
-        members["gates"] = gates_answer(config_of(collection)).model_dump()
-        members["links"]["explanation"] = links.explanation(collection.id, stored.number)
-    return members
+    """The members of a stored answer, whichever version wrote it; those that it did not write say that it kept none."""
+    number, members = str(stored.number), orjson.loads(stored.answer)
+    own = QueryLinks(
+        self=links.query(collection.id, stored.number),
+        collection=links.collection(collection.id),
+        explanation=links.explanation(collection.id, stored.number),
+    )
+    gates = gates_answer(config_of(collection)).model_dump() | (members.get("gates") or {})
+    members = {"landmarks": len(stored.landmarks) // 16} | members
+    members |= {"id": number, "collection": collection.id, "gates": gates, "links": own.model_dump()}
+    for rank, shown in enumerate(members.get("candidates", ()), start=1):
+        if isinstance(shown.get("submap_id"), str):
+            shown["links"] = {
+                "submap": links.submap(collection.id, shown["submap_id"]),
+                "match": links.match(collection.id, stored.number, rank),
+            }
+        shown.setdefault("rank", rank)
+    for rival in members.get("rivals", ()):
+        if isinstance(rival.get("submap_id"), str):
+            rival["links"] = {"submap": links.submap(collection.id, rival["submap_id"])}
+    return completed(QueryAnswer, members)
 
 
 def _stored(session: Session, collection: CollectionRow, query_id: str) -> QueryRow:
@@ -213,13 +233,18 @@ def _without_pairs(candidate: Candidate) -> Candidate:
     return replace(candidate, query_indices=none, submap_indices=none, residuals=np.empty(0))
 
 
-def _unpack(packed: dict[str, Any]) -> Candidate:
-    if packed.keys() != {field.name for field in fields(Candidate)}:
-        raise Gone("The match was stored by another version of the service; ask again to see it.")
-    transform = SE2(*packed["transform"])
-    source, covariance = (np.array(value, dtype=np.float64) for value in packed["uncertainty"])
-    uncertainty = PoseUncertainty.about_point(source, transform, covariance)
-    residuals = np.array(packed["residuals"], dtype=np.float64)
-    indices = {name: np.array(packed[name], dtype=np.int64) for name in ("query_indices", "submap_indices")}
-    known = {"transform": transform, "uncertainty": uncertainty, "residuals": residuals}
-    return Candidate(**packed | indices | known)
+def _unpack(packed: dict[str, Any]) -> Candidate | None:
+    """A candidate as it was stored; None where the version that stored it left out what this one needs."""
+    names = {field.name for field in fields(Candidate)}
+    required = {field.name for field in fields(Candidate) if field.default is field.default_factory is MISSING}
+    known = {name: value for name, value in packed.items() if name in names}
+    if "covariance" in packed:  # before uncertainties had a point of their own, they were about the query's origin
+        known.setdefault("uncertainty", [[0.0, 0.0], packed["covariance"]])
+    if not required <= known.keys():
+        return None
+    transform = SE2(*known["transform"])
+    source, covariance = (np.array(value, dtype=np.float64) for value in known["uncertainty"])
+    known |= {name: np.array(known[name], dtype=np.int64) for name in ("query_indices", "submap_indices")}
+    known["residuals"] = np.array(known["residuals"], dtype=np.float64)
+    known["uncertainty"] = PoseUncertainty.about_point(source, transform, covariance.reshape(3, 3))
+    return Candidate(**known | {"transform": transform})

@@ -1,0 +1,82 @@
+"""Answers as earlier versions stored them: members are missing that this version writes, or are there that it does not.
+
+What is missing gets the value that says that there is none: the default of the member, null, or an empty list. What
+has no such value is left out, so that the rest can still be read. Whatever members an answer gets in time, nothing has
+to be added here.
+"""
+
+import types
+from collections.abc import Mapping
+from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
+
+from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
+
+from server.errors import Gone
+
+Model = TypeVar("Model", bound=BaseModel)
+_ABSENT = object()
+
+
+def completed(model: type[BaseModel], members: Mapping[str, Any], *, known_only: bool = False) -> dict[str, Any]:
+    """The members of a stored `model` with what is missing, at any depth.
+
+    `known_only`: without those that the model does not have.
+    """
+    done = {} if known_only else dict(members)
+    for name, field in model.model_fields.items():
+        if name in members:
+            done[name] = _completed(field.annotation, members[name], known_only)
+        elif (value := _absent(field)) is not _ABSENT:
+            done[name] = value
+    return done
+
+
+def read_older(model: type[Model], members: Mapping[str, Any], what: str) -> Model:
+    """A stored `model`, whichever version wrote it. Raises Gone, which names it `what`, where too much is missing."""
+    try:
+        return model.model_validate(completed(model, members, known_only=True))
+    except ValidationError as error:
+        raise gone(what) from error
+
+
+def gone(what: str) -> Gone:
+    """Why something that another version stored cannot be shown."""
+    return Gone(
+        f"{what} was stored by another version of the service, which did not keep what is needed here; ask again."
+    )
+
+
+def _completed(annotation: Any, value: Any, known_only: bool) -> Any:
+    for kind in _alternatives(annotation):
+        inner = get_args(kind)
+        if isinstance(kind, type) and issubclass(kind, BaseModel) and isinstance(value, Mapping):
+            return completed(kind, value, known_only=known_only)
+        if get_origin(kind) is list and isinstance(value, list):
+            return [_completed(inner[0], one, known_only) for one in value]
+        if get_origin(kind) is dict and isinstance(value, Mapping):
+            return {name: _completed(inner[1], one, known_only) for name, one in value.items()}
+    return value
+
+
+def _absent(field: FieldInfo) -> Any:
+    """The value of a member that says that there is none; `_ABSENT` where there is no such value."""
+    if not field.is_required():
+        return field.get_default(call_default_factory=True)
+    kinds = _alternatives(field.annotation)
+    if types.NoneType in kinds:
+        return None
+    if any(get_origin(kind) is list for kind in kinds):
+        return []
+    if any(get_origin(kind) is dict for kind in kinds):
+        return {}
+    return _ABSENT
+
+
+def _alternatives(annotation: Any) -> list[Any]:
+    """The types that a value may have."""
+    if get_origin(annotation) is Annotated:
+        return _alternatives(get_args(annotation)[0])
+    if get_origin(annotation) in (Union, types.UnionType):
+        return [kind for one in get_args(annotation) for kind in _alternatives(one)]
+    return [annotation]
