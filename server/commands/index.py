@@ -20,6 +20,7 @@ from rich.progress import (
 from rich.text import Text
 
 import urquhart
+from server.commands.columns import DbhUnit, Ignored
 from server.commands.failure import Failure
 from server.commands.serve import open_database, settings_with
 from server.errors import StorageError
@@ -57,16 +58,20 @@ def index(
             show_default=False,
         ),
     ] = None,
+    dbh_unit: DbhUnit = None,
+    ignore: Ignored = None,
 ) -> None:
     """Cut stem maps into overlapping submaps and store them.
 
-    A stem map is a CSV file of trees: x_m and y_m in metres, and optionally tree_id, dbh_cm, height_m and species. Each
-    submap holds the trees within the radius of a point of a square grid, in a frame of its own, and its pose in the
-    map, whose name is that of the file. All that was stored under that name before is replaced in one step, so a
+    A stem map is a CSV file of trees: x_m and y_m in metres, and optionally tree_id, height_m, species, and diameters
+    in dbh_cm, dbh_mm, dbh_m or dbh_in. For each file, one line tells what was read as what, and what was not used.
+
+    Each submap holds the trees within the radius of a point of a square grid, in a frame of its own, and its pose in
+    the map, whose name is that of the file. All that was stored under that name before is replaced in one step, so a
     corrected file leaves nothing of the old one; done again, the same files change nothing.
     """
     settings = settings_with(database=database)
-    stem_maps = [read_stem_map(path) for path in files]
+    stem_maps = [read_stem_map(path, dbh_unit=dbh_unit, ignore=ignore or ()) for path in files]
     names = [stem_map.name for stem_map in stem_maps]
     for name in names:
         if names.count(name) > 1:
@@ -106,7 +111,8 @@ def index(
             _write_index(store, settings.index, collection, partial(progress.advance, task))
     finally:
         store.dispose()
-    for report in reports:
+    for stem_map, report in zip(stem_maps, reports, strict=True):
+        typer.echo(f"{stem_map.name}: {stem_map.understood}")
         typer.echo(sentence(report))
 
 
@@ -143,7 +149,7 @@ def sentence(report: StandReport) -> str:
         f"in {report.seconds:.1f} s, {rate}",
         f"{outcome.removed} removed, which the stand had before",
         f"{stand.skipped} grid points skipped (fewer than {MINIMUM_TREES} trees)",
-        f"{stand.merged} trees merged with a neighbour closer than 1 cm",
+        f"{stand.merged} trees merged with a neighbour closer than 1 cm, the thickest stays",
     ]
     if stand.uncovered:
         parts.append(f"{stand.uncovered} trees in no submap")

@@ -9,6 +9,7 @@ from pydantic import ValidationError
 from rich.console import Console
 from rich.table import Table
 
+from server.commands.columns import DbhUnit, Ignored
 from server.commands.console import wide_console
 from server.commands.db import existing_database
 from server.commands.explanation import print_explanation
@@ -18,6 +19,7 @@ from server.index.catalog import Catalog
 from server.metrics.metrics import Metrics
 from server.queries.lookup import look_up
 from server.schemas.queries import QueryAnswer, QueryInput
+from server.stem_maps.discs import without_twins
 from server.stem_maps.reader import StemMap, read_stem_map
 from server.stem_maps.stands import landmarks_of
 from server.store.renewal import bring_up_to_date
@@ -44,14 +46,17 @@ def locate(
         Path | None,
         typer.Option(help="The SQLite file. (default: URQUHART_DATABASE or urquhart.db)", show_default=False),
     ] = None,
+    dbh_unit: DbhUnit = None,
+    ignore: Ignored = None,
 ) -> None:
     """Say where an observation was made.
 
     The observation is a CSV file of trees, x_m and y_m in metres in any frame of the observer's, and optionally
-    tree_id and dbh_cm: diameters count where the collection has them too. The exit code is 0 for every verdict:
-    matched, ambiguous and no_match.
+    tree_id and dbh_cm (or dbh_mm, dbh_m, dbh_in): diameters count where the collection has them too. The exit code is
+    0 for every verdict: matched, ambiguous and no_match.
     """
-    observation = read_stem_map(file, allow_empty=True)
+    seen = read_stem_map(file, allow_empty=True, dbh_unit=dbh_unit, ignore=ignore or ())
+    observation = without_twins(seen)
     settings = settings_with(database=database)
     store = existing_database(settings)
     try:
@@ -76,11 +81,17 @@ def locate(
         _print(console, answer)
         if explain:
             print_explanation(console, answer)
+    typer.echo(f"{file.name}: {seen.understood}{_left_out(seen, observation)}", err=as_json)
     if explain_svg is not None:
         typer.echo(f"drawn: {explain_svg}", err=as_json)
     if svg is not None:
         drawn = f"drawn: {svg}" if answer.candidates else "nothing to draw: there is no candidate"
         typer.echo(drawn, err=as_json)
+
+
+def _left_out(seen: StemMap, used: StemMap) -> str:
+    count = len(seen) - len(used)
+    return f"; {count} trees merged with a neighbour closer than 1 cm, the thickest stays" if count else ""
 
 
 def _query(observation: StemMap, limit: int, seed: int | None, file: Path, *, explain: bool) -> QueryInput:

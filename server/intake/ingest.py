@@ -189,9 +189,7 @@ def store(
         )
         submaps = Submaps(session, collection.key)
         submaps.insert([record for known, record in changes if known is None], revision)
-        for known, record in changes:
-            if known is not None:
-                submaps.replace(known.key, record, revision)
+        submaps.replace([(known.key, record) for known, record in changes if known is not None], revision)
     written = {record.id: record for _, record in changes}
     return [_receipt(known, written.get(new.id), revision) for known, new in pairs]
 

@@ -1,7 +1,7 @@
 """A stem map cut into overlapping discs: the submaps of a mapped stand."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -46,7 +46,7 @@ class Cut:
     Attributes:
         radius, spacing: metres, as given.
         trees: trees in the file.
-        merged: trees left out because another is within `MERGE_DISTANCE`; the first in the file stays.
+        merged: trees left out because another is within `MERGE_DISTANCE`; the thickest stays, or the first.
         uncovered: trees, of those that stay, that are in no disc.
         columns, rows: size of the grid of centres.
         skipped: grid points without a disc, because fewer than the minimum of trees are there.
@@ -79,7 +79,7 @@ def cut(
     for name, value in (("radius", radius), ("spacing", spacing)):
         if not (np.isfinite(value) and value > 0):
             raise CuttingError(f"the {name} must be a positive number of metres, not {value:g}")
-    kept = merge(stem_map.xy)
+    kept = merge(stem_map.xy, dbh=stem_map.dbh_cm)
     xy = stem_map.xy[kept]
     xs, ys = (_centres(xy[:, axis], spacing) for axis in (0, 1))
     if len(xs) * len(ys) > MAXIMUM_DISCS:
@@ -122,12 +122,32 @@ def cut(
     )
 
 
-def merge(xy: NDArray[np.float64], distance: float = MERGE_DISTANCE) -> NDArray[np.int64]:
-    """Thin `xy` (N, 2), metres: each tree gives way to an earlier one within `distance` metres.
+def merge(
+    xy: NDArray[np.float64], distance: float = MERGE_DISTANCE, dbh: NDArray[np.float64] | None = None
+) -> NDArray[np.int64]:
+    """Thin `xy` (N, 2), metres: each tree gives way to a thicker one within `distance` metres.
 
-    Returns the positions of those that stay, (K,) int64, ascending.
+    `dbh` (N,) float64 are diameters in any unit, NaN where unknown. Of equally thick trees, and without `dbh` of all,
+    the earlier one stays. Returns the positions of those that stay, (K,) int64, ascending.
     """
-    return np.flatnonzero(thin(xy, distance) < 0)
+    thickness = np.zeros(len(xy)) if dbh is None else np.nan_to_num(dbh)
+    order = np.argsort(-thickness, kind="stable")
+    return np.sort(order[np.flatnonzero(thin(xy[order], distance) < 0)])
+
+
+def without_twins(stem_map: StemMap) -> StemMap:
+    """The map without trees that stand within `MERGE_DISTANCE` of a thicker one: stems of one tree."""
+    kept = merge(stem_map.xy, dbh=stem_map.dbh_cm) if len(stem_map) else np.zeros(0, dtype=np.int64)
+    if len(kept) == len(stem_map):
+        return stem_map
+    return replace(
+        stem_map,
+        ids=tuple(stem_map.ids[tree] for tree in kept),
+        xy=stem_map.xy[kept],
+        dbh_cm=None if stem_map.dbh_cm is None else stem_map.dbh_cm[kept],
+        height_m=None if stem_map.height_m is None else stem_map.height_m[kept],
+        species=None if stem_map.species is None else tuple(stem_map.species[tree] for tree in kept),
+    )
 
 
 def _centres(coordinates: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:

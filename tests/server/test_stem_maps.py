@@ -46,7 +46,7 @@ def test_the_shipped_maps_are_what_their_readme_says(name: str, trees: int, widt
 
 
 def test_columns_go_by_name_in_any_order_and_case(tmp_path: Path) -> None:
-    text = "\ufeff# plot 7\nSpecies, Y , note,ID,X,dbh,height_m\n\nfir, 2.5 ,a,t1,1e1,30.5,\n# gone\n,-1,b,t2,.5,,12\n"
+    text = "\ufeff# plot 7\nSpecies, Y , note,ID,X,dbh,height_m\n\nfir, 2.5 ,a,t1,1e1,30.5,\n,-1,b,t2,.5,,12\n"
     stem_map = read_stem_map(write(tmp_path / "plot_7.csv", text))
     assert stem_map.name == "plot_7"
     assert stem_map.ids == ("t1", "t2")
@@ -71,11 +71,12 @@ def test_trees_without_ids_are_numbered(tmp_path: Path) -> None:
         ("\n\n# nothing\n", None, "the file is empty"),
         ("x_m,y_m\n", None, "has a header and no trees"),
         ("x_m,z_m\n1,2\n", 1, "column y_m or y is missing"),
-        ("# c\n\nx;y\n1;2\n", 3, "separated by commas"),
+        ("# c\n\nx y\n1 2\n", 3, "separated by commas, semicolons, tabs"),
         ("x,x_m,y\n1,1,2\n", 1, "two columns are called x_m or x"),
         ("id,tree_id,x,y\n1,1,1,2\n", 1, "two columns are called tree_id or id"),
         ("x,y\n1,2\n1,2,3\n", 3, "3 fields where the header has 2"),
-        ("x,y\n1,2\n# c\n1\n", 4, "1 fields where the header has 2"),
+        ("x,y\n1,2\n1\n", 3, "1 fields where the header has 2"),
+        ("x,y\n1,2\n# c\n1,3\n", 3, "1 fields where the header has 2: a comment may only stand above the header"),
         ("x,y\n1,oak\n", 2, "y_m is not a number: 'oak'"),
         ("x,y\n1,\n", 2, "y_m is not a number: ''"),
         ("x,y\n1_000,2\n", 2, "x_m is not a number: '1_000'"),

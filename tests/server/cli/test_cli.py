@@ -50,7 +50,7 @@ def test_a_setting_that_makes_no_sense_is_one_line(urquhart: Urquhart, monkeypat
 
 
 def test_a_defect_of_ours_is_not_hidden(urquhart: Urquhart, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    def broken(path: Path) -> None:
+    def broken(path: Path, **_: object) -> None:
         raise OSError(errno.EIO, "without a file")
 
     monkeypatch.setattr("server.commands.index.read_stem_map", broken)
@@ -59,7 +59,7 @@ def test_a_defect_of_ours_is_not_hidden(urquhart: Urquhart, monkeypatch: pytest.
 
 
 def test_an_interruption_is_no_traceback(urquhart: Urquhart, monkeypatch: pytest.MonkeyPatch) -> None:
-    def interrupted(path: Path) -> None:
+    def interrupted(path: Path, **_: object) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr("server.commands.index.read_stem_map", interrupted)
@@ -181,7 +181,7 @@ def test_locate_tells_all_as_json_and_draws(
         3,
     )
     assert said.code == 0
-    assert said.err == "drawn: match.svg\n"
+    assert said.err == ("seen.csv: read tree_id from 'tree_id', x_m from 'x_m', y_m from 'y_m'\ndrawn: match.svg\n")
     answer = json.loads(said.out)
     assert answer["verdict"] == "matched"
     assert 1 <= len(answer["candidates"]) <= 3
@@ -209,6 +209,14 @@ def test_locate_ends_well_whatever_the_verdict(urquhart: Urquhart, indexed: Path
     assert said.out.startswith("no_match")
 
 
+def test_trees_at_one_place_are_one_tree_and_told(urquhart: Urquhart, indexed: Path, tmp_path: Path) -> None:
+    twice = write_observation(tmp_path / "twice.csv", np.array([[0, 0], [1, 1], [1, 1], [5, 2.0]]))
+    said = urquhart("locate", twice, "--collection", "stand", "--database", indexed)
+    assert "no_match (" in said.out
+    assert ", 3 trees" in said.out
+    assert "1 trees merged with a neighbour closer than 1 cm, the thickest stays" in said.out
+
+
 def test_locate_refuses_bad_input_in_one_line(
     urquhart: Urquhart, indexed: Path, observation: Path, tmp_path: Path
 ) -> None:
@@ -221,8 +229,6 @@ def test_locate_refuses_bad_input_in_one_line(
     assert not (tmp_path / "none.db").exists()
     refused(urquhart("locate", observation, *known, "--limit", 1000), "at most")
     refused(urquhart("locate", observation, *known, "--svg", tmp_path), str(tmp_path), "directory")
-    twice = write_observation(tmp_path / "twice.csv", np.array([[0, 0], [1, 1], [1, 1], [5, 2.0]]))
-    refused(urquhart("locate", twice, *known), "keep one of each")
     (tmp_path / "long.csv").write_text(f"id,x,y\n{'a' * 200},1,2\n")
     refused(urquhart("locate", "long.csv", *known), "long.csv: tree value")
 
