@@ -22,6 +22,7 @@ from server.http.gate import Gate
 from server.http.middleware import BodyLimit, RequestContext
 from server.http.overload import Overload
 from server.http.readiness import SHUTDOWN, Readiness
+from server.http.repetitions import Repetitions
 from server.index.catalog import Catalog
 from server.index.upkeep import Upkeep
 from server.jobs.assignment import Tools
@@ -101,6 +102,7 @@ def create_app(settings: Settings, exchange: Exchange | None = None, *, create_d
         exchange,
         gate,
         SnapshotFolder(database.path),
+        Repetitions(),
     )
     app = FastAPI(
         title="Urquhart",

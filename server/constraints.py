@@ -18,7 +18,8 @@ from server.registry import get_collection
 from server.schemas.constraints import ConstraintsInput
 from server.schemas.queries import Exclude, QueryInput
 from server.store.database import Database
-from server.store.submaps import SubmapFilter, Submaps
+from server.store.submap_filter import SubmapFilter
+from server.store.submaps import Submaps
 from server.store.tables import SubmapRow
 from urquhart import SE2, Candidate
 

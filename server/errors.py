@@ -154,6 +154,10 @@ class Overloaded(Busy):
     """As much as the service takes on at once is being worked on, and waits."""
 
 
+class StillRunning(Busy):
+    """The same request, by its Idempotency-Key, is at work: its answer can be had when it is done."""
+
+
 class TooManyRequests(Busy):
     """This caller asks more often than `limits.requests_per_second` allows."""
 

@@ -1,28 +1,27 @@
-"""A POST that is sent again, because its answer was lost, does nothing again and gets that answer.
+"""A write that is sent again, because its answer was lost, does nothing again and gets that answer.
 
-The answer is kept in the transaction of what the POST does, so there is never one without the other. A route that
+The answer is kept in the transaction of what the write does, so there is never one without the other. A route that
 takes an Idempotency-Key hands its `Once` on, and where the work is done:
 
-    with database.write() as session:
-        kept = recall(session, once, f"postSubmap {collection.key}")
-        if kept is not None:
-            return kept
-        ...
-        return keep(session, once, f"postSubmap {collection.key}", Kept(201, headers, body))
+    return do_once(database, once, f"deleteSubmap {collection}/{submap}", lambda session: ...)
+
+or, where more is to be done in that transaction than that, `recall` at its beginning and `keep` at its end.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
 from sqlalchemy.orm import Session
 
 from server.errors import KeyReused
+from server.store.database import Database
 from server.store.idempotency import Answers
 
 
 @dataclass(frozen=True, slots=True)
 class Once:
-    """What tells one POST from another.
+    """What tells one write from another.
 
     Attributes:
         caller: id of the API key, empty without one.
@@ -53,7 +52,7 @@ class Kept:
 
 
 def recall(session: Session, once: Once | None, operation: str) -> Kept | None:
-    """The answer that this POST got already, None where there is none. Raises KeyReused."""
+    """The answer that this write got already, None where there is none. Raises KeyReused."""
     if once is None:
         return None
     row = Answers(session).find(once.caller, operation, once.name, once.since)
@@ -80,3 +79,21 @@ def keep(session: Session, once: Once | None, operation: str, answer: Kept) -> K
             since=once.since,
         )
     return answer
+
+
+def do_once(database: Database, once: Once | None, operation: str, do: Callable[[Session], Kept]) -> Kept:
+    """What `do` answers in a write transaction, unless that was done before. Raises KeyReused, and what `do` raises."""
+    with database.write() as session:
+        return recall(session, once, operation) or keep(session, once, operation, do(session))
+
+
+def done(database: Database, once: Once | None, operation: str) -> Kept | None:
+    """The answer that this write got already, looked for before any work is done. Raises KeyReused."""
+    if once is None:
+        return None
+    with database.read() as session:
+        return recall(session, once, operation)
+
+
+NO_CONTENT = Kept(204, {}, b"")
+"""What a DELETE answers."""

@@ -66,6 +66,13 @@ TABLE: Mapping[type[errors.DomainError], Kind] = {
     ),
     errors.Gone: Kind(410, "gone", "Gone", "It was here and is no longer kept; asking again will not bring it back."),
     errors.Conflict: Kind(409, "conflict", "Conflict", "The request contradicts what is stored; nothing was changed."),
+    errors.StillRunning: Kind(
+        409,
+        "still-running",
+        "Still running",
+        "The same request, by its Idempotency-Key, is at work. Nothing was done for this one; send it again after "
+        "Retry-After seconds, and it gets the answer of the first.",
+    ),
     errors.KeyReused: Kind(
         422,
         "idempotency-key-reused",

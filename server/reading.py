@@ -32,7 +32,8 @@ from server.store.codec import digest, unpack_attributes, unpack_ids, unpack_pos
 from server.store.database import Database
 from server.store.frames import Frames
 from server.store.sessions import Sessions
-from server.store.submaps import SubmapFilter, Submaps, stored_place
+from server.store.submap_filter import SubmapFilter
+from server.store.submaps import Submaps, stored_place
 from server.store.tables import SubmapRow
 
 
@@ -43,7 +44,12 @@ def read(database: Database, collection_id: str, submap_id: str) -> Submap:
         row = Submaps(session, collection.key).get_whole(submap_id)
         if row is None:
             raise NotFound("submap", submap_id)
-        return Submap(**_summary(collection_id, row), landmarks=_landmarks(row))
+        return submap_of(collection_id, row)
+
+
+def submap_of(collection_id: str, row: SubmapRow) -> Submap:
+    """A submap as it is answered, of a row with its landmarks."""
+    return Submap(**_summary(collection_id, row), landmarks=_landmarks(row))
 
 
 def page(

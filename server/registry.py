@@ -9,6 +9,7 @@ from server import links
 from server.access import Caller
 from server.errors import Conflict, InvalidField, NotFound
 from server.geo import check_crs
+from server.idempotency import NO_CONTENT, Kept
 from server.index.derive import config_of
 from server.map_frames import check_default_frame, check_frames, must_agree, set_frames
 from server.paging import page_size, read_cursor, write_cursor
@@ -50,10 +51,7 @@ def ensure(
     Fields that the body leaves out have no opinion. Raises PreconditionFailed, Conflict when the collection differs in
     one that is given, and InvalidField for a configuration or CRS that cannot be used.
     """
-    config = read_config(body.config)
-    if body.crs is not None:
-        check_crs(body.crs)
-    check_frames(body.frames)
+    config = checked(body)
     with database.read() as session:
         row = Collections(session).get(collection_id)
         if row is not None:
@@ -61,23 +59,38 @@ def ensure(
             _must_agree(session, row, body, config)
             return Ensured(_full(session, row), etag_of(row), created=False)
     with database.write() as session:
-        collections = Collections(session)
-        row = collections.get(collection_id)
-        created = row is None
-        preconditions.check(None if row is None else etag_of(row))
-        if row is None:
-            row = collections.create(
-                collection_id,
-                title=body.title,
-                config=config.to_dict(),
-                fingerprint=config.fingerprint(),
-                crs=body.crs,
-                origin=body.origin,
-            )
-            set_frames(session, row, body.frames)
-        else:
-            _must_agree(session, row, body, config)
-        return Ensured(_full(session, row), etag_of(row), created)
+        return ensure_in(session, collection_id, body, config, preconditions)
+
+
+def checked(body: CollectionPut | CollectionPatch) -> Config:
+    """The configuration of a body whose CRSs can be used. Raises InvalidField."""
+    if body.crs is not None:
+        check_crs(body.crs)
+    check_frames(body.frames)
+    return read_config(body.config)
+
+
+def ensure_in(
+    session: Session, collection_id: str, body: CollectionPut, config: Config, preconditions: Preconditions
+) -> Ensured:
+    """The same in a write transaction of the caller's; `config` as `checked` returned it."""
+    collections = Collections(session)
+    row = collections.get(collection_id)
+    created = row is None
+    preconditions.check(None if row is None else etag_of(row))
+    if row is None:
+        row = collections.create(
+            collection_id,
+            title=body.title,
+            config=config.to_dict(),
+            fingerprint=config.fingerprint(),
+            crs=body.crs,
+            origin=body.origin,
+        )
+        set_frames(session, row, body.frames)
+    else:
+        _must_agree(session, row, body, config)
+    return Ensured(_full(session, row), etag_of(row), created)
 
 
 def read(database: Database, collection_id: str) -> tuple[Collection, str]:
@@ -109,38 +122,49 @@ def patch(
     database: Database, collection_id: str, body: CollectionPatch, preconditions: Preconditions = ANYTHING
 ) -> tuple[Collection, str]:
     """Change title, crs, origin or frames. Raises NotFound, Conflict (the configuration stays), InvalidField."""
-    given = body.model_fields_set
-    if "crs" in given and body.crs is not None:
-        check_crs(body.crs)
-    check_frames(body.frames)
-    config = read_config(body.config)
+    config = checked(body)
     with database.write() as session:
-        row = get_collection(session, collection_id)
-        preconditions.check(etag_of(row))
-        if "config" in given and config != config_of(row):
-            raise _other_config(row.id)
-        before = (row.title, row.crs, row.origin_x, row.origin_y)
-        if "title" in given:
-            row.title = body.title
-        if "crs" in given:
-            row.crs = body.crs
-        if "origin" in given:
-            row.origin_x, row.origin_y = body.origin or (None, None)
-        if (row.crs, row.origin_x, row.origin_y) != before[1:]:
-            check_default_frame(session, row, "/crs" if "crs" in given else "/origin")
-        if set_frames(session, row, body.frames) or (row.title, row.crs, row.origin_x, row.origin_y) != before:
-            session.flush()
-            Collections(session).advance(row.key)
-            session.refresh(row)
-        return _full(session, row), etag_of(row)
+        changed = patch_in(session, collection_id, body, config, preconditions)
+        return changed.collection, changed.etag
+
+
+def patch_in(
+    session: Session, collection_id: str, body: CollectionPatch, config: Config, preconditions: Preconditions
+) -> Ensured:
+    """The same in a write transaction of the caller's; `config` as `checked` returned it."""
+    given = body.model_fields_set
+    row = get_collection(session, collection_id)
+    preconditions.check(etag_of(row))
+    if "config" in given and config != config_of(row):
+        raise _other_config(row.id)
+    before = (row.title, row.crs, row.origin_x, row.origin_y)
+    if "title" in given:
+        row.title = body.title
+    if "crs" in given:
+        row.crs = body.crs
+    if "origin" in given:
+        row.origin_x, row.origin_y = body.origin or (None, None)
+    if (row.crs, row.origin_x, row.origin_y) != before[1:]:
+        check_default_frame(session, row, "/crs" if "crs" in given else "/origin")
+    if set_frames(session, row, body.frames) or (row.title, row.crs, row.origin_x, row.origin_y) != before:
+        session.flush()
+        Collections(session).advance(row.key)
+        session.refresh(row)
+    return Ensured(_full(session, row), etag_of(row), created=False)
 
 
 def delete(database: Database, collection_id: str, preconditions: Preconditions = ANYTHING) -> None:
     """Drop a collection with everything in it. Raises NotFound and PreconditionFailed."""
     with database.write() as session:
-        row = get_collection(session, collection_id)
-        preconditions.check(etag_of(row))
-        Collections(session).delete(row.key)
+        delete_in(session, collection_id, preconditions)
+
+
+def delete_in(session: Session, collection_id: str, preconditions: Preconditions) -> Kept:
+    """The same in a write transaction of the caller's; what is answered."""
+    row = get_collection(session, collection_id)
+    preconditions.check(etag_of(row))
+    Collections(session).delete(row.key)
+    return NO_CONTENT
 
 
 def get_collection(session: Session, collection_id: str) -> CollectionRow:

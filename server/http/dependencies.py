@@ -3,7 +3,7 @@
 import hashlib
 import math
 import re
-from collections.abc import Callable, Coroutine
+from collections.abc import AsyncIterator, Callable, Coroutine
 from dataclasses import dataclass
 from typing import Annotated, Any
 from urllib.parse import urlencode
@@ -13,12 +13,14 @@ from fastapi import Depends, Header, Path, Query, Request, Response
 from pydantic import BaseModel, BeforeValidator
 
 from server.access import Caller
-from server.errors import DomainError, InvalidField, MalformedBody, TooLarge, UnsupportedMediaType
+from server.errors import DomainError, InvalidField, MalformedBody, TooLarge
 from server.http.admission import Admission
 from server.http.authorization import GuardedRoute, get_caller, get_visitor
 from server.http.gate import Gate
+from server.http.json_bodies import check_content_type, malformed_detail
 from server.http.problems import MEDIA_TYPE
 from server.http.readiness import Readiness
+from server.http.repetitions import Repetitions
 from server.idempotency import Kept, Once
 from server.index.catalog import Catalog
 from server.index.upkeep import Upkeep
@@ -67,6 +69,7 @@ class Service:
     exchange: Exchange | None
     gate: Gate
     snapshots: SnapshotFolder
+    repetitions: Repetitions
 
     @property
     def limits(self) -> Limits:
@@ -105,7 +108,7 @@ IdempotencyKey = Annotated[
 
 
 def once_of(service: Service, caller: Caller, key: str | None, sent: bytes) -> Once | None:
-    """What tells a POST, and all that was sent with it, from others; None without a key."""
+    """What tells a request, and all that was sent with it, from others; None without a key."""
     if key is None:
         return None
     return Once(caller.id, key, hashlib.sha256(sent).hexdigest(), service.settings.idempotency_hours)
@@ -116,11 +119,19 @@ async def get_once(
     caller: Annotated[Caller, Depends(get_caller)],
     service: Annotated[Service, Depends(get_service)],
     idempotency_key: IdempotencyKey = None,
-) -> Once | None:
-    """What tells this POST from others; None without Idempotency-Key."""
+) -> AsyncIterator[Once | None]:
+    """What tells this request from others; None without Idempotency-Key.
+
+    While another attempt to send it is at work in this process, it waits for that one. Raises StillRunning.
+    """
     if idempotency_key is None:
-        return None  # most queries have none: their bodies are not copied for it
-    return once_of(service, caller, idempotency_key, request.url.query.encode() + b"\n" + await request.body())
+        yield None  # most queries have none: their bodies are not copied for it
+        return
+    conditions = [request.headers.get(name) for name in ("if-match", "if-none-match")]
+    about = "".join(f"\n{condition}" for condition in conditions if condition is not None)
+    sent = f"{request.url.query}{about}\n".encode() + await request.body()
+    async with service.repetitions.turn((caller.id, request.method, request.url.path, idempotency_key)):
+        yield once_of(service, caller, idempotency_key, sent)
 
 
 async def get_budget(request: Request) -> Budget:
@@ -156,7 +167,7 @@ class _JsonRequest(Request):
         try:
             return read_json(body, self.app.state.service.settings.limits.body_values)
         except orjson.JSONDecodeError as error:
-            raise _Refused(MalformedBody(_malformed_detail(error, body))) from error
+            raise _Refused(MalformedBody(malformed_detail(error, body))) from error
         except (InvalidField, TooLarge) as error:
             raise _Refused(error) from error
 
@@ -183,7 +194,7 @@ class JsonRoute(GuardedRoute):
             request = _JsonRequest(request.scope, request.receive)
             body = await request.body()  # here, not in the framework, which would hide the body limit's error
             if body:
-                _check_content_type(request.headers.get("content-type"))
+                check_content_type(request.headers.get("content-type"))
             try:
                 return await handle(request)
             except Exception as error:
@@ -215,7 +226,7 @@ def json_response(
 def kept_response(kept: Kept) -> Response:
     """An answer that was kept, or would be if it were asked for."""
     headers = kept.headers | ({"Idempotency-Replayed": "true"} if kept.replayed else {})
-    return Response(kept.body, kept.status, headers=headers, media_type="application/json")
+    return Response(kept.body, kept.status, headers=headers, media_type="application/json" if kept.body else None)
 
 
 def etag_header(etag: str) -> dict[str, str]:
@@ -278,21 +289,3 @@ def _tags(header: str | None) -> tuple[str, ...] | None:
     if header.strip() == "*":
         return ("*",)
     return tuple(match.group(1) if (match := _ETAG.fullmatch(part)) else part.strip() for part in header.split(","))
-
-
-def _check_content_type(content_type: str | None) -> None:
-    name, *parameters = (part.strip().lower() for part in (content_type or "").split(";"))
-    if name != "application/json":
-        shown = "nothing" if not name else name[:100]
-        raise UnsupportedMediaType(f"Content-Type says {shown}; send JSON with Content-Type: application/json.")
-    for parameter in parameters:
-        if parameter.startswith("charset=") and parameter[8:].strip('"') not in {"utf-8", "utf8"}:
-            raise UnsupportedMediaType("JSON is sent in UTF-8; leave the charset out.")
-
-
-def _malformed_detail(error: orjson.JSONDecodeError, body: bytes) -> str:
-    where = f"line {error.lineno}, column {error.colno}"
-    around = body[max(error.pos - 1, 0) : error.pos + 9].lstrip(b"-").lower()
-    if around.startswith((b"nan", b"inf")) or b"nan" in around or b"infinity" in around:
-        return f"JSON has no NaN or Infinity ({where}); leave such landmarks out."
-    return f"The body is not JSON: {error.msg.split(': line')[0]} ({where})."

@@ -10,7 +10,8 @@ from sqlalchemy.orm import Session
 from server.errors import Conflict, DomainError
 from server.intake import batches
 from server.intake.batches import Described, Refusal
-from server.intake.ingest import Outcome, same_collection, store
+from server.intake.ingest import same_collection, store
+from server.intake.receipts import Outcome
 from server.intake.workers import Work, Workers
 from server.schemas.submaps import NamedSubmap
 from server.settings import Limits

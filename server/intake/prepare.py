@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 import urquhart
 from server.errors import InvalidLandmarks, TooLarge
 from server.schemas.poses import MapPose, PlacedPose
-from server.schemas.submaps import LandmarkBody, SubmapInput
+from server.schemas.submaps import LandmarkBody, SubmapInput, SubmapPatch
 from server.settings import Limits
 from server.store.codec import (
     digest,
@@ -21,9 +21,33 @@ from server.store.codec import (
     unpack_diameters,
     unpack_positions,
 )
-from server.store.submaps import Identity, Place, SubmapRecord
+from server.store.submaps import Identity, Place, SubmapRecord, stored_place
 from server.store.tables import SubmapRow
 from urquhart import SE2, Config, Features, LandmarkError
+
+
+class Trees:
+    """The landmarks of a submap on their way in, as they are stored: positions, ids, attributes, features."""
+
+    def __init__(self, body: LandmarkBody, limits: Limits) -> None:
+        """Check how many there are, and hash them. Raises TooLarge."""
+        check_landmark_count(body, limits)
+        self.xy = body.positions()
+        self.landmarks = pack_positions(self.xy)
+        self.ids = pack_json(body.landmark_ids())
+        self.attributes = pack_json(body.attributes())
+        self.landmarks_hash = digest(self.landmarks)
+        self._body = body
+        self._features: Features | None = None
+
+    def describe(self, config: Config) -> Features:
+        """Features of the landmarks, made once. Raises InvalidLandmarks."""
+        if self._features is None or self._features.fingerprint != config.fingerprint():
+            try:
+                self._features = urquhart.describe(self.xy, config, self._body.diameters())
+            except LandmarkError as error:
+                raise invalid_landmarks(error, self._body) from error
+        return self._features
 
 
 class Prepared:
@@ -31,21 +55,15 @@ class Prepared:
 
     def __init__(self, submap_id: str, body: SubmapInput, limits: Limits) -> None:
         """Check sizes and hash the content. Raises TooLarge."""
-        check_landmark_count(body, limits)
+        self.trees = Trees(body, limits)
         check_properties(body.properties, limits)
         self.id = submap_id
         self._body = body
-        self._xy = body.positions()
-        self.place = place_from(body.map_pose, self._xy)
-        self._landmarks = pack_positions(self._xy)
-        self._ids = pack_json(body.landmark_ids())
-        self._attributes = pack_json(body.attributes())
-        self._features: Features | None = None
-        self.landmarks_hash = digest(self._landmarks)
+        self.place = place_from(body.map_pose, self.trees.xy)
         self.etag = content_etag(
-            self.landmarks_hash,
-            self._ids,
-            self._attributes,
+            self.trees.landmarks_hash,
+            self.trees.ids,
+            self.trees.attributes,
             frame_id=body.frame_id,
             session=body.session,
             stamp=body.stamp,
@@ -55,16 +73,11 @@ class Prepared:
 
     def describe(self, config: Config) -> Features:
         """Features of the landmarks, made once. Raises InvalidLandmarks."""
-        if self._features is None or self._features.fingerprint != config.fingerprint():
-            try:
-                self._features = urquhart.describe(self._xy, config, self._body.diameters())
-            except LandmarkError as error:
-                raise invalid_landmarks(error, self._body) from error
-        return self._features
+        return self.trees.describe(config)
 
     def has_features(self, known: Identity | None) -> bool:
         """Whether what is there has the same positions and diameters, and with them the same features."""
-        return known is not None and _same_trees(known, self.landmarks_hash, self._attributes)
+        return known is not None and _same_trees(known, self.trees.landmarks_hash, self.trees.attributes)
 
     def record(self, known: Identity | None, config: Config) -> SubmapRecord:
         """What to store, given what is known to be there: features are made only for landmarks that are new."""
@@ -73,24 +86,65 @@ class Prepared:
         else:
             made = self.describe(config)
             counts, polygons, features = made.counts(), len(made.tessellation), made.pack()
-        body = self._body
+        body, trees = self._body, self.trees
         return SubmapRecord(
             id=self.id,
             frame_id=body.frame_id,
             session=body.session,
             stamp=body.stamp,
-            landmark_count=len(self._xy),
+            landmark_count=len(trees.xy),
             polygon_count=polygons,
             counts=counts,
             place=self.place,
             properties=body.properties,
-            landmarks_hash=self.landmarks_hash,
+            landmarks_hash=trees.landmarks_hash,
             etag=self.etag,
-            landmarks=self._landmarks,
-            landmark_ids=self._ids,
-            attributes=self._attributes,
+            landmarks=trees.landmarks,
+            landmark_ids=trees.ids,
+            attributes=trees.attributes,
             features=features,
         )
+
+
+def patched(row: SubmapRow, body: SubmapPatch, trees: Trees | None, config: Config) -> SubmapRecord:
+    """What is to be stored in the place of `row`: with what the patch names, and with the landmarks `trees`, if any.
+
+    Raises InvalidLandmarks, unless the trees were described before.
+    """
+    given = body.model_fields_set
+    if trees is None:
+        xy, blobs = (
+            unpack_positions(row.landmarks),
+            (row.landmarks_hash, row.landmarks, row.landmark_ids, row.attributes),
+        )
+        counts, polygons, features = row.counts, row.polygon_count, None
+    else:
+        xy, blobs = trees.xy, (trees.landmarks_hash, trees.landmarks, trees.ids, trees.attributes)
+        made = trees.describe(config)
+        counts, polygons, features = made.counts(), len(made.tessellation), made.pack()
+    place = place_from(body.map_pose, xy) if "map_pose" in given else stored_place(row)
+    if place is not None and trees is not None:
+        box = _footprint(place.map_x, place.map_y, place.map_yaw, xy)
+        place = Place(place.map_frame_id, place.map_x, place.map_y, place.map_yaw, place.map_covariance, **box)
+    members: dict[str, Any] = {
+        name: getattr(body if name in given else row, name) for name in ("frame_id", "session", "stamp", "properties")
+    }
+    landmarks_hash, landmarks, ids, attributes = blobs
+    return SubmapRecord(
+        id=row.id,
+        landmark_count=len(xy),
+        polygon_count=polygons,
+        counts=counts,
+        place=place,
+        landmarks_hash=landmarks_hash,
+        etag=content_etag(landmarks_hash, ids, attributes, place=place, **members),
+        landmarks=landmarks,
+        landmark_ids=ids,
+        attributes=attributes,
+        features=features,
+        stand_key=row.stand_key,
+        **members,
+    )
 
 
 def settle(record: SubmapRecord, known: Identity | None, config: Config) -> SubmapRecord:
@@ -143,8 +197,6 @@ def place_from(pose: MapPose | PlacedPose | None, xy: NDArray[np.float64]) -> Pl
     """The pose with the footprint of the landmarks ((N, 2) float64, metres, submap frame) in the map."""
     if pose is None:
         return None
-    footprint = SE2(pose.x, pose.y, pose.yaw).apply(xy if len(xy) else np.zeros((1, 2)))
-    (min_x, min_y), (max_x, max_y) = footprint.min(axis=0), footprint.max(axis=0)
     # The database keeps no -0.0: with it, what is read back would have another entity tag.
     return Place(
         pose.frame_id,
@@ -152,11 +204,15 @@ def place_from(pose: MapPose | PlacedPose | None, xy: NDArray[np.float64]) -> Pl
         pose.y + 0.0,
         pose.yaw + 0.0,
         pose.covariance,
-        float(min_x),
-        float(min_y),
-        float(max_x),
-        float(max_y),
+        **_footprint(pose.x, pose.y, pose.yaw, xy),
     )
+
+
+def _footprint(x: float, y: float, yaw: float, xy: NDArray[np.float64]) -> dict[str, float]:
+    """The box of the landmarks in the map, metres, by the names of `Place`."""
+    footprint = SE2(x, y, yaw).apply(xy if len(xy) else np.zeros((1, 2)))
+    (min_x, min_y), (max_x, max_y) = footprint.min(axis=0).tolist(), footprint.max(axis=0).tolist()
+    return {"map_min_x": min_x, "map_min_y": min_y, "map_max_x": max_x, "map_max_y": max_y}
 
 
 def content_etag(

@@ -11,7 +11,7 @@ from server import links
 from server.access import Caller, Scope
 from server.constraint_formats import Known, is_stale, write_out
 from server.errors import Conflict, Forbidden, Gone, NotFound, StorageReadOnly
-from server.idempotency import Kept, Once, keep, recall
+from server.idempotency import NO_CONTENT, Kept, Once, keep, recall
 from server.identifiers import new_id
 from server.jobs.folder import JobFolder
 from server.jobs.quota import check_key, check_quota
@@ -123,12 +123,16 @@ def page(
         )
 
 
-def dismiss(database: Database, folder: JobFolder, caller: Caller, job_id: str) -> JobAnswer | None:
-    """End a job, at once or when what is at hand is done; or forget a finished one (None) with its files.
+def dismiss(database: Database, folder: JobFolder, caller: Caller, job_id: str, once: Once | None) -> Kept:
+    """End a job, at once or when what is at hand is done; or forget a finished one with its files. What is answered.
 
-    Raises NotFound, Forbidden (another's job, and a key that may only read) and StorageError.
+    Raises NotFound, Forbidden (another's job, and a key that may only read), KeyReused and StorageError.
     """
+    operation = f"deleteJob {job_id}"
     with database.write() as session:
+        kept = recall(session, once, operation)
+        if kept is not None:
+            return kept
         row, jobs = _row(session, caller, job_id), Jobs(session)
         if not (row.caller == caller.id or caller.scopes & {Scope.WRITE, Scope.ADMIN}):
             raise Forbidden("This is a job of another key; to dismiss it, a key needs the scope write or admin.")
@@ -143,12 +147,13 @@ def dismiss(database: Database, folder: JobFolder, caller: Caller, job_id: str) 
         if row.state in UNFINISHED:
             session.refresh(row)
             answer = describe(row)
+        kept = keep(session, once, operation, NO_CONTENT if answer is None else Kept(202, {}, to_json(answer)))
     with storage_errors(folder.path):
         if answer is None:
             folder.remove(job_id)
         elif answer.finished is not None:
             folder.clear(job_id)
-    return answer
+    return kept
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,12 +3,14 @@
 from pydantic import ValidationError
 
 from server.access import Caller, Scope
-from server.errors import DomainError, OutOfTime, TooLarge
+from server.errors import DomainError, KeyReused, OutOfTime, TooLarge
+from server.idempotency import Once
 from server.index.catalog import Catalog
 from server.kinds import document
 from server.metrics.metrics import Metrics
-from server.queries.lookup import answer_query
+from server.queries.lookup import answer_query, shown
 from server.queries.pairs import Shares, carried
+from server.queries.stored_queries import kept_answer
 from server.registry import get_collection
 from server.schemas.batches import BatchAnswer, BatchInput, BatchProblem
 from server.schemas.pointers import invalid_body
@@ -27,13 +29,18 @@ def answer_batch(
     collection_id: str,
     body: BatchInput,
     budget: Budget,
+    once: Once | None = None,
 ) -> BatchAnswer:
     """Look queries up one after the other; what is wrong with one stands in its place.
 
     Each query has its own deadline, and the batch one for all, `limits.batch_seconds` or `timeout_ms` after the budget
     began. A query that is not begun by then has the problem `OutOfTime` in its place.
 
-    Raises NotFound (the collection), TooLarge (more than `limits.batch_queries`), StorageError, and Abandoned.
+    Each answer that is to be stored is kept under `once` and its position: a batch that is sent again goes on where
+    the first attempt ended.
+
+    Raises NotFound (the collection), TooLarge (more than `limits.batch_queries`), KeyReused, StorageError, and
+    Abandoned.
     """
     if len(body.queries) > limits.batch_queries:
         raise TooLarge("batch_queries", limits.batch_queries, len(body.queries), "Send them in parts.")
@@ -44,21 +51,38 @@ def answer_batch(
     late = document(OutOfTime("batch_seconds", seconds, "Send fewer queries at a time."))
     results: list[QueryAnswer | BatchProblem] = []
     pairs = Shares(limits.answer_pairs, len(body.queries))
-    for members in body.queries:
+    for position, members in enumerate(body.queries, start=1):
         own = whole.within(limits.query_seconds)
         if own.is_spent():
             pairs.used(0)
             results.append(BatchProblem(problem=late))
             continue
+        share = pairs.next()
         try:
             query = QueryInput.model_validate(members)
             if query.store:
                 caller.require(Scope.WRITE)
-            answer = answer_query(
-                database, catalog, metrics, limits, collection_id, query, pairs=pairs.next(), budget=own
+            kept = kept_answer(database, collection_id, once, position) if query.store else None
+            answer = (
+                answer_query(
+                    database,
+                    catalog,
+                    metrics,
+                    limits,
+                    collection_id,
+                    query,
+                    once=once,
+                    position=position,
+                    pairs=share,
+                    budget=own,
+                )
+                if kept is None
+                else shown(kept, query, share)
             )
             pairs.used(carried(answer))
             results.append(answer)
+        except KeyReused:
+            raise
         except ValidationError as error:
             pairs.used(0)
             results.append(BatchProblem(problem=document(invalid_body(error))))

@@ -104,17 +104,21 @@ def answer_query(
     *,
     own_id: str | None = None,
     once: Once | None = None,
+    position: int = 0,
     pairs: int | None = None,
     budget: Budget | None = None,
 ) -> QueryAnswer:
-    """Look a query up and keep the answer, `once`, where that was asked for. Raises as `look_up`, and KeyReused.
+    """Look a query up and keep the answer, `once` and at its `position` in a batch, where that was asked for.
+
+    Raises as `look_up`, and KeyReused.
 
     `pairs`: most pairs of landmarks in what is answered, by default `limits.answer_pairs`.
     """
     look = look_up(catalog, metrics, limits, collection_id, body, own_id=own_id, budget=budget)
     answer = look.answer
     if body.store:
-        answer = keep(database, limits, look.collection, look.asked.xy, look.asked.ids, look.candidates, answer, once)
+        asked = look.asked
+        answer = keep(database, limits, look.collection, asked.xy, asked.ids, look.candidates, answer, once, position)
     return shown(answer, body, pairs)
 
 

@@ -41,6 +41,7 @@ def keep(
     found: Sequence[Candidate],
     answer: QueryAnswer,
     once: Once | None,
+    position: int = 0,
 ) -> QueryAnswer:
     """Store an answer, unless that was done before; the answer with its id and links. The oldest beyond the limit go.
 
@@ -49,9 +50,9 @@ def keep(
     with database.write() as session:
         if get_collection(session, collection.id).key != collection.key:
             raise NotFound("collection", collection.id)
-        kept = recall(session, once, _keeping(collection))
+        kept = recall(session, once, _keeping(collection, position))
         if kept is not None:
-            return _kept_before(kept)
+            return _again(session, collection, kept)
         number = Collections(session).next_query_number(collection.key)
         candidates = [
             shown.model_copy(
@@ -74,32 +75,40 @@ def keep(
             number,
             landmarks=pack_positions(xy),
             landmark_ids=pack_json(ids),
-            answer=(stored := answer.model_dump_json().encode()),
+            answer=answer.model_dump_json().encode(),
             candidates=[
                 _pack(candidate if not shown.inliers_omitted else _without_pairs(candidate))
                 for candidate, shown in zip(found, answer.candidates, strict=True)
             ],
         )
         queries.drop_through(number - limits.stored_queries)
-        idempotency.keep(session, once, _keeping(collection), Kept(200, {}, stored))
+        # The answer itself is kept with the query: here it is named.
+        idempotency.keep(session, once, _keeping(collection, position), Kept(200, {}, str(number).encode()))
     return answer
 
 
-def kept_answer(database: Database, collection_id: str, once: Once | None) -> QueryAnswer | None:
-    """What was answered to a query that was sent before, to be kept. Raises NotFound and KeyReused."""
+def kept_answer(database: Database, collection_id: str, once: Once | None, position: int = 0) -> QueryAnswer | None:
+    """What was answered to a query that was sent before, to be kept; `position` in its batch.
+
+    Raises NotFound, KeyReused, and Gone for an answer that is no longer kept.
+    """
     if once is None:
         return None
     with database.read() as session:
-        kept = recall(session, once, _keeping(get_collection(session, collection_id)))
-    return None if kept is None else _kept_before(kept)
+        collection = get_collection(session, collection_id)
+        kept = recall(session, once, _keeping(collection, position))
+        return None if kept is None else _again(session, collection, kept)
 
 
-def _kept_before(kept: Kept) -> QueryAnswer:
-    return read_older(QueryAnswer, orjson.loads(kept.body), "The answer to this Idempotency-Key")
+def _again(session: Session, collection: CollectionRow, kept: Kept) -> QueryAnswer:
+    if not kept.body.isdigit():  # versions before kept the whole answer once more
+        return read_older(QueryAnswer, orjson.loads(kept.body), "The answer to this Idempotency-Key")
+    number = kept.body.decode()
+    return read_older(QueryAnswer, _answer_of(_stored(session, collection, number), collection), f"Query {number}")
 
 
-def _keeping(collection: CollectionRow) -> str:
-    return f"query {collection.key}"
+def _keeping(collection: CollectionRow, position: int) -> str:
+    return f"query {collection.key}" if position == 0 else f"query {collection.key} {position}"
 
 
 def stored_answer(database: Database, collection_id: str, query_id: str) -> bytes:

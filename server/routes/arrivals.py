@@ -4,9 +4,7 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Response
 
-from server import links, reading
 from server.access import Caller, Scope
-from server.errors import InvalidField
 from server.http.dependencies import (
     BudgetDep,
     CallerDep,
@@ -17,19 +15,15 @@ from server.http.dependencies import (
     Service,
     ServiceDep,
     SubmapId,
-    etag_header,
     kept_response,
     problems,
 )
 from server.http.negotiation import JSON
-from server.idempotency import Kept
 from server.identifiers import new_id
 from server.intake import ingest
-from server.queries import lookup
+from server.queries.loop_closing import LoopQuestion
 from server.schemas import examples
 from server.schemas.arrivals import ArrivingSubmap, SubmapReceipt
-from server.schemas.common import to_json
-from server.schemas.queries import QueryAnswer
 from urquhart import Budget
 
 router = APIRouter(route_class=JsonRoute, tags=["submaps"])
@@ -46,7 +40,10 @@ WithQuery = Annotated[
     summary="Store a submap",
     response_model=SubmapReceipt,
     responses={
-        200: {"description": "It was there: unchanged, or replaced.", **_RECEIPT},
+        200: {
+            "description": "It was there: unchanged, or replaced. Or it was asked about, and not stored.",
+            **_RECEIPT,
+        },
         201: {"description": "It is new.", "model": SubmapReceipt, **_RECEIPT},
         **problems(400, 404, 409, 412, 413, 415, 422, 503, 507),
     },
@@ -59,13 +56,27 @@ def put_submap(
     caller: CallerDep,
     preconditions: PreconditionsDep,
     budget: BudgetDep,
+    once: OnceDep,
     query: WithQuery = False,
 ) -> Response:
-    """The next query finds it. The same content again changes nothing, so a PUT can be repeated safely."""
-    found = _ask_first(service, caller, collection, submap, body, budget, wanted=query)
-    receipt = ingest.put(service.database, collection, submap, body, service.settings.limits, preconditions)
-    service.metrics.submaps_written.labels(receipt.outcome).inc()
-    return kept_response(_answered(collection, submap, receipt, found))
+    """Replaces the whole submap: what is left out is cleared, and `cleared` in the answer names it; PATCH changes the
+    landmarks and keeps the rest. The next query finds the submap. The same content again changes nothing.
+
+    With `query`, the answer tells of every other submap at this place that was stored before this one.
+    """
+    return _answered(
+        service,
+        ingest.put(
+            service.database,
+            collection,
+            submap,
+            body,
+            service.settings.limits,
+            preconditions,
+            once=once,
+            question=_question(service, caller, collection, submap, body, budget, wanted=query),
+        ),
+    )
 
 
 @router.post(
@@ -75,6 +86,7 @@ def put_submap(
     response_model=SubmapReceipt,
     status_code=201,
     responses={
+        200: {"description": "It was asked about, and not stored: `reason` says why.", **_RECEIPT},
         201: {"description": "It is new; `Location` says where.", **_RECEIPT},
         **problems(400, 404, 409, 413, 415, 422, 503, 507),
     },
@@ -91,25 +103,21 @@ def post_submap(
     """Under an id that the service makes, later ones after earlier ones. Sent again with the same `Idempotency-Key`,
     it is not stored again, and is answered as the first time.
     """
-    kept = ingest.posted(service.database, collection, once)
-    if kept is None:
-        submap = new_id()
-        found = _ask_first(service, caller, collection, None, body, budget, wanted=query)
-        kept = ingest.post(
+    return _answered(
+        service,
+        ingest.post(
             service.database,
             collection,
-            submap,
+            new_id(),
             body,
             service.settings.limits,
-            once,
-            lambda receipt: _answered(collection, submap, receipt, found),
-        )
-        if not kept.replayed:
-            service.metrics.submaps_written.labels("created").inc()
-    return kept_response(kept)
+            once=once,
+            question=_question(service, caller, collection, None, body, budget, wanted=query),
+        ),
+    )
 
 
-def _ask_first(
+def _question(
     service: Service,
     caller: Caller,
     collection: str,
@@ -118,39 +126,15 @@ def _ask_first(
     budget: Budget,
     *,
     wanted: bool,
-) -> QueryAnswer | None:
-    """Where else the submap was seen, by what is stored before it is."""
+) -> LoopQuestion | None:
+    """What is asked before the submap is stored."""
     if not wanted and body.query is None:
         return None
     caller.require(Scope.READ)
-    limits = service.limits
-    try:
-        return lookup.answer_query(
-            service.database,
-            service.catalog,
-            service.metrics,
-            limits,
-            collection,
-            body.question(),
-            own_id=submap,
-            budget=budget,
-        )
-    except InvalidField as error:
-        raise error.below("/query") from error
+    return LoopQuestion(service.catalog, service.metrics, service.limits, collection, body.question(), submap, budget)
 
 
-def _answered(collection: str, submap: str, receipt: ingest.Receipt, found: QueryAnswer | None) -> Kept:
-    headers = etag_header(receipt.etag)
-    if receipt.outcome == "created":
-        headers["Location"] = links.submap(collection, submap)
-    answer = SubmapReceipt(
-        id=submap,
-        collection=collection,
-        outcome=receipt.outcome,
-        counts=receipt.counts,
-        etag=receipt.etag,
-        revision=receipt.revision,
-        links=reading.submap_links(collection, submap),
-        query=found,
-    )
-    return Kept(201 if receipt.outcome == "created" else 200, headers, to_json(answer))
+def _answered(service: Service, stored: ingest.Stored) -> Response:
+    if stored.outcome is not None:
+        service.metrics.submaps_written.labels(stored.outcome).inc()
+    return kept_response(stored.kept)

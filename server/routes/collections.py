@@ -8,16 +8,19 @@ from server.http.dependencies import (
     CollectionId,
     IfNoneMatch,
     JsonRoute,
+    OnceDep,
     PageCursor,
     PageLimit,
     PreconditionsDep,
     ServiceDep,
     etag_header,
     json_response,
+    kept_response,
     next_link,
     not_modified,
     problems,
 )
+from server.idempotency import Kept, do_once, done
 from server.schemas.collections import (
     COLLECTION_EXAMPLE,
     Collection,
@@ -25,6 +28,7 @@ from server.schemas.collections import (
     CollectionPatch,
     CollectionPut,
 )
+from server.schemas.common import to_json
 
 router = APIRouter(route_class=JsonRoute, tags=["collections"])
 _PATH = "/v1/collections/{collection}"
@@ -69,17 +73,29 @@ def list_collections(
     },
 )
 def put_collection(
-    collection: CollectionId, body: CollectionPut, service: ServiceDep, preconditions: PreconditionsDep
+    collection: CollectionId,
+    body: CollectionPut,
+    service: ServiceDep,
+    preconditions: PreconditionsDep,
+    once: OnceDep,
 ) -> Response:
     """Make it, or find it there. What the body leaves out has no opinion, so `{}` only asks that it exists.
 
     409 when it exists and differs in something that is given.
     """
-    ensured = registry.ensure(service.database, collection, body, preconditions)
-    headers = etag_header(ensured.etag)
-    if ensured.created:
-        headers["Location"] = links.collection(collection)
-    return json_response(ensured.collection, 201 if ensured.created else 200, headers=headers)
+    if once is None:  # mostly it is there, and then nothing is to be written
+        return kept_response(_answered(registry.ensure(service.database, collection, body, preconditions)))
+    operation = f"putCollection {collection}"
+    kept = done(service.database, once, operation)
+    if kept is None:
+        config = registry.checked(body)
+        kept = do_once(
+            service.database,
+            once,
+            operation,
+            lambda session: _answered(registry.ensure_in(session, collection, body, config, preconditions)),
+        )
+    return kept_response(kept)
 
 
 @router.get(
@@ -103,14 +119,25 @@ def get_collection(collection: CollectionId, service: ServiceDep, if_none_match:
     responses={200: _EXAMPLE, **problems(400, 404, 409, 412, 413, 415, 422, 503, 507)},
 )
 def patch_collection(
-    collection: CollectionId, body: CollectionPatch, service: ServiceDep, preconditions: PreconditionsDep
+    collection: CollectionId,
+    body: CollectionPatch,
+    service: ServiceDep,
+    preconditions: PreconditionsDep,
+    once: OnceDep,
 ) -> Response:
     """Title, crs, origin and frames; null clears, what is left out stays. The configuration cannot be changed (409).
 
     422 when a crs or an origin puts a submap that is there outside the area where the CRS is used.
     """
-    changed, etag = registry.patch(service.database, collection, body, preconditions)
-    return json_response(changed, headers=etag_header(etag))
+    config = registry.checked(body)
+    return kept_response(
+        do_once(
+            service.database,
+            once,
+            f"patchCollection {collection}",
+            lambda session: _answered(registry.patch_in(session, collection, body, config, preconditions)),
+        )
+    )
 
 
 @router.delete(
@@ -121,8 +148,23 @@ def patch_collection(
     response_class=Response,
     responses=problems(404, 412, 422, 503, 507),
 )
-def delete_collection(collection: CollectionId, service: ServiceDep, preconditions: PreconditionsDep) -> Response:
+def delete_collection(
+    collection: CollectionId, service: ServiceDep, preconditions: PreconditionsDep, once: OnceDep
+) -> Response:
     """With everything in it."""
-    registry.delete(service.database, collection, preconditions)
-    service.catalog.forget(collection)
-    return Response(status_code=204)
+    kept = do_once(
+        service.database,
+        once,
+        f"deleteCollection {collection}",
+        lambda session: registry.delete_in(session, collection, preconditions),
+    )
+    if not kept.replayed:
+        service.catalog.forget(collection)
+    return kept_response(kept)
+
+
+def _answered(ensured: registry.Ensured) -> Kept:
+    headers = etag_header(ensured.etag)
+    if ensured.created:
+        headers["Location"] = links.collection(ensured.collection.id)
+    return Kept(201 if ensured.created else 200, headers, to_json(ensured.collection))

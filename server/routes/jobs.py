@@ -162,13 +162,13 @@ async def get_job(
     status_code=204,
     responses={202: ACCEPTED | {"description": "It ends after what is at hand."}, **problems(404, 422, 503, 507)},
 )
-def delete_job(job: JobId, service: ServiceDep, caller: CallerDep) -> Response:
+def delete_job(job: JobId, service: ServiceDep, caller: CallerDep, once: OnceDep) -> Response:
     """An unfinished one ends after what is at hand, and what it did stays (202); a finished one is forgotten with its
     results (204). A key may dismiss its own jobs whatever its scope; those of others need `write` or `admin`.
     """
-    found = queue.dismiss(service.database, service.jobs.folder, caller, job)
+    kept = queue.dismiss(service.database, service.jobs.folder, caller, job, once)
     service.jobs.runner.wake()
-    return Response(status_code=204) if found is None else json_response(found, 202)
+    return kept_response(kept)
 
 
 @router.get(

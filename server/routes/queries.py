@@ -86,12 +86,20 @@ def query(
     },
 )
 def query_batch(
-    collection: CollectionId, body: BatchInput, service: ServiceDep, caller: CallerDep, budget: BudgetDep
+    collection: CollectionId,
+    body: BatchInput,
+    service: ServiceDep,
+    caller: CallerDep,
+    budget: BudgetDep,
+    once: OnceDep,
 ) -> Response:
-    """Each is answered as if it had come alone, in their order; one that is wrong has a `problem` in its place."""
+    """Each is answered as if it had come alone, in their order; one that is wrong has a `problem` in its place.
+
+    Sent again with the same `Idempotency-Key`, those with `store` are answered as the first time, the others anew.
+    """
     limits = service.limits
     return json_response(
-        answer_batch(service.database, service.catalog, service.metrics, limits, caller, collection, body, budget)
+        answer_batch(service.database, service.catalog, service.metrics, limits, caller, collection, body, budget, once)
     )
 
 

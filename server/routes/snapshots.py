@@ -152,8 +152,7 @@ def get_snapshot(
     response_class=Response,
     responses=problems(404, 422, 503),
 )
-def delete_snapshot(snapshot: SnapshotName, service: ServiceDep, caller: CallerDep) -> Response:
+def delete_snapshot(snapshot: SnapshotName, service: ServiceDep, caller: CallerDep, once: OnceDep) -> Response:
     """For good."""
     caller.require_all()
-    service.snapshots.remove(snapshot)
-    return Response(status_code=204)
+    return kept_response(snapshots.remove_once(service.database, service.snapshots, snapshot, once))

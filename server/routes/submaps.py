@@ -12,6 +12,7 @@ from server.http.dependencies import (
     CollectionId,
     IfNoneMatch,
     JsonRoute,
+    OnceDep,
     PageCursor,
     PageLimit,
     PreconditionsDep,
@@ -19,6 +20,7 @@ from server.http.dependencies import (
     SubmapId,
     etag_header,
     json_response,
+    kept_response,
     next_link,
     not_modified,
     problems,
@@ -129,7 +131,7 @@ def get_submap(
 @router.patch(
     _PATH,
     operation_id="patchSubmap",
-    summary="Move a submap in the map, or change its properties",
+    summary="Change a submap",
     response_model=Submap,
     responses={200: _SUBMAP, **problems(400, 404, 412, 413, 415, 422, 503, 507)},
 )
@@ -140,15 +142,16 @@ def patch_submap(
     service: ServiceDep,
     caller: CallerDep,
     preconditions: PreconditionsDep,
+    once: OnceDep,
 ) -> Response:
-    """map_pose and properties: what is given replaces what was there, null clears it. Nothing is indexed again.
+    """What is given replaces what was there, null clears it, what is left out stays. Landmarks, given as `xy` or as
+    `landmarks`, are replaced as a whole and indexed again; nothing else is.
 
     The answer has the landmarks, so the key needs the scope `read`, too.
     """
     caller.require(Scope.READ)
-    ingest.patch(service.database, collection, submap, body, service.settings.limits, preconditions)
-    found = reading.read(service.database, collection, submap)
-    return json_response(found, headers=etag_header(found.etag))
+    limits = service.settings.limits
+    return kept_response(ingest.patch(service.database, collection, submap, body, limits, preconditions, once=once))
 
 
 @router.delete(
@@ -160,11 +163,10 @@ def patch_submap(
     responses=problems(404, 412, 422, 503, 507),
 )
 def delete_submap(
-    collection: CollectionId, submap: SubmapId, service: ServiceDep, preconditions: PreconditionsDep
+    collection: CollectionId, submap: SubmapId, service: ServiceDep, preconditions: PreconditionsDep, once: OnceDep
 ) -> Response:
     """The next query does not find it."""
-    ingest.delete(service.database, collection, submap, preconditions)
-    return Response(status_code=204)
+    return kept_response(ingest.delete(service.database, collection, submap, preconditions, once=once))
 
 
 @router.get(

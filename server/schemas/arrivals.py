@@ -41,13 +41,25 @@ class ArrivingSubmap(SubmapInput):
 class SubmapReceipt(Answer):
     """What became of a submap that was sent."""
 
-    id: str
+    id: str | None = Field(description="The submap's id; null where a POST stored nothing.")
     collection: str
-    outcome: Literal["created", "replaced", "unchanged"]
-    counts: dict[str, int] = Field(description="Landmarks, triangles, polygons kept and discarded.")
-    etag: str
-    revision: int = Field(description="The collection's, at the submap's last write.")
-    links: SubmapLinks
+    outcome: Literal["created", "replaced", "unchanged", "not_stored"] = Field(
+        description="`not_stored`: the submap was asked about, and too few trees, or trees on one line, make no submap."
+    )
+    reason: str | None = Field(None, description="Why nothing was stored: the `reason` of `query`; null otherwise.")
+    detail: str | None = Field(None, description="Why nothing was stored, in a sentence; null otherwise.")
+    counts: dict[str, int] = Field(description="Landmarks, triangles, polygons kept and discarded of what is stored.")
+    etag: str | None = Field(description="Entity tag of what is stored under the id now; null where nothing is.")
+    revision: int = Field(
+        description="The collection's revision at the submap's last write; where there is none, its revision now."
+    )
+    cleared: list[str] = Field(
+        default_factory=list,
+        description="Optional members that the submap had before this write and has no more, e.g. `session`, "
+        "`map_pose`, or `dbh` of its landmarks: a PUT replaces the whole submap. PATCH keeps what it does not name.",
+    )
+    links: SubmapLinks | None = Field(description="Where to go from the submap; null where there is none.")
     query: QueryAnswer | None = Field(
-        None, description="Where else it was seen, before it was stored; not there unless asked for."
+        None,
+        description="Where else the submap was seen, among all that was stored before it; not there unless asked for.",
     )

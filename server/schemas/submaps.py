@@ -155,13 +155,30 @@ class NamedSubmap(SubmapInput):
     id: ResourceId
 
 
-class SubmapPatch(Body):
-    """Fields to change; each replaces what was there, null clears it, one left out stays."""
+class SubmapPatch(LandmarkBody):
+    """Members to change: what is given replaces what was there, null clears it, what is left out stays."""
 
-    model_config = ConfigDict(json_schema_extra={"examples": [{"map_pose": _POSE}]})
+    model_config = ConfigDict(json_schema_extra={"examples": [{"map_pose": _POSE}, {"xy": _XY}]})
 
+    frame_id: Label | None = Field(None, description="Name of the frame that the landmarks are in.")
+    stamp: Stamp | None = Field(None, description="When it was observed: RFC 3339 with an offset.")
+    session: Label | None = Field(None, description="The drive, flight or season that it belongs to.")
     map_pose: MapPose | None = Field(None, description="Where the submap's frame is in a map.")
     properties: Free | None = Field(None, description="Anything else worth keeping.")
+
+    @model_validator(mode="after")
+    def _keeps_landmarks(self) -> "SubmapPatch":
+        for name in ("xy", "landmarks"):
+            if name in self.model_fields_set and getattr(self, name) is None:
+                raise PydanticCustomError(
+                    "landmarks_cleared", "a submap has landmarks: leave `{name}` out to keep them", {"name": name}
+                )
+        return self
+
+    @property
+    def has_landmarks(self) -> bool:
+        """Whether it gives landmarks."""
+        return self.xy is not None or self.landmarks is not None
 
 
 class SubmapLinks(Answer):

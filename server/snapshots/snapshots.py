@@ -10,9 +10,11 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
+from sqlalchemy.orm import Session
+
 from server import links
 from server.errors import Conflict, StorageDamaged, StorageFull, StorageReadOnly
-from server.idempotency import Kept, Once, keep, recall
+from server.idempotency import NO_CONTENT, Kept, Once, do_once, keep, recall
 from server.paging import page_size, read_name_cursor, write_cursor
 from server.schemas.snapshots import Snapshot, SnapshotCollection, SnapshotPage
 from server.settings import Limits
@@ -58,8 +60,7 @@ def make(database: Database, folder: SnapshotFolder, name: str | None, keep_last
 
 def make_once(database: Database, folder: SnapshotFolder, name: str | None, keep_last: int, once: Once | None) -> Kept:
     """Make a snapshot, unless this was done before; what is answered. Raises what `make` does, and KeyReused."""
-    if once is not None and database.read_only:
-        raise StorageReadOnly("The database is only read, so no Idempotency-Key can be kept; send it without.")
+    _must_keep(database, once)
     with database.read() as session:
         kept = recall(session, once, _OPERATION)
     if kept is not None:
@@ -72,6 +73,25 @@ def make_once(database: Database, folder: SnapshotFolder, name: str | None, keep
         return answer
     with database.write() as session:
         return keep(session, once, _OPERATION, answer)
+
+
+def remove_once(database: Database, folder: SnapshotFolder, name: str, once: Once | None) -> Kept:
+    """Remove a snapshot, unless this was done before; what is answered. Raises NotFound, StorageError and KeyReused."""
+    if once is None:
+        folder.remove(name)
+        return NO_CONTENT
+
+    def remove(_: Session) -> Kept:
+        folder.remove(name)
+        return NO_CONTENT
+
+    _must_keep(database, once)
+    return do_once(database, once, f"deleteSnapshot {name}", remove)
+
+
+def _must_keep(database: Database, once: Once | None) -> None:
+    if once is not None and database.read_only:
+        raise StorageReadOnly("The database is only read, so no Idempotency-Key can be kept; send it without.")
 
 
 def page(folder: SnapshotFolder, limits: Limits, limit: int | None, cursor: str | None) -> SnapshotPage:

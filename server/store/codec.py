@@ -14,6 +14,10 @@ _NAMES: Final = [str(i) for i in range(1000)]
 """Made once: each answer names landmarks of several submaps."""
 
 
+MEMBERS: Final = ("frame_id", "session", "stamp", "map_pose", "properties", "ids", "dbh", "height", "species")
+"""What a submap may have or not, as the API names it: the last four of its landmarks."""
+
+
 def pack_positions(xy: NDArray[np.float64]) -> bytes:
     """(N, 2) float64, metres, as little-endian bytes, row by row."""
     return np.ascontiguousarray(xy, dtype="<f8").tobytes()
@@ -61,3 +65,8 @@ def digest(*parts: bytes | None) -> str:
     for part in parts:
         hasher.update(b"-" if part is None else len(part).to_bytes(8, "little") + part)
     return hasher.hexdigest()
+
+
+def members_of(*values: object) -> frozenset[str]:
+    """The names in `MEMBERS` of the values, given in that order, that are not None."""
+    return frozenset(name for name, value in zip(MEMBERS, values, strict=False) if value is not None)

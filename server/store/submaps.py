@@ -1,6 +1,6 @@
 """Rows of submaps, all seen through one collection: another collection's submap cannot be reached from here."""
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from typing import Any, TypeVar, cast
@@ -20,6 +20,8 @@ from sqlalchemy import (
 )
 from sqlalchemy.orm import Session, undefer
 
+from server.store.codec import members_of, unpack_attributes
+from server.store.submap_filter import SubmapFilter, conditions_of
 from server.store.tables import DeletionRow, SubmapRow, beside_key
 
 _T = TypeVar("_T")
@@ -77,6 +79,12 @@ class SubmapRecord:
     features: bytes | None
     stand_key: int | None = None
 
+    def members(self) -> frozenset[str]:
+        """The optional members that it has, by their names in the API."""
+        return members_of(self.frame_id, self.session, self.stamp, self.place, self.properties, self.landmark_ids) | (
+            unpack_attributes(self.attributes).keys()
+        )
+
     def columns(self) -> dict[str, Any]:
         """Values by column name."""
         values = {name: getattr(self, name) for name in self.__slots__ if name != "place"}
@@ -95,17 +103,6 @@ class Identity:
     revision: int
     counts: dict[str, int]
     attributes: bytes | None
-
-
-@dataclass(frozen=True, slots=True)
-class SubmapFilter:
-    """Which submaps of a collection: all that is given must hold."""
-
-    session: str | None = None
-    bbox: tuple[float, float, float, float] | None = None
-    map_frame_id: str | None = None
-    since: datetime | None = None
-    until: datetime | None = None
 
 
 class Submaps:
@@ -138,6 +135,26 @@ class Submaps:
             query = select(*columns).where(SubmapRow.collection_key == self._collection_key, SubmapRow.id.in_(some))
             found.update({row[0]: Identity(*row[1:]) for row in self._session.execute(query)})
         return found
+
+    def members(self, key: int) -> frozenset[str]:
+        """The optional members that a submap has, by their names in the API."""
+        columns = (
+            SubmapRow.frame_id,
+            SubmapRow.session,
+            SubmapRow.stamp,
+            SubmapRow.map_frame_id,
+            SubmapRow.properties,
+            SubmapRow.landmark_ids,
+            SubmapRow.attributes,
+        )
+        query = select(*columns).where(SubmapRow.collection_key == self._collection_key, SubmapRow.key == key)
+        *members, attributes = self._session.execute(query).one()
+        return members_of(*members) | unpack_attributes(attributes).keys()
+
+    def changed_since(self, revision: int, most: int) -> list[int]:
+        """Keys of up to `most` submaps whose landmarks changed after a revision, those that changed first."""
+        query = self._keys().where(SubmapRow.content_revision > revision).order_by(SubmapRow.content_revision)
+        return list(self._session.scalars(query.limit(most)))
 
     def keys(self, ids: Collection[str]) -> dict[str, int]:
         """Keys of those of the ids that exist."""
@@ -185,7 +202,8 @@ class Submaps:
         for key, record in records:
             values = record.columns() | {"revision": revision, "updated": now, "_key": key}
             if record.features is None:
-                del values["features"]
+                # The same positions: moving a submap in the map is not to write them all again.
+                del values["features"], values["landmarks"]
                 kept.append(values)
             else:
                 new.append(values | {"content_revision": revision})
@@ -195,16 +213,6 @@ class Submaps:
             if rows:
                 # One statement for all: to put one together takes longer than to run it.
                 self._session.connection().execute(update(table).where(*mine), rows)
-
-    def edit(
-        self, key: int, *, place: Place | None, properties: dict[str, Any] | None, etag: str, revision: int
-    ) -> None:
-        """Change what does not concern the index: the pose in the map and the properties."""
-        columns = asdict(place) if place is not None else dict(_NO_PLACE)
-        self._update(
-            key,
-            columns | {"properties": properties, "etag": etag, "revision": revision, "updated": datetime.now(UTC)},
-        )
 
     def delete(self, key: int, revision: int) -> None:
         """Remove a submap and note for the live indexes that it is gone."""
@@ -226,9 +234,13 @@ class Submaps:
             rows += self._session.scalars(of_keys.order_by(SubmapRow.key).options(*options))
         return rows
 
-    def matching(self, chosen: SubmapFilter) -> set[int]:
-        """Keys of the submaps that are chosen."""
-        return set(self._session.scalars(self._keys().where(*self._conditions(chosen))))
+    def matching(self, chosen: SubmapFilter, among: Sequence[int] | None = None) -> set[int]:
+        """Keys of the submaps that are chosen, of all or `among` a few hundred at most."""
+        conditions = self._conditions(chosen)
+        if among is not None:
+            of_these = select(SubmapRow.key).where(beside_key(self._collection_key), SubmapRow.key.in_(among))
+            return set(self._session.scalars(of_these.where(*conditions)))
+        return set(self._session.scalars(self._keys().where(*conditions)))
 
     def _page_keys(self, chosen: SubmapFilter, after_key: int, limit: int) -> list[int]:
         """Keys of a page. No index has both the filter and the order, and each way alone can be slow.
@@ -249,7 +261,7 @@ class Submaps:
         return list(self._session.scalars(self._keys().where(*conditions, key > after_key).order_by(key).limit(limit)))
 
     def _conditions(self, chosen: SubmapFilter) -> list[ColumnElement[bool]]:
-        conditions = _conditions(chosen)
+        conditions = conditions_of(chosen)
         if chosen.bbox is not None and chosen.map_frame_id is not None:
             of_frame = (SubmapRow.collection_key == self._collection_key, SubmapRow.map_frame_id == chosen.map_frame_id)
             widest = self._session.scalar(select(func.max(SubmapRow.map_width)).where(*of_frame)) or 0.0
@@ -264,33 +276,8 @@ class Submaps:
     def _all(self) -> Select[SubmapRow]:
         return select(SubmapRow).where(SubmapRow.collection_key == self._collection_key)
 
-    def _update(self, key: int, values: Mapping[str, Any]) -> None:
-        statement = update(SubmapRow).where(SubmapRow.collection_key == self._collection_key, SubmapRow.key == key)
-        self._session.execute(statement.values(**values), execution_options={"synchronize_session": False})
-
 
 _LANDMARKS = (undefer(SubmapRow.landmarks), undefer(SubmapRow.landmark_ids), undefer(SubmapRow.attributes))
-
-
-def _conditions(chosen: SubmapFilter) -> list[ColumnElement[bool]]:
-    conditions: list[ColumnElement[bool]] = []
-    if chosen.session is not None:
-        conditions.append(SubmapRow.session == chosen.session)
-    if chosen.map_frame_id is not None:
-        conditions.append(SubmapRow.map_frame_id == chosen.map_frame_id)
-    if chosen.bbox is not None:
-        min_x, min_y, max_x, max_y = chosen.bbox
-        conditions += [
-            SubmapRow.map_min_x <= max_x,
-            SubmapRow.map_max_x >= min_x,
-            SubmapRow.map_min_y <= max_y,
-            SubmapRow.map_max_y >= min_y,
-        ]
-    if chosen.since is not None:
-        conditions.append(SubmapRow.stamp >= chosen.since)
-    if chosen.until is not None:
-        conditions.append(SubmapRow.stamp <= chosen.until)
-    return conditions
 
 
 def _batches(items: list[_T]) -> Iterator[list[_T]]:

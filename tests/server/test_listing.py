@@ -15,7 +15,8 @@ from server.store import submaps as store
 from server.store.collections import Collections
 from server.store.database import Database
 from server.store.sessions import Sessions
-from server.store.submaps import Place, SubmapFilter, SubmapRecord, Submaps
+from server.store.submap_filter import SubmapFilter
+from server.store.submaps import Place, SubmapRecord, Submaps
 from tests.server.world import put_submap
 
 PLOTS = "/v1/collections/plots"

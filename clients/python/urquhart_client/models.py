@@ -199,15 +199,23 @@ class Collection(Model):
 
 
 class SubmapReceipt(Model):
-    """What became of a PUT. `etag` names the content that is stored now."""
+    """What became of a submap that was sent. `etag` names the content that is stored now, None where nothing is.
 
-    id: str
+    `outcome` is `not_stored` where a `query` came with too few trees, or trees on one line; `reason` and `detail` say
+    why, and `query` is the answer all the same. `cleared` names the optional members that a PUT left out and thereby
+    cleared, e.g. `session`.
+    """
+
+    id: str | None
     collection: str
-    outcome: Literal["created", "replaced", "unchanged"]
+    outcome: Literal["created", "replaced", "unchanged", "not_stored"]
+    reason: str | None = None
+    detail: str | None = None
     counts: dict[str, int] = Field(default_factory=dict)
-    etag: str
+    etag: str | None
     revision: int
-    links: dict[str, Any] = Field(default_factory=dict)
+    cleared: tuple[str, ...] = ()
+    links: dict[str, Any] | None = None
     query: QueryResult | None = None
 
 

@@ -34,6 +34,9 @@ class SubmapCalls(Connection):
     ) -> SubmapReceipt:
         """Store a submap under the caller's id; the next query finds it.
 
+        It replaces the whole submap: what is left out is cleared, and `receipt.cleared` names it. `patch_submap`
+        changes the landmarks and keeps the rest.
+
         Args:
             xy: N pairs (x, y), metres, in the submap's own frame; a (N, 2) array will do.
             ids: N landmark ids, unique; default "0", "1", ... in the order of `xy`.
@@ -41,7 +44,8 @@ class SubmapCalls(Connection):
             landmarks: instead of `xy`, `ids` and `dbh`, landmarks with whatever else is known of each.
             stamp: when it was seen, with a time zone, or as RFC 3339 text.
             map_pose: where the submap's frame lies in a map; editable later.
-            query: ask first where else it was seen, and how, `{}` as usual; the answer is `receipt.query`.
+            query: ask where else it was seen, and how, `{}` as usual; the answer is `receipt.query`. Too few trees
+                are an answer then (`receipt.outcome` is `not_stored`), without a query they are refused.
             if_match: the `etag` that must be stored, or `*` for any; otherwise the service refuses (412).
             if_none_match: `*` to create only.
         """
@@ -103,12 +107,30 @@ class SubmapCalls(Connection):
         collection: str,
         submap_id: str,
         *,
+        xy: Points | None = None,
+        ids: Iterable[str] | None = None,
+        dbh: Diameters | None = None,
+        landmarks: Landmarks | None = None,
+        frame_id: str | Unset | None = UNSET,
+        stamp: datetime | str | Unset | None = UNSET,
+        session: str | Unset | None = UNSET,
         map_pose: Pose | Unset | None = UNSET,
         properties: Mapping[str, Any] | Unset | None = UNSET,
         if_match: str | None = None,
     ) -> Submap:
-        """Change the pose in the map or the properties; None clears a field. The landmarks stay as they are."""
-        changes = _bodies.changes(map_pose=map_pose, properties=properties)
+        """Change what is given; None clears a member, what is left out stays as it is.
+
+        Args:
+            xy, ids, dbh, landmarks: as of `put_submap`, the landmarks that take the place of all that were there.
+            if_match: the `etag` that must be stored, or `*` for any; otherwise the service refuses (412).
+        """
+        trees = {} if xy is None and landmarks is None else _bodies.landmarks(xy, ids, dbh, landmarks)
+        if not trees and (ids is not None or dbh is not None):
+            raise ValueError("ids and dbh go with xy")
+        seen = stamp if isinstance(stamp, Unset) else _bodies.rfc3339(stamp)
+        changes = trees | _bodies.changes(
+            frame_id=frame_id, stamp=seen, session=session, map_pose=map_pose, properties=properties
+        )
         return self._send(_requests.patch_submap(collection, submap_id, changes, if_match))
 
     def delete_submap(self, collection: str, submap_id: str, *, if_match: str | None = None) -> None:
