@@ -16,18 +16,45 @@ _XY: Any = [[1.2, 3.4], [4.9, -2.2], [-3.1, 0.7], [2.2, -6.5], [-5.8, -4.1], [7.
 _POSE: Any = {"frame_id": "map", "x": 120.5, "y": 88.25, "yaw": 0.31}
 
 
+THINNEST, THICKEST, TALLEST = 0.005, 5.0, 150.0
+"""Metres. What a diameter at breast height and a height can be; beyond, the unit is another one than metres."""
+
+
+def _check_diameter(value: float) -> float:
+    if not THINNEST <= value <= THICKEST:
+        raise PydanticCustomError(
+            "diameter_range",
+            "a diameter is given in metres, from {thinnest} to {thickest}, and {value} is not: is it in centimetres "
+            "or millimetres?",
+            {"thinnest": THINNEST, "thickest": THICKEST, "value": value},
+        )
+    return value
+
+
+def _check_height(value: float) -> float:
+    if value > TALLEST:
+        raise PydanticCustomError(
+            "height_range",
+            "a height is given in metres, up to {tallest}, and {value} is not: is it in centimetres or feet?",
+            {"tallest": TALLEST, "value": value},
+        )
+    return value
+
+
 class Landmark(Body):
     """A tree."""
 
     id: Label | None = Field(None, description="Unique in the submap; its position in the list when left out.")
     x: Number = Field(description="Metres in the submap's frame.")
     y: Number = Field(description="Metres in the submap's frame.")
-    dbh: Annotated[Number, Field(gt=0, le=10_000)] | None = Field(
+    dbh: Annotated[Number, Field(gt=0), AfterValidator(_check_diameter)] | None = Field(
         None,
-        description="Diameter at breast height, metres (or any one unit: only how trees of a stand compare counts). "
+        description="Diameter at breast height, in metres: 0.31 for a stem of 31 cm; from 0.005 to 5. "
         "Evidence where both sides have it; never a condition.",
     )
-    height: Annotated[Number, Field(gt=0)] | None = Field(None, description="Height of the tree, in metres.")
+    height: Annotated[Number, Field(gt=0), AfterValidator(_check_height)] | None = Field(
+        None, description="Height of the tree, in metres, up to 150."
+    )
     species: Label | None = Field(None, description="Any name or code.")
 
 
@@ -211,10 +238,10 @@ class StoredLandmark(Answer):
     """A tree as stored."""
 
     id: str
-    x: float
-    y: float
-    dbh: float | None = None
-    height: float | None = None
+    x: float = Field(description="Metres in the submap's frame.")
+    y: float = Field(description="Metres in the submap's frame.")
+    dbh: float | None = Field(None, description="Diameter at breast height, in metres.")
+    height: float | None = Field(None, description="Height of the tree, in metres.")
     species: str | None = None
 
 

@@ -32,6 +32,10 @@ __all__ = ["StemMap", "StemMapError", "read_stem_map"]
 
 COORDINATE_LIMIT: Final = 1e8
 """Metres. No projected coordinate on Earth is larger; what is larger is in other units."""
+STEMS_CM: Final = (0.5, 500.0)
+"""Centimetres. A diameter beyond is in another unit."""
+TALLEST_M: Final = 150.0
+"""Metres. No tree is taller."""
 SAME_PLACE: Final = 0.01
 """Metres. Stems of one tree that stand closer than this have one position."""
 
@@ -160,6 +164,15 @@ class _Trees:
             raise StemMapError(self.path, f"{name} is {number:g}: coordinates must be in metres", line)
         if not required and number <= 0:
             raise StemMapError(self.path, f"{name} must be more than 0, or empty: {_quoted(text)}", line)
+        if key == "dbh" and not STEMS_CM[0] <= number * DBH_UNITS[self.columns.dbh_unit or "cm"] <= STEMS_CM[1]:
+            raise StemMapError(
+                self.path,
+                f"{name} is {number:g}, and stems are {STEMS_CM[0]:g} to {STEMS_CM[1]:g} cm thick: say the unit, by "
+                "the column's name (dbh_cm, dbh_mm, dbh_m, dbh_in) or with --dbh-unit",
+                line,
+            )
+        if key == "height_m" and number > TALLEST_M:
+            raise StemMapError(self.path, f"height_m is {number:g}: heights must be in metres", line)
         if required and self.whole:
             self.whole = text.lstrip("+-").isdigit()
         return number

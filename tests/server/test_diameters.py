@@ -93,11 +93,12 @@ def test_on_one_side_only_they_change_nothing(client: httpx.Client) -> None:
     assert evidence(ask(client, None)) == evidence(ask(client, few)) == plain
 
 
-def test_any_one_unit_will_do(client: httpx.Client) -> None:
+def test_a_bias_of_the_calliper_changes_nothing(client: httpx.Client) -> None:
+    """Diameters count by how they compare within their own stand, so one factor for all of them is no matter."""
     put(client, "rows", THERE)
-    metres = evidence(ask(client, HERE))
-    for feet_inches_millimetres in (3.28, 39.37, 1000.0):
-        assert evidence(ask(client, HERE * feet_inches_millimetres)) == pytest.approx(metres, abs=1e-3)
+    right_measure = evidence(ask(client, HERE))
+    for factor in (0.5, 1.1, 2.0):
+        assert evidence(ask(client, HERE * factor)) == pytest.approx(right_measure, abs=1e-3)
 
 
 def test_shuffled_diameters_never_make_a_wrong_match(client: httpx.Client) -> None:
@@ -179,7 +180,8 @@ def test_stems_that_an_older_version_let_in_count_as_not_known(client: httpx.Cli
 
 @pytest.mark.parametrize(
     ("dbh", "code"),
-    [(-0.3, "greater_than"), (0, "greater_than"), (10_001, "less_than_equal"), (1e300, "less_than_equal"),
+    [(-0.3, "greater_than"), (0, "greater_than"), (31.0, "diameter_range"), (310, "diameter_range"),
+     (1e300, "diameter_range"), (1e-300, "diameter_range"), (0.004, "diameter_range"), (5.1, "diameter_range"),
      ("0.3", "float_type"), (True, "float_type"), ([0.3], "float_type")],
 )  # fmt: skip
 def test_diameters_that_cannot_be(client: httpx.Client, dbh: Any, code: str) -> None:
@@ -192,11 +194,22 @@ def test_diameters_that_cannot_be(client: httpx.Client, dbh: Any, code: str) -> 
     assert client.get(f"{PLOTS}/submaps/bad").status_code == 404
 
 
-def test_diameters_that_no_float_holds(client: httpx.Client) -> None:
-    body = landmarks(STORED.xy, None)
-    body["landmarks"][3]["dbh"] = 1e-300
-    (error,) = client.post(QUERIES, json=body).json()["errors"]
-    assert (error["pointer"], error["code"], error["indices"]) == ("/landmarks", "bad_diameters", [3])
+def test_a_diameter_or_height_in_another_unit_is_told_so(client: httpx.Client) -> None:
+    for name, value, words in (
+        ("dbh", 31.0, ["in metres, from 0.005 to 5.0", "31.0", "centimetres or millimetres"]),
+        ("height", 1850.0, ["in metres, up to 150.0", "1850.0", "centimetres or feet"]),
+    ):
+        body = landmarks(STORED.xy, None)
+        body["landmarks"][3][name] = value
+        for response in (client.put(f"{PLOTS}/submaps/bad", json=body), client.post(QUERIES, json=body)):
+            (error,) = response.json()["errors"]
+            assert error["pointer"] == f"/landmarks/3/{name}"
+            assert all(word in error["detail"] for word in words), error["detail"]
+    body["landmarks"][3] |= {"dbh": 5.0, "height": 150.0}
+    assert client.post(QUERIES, json=body).status_code == 200
+
+
+def test_a_diameter_is_a_json_number(client: httpx.Client) -> None:
     text = '{"landmarks": [{"x": 1, "y": 2, "dbh": NaN}]}'
     response = client.post(QUERIES, content=text, headers={"Content-Type": "application/json"})
     assert response.status_code == 400
