@@ -3,10 +3,22 @@
 import math
 import threading
 import time
+from collections.abc import Iterable, Iterator
+from typing import Final, TypeVar
+
+T = TypeVar("T")
+
+
+_STEPS: Final = 5_000_000
+"""Steps that take 10 to 50 ms."""
 
 
 class Abandoned(Exception):
     """Nobody waits for the result any more: the caller has gone, or its key was revoked."""
+
+
+class OutOfTime(Exception):
+    """The deadline has passed in the middle of a step; whoever began the step goes on with what was done before."""
 
 
 class Budget:
@@ -15,8 +27,13 @@ class Budget:
     One thread works and asks; any other thread may call `abandon`. Work asks often enough to end within 100 ms.
     """
 
-    def __init__(self, seconds: float = math.inf) -> None:
-        """Begin now and end in `seconds`; by default there is no deadline."""
+    def __init__(self, seconds: float = math.inf, *, steps: float = _STEPS) -> None:
+        """Begin now and end in `seconds`; by default there is no deadline.
+
+        Args:
+            steps: of compiled work, each about a landmark looked at, after which work asks whether to go on.
+        """
+        self._steps = steps
         self._began = time.monotonic()
         self._deadline = self._began + seconds
         self._abandoned = threading.Event()
@@ -26,7 +43,7 @@ class Budget:
 
         Part and whole are abandoned together, whichever of them `abandon` is called on.
         """
-        part = Budget(min(seconds, self.remaining))
+        part = Budget(min(seconds, self.remaining), steps=self._steps)
         part._abandoned = self._abandoned
         return part
 
@@ -53,3 +70,45 @@ class Budget:
         if self._abandoned.is_set():
             raise Abandoned
         return self._deadline <= time.monotonic()
+
+    def check(self) -> None:
+        """Leave the step that is being done, where the deadline has passed.
+
+        Raises:
+            OutOfTime: the deadline has passed.
+            Abandoned: nobody waits for the result.
+        """
+        if self.is_spent():
+            raise OutOfTime
+
+    def fits(self, count: int, cost: float) -> bool:
+        """Whether `count` items that cost `cost` steps each are so little work that nobody asks within it."""
+        return count * cost <= self._steps
+
+    def portions(self, count: int, cost: float) -> Iterator[slice]:
+        """Slices of `count` items that cost `cost` steps each, so small that none takes more than about 50 ms.
+
+        Raises:
+            OutOfTime: before any slice but the first, where the deadline has passed.
+            Abandoned: before any slice, where nobody waits for the result.
+        """
+        size = max(int(self._steps / max(cost, 1.0)), 1)
+        for begin in range(0, count, size):
+            if self.is_spent() and begin > 0:
+                raise OutOfTime
+            yield slice(begin, min(begin + size, count))
+
+    def unless_spent(self, items: Iterable[T]) -> Iterator[T]:
+        """The same items, until the deadline has passed.
+
+        Raises:
+            Abandoned: nobody waits for the result.
+        """
+        for item in items:
+            yield item
+            if self.is_spent():
+                return
+
+
+UNBOUNDED: Final = Budget()
+"""For work that is small, or that nobody could want to end early. Never to be abandoned: it is everybody's."""

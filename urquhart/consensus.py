@@ -18,6 +18,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from urquhart.budget import Budget
 from urquhart.quad_search import HIT, count_neighbourhoods, gather
 from urquhart.quad_table import TURNS, QuadTable, measure_quads
 from urquhart.quad_votes import STANDING, TURN_BINS, fit_poses, near_slots_together, rank_turns, tally, vote
@@ -32,6 +33,8 @@ _SEEN: Final = 0.2
 """Share of a query's quads that are found under the right pose, roughly; it only shifts what a hit is worth."""
 _AGREE: Final = 2e-4
 """Chance that two hits of a submap agree on a pose (measured; the tolerances below)."""
+_COMPARED: Final = 50_000
+"""Hits that are compared with others before it is asked whether the search is to go on: 20 ms."""
 _COMMON: Final = 64
 """A query quad with more than this part of the hits that are enough is passed over."""
 TURN: Final = 1.2 * 2.0 * math.pi / TURN_BINS
@@ -132,6 +135,7 @@ class Consensus:
         tolerance: float,
         most: int,
         room: "Room | None" = None,
+        budget: Budget | None = None,
     ) -> None:
         """Prepare to search `lots` for the quads (Q, 4) of landmarks (N, 2), metres.
 
@@ -140,6 +144,7 @@ class Consensus:
             most: hits that are enough. A query quad that has a large part of them to itself is passed over: in rows of
                 trees all quads are alike, and looking for each in every row would take longer than everything else.
             room: where hits are put, for as long as this is asked for anything; its own by default.
+            budget: when it is spent, the search ends with what has been found; by default never.
         """
         self._lots, self._tolerance, self._most = lots, tolerance, most
         self._living = max(sum(int(np.count_nonzero(lot.alive)) for lot in lots), 1)
@@ -152,6 +157,7 @@ class Consensus:
         self._looked = self.hits = self._listed = self.passed_over = 0
         self._weights, self._shares = np.zeros(len(quads)), np.zeros(len(quads))
         self._room = room if room is not None else Room()
+        self._budget = budget or Budget()
         slots = sum(len(lot.alive) for lot in lots)
         # Zeros cost nothing until they are touched.
         self._standings, self._listed_slots = np.zeros(slots, STANDING), np.empty(slots, np.int32)
@@ -170,10 +176,12 @@ class Consensus:
         """Look for the next rarest quads, until `share` of all have been looked for or there are hits enough."""
         target = share * len(self._order)
         before, began = self.hits, self._looked
-        while not self.finished and self._looked < target:
+        while not self.finished and self._looked < target and not self._budget.is_spent():
             chunk = self._order[self._looked : self._looked + _CHUNK]
             first = 0
             for lot in self._lots:
+                if self._budget.is_spent():
+                    break
                 self._gather(lot, first, chunk)
                 first += len(lot.alive)
             self._looked += len(chunk)
@@ -208,7 +216,7 @@ class Consensus:
     def _gather(self, lot: Lot, first: int, chunk: NDArray[np.int64]) -> None:
         done = 0
         while done < len(chunk):
-            done, self.hits, passed = gather(
+            done, self.hits, passed, full = gather(
                 lot.table.codes,
                 lot.table.starts,
                 lot.table.words,
@@ -225,20 +233,26 @@ class Consensus:
                 self.hits,
             )
             self.passed_over += passed
-            if done < len(chunk):
+            if full:
                 self._room.grow()
+            if self._budget.is_spent():
+                return
 
     def _vote(self, before: int, quads: NDArray[np.int64]) -> None:
         found, likely = tally(before, self.hits, self._room.hits, len(self._weights))
         self._weights[quads] = np.log(_SEEN * self._living / (_AGREE * (found[quads] + 1.0)))
         self._shares[quads] = 1.0 / (likely[quads] + 0.1)
-        self._listed = vote(
-            near_slots_together(before, self.hits, self._room.hits, len(self._standings)),
-            self._room.hits,
-            self._centres,
-            self._weights,
-            self._room.totals,
-            self._standings,
-            self._listed_slots,
-            self._listed,
-        )
+        order = near_slots_together(before, self.hits, self._room.hits, len(self._standings))
+        for begin in range(0, len(order), _COMPARED):
+            if self._budget.is_spent():
+                return
+            self._listed = vote(
+                order[begin : begin + _COMPARED],
+                self._room.hits,
+                self._centres,
+                self._weights,
+                self._room.totals,
+                self._standings,
+                self._listed_slots,
+                self._listed,
+            )

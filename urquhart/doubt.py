@@ -11,9 +11,11 @@ from typing import Final
 
 import numpy as np
 
-from urquhart.confidence import climb, comparable, credited, log_odds, same_place, surely_behind
+from urquhart.budget import OutOfTime
+from urquhart.confidence import comparable, credited, log_odds, surely_behind
 from urquhart.proposing import Proposal, Sighting
 from urquhart.ranking import Finding, best_by_submap, make_finding
+from urquhart.rivals import climb, same_place
 from urquhart.stages import Stages
 from urquhart.verification import Verified
 
@@ -30,12 +32,14 @@ class Standing:
         lead: evidence by which the first leads its rivals, None where nothing rivals it.
         rivals: those, each with its submap and the evidence it is credited with.
         alike: submaps that were found to be the same place as the first's.
+        complete: whether rivals were looked for as far as they matter; the deadline may have been in the way.
     """
 
     ranked: list[Proposal]
     lead: float | None
     rivals: list[tuple[int, Verified, float]]
     alike: frozenset[int] = frozenset()
+    complete: bool = True
 
     def lead_of(self, proposal: Proposal) -> float | None:
         """Evidence by which a proposal leads its rivals: one that is not the first's place has the first for a rival.
@@ -63,28 +67,42 @@ def doubt(
     with stages.timed("doubt") as counts:
         counts["rivals"] = 0
         found.extend(make_finding(proposal, query, config) for proposal in best_by_submap(proposals))
-        ranked, reach = best_by_submap([*earlier, *proposals]), query.index.reach
+        ranked = best_by_submap([*earlier, *proposals])
         if not ranked or log_odds(ranked[0].verified, query.pattern, query.volume) < _HOPELESS:
             return Standing(ranked, None, [])
-        here, key = query.submaps.pattern(ranked[0].key), ranked[0].key
-        margin, sure = config.margin, 2.0 * config.gate
-        best, rivals_here = climb(query.pattern, here, ranked[0].verified, reach, sure, margin)
-        ranked[0] = replace(ranked[0], verified=best)
-        rivals = [(key, rival, evidence) for rival, evidence in rivals_here]
-        strongest = max((evidence for _, evidence in rivals_here), default=-math.inf)
-        alike = set[int]()
-        # Only what could change the verdict is looked at: overlapping submaps of one place are many.
-        for other, evidence in _comparable(ranked[1:], best):
-            if evidence <= max(strongest, surely_behind(best, sure, margin)):
-                break
-            there = query.submaps.pattern(other.key)
-            if same_place(here, best.transform, there, other.verified.transform, reach, margin):
-                alike.add(other.key)
-            else:
-                strongest = evidence
-                rivals.append((other.key, other.verified, evidence))
-        counts["rivals"] = len(rivals)
-        return Standing(ranked, best.evidence - strongest if rivals else None, rivals, frozenset(alike))
+        try:
+            return _against_rivals(query, ranked, counts)
+        except OutOfTime:
+            return Standing(ranked, None, [], complete=False)
+
+
+def _against_rivals(query: Sighting, ranked: list[Proposal], counts: dict[str, int]) -> Standing:
+    """The standing of `ranked`, whose first is changed for its best rival in its own submap, if that is better.
+
+    Raises:
+        OutOfTime: the deadline passed before all rivals were looked at.
+    """
+    config, reach, budget = query.index.config, query.index.reach, query.budget
+    here, key = query.submaps.pattern(ranked[0].key), ranked[0].key
+    margin, sure = config.margin, 2.0 * config.gate
+    best, rivals_here = climb(query.pattern, here, ranked[0].verified, reach, sure, margin, budget)
+    ranked[0] = replace(ranked[0], verified=best)
+    rivals = [(key, rival, evidence) for rival, evidence in rivals_here]
+    strongest = max((evidence for _, evidence in rivals_here), default=-math.inf)
+    alike = set[int]()
+    # Only what could change the verdict is looked at: overlapping submaps of one place are many.
+    for other, evidence in _comparable(ranked[1:], best):
+        if evidence <= max(strongest, surely_behind(best, sure, margin)):
+            break
+        budget.check()
+        there = query.submaps.pattern(other.key)
+        if same_place(here, best.transform, there, other.verified.transform, reach, margin, budget):
+            alike.add(other.key)
+        else:
+            strongest = evidence
+            rivals.append((other.key, other.verified, evidence))
+    counts["rivals"] = len(rivals)
+    return Standing(ranked, best.evidence - strongest if rivals else None, rivals, frozenset(alike))
 
 
 def _comparable(others: list[Proposal], best: Verified) -> list[tuple[Proposal, float]]:

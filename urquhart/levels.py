@@ -63,7 +63,7 @@ def propose_by_level(
 
 def is_settled(standing: Standing, query: Sighting) -> bool:
     """Whether the first proposal is so sure that another level could not change the answer."""
-    if not standing.ranked:
+    if not standing.ranked or not standing.complete:
         return False
     first, config = standing.ranked[0].verified, query.index.config
     odds = log_odds(first, query.pattern, query.volume)

@@ -10,12 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from urquhart._kernel import kernel
+from urquhart.budget import UNBOUNDED, Budget
 from urquhart.config import Config
 from urquhart.descriptor import describe_triangles
 from urquhart.features import Features
+from urquhart.polygon_index import LARGEST
 
 _PREFERRED: Final = (4, 9)
 """Vertices of the polygons that sampling takes first (paper, section V-B): large ones break, triangles say little."""
+_PAIR: Final = 100
+"""Steps that two polygons take on average, most of which differ by their descriptors."""
 
 
 def sample_polygons(counts: NDArray[np.int32], gamma: int | None, rng: np.random.Generator) -> NDArray[np.int64]:
@@ -33,7 +37,7 @@ def sample_polygons(counts: NDArray[np.int32], gamma: int | None, rng: np.random
 
 
 def match_landmarks(
-    query: Features, submap: Features, config: Config, rng: np.random.Generator
+    query: Features, submap: Features, config: Config, rng: np.random.Generator, budget: Budget = UNBOUNDED
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Landmark correspondences (K,), (K,) int64 between two sets of features, one-to-one.
 
@@ -41,13 +45,39 @@ def match_landmarks(
     `tau`; they count when more than a share `eta` of the first one's triangles (phi) finds a partner among the second
     one's. The edges of two partner triangles are assigned by length, and a landmark goes with the landmark shared by
     the partners of its two edges. A landmark claimed by several triangles goes with the most frequent claim.
+
+    Raises:
+        OutOfTime: the deadline passed before all polygons were compared.
     """
     first = sample_polygons(query.tessellation.vertex_counts(), config.gamma, rng)
     second = sample_polygons(submap.tessellation.vertex_counts(), config.gamma, rng)
-    claims = claim_landmarks(
+    first = first[query.tessellation.vertex_counts()[first] <= LARGEST]
+    second = second[submap.tessellation.vertex_counts()[second] <= LARGEST]
+    query_rows, submap_rows = (
+        describe_triangles(features.landmarks, features.tessellation.triangles, config.samples, config.squared)
+        for features in (query, submap)
+    )
+    claims = [
+        _claims(query, query_rows, first[rows], submap, submap_rows, second, config)
+        for rows in budget.portions(len(first), _PAIR * len(second))
+    ]
+    none = np.empty((0, 2), np.int64)
+    return settle_claims(np.concatenate([none, *claims]), len(query.landmarks), len(submap.landmarks))
+
+
+def _claims(
+    query: Features,
+    query_rows: NDArray[np.float32],
+    first: NDArray[np.int64],
+    submap: Features,
+    submap_rows: NDArray[np.float32],
+    second: NDArray[np.int64],
+    config: Config,
+) -> NDArray[np.int64]:
+    return claim_landmarks(
         query.landmarks,
         query.tessellation.triangles,
-        describe_triangles(query.landmarks, query.tessellation.triangles, config.samples, config.squared),
+        query_rows,
         query.tessellation.members,
         query.tessellation.member_offsets,
         query.tessellation.vertex_counts(),
@@ -55,7 +85,7 @@ def match_landmarks(
         first,
         submap.landmarks,
         submap.tessellation.triangles,
-        describe_triangles(submap.landmarks, submap.tessellation.triangles, config.samples, config.squared),
+        submap_rows,
         submap.tessellation.members,
         submap.tessellation.member_offsets,
         submap.tessellation.vertex_counts(),
@@ -65,7 +95,6 @@ def match_landmarks(
         config.vertex_window,
         config.eta,
     )
-    return settle_claims(claims, len(query.landmarks), len(submap.landmarks))
 
 
 @kernel

@@ -8,11 +8,14 @@ from numpy.typing import NDArray
 
 from urquhart._kernel import kernel
 from urquhart.diameters import score_diameters
+from urquhart.grid import CROWD, build_grid, search_tree
 from urquhart.se2 import fit
 
 _REFINEMENTS: Final = 4
 _NEAR: Final = 1.5
 """Distances between trees: what is farther from every landmark is no part of the footprint."""
+_MANY_CORNERS: Final = 64
+"""Corners of a hull beyond which bisection is faster than asking at each side; hulls of forests have 10 to 30."""
 _COARSE: Final = 0.5
 """Distances between trees: side of a cell of the footprint."""
 
@@ -104,6 +107,8 @@ def inside(pattern: Pattern, x: float, y: float) -> bool:
     if a < 0 or b < 0 or a >= cover.shape[0] or b >= cover.shape[1] or cover[a, b] == 0:
         return False
     n = len(hull)
+    if n > _MANY_CORNERS:
+        return inside_hull(hull, x, y)
     for i in range(n):
         j = i + 1 if i + 1 < n else 0
         if (hull[j, 0] - hull[i, 0]) * (y - hull[i, 1]) - (hull[j, 1] - hull[i, 1]) * (x - hull[i, 0]) < 0.0:
@@ -112,28 +117,25 @@ def inside(pattern: Pattern, x: float, y: float) -> bool:
 
 
 @kernel
-def build_grid(
-    landmarks: NDArray[np.float64], cell: float
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-    """Sort landmarks (N, 2) into square cells of at least `cell` metres: `cells`, `order`, `grid` of a `Pattern`."""
-    n = len(landmarks)
-    low_x, low_y = landmarks[:, 0].min(), landmarks[:, 1].min()
-    width, height = landmarks[:, 0].max() - low_x, landmarks[:, 1].max() - low_y
-    # About one landmark to a cell is enough: smaller cells only cost memory where a footprint is large and thin.
-    size = max(cell, math.sqrt(width * height / (4.0 * n)), max(width, height) / 1024.0)
-    columns, rows = int(width / size) + 1, int(height / size) + 1
-    place = np.empty(n, np.int64)
-    cells = np.zeros(columns * rows + 1, np.int64)
-    for i in range(n):
-        place[i] = int((landmarks[i, 0] - low_x) / size) * rows + int((landmarks[i, 1] - low_y) / size)
-        cells[place[i] + 1] += 1
-    for c in range(columns * rows):
-        cells[c + 1] += cells[c]
-    order, cursor = np.empty(n, np.int64), cells[:-1].copy()
-    for i in range(n):
-        order[cursor[place[i]]] = i
-        cursor[place[i]] += 1
-    return cells, order, np.array([low_x, low_y, 1.0 / size, float(columns), float(rows)])
+def inside_hull(hull: NDArray[np.float64], x: float, y: float) -> bool:
+    """Whether (x, y) lies in a convex polygon (H, 2), counter-clockwise, its edge included: by bisection."""
+    n = len(hull)
+    if beside(hull, 0, 1, x, y) < 0.0 or beside(hull, n - 1, 0, x, y) < 0.0:
+        return False
+    low, high = 1, n - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if beside(hull, 0, middle, x, y) >= 0.0:
+            low = middle
+        else:
+            high = middle
+    return beside(hull, low, high, x, y) >= 0.0
+
+
+@kernel
+def beside(hull: NDArray[np.float64], i: int, j: int, x: float, y: float) -> float:
+    """Above zero where (x, y) lies to the left of the line from corner `i` to corner `j`."""
+    return float((hull[j, 0] - hull[i, 0]) * (y - hull[i, 1]) - (hull[j, 1] - hull[i, 1]) * (x - hull[i, 0]))
 
 
 @kernel
@@ -148,7 +150,11 @@ def nearest(pattern: Pattern, x: float, y: float, reach: float) -> tuple[int, fl
     i, j = math.floor(fx), math.floor(fy)
     for a in range(max(i - 1, 0), min(i + 2, columns)):
         for b in range(max(j - 1, 0), min(j + 2, rows)):
-            for at in range(cells[a * rows + b], cells[a * rows + b + 1]):
+            first, last = cells[a * rows + b], cells[a * rows + b + 1]
+            if last - first > CROWD:
+                best, best_distance = search_tree(landmarks, order, first, last, x, y, best, best_distance)
+                continue
+            for at in range(first, last):
                 k = order[at]
                 dx, dy = landmarks[k, 0] - x, landmarks[k, 1] - y
                 distance = dx * dx + dy * dy

@@ -26,6 +26,13 @@ _PROBED: Final = 64
 a partition grows,"""
 _BUDGET: Final = 60_000
 """but never more rows than this for a polygon of the query: that bounds what a query costs."""
+LARGEST: Final = 256
+"""Vertices of the largest polygons that are looked for: forests have none with a quarter as many, and what is about a
+ring of trees or a lake changes with every tree."""
+_STEPS: Final = 10_000_000
+"""Steps of compiled work after which hits are handed on, so that the caller can end the search: 10 to 50 ms."""
+_AT_ONCE: Final = 4
+"""Components of a descriptor that take one step."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,6 +64,8 @@ def search_partitions(
 ) -> Iterator[Hits]:
     """The nearest `neighbours` living polygons of each row, for every vertex count within `window` of its own.
 
+    Hits of one vertex count come in portions, in the order of the rows, where there is more than a little work.
+
     Args:
         counts: (Q,) int32, vertices of each query polygon.
         descriptors: (Q, D) float32.
@@ -67,34 +76,53 @@ def search_partitions(
     """
     living = [_alive(segment) for segment in segments]
     near = {count + offset for count in np.unique(counts).tolist() for offset in range(-window, window + 1)}
-    for count in sorted(near & {count for partitions, *_ in segments for count in partitions}):
+    known = {count for partitions, *_ in segments for count in partitions if count <= LARGEST}
+    for count in sorted(near & known):
         rows = np.flatnonzero(np.abs(counts - count) <= window)
-        queries = np.ascontiguousarray(descriptors[rows], np.float32)
-        distances = np.empty((len(rows), neighbours), np.float32)
-        places = np.empty((len(rows), neighbours), np.int64)
-        sizes = np.zeros(len(rows), np.int64)
-        for i, (partitions, _, _, _) in enumerate(segments):
-            p = partitions.get(count)
-            if p is None:
-                continue
-            if len(p.low) != queries.shape[1]:
-                raise ValueError(f"descriptors of {queries.shape[1]} components, {len(p.low)} in the index")
-            listed = len(p.centroids)
-            probes = min(max(_LEAST_PROBES, listed // _PROBED), listed)
-            scan_partition(
-                p.descriptors, p.owners, p.lists, p.low, p.step, p.centroids, living[i], queries,
-                i, probes, _BUDGET, distances, places, sizes,
-            )  # fmt: skip
-        which, near_by, found, occurs = settle_all(distances, places, sizes, rows)
-        if not len(found):
+        held = [partitions[count] for partitions, *_ in segments if count in partitions]
+        read = sum(min(len(p), _BUDGET) if p.inverted else len(p) for p in held)
+        # The work on each hit grows with the square of the vertices: every start of one outline is tried on the other.
+        cost = read * descriptors.shape[1] // _AT_ONCE + neighbours * count * count
+        portion = max(_STEPS // max(cost, 1), 1)
+        for begin in range(0, len(rows), portion):
+            hits = _search(segments, living, count, rows[begin : begin + portion], descriptors, neighbours)
+            if len(hits.rows):
+                yield hits
+
+
+def _search(
+    segments: Sequence[Searched],
+    living: Sequence[NDArray[np.uint8]],
+    count: int,
+    rows: NDArray[np.int64],
+    descriptors: NDArray[np.float32],
+    neighbours: int,
+) -> Hits:
+    """Neighbours with `count` vertices of some query rows (K,)."""
+    queries = np.ascontiguousarray(descriptors[rows], np.float32)
+    distances = np.empty((len(rows), neighbours), np.float32)
+    places = np.empty((len(rows), neighbours), np.int64)
+    sizes = np.zeros(len(rows), np.int64)
+    for i, (partitions, _, _, _) in enumerate(segments):
+        p = partitions.get(count)
+        if p is None:
             continue
-        keys, outlines = np.empty(len(found), np.int64), np.empty((len(found), count, 2), np.float32)
-        for i in np.flatnonzero(occurs).tolist():
-            partitions, owner_keys, units, _ = segments[i]
-            p = partitions[count]
-            # A subclass such as `np.memmap` costs the compiler's dispatch far more time than a plain array.
-            gather_places(found, i, p.owners, p.outlines, np.asarray(owner_keys), np.asarray(units), keys, outlines)
-        yield Hits(count, which, keys, outlines, near_by)
+        if len(p.low) != queries.shape[1]:
+            raise ValueError(f"descriptors of {queries.shape[1]} components, {len(p.low)} in the index")
+        listed = len(p.centroids)
+        probes = min(max(_LEAST_PROBES, listed // _PROBED), listed)
+        scan_partition(
+            p.descriptors, p.owners, p.lists, p.low, p.step, p.centroids, living[i], queries,
+            i, probes, _BUDGET, distances, places, sizes,
+        )  # fmt: skip
+    which, near_by, found, occurs = settle_all(distances, places, sizes, rows)
+    keys, outlines = np.empty(len(found), np.int64), np.empty((len(found), count, 2), np.float32)
+    for i in np.flatnonzero(occurs).tolist() if len(found) else []:
+        partitions, owner_keys, units, _ = segments[i]
+        p = partitions[count]
+        # A subclass such as `np.memmap` costs the compiler's dispatch far more time than a plain array.
+        gather_places(found, i, p.owners, p.outlines, np.asarray(owner_keys), np.asarray(units), keys, outlines)
+    return Hits(count, which, keys, outlines, near_by)
 
 
 def _alive(segment: Searched) -> NDArray[np.uint8]:

@@ -1,13 +1,15 @@
 """From an observation to verified poses: four ways to propose a transform, one way to verify it."""
 
 import math
+from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from urquhart.budget import Budget
+from urquhart.budget import Budget, OutOfTime
 from urquhart.collection_index import CollectionIndex
 from urquhart.consensus import TURN, Consensus, Room
 from urquhart.features import Features
@@ -39,6 +41,8 @@ _CIRCLE: Final = 12.0
 _REACHED: Final = 0.02
 """Least share of a collection that a survey must reach to be worth its time: in a larger one the right place, where
 neither polygons nor quads find it, is hardly ever among the first few hundred."""
+_READ: Final = 32
+"""Submaps that are read together: far cheaper than one by one, and 0.1 s at most for the largest."""
 _EACH: Final = 4
 """Quad hits for each submap of a collection that are enough beside `Config.quad_hits`."""
 
@@ -72,6 +76,13 @@ class Sighting:
     volume: float
     budget: Budget
 
+    def read(self, keys: Iterable[int]) -> None:
+        """Read submaps, a few at a time. Raises OutOfTime where the deadline passes meanwhile."""
+        wanted = list(keys)
+        for begin in range(0, len(wanted), _READ):
+            self.budget.check()
+            self.submaps.read(wanted[begin : begin + _READ])
+
 
 def search_quads(query: Sighting, errors: float, room: Room) -> Consensus:
     """A search for the query's quads whose lengths may be off by so many usual errors of a coordinate.
@@ -81,7 +92,8 @@ def search_quads(query: Sighting, errors: float, room: Room) -> Consensus:
     config, index = query.index.config, query.index
     most = config.quad_hits + _EACH * len(index)
     features = query.features
-    return Consensus(index.lots(), features.landmarks, features.tessellation.quads, errors * config.sigma, most, room)
+    quads = features.tessellation.quads
+    return Consensus(index.lots(), features.landmarks, quads, errors * config.sigma, most, room, query.budget)
 
 
 def propose_by_quads(query: Sighting, search: Consensus, share: float, count: int, stages: Stages) -> list[Proposal]:
@@ -97,11 +109,11 @@ def propose_by_quads(query: Sighting, search: Consensus, share: float, count: in
             stages.skip("common_quads")
     with stages.timed("verify quads") as counts:
         keys = query.index.keys_of(leaders.slots)
-        query.submaps.read(keys)
-        proposals = [
-            Proposal(key, "quads", votes, _settled(query, key, poses[~np.isnan(poses[:, 0])]))
-            for key, votes, poses in zip(keys, leaders.votes.tolist(), leaders.poses, strict=True)
-        ]
+        proposals = []
+        with suppress(OutOfTime):
+            query.read(keys)
+            for key, votes, poses in zip(keys, leaders.votes.tolist(), leaders.poses, strict=True):
+                proposals.append(Proposal(key, "quads", votes, _settled(query, key, poses[~np.isnan(poses[:, 0])])))
         counts["candidates"] = len(proposals)
     return proposals
 
@@ -111,16 +123,20 @@ def propose_by_polygons(query: Sighting, stages: Stages) -> list[Proposal]:
     features, config = query.features, query.index.config
     with stages.timed("search polygons") as counts:
         vertex_counts = features.tessellation.vertex_counts()
-        found = list(query.index.search_polygons(vertex_counts, features.descriptors, config.neighbours))
+        hits_by_count = query.index.search_polygons(vertex_counts, features.descriptors, config.neighbours)
+        found = list(query.budget.unless_spent(hits_by_count))
         counts["hits"] = sum(len(hits.keys) for hits in found)
     with stages.timed("vote polygons") as counts:
-        votes = vote_polygons(features, found, TIGHT * config.sigma)
+        votes = vote_polygons(features, query.budget.unless_spent(found), TIGHT * config.sigma)
         counts["submaps"] = len(votes.keys)
     with stages.timed("verify polygons") as counts:
         keys: NDArray[np.int64] = votes.keys[: config.candidates]
-        query.submaps.read(keys.tolist())
-        proposals = [_aligned(query, votes, i, key) for i, key in enumerate(keys.tolist())]
-        counts["candidates"] = len(keys)
+        proposals = []
+        with suppress(OutOfTime):
+            query.read(keys.tolist())
+            for i, key in enumerate(keys.tolist()):
+                proposals.append(_aligned(query, votes, i, key))
+        counts["candidates"] = len(proposals)
     return proposals
 
 
@@ -138,23 +154,26 @@ def propose_by_sweep(query: Sighting, search: Consensus | None, stages: Stages) 
             stages.skip("exhaustive_rest")
             slots, rotations = search.turns(config.survey)
             places = [(key, yaw, TURN) for key, yaw in zip(query.index.keys_of(slots), rotations.tolist(), strict=True)]
-        query.submaps.read(key for key, _, _ in places)
         counts["places"] = len(places)
     with stages.timed("sweep") as counts:
-        swept = []
-        for key, yaw, half in places:
-            submap = query.submaps.pattern(key)
-            peaks = glance(query.pattern, submap, _PEAKS if half == math.pi else _FEWER, yaw, half)
-            if len(peaks):
-                swept.append((key, peaks))
+        swept = list[tuple[int, NDArray[np.float64]]]()
+        with suppress(OutOfTime):
+            for begin in range(0, len(places), _READ):
+                query.read(key for key, _, _ in places[begin : begin + _READ])
+                for key, yaw, half in places[begin : begin + _READ]:
+                    count = _PEAKS if half == math.pi else _FEWER
+                    peaks = glance(query.pattern, query.submaps.pattern(key), count, yaw, half, query.budget)
+                    if len(peaks):
+                        swept.append((key, peaks))
         # What stands out by the landmarks as a whole is judged by itself: the votes do not count any more.
         swept.sort(key=lambda found: -found[1][0, 3])
         counts["peaks"] = sum(len(peaks) for _, peaks in swept)
     with stages.timed("verify sweep") as counts:
-        proposals = [
-            Proposal(key, "sweep", len(peaks), _settled(query, key, np.ascontiguousarray(peaks[:, :3])))
-            for key, peaks in swept[: config.sweeps]
-        ]
+        proposals = []
+        with suppress(OutOfTime):
+            for key, peaks in swept[: config.sweeps]:
+                settled = _settled(query, key, np.ascontiguousarray(peaks[:, :3]))
+                proposals.append(Proposal(key, "sweep", len(peaks), settled))
         counts["candidates"] = len(proposals)
     return proposals
 
@@ -176,25 +195,26 @@ def propose_by_paper(query: Sighting, rng: np.random.Generator, stages: Stages) 
         found = query.index.search_polygons(
             features.tessellation.vertex_counts(), features.descriptors, config.neighbours, config.vertex_window
         )
-        near = [hits.keys[hits.distances < config.tau**2] for hits in found]
+        near = [hits.keys[hits.distances < config.tau**2] for hits in query.budget.unless_spent(found)]
         keys, votes = np.unique(np.concatenate([np.empty(0, np.int64), *near]), return_counts=True)
         counts["submaps"] = len(keys)
     proposals = []
     with stages.timed("match and verify") as counts:
         chosen = np.argsort(-votes, kind="stable")[: config.candidates].tolist()
         counts["candidates"] = len(chosen)
-        query.submaps.read(keys[chosen].tolist())
-        for i in chosen:
-            verified = _paper_pose(query, int(keys[i]), rng)
-            if verified is not None:
-                proposals.append(Proposal(int(keys[i]), "paper", int(votes[i]), verified))
+        with suppress(OutOfTime):
+            query.read(keys[chosen].tolist())
+            for i in chosen:
+                verified = _paper_pose(query, int(keys[i]), rng)
+                if verified is not None:
+                    proposals.append(Proposal(int(keys[i]), "paper", int(votes[i]), verified))
         counts["poses"] = len(proposals)
     return proposals
 
 
 def _paper_pose(query: Sighting, key: int, rng: np.random.Generator) -> Verified | None:
     config, submap = query.index.config, query.submaps.features(key)
-    first, second = match_landmarks(query.features, submap, config, rng)
+    first, second = match_landmarks(query.features, submap, config, rng, query.budget)
     if len(first) < config.correspondences:
         return None
     consensus = ransac(
@@ -204,21 +224,25 @@ def _paper_pose(query: Sighting, key: int, rng: np.random.Generator) -> Verified
         distance=config.ransac_distance,
         ratio=config.ransac_ratio,
         iterations=config.ransac_iterations,
+        budget=query.budget,
     )
     if consensus is None:
         return None
-    return verify(query.pattern, query.submaps.pattern(key), consensus.transform, query.index.reach)
+    submap_pattern = query.submaps.pattern(key)
+    return verify(query.pattern, submap_pattern, consensus.transform, query.index.reach, query.budget)
 
 
 def _settled(query: Sighting, key: int, poses: NDArray[np.float64]) -> Verified:
     """The best of rough `poses` (P, 3) in one submap, verified."""
-    submap = query.submaps.pattern(key)
-    return weigh_settled(query.pattern, submap, settle_rough(query.pattern, submap, poses, query.index.reach, _SETTLED))
+    submap, reach = query.submaps.pattern(key), query.index.reach
+    settled = settle_rough(query.pattern, submap, poses, reach, _SETTLED, query.budget)
+    return weigh_settled(query.pattern, submap, settled)
 
 
 def _aligned(query: Sighting, votes: Votes, i: int, key: int) -> Proposal:
     """The best of the transforms that polygons voted for in submap `votes.keys[i]`, verified."""
     submap, reach = query.submaps.pattern(key), query.index.reach
     hypotheses = votes.hypotheses(i)[: query.index.config.hypotheses]
-    starts = best_hypotheses(query.pattern, submap, hypotheses, reach, 1)
-    return Proposal(key, "polygons", int(votes.counts[i]), verify_best(query.pattern, submap, starts, reach))
+    starts = best_hypotheses(query.pattern, submap, hypotheses, reach, 1, query.budget)
+    verified = verify_best(query.pattern, submap, starts, reach, query.budget)
+    return Proposal(key, "polygons", int(votes.counts[i]), verified)

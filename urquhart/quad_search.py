@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from urquhart._kernel import kernel
 from urquhart.quad_table import HALF, LAST, SIDE, STEP, TURNS, cell_code
 
+_SLICE: Final = 5_000_000
+"""Quads of a table that are looked at before it is asked whether the search is to go on: 10 to 30 ms."""
 _SPREAD: Final = 0.8
 """Usual error of a length as a share of the tolerance."""
 
@@ -68,15 +70,17 @@ def gather(
     most: int,
     hits: NDArray[Any],
     count: int,
-) -> tuple[int, int, int]:
+) -> tuple[int, int, int, bool]:
     """Append the hits of the query quads `chunk[done:]` in one table.
 
-    Stops before a quad whose hits find no room. One with more than `most` hits has none.
+    Stops before a quad whose hits find no room, and after one with which `_SLICE` of the table's quads have been looked
+    at. One with more than `most` hits has none.
 
     Returns:
-        How many of the chunk are done, how many hits there are, and how many quads had more than `most`.
+        How many of the chunk are done, how many hits there are, how many quads had more than `most`, and whether there
+        was no room.
     """
-    passed = 0
+    passed = looked = 0
     capacity, size = len(hits), len(words)
     low, high = np.empty(5, np.int64), np.empty(5, np.int64)
     wanted, cells = np.empty(5), np.empty(5, np.int64)
@@ -84,7 +88,7 @@ def gather(
     masks = np.empty((5, int(2.0 * tolerance / (STEP * SIDE)) + 3), np.uint64)
     one, six, three, byte = np.uint64(1), np.uint64(63), np.uint64(7), np.uint64(255)
     spread = 1.0 / (2.0 * (_SPREAD * tolerance) ** 2)
-    while done < len(chunk):
+    while done < len(chunk) and looked < _SLICE:
         q = chunk[done]
         before = count
         for reading in range(2):
@@ -120,7 +124,12 @@ def gather(
                 while at < len(codes) and begin <= codes[at] <= end:
                     cells[4] = low[4] + codes[at] - begin
                     mask4 = masks[4, cells[4] - low[4]]
+                    looked += 1
                     for e in range(int(starts[at]), min(int(starts[at + 1]), size)):
+                        # In rows of trees one cell may hold millions of quads, all of them hits.
+                        if count - before > most:
+                            break
+                        looked += 1
                         word = words[e]
                         allowed = (
                             (mask01 >> (word & six))
@@ -134,7 +143,7 @@ def gather(
                         if slot >= len(alive) or alive[slot] == 0:
                             continue
                         if count == capacity:
-                            return done, before, passed
+                            return done, before, passed, True
                         misfit = 0.0
                         for k in range(5):
                             place = np.int64(word >> np.uint64(3 * k)) & (SIDE - 1)
@@ -154,7 +163,7 @@ def gather(
                 passed += 1
                 break
         done += 1
-    return done, count, passed
+    return done, count, passed, False
 
 
 @kernel

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from urquhart._kernel import kernel
+from urquhart.budget import UNBOUNDED, Budget
 from urquhart.se2 import SE2, fit
 
 
@@ -33,6 +34,7 @@ def ransac(
     distance: float = 0.5,
     ratio: float = 0.99,
     iterations: int = 40_000,
+    budget: Budget = UNBOUNDED,
 ) -> Consensus | None:
     """`target_T_source` from correspondences, row i of `source` with row i of `target`.
 
@@ -45,10 +47,21 @@ def ransac(
 
     Returns:
         None for fewer than two correspondences, or when no two of them fix a rotation.
+
+    Raises:
+        OutOfTime: the deadline passed before it was done.
     """
-    if len(source) < 2:
+    n = len(source)
+    if n < 2:
         return None
-    x, y, yaw, agreeing, drawn = _search(source, target, rng, distance, ratio, iterations)
+    pairs = n * (n - 1) // 2
+    order = np.arange(pairs if pairs <= iterations else 0)
+    best, drawn = np.zeros(4), 0
+    for draws in budget.portions(min(pairs, iterations), n):
+        drawn += _search(source, target, rng, distance, ratio, order, draws.start, draws.stop, best)
+        if drawn < draws.stop:
+            break
+    x, y, yaw, agreeing = best.tolist()
     if agreeing < 2:
         return None
     inliers = _inliers(source, target, x, y, yaw, distance)
@@ -76,17 +89,21 @@ def _search(
     rng: np.random.Generator,
     distance: float,
     ratio: float,
-    iterations: int,
-) -> tuple[float, float, float, int, int]:
-    n = len(source)
-    pairs = n * (n - 1) // 2
-    exhaustive = pairs <= iterations
-    order = np.arange(pairs if exhaustive else 0)
-    best_x = best_y = best_yaw = 0.0
-    best = drawn = 0
+    order: NDArray[np.int64],
+    first: int,
+    last: int,
+    best: NDArray[np.float64],
+) -> int:
+    """Draws `first` to `last`; how many of them were made before enough agreed.
+
+    Args:
+        order: (P,) pairs that are not drawn yet from `first` on, where every pair is to be drawn once; else empty.
+        best: (4,) x, y, yaw of the best so far and how many agree with it.
+    """
+    n, pairs = len(source), len(order)
+    exhaustive = pairs > 0
     rows = np.empty(2, np.int64)
-    for draw in range(pairs if exhaustive else iterations):
-        drawn += 1
+    for draw in range(first, last):
         if exhaustive:
             # One step of a Fisher-Yates shuffle: the next pair not yet drawn.
             swap = draw + int(rng.random() * (pairs - draw))
@@ -112,8 +129,8 @@ def _search(
             dy = s * source[k, 0] + c * source[k, 1] + y - target[k, 1]
             if dx * dx + dy * dy < distance * distance:
                 agreeing += 1
-        if agreeing > best:
-            best, best_x, best_y, best_yaw = agreeing, x, y, yaw
-            if best >= ratio * n:
-                break
-    return best_x, best_y, best_yaw, best, drawn
+        if agreeing > best[3]:
+            best[0], best[1], best[2], best[3] = x, y, yaw, agreeing
+            if agreeing >= ratio * n:
+                return draw + 1 - first
+    return last - first

@@ -11,7 +11,7 @@ nothing, quads with a wider tolerance, and at last the query is turned and shift
 """
 
 from collections.abc import Collection, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -149,11 +149,11 @@ class Recognizer:
         except LandmarkError as error:
             if error.code not in ("too_few", "collinear"):
                 raise
-            return _not_started(f"{error.code}_landmarks", stages)
+            return _unsearched("no_match", f"{error.code}_landmarks", stages)
         if not len(self.index):
-            return _not_started("empty_collection", stages)
+            return _unsearched("no_match", "empty_collection", stages)
         if not len(query.index):
-            return _not_started("nothing_left", stages)
+            return _unsearched("no_match", "nothing_left", stages)
         if method == "paper":
             levels = iter([propose_by_paper(query, rng or np.random.default_rng(0), stages)])
             return self._search(query, levels, [], limit, stages, found)
@@ -251,6 +251,8 @@ class Recognizer:
         verdict, reason = decide(candidates) if found else ("no_match", "no_votes")
         if stopped == "deadline":
             verdict, reason = "no_match", "deadline"
+            # Not all that could speak against a candidate has been looked at.
+            candidates = tuple(replace(one, refused=one.refused or "deadline") for one in candidates)
         rivals: tuple[Rival, ...] = ()
         if ranked:
             rivals = make_rivals(
@@ -260,5 +262,5 @@ class Recognizer:
         return Recognition(verdict, reason, candidates, rivals, lead, stages.done(), tuple(found), end)
 
 
-def _not_started(reason: str, stages: Stages) -> Recognition:
-    return Recognition("no_match", reason, (), (), None, stages.done(), (), stages.end("not_started"))
+def _unsearched(verdict: Verdict, reason: str, stages: Stages) -> Recognition:
+    return Recognition(verdict, reason, (), (), None, stages.done(), (), stages.end("not_started"))

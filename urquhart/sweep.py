@@ -9,12 +9,13 @@ Work grows with landmarks of the query times landmarks of the submap: for two su
 """
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from urquhart._kernel import kernel
+from urquhart.budget import UNBOUNDED, Budget
 from urquhart.pairing import Pattern
 
 _CELL: Final = (0.5, 1.15)
@@ -32,6 +33,8 @@ _FINE: Final = 4096
 _LOOK: Final = 1 << 30
 """Count at which a cell is looked at; it starts from as much less as there have to be pairs. A cell may hold every pair
 of landmarks there is, and 32 bits hold this and four hundred million pairs."""
+_PAIRS: Final = 4_000_000
+"""Most pairs of landmarks tried for one rotation: of a larger query only some landmarks are."""
 _FLAGGED: Final = 1024
 """Most cells looked at for one rotation."""
 _SAMPLED: Final = 8
@@ -51,30 +54,89 @@ def sees_ends(query: Pattern, submap: Pattern) -> bool:
     return bool((submap.landmarks**2).sum(axis=1).max() <= _LARGER**2 * (query.landmarks**2).sum(axis=1).max())
 
 
-@kernel
+class Grid(NamedTuple):
+    """Two sets of landmarks ready to be turned and shifted over each other.
+
+    Attributes:
+        query: (n, 2) float64, metres, centred frame: what is turned.
+        target_x, target_y: (m,) int32, 4096ths of a cell: what it is shifted over.
+        cell: metres.
+        side: cells along a side of the grid of shifts.
+        steps: rotations.
+        rate: displacements that chance brings into one cell, by their length in units of two cells.
+        fresh: (`side` * `side`) uint32, what each cell starts from.
+    """
+
+    query: NDArray[np.float64]
+    target_x: NDArray[np.int32]
+    target_y: NDArray[np.int32]
+    cell: float
+    side: int
+    steps: int
+    rate: NDArray[np.float64]
+    fresh: NDArray[np.uint32]
+
+
 def sweep(query: Pattern, submap: Pattern, peaks: int) -> NDArray[np.float64]:
     """The `peaks` poses that stand out most from chance under any rotation; see `glance`."""
     return glance(query, submap, peaks, 0.0, math.pi)
 
 
-@kernel
-def glance(query: Pattern, submap: Pattern, peaks: int, yaw: float, half: float) -> NDArray[np.float64]:
+def glance(
+    query: Pattern, submap: Pattern, peaks: int, yaw: float, half: float, budget: Budget = UNBOUNDED
+) -> NDArray[np.float64]:
     """The `peaks` poses that stand out most from chance among rotations within `half` radians of `yaw`.
 
     Returns:
         (P, 4), P <= `peaks`, the best first: x, y, yaw of `submap_T_query` between centred frames, good to a cell and
         a step of the rotation, and by how much each stands out (natural logarithm of its odds against chance).
+
+    Raises:
+        OutOfTime: the deadline passed before all rotations were tried.
     """
     spacing = max(query.spacing, submap.spacing)
     cell = min(max(_SHARE * spacing, _CELL[0]), _CELL[1])
-    return find_peaks(query.landmarks, submap.landmarks, cell, peaks, yaw, half)
+    return find_peaks(query.landmarks, submap.landmarks, cell, peaks, yaw, half, budget)
+
+
+def find_peaks(
+    query: NDArray[np.float64],
+    submap: NDArray[np.float64],
+    cell: float,
+    peaks: int,
+    yaw: float,
+    half: float,
+    budget: Budget = UNBOUNDED,
+) -> NDArray[np.float64]:
+    """The peaks (P, 4) of `glance`; `cell` metres."""
+    pairs = len(query) * len(submap)
+    if budget.fits(_MOST, pairs):
+        return find_peaks_at_once(query, submap, cell, peaks, yaw, half)
+    best = np.zeros((peaks, 4))
+    # A part of many landmarks shows where the rest belong, and keeps one rotation to some 10 ms.
+    grid = lay_grid(np.ascontiguousarray(query[:: 1 + (pairs - 1) // _PAIRS]), submap, cell)
+    for turns in budget.portions(grid.steps, len(grid.query) * len(submap) + len(grid.fresh)):
+        turn_over(grid, yaw, half, turns.start, turns.stop, best)
+    return best[best[:, 3] > 0.0]
 
 
 @kernel
-def find_peaks(
+def find_peaks_at_once(
     query: NDArray[np.float64], submap: NDArray[np.float64], cell: float, peaks: int, yaw: float, half: float
 ) -> NDArray[np.float64]:
-    """The peaks (P, 4) of `glance`; `cell` metres."""
+    """What `find_peaks` gives, in one step: for ordinary sizes that is fastest."""
+    best = np.zeros((peaks, 4))
+    grid = lay_grid(query, submap, cell)
+    turn_over(grid, yaw, half, 0, grid.steps, best)
+    found = 0
+    while found < peaks and best[found, 3] > 0.0:
+        found += 1
+    return best[:found].copy()
+
+
+@kernel
+def lay_grid(query: NDArray[np.float64], submap: NDArray[np.float64], cell: float) -> Grid:
+    """The `Grid` of two sets of landmarks (N, 2), metres, centred; cells of `cell` metres or more."""
     n, m = len(query), len(submap)
     extent = math.sqrt((query**2).sum(axis=1).max()) + math.sqrt((submap**2).sum(axis=1).max())
     # Only shifts that leave a fair overlap have cells of their own; all others end in the rim, which is not looked at.
@@ -87,21 +149,31 @@ def find_peaks(
 
     rate = expected_counts(query, submap, cell, steps, extent)
     fresh = thresholds(rate, side, farthest / cell)
-    grid = np.empty_like(fresh)
-    flagged = np.empty(_FLAGGED, np.int64)
-    best = np.zeros((peaks, 4))
     # Whole numbers of 4096ths of a cell: subtracted and shifted eight at a time where floats would be converted singly.
+    # No landmark is farther from the middle than 300 cells: cells are made so large.
     target_x, target_y = np.empty(m, np.int32), np.empty(m, np.int32)
     for j in range(m):
         target_x[j] = int((submap[j, 0] / cell + middle) * _FINE)
         target_y[j] = int((submap[j, 1] / cell + middle) * _FINE)
+    return Grid(query, target_x, target_y, cell, side, steps, rate, fresh)
+
+
+@kernel
+def turn_over(laid: Grid, yaw: float, half: float, first: int, last: int, best: NDArray[np.float64]) -> None:
+    """Try the rotations `first` to `last` that are within `half` of `yaw`, and enter what stands out into `best`."""
+    query, target_x, target_y, cell, side, steps, rate, fresh = laid
+    n, m, peaks, middle = len(query), len(target_x), len(best), 0.5 * side
+    grid = np.empty_like(fresh)
+    words, fresh_words = grid.view(np.uint64), fresh.view(np.uint64)
+    flagged = np.empty(_FLAGGED, np.int64)
     places, low, high, stride = np.empty(m, np.int32), np.int32(0), np.int32(side - 1), np.int32(side)
-    for step in range(steps):
+    for step in range(first, last):
         turn = 2.0 * math.pi * step / steps
         if abs((turn - yaw + 3.0 * math.pi) % (2.0 * math.pi) - math.pi) > half:
             continue
         c, s = math.cos(turn) * _FINE / cell, math.sin(turn) * _FINE / cell
-        grid[:] = fresh
+        for w in range(len(words)):
+            words[w] = fresh_words[w]
         count = 0
         for i in range(n):
             x = np.int32(c * query[i, 0] - s * query[i, 1])
@@ -134,15 +206,13 @@ def find_peaks(
                     if score > best[peaks - 1, 3]:
                         x, y = (row + da + 1 - middle) * cell, (column + db + 1 - middle) * cell
                         keep_peak(best, x, y, turn, score, 2.5 * cell, 5.0 * math.pi / steps)
-    found = 0
-    while found < peaks and best[found, 3] > 0.0:
-        found += 1
-    return best[:found].copy()
 
 
 @kernel
 def thresholds(rate: NDArray[np.float64], side: int, farthest: float) -> NDArray[np.uint32]:
-    """What each cell of a grid (`side` * `side`) starts from, so that it is looked at when it reaches `_LOOK`.
+    """What each cell of a grid starts from, so that it is looked at when it reaches `_LOOK`.
+
+    As many as `side` * `side`, and one more where that is odd.
 
     Args:
         rate: displacements that chance brings into one cell, by distance from the middle in units of two cells.
@@ -153,7 +223,7 @@ def thresholds(rate: NDArray[np.float64], side: int, farthest: float) -> NDArray
         if 2.0 * k <= farthest:
             needed = max(3, math.ceil(rate[k] + _SIGMAS * math.sqrt(rate[k])) + 1)
             start[k] = _LOOK - needed
-    fresh = np.zeros(side * side, np.uint32)
+    fresh = np.zeros((side * side + 1) // 2 * 2, np.uint32)
     middle, last = 0.5 * side, side - 1
     # The four quarters are alike.
     for a in range((side + 1) // 2):

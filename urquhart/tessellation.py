@@ -13,10 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import Delaunay, QhullError
 
 from urquhart._kernel import kernel
-from urquhart.landmarks import LandmarkError
+from urquhart.delaunay import triangulate
 from urquhart.quads import quads_of
 
 
@@ -76,12 +75,7 @@ def tessellate(landmarks: NDArray[np.float64], *, keep_hull: bool = False) -> Te
     Raises:
         LandmarkError: `collinear`, where the landmarks are so close to one line that no triangulation exists.
     """
-    try:
-        delaunay = Delaunay(landmarks)
-    except QhullError as error:
-        raise LandmarkError("collinear", "the landmarks are too close to one line to be triangulated") from error
-    triangles = np.array(delaunay.simplices, dtype=np.int32)
-    neighbours = np.array(delaunay.neighbors, dtype=np.int32)
+    triangles, neighbours = triangulate(landmarks)
     vertices, vertex_offsets, members, member_offsets, hull, non_simple, dangling = join_triangles(
         landmarks, triangles, neighbours, keep_hull
     )
@@ -98,17 +92,6 @@ def _find(parent: NDArray[np.int32], i: int) -> int:
         parent[i] = parent[parent[i]]
         i = parent[i]
     return i
-
-
-@kernel
-def _orient(landmarks: NDArray[np.float64], triangles: NDArray[np.int32], neighbours: NDArray[np.int32]) -> None:
-    for t in range(len(triangles)):
-        a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
-        ux, uy = landmarks[b, 0] - landmarks[a, 0], landmarks[b, 1] - landmarks[a, 1]
-        vx, vy = landmarks[c, 0] - landmarks[a, 0], landmarks[c, 1] - landmarks[a, 1]
-        if ux * vy - uy * vx < 0.0:
-            triangles[t, 1], triangles[t, 2] = c, b
-            neighbours[t, 1], neighbours[t, 2] = neighbours[t, 2], neighbours[t, 1]
 
 
 @kernel
@@ -157,12 +140,9 @@ def join_triangles(
 ) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], int, int, int]:
     """Algorithm 1 of the paper in one pass; see `Tessellation` for what comes back.
 
-    `neighbours` (T, 3) int32: the triangle opposite to each vertex, -1 outside the hull. Both index arrays are brought
-    into counter-clockwise order in place.
+    `triangles`, `neighbours`: as `triangulate` gives them.
     """
     count = len(triangles)
-    _orient(landmarks, triangles, neighbours)
-
     dropped = np.zeros((count, 3), np.bool_)
     for t in range(count):
         k = _longest_edge(landmarks, triangles, t)
@@ -235,13 +215,13 @@ def join_triangles(
             continue
         first = vertex_offsets[kept]
         length, v = 0, start
-        while simple:
+        while simple and length < sides:
             vertices[first + length] = v
             length += 1
             v = following[v]
             if v == start:
                 break
-        if not simple or length != sides:
+        if not simple or length != sides or v != start:
             non_simple += 1
             continue
         size = offsets[f + 1] - offsets[f]

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from urquhart._kernel import kernel
+from urquhart.budget import UNBOUNDED, Budget
 from urquhart.diameters import weigh_diameters
 from urquhart.features import Features
 from urquhart.pairing import Pattern, count_inliers, inside, lay_out, pair_up, refine
@@ -77,38 +78,88 @@ def pattern(features: Features, reach: float) -> Pattern:
     return lay_out(features.landmarks, features.density, hull, diameters, LOOSE * reach)
 
 
-def verify(query: Pattern, submap: Pattern, start: SE2, reach: float) -> Verified:
+def verify(query: Pattern, submap: Pattern, start: SE2, reach: float, budget: Budget = UNBOUNDED) -> Verified:
     """Refine `start` (`submap_T_query`, centred frames) on its own inliers and weigh it against all landmarks.
 
     Partners are sought within `reach` first, then, if that speaks for the pose, within `LOOSE` times as far, where the
     trees stand far enough apart; the better explanation stands. Surveys by compass and tape are that noisy.
     """
-    return verify_best(query, submap, np.array([[start.x, start.y, start.yaw]]), reach)
+    return verify_best(query, submap, np.array([[start.x, start.y, start.yaw]]), reach, budget)
 
 
-def verify_best(query: Pattern, submap: Pattern, starts: NDArray[np.float64], reach: float) -> Verified:
-    """The strongest of several poses `starts` (S, 3), S > 0, each refined and weighed as in `verify`."""
-    settled = settle(query, submap, starts, reach, 0.0)
+def verify_best(
+    query: Pattern, submap: Pattern, starts: NDArray[np.float64], reach: float, budget: Budget = UNBOUNDED
+) -> Verified:
+    """The strongest of several poses `starts` (S, 3), S > 0, each refined and weighed as in `verify`.
+
+    Raises:
+        OutOfTime: the deadline passed before all were weighed.
+    """
+    settled = settle_all(query, submap, starts, reach, 0.0, budget)
     return weigh_settled(query, submap, settled[settled[:, 3].argmax()])
 
 
-@kernel
 def settle_rough(
-    query: Pattern, submap: Pattern, starts: NDArray[np.float64], reach: float, count: int
+    query: Pattern,
+    submap: Pattern,
+    starts: NDArray[np.float64],
+    reach: float,
+    count: int,
+    budget: Budget = UNBOUNDED,
 ) -> NDArray[np.float64]:
     """The best row (6,), as `settle` gives it, of poses `starts` (S, 3), S > 0, that are good to a metre or two.
 
     Partners are sought far away first; the `count` poses that then bring most landmarks together are settled.
+
+    Raises:
+        OutOfTime: the deadline passed before all were settled.
     """
-    near = np.empty_like(starts)
-    for k in range(len(starts)):
-        near[k, 0], near[k, 1], near[k, 2] = refine(
-            query.landmarks, submap, starts[k, 0], starts[k, 1], starts[k, 2], LOOSE * reach
-        )
+    cost = pose_cost(query, submap)
+    if budget.fits(len(starts), cost):
+        return settle_rough_at_once(query, submap, starts, reach, count)
+    portions = budget.portions(len(starts), cost)
+    near = np.concatenate([refine_all(query, submap, starts[rows], LOOSE * reach) for rows in portions])
+    scores = count_inliers(query.landmarks, submap, near, reach)
+    chosen = near[np.argsort(-scores, kind="stable")[:count]]
+    settled = settle_all(query, submap, chosen, reach, 0.0, budget)
+    best: NDArray[np.float64] = settled[settled[:, 3].argmax()]
+    return best
+
+
+@kernel
+def settle_rough_at_once(
+    query: Pattern, submap: Pattern, starts: NDArray[np.float64], reach: float, count: int
+) -> NDArray[np.float64]:
+    """What `settle_rough` gives, in one step: for ordinary sizes that is fastest."""
+    near = refine_all(query, submap, starts, LOOSE * reach)
     scores = count_inliers(query.landmarks, submap, near, reach)
     settled = settle(query, submap, near[np.argsort(-scores, kind="mergesort")[:count]], reach, 0.0)
     best: NDArray[np.float64] = settled[settled[:, 3].argmax()]
     return best
+
+
+def pose_cost(query: Pattern, submap: Pattern) -> float:
+    """Steps that it takes to refine and weigh one pose, see `Budget.portions`."""
+    return 100.0 * (len(query.landmarks) + len(submap.landmarks))
+
+
+@kernel
+def refine_all(query: Pattern, submap: Pattern, starts: NDArray[np.float64], reach: float) -> NDArray[np.float64]:
+    """Poses (S, 3), each refined as `refine` does it."""
+    near = np.empty_like(starts)
+    for k in range(len(starts)):
+        near[k, 0], near[k, 1], near[k, 2] = refine(
+            query.landmarks, submap, starts[k, 0], starts[k, 1], starts[k, 2], reach
+        )
+    return near
+
+
+def settle_all(
+    query: Pattern, submap: Pattern, starts: NDArray[np.float64], reach: float, least: float, budget: Budget
+) -> NDArray[np.float64]:
+    """`settle`, in portions. Raises OutOfTime where the deadline passes between two of them."""
+    portions = budget.portions(len(starts), pose_cost(query, submap))
+    return np.concatenate([settle(query, submap, starts[rows], reach, least) for rows in portions])
 
 
 def weigh_settled(query: Pattern, submap: Pattern, settled: NDArray[np.float64]) -> Verified:
@@ -143,19 +194,35 @@ def settle(
 
 
 def best_hypotheses(
-    query: Pattern, submap: Pattern, hypotheses: NDArray[np.float64], reach: float, count: int
+    query: Pattern,
+    submap: Pattern,
+    hypotheses: NDArray[np.float64],
+    reach: float,
+    count: int,
+    budget: Budget = UNBOUNDED,
 ) -> NDArray[np.float64]:
     """Those `count` of `hypotheses` (H, 3) that bring most landmarks together, the best first.
 
     Hypotheses are x, y, yaw of `submap_T_query` between the centred frames. Where they are many, a third of the
     landmarks chooses those that all of them are spent on.
+
+    Raises:
+        OutOfTime: the deadline passed before all were counted.
     """
     if len(hypotheses) > 2 * _SEMIFINALISTS:
         third = np.ascontiguousarray(query.landmarks[::3])
-        rough = count_inliers(third, submap, hypotheses, reach)
+        rough = count_all(third, submap, hypotheses, reach, budget)
         hypotheses = hypotheses[np.argsort(-rough, kind="stable")[: max(_SEMIFINALISTS, count)]]
-    scores = count_inliers(query.landmarks, submap, hypotheses, reach)
+    scores = count_all(query.landmarks, submap, hypotheses, reach, budget)
     return hypotheses[np.argsort(-scores, kind="stable")[:count]]
+
+
+def count_all(
+    landmarks: NDArray[np.float64], submap: Pattern, poses: NDArray[np.float64], reach: float, budget: Budget
+) -> NDArray[np.float64]:
+    """`count_inliers`, in portions. Raises OutOfTime where the deadline passes between two of them."""
+    portions = budget.portions(len(poses), 20.0 * len(landmarks))
+    return np.concatenate([count_inliers(landmarks, submap, poses[rows], reach) for rows in portions])
 
 
 def weigh_pose(query: Pattern, submap: Pattern, pose: SE2, reach: float) -> Verified:

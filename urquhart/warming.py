@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from urquhart.budget import Budget
 from urquhart.config import Config
 from urquhart.features import Features, describe
 from urquhart.recognizer import Recognizer
@@ -21,3 +22,7 @@ def warm_up(config: Config) -> None:
     for xy in (here, elsewhere, unknown, rows):
         recognizer.recognize(xy)
         recognizer.recognize(xy, method="paper")
+    # What large observations take is cut into portions, which smaller ones are done without.
+    portions = Budget(steps=1_000.0)
+    for xy in (here, unknown, rows):
+        recognizer.recognize(xy, budget=portions)

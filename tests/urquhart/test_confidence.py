@@ -8,21 +8,10 @@ import numpy as np
 import pytest
 
 from urquhart import SE2, Config, Gates, describe
-from urquhart.confidence import (
-    against_chance,
-    against_rival,
-    climb,
-    comparable,
-    credited,
-    distinct,
-    find_rivals,
-    pose_row,
-    same_place,
-    surely_behind,
-    together,
-)
+from urquhart.confidence import against_chance, against_rival, comparable, credited, surely_behind, together
 from urquhart.pairing import Pattern
 from urquhart.ranking import confidence, refusal
+from urquhart.rivals import climb, distinct, find_rivals, pose_row, same_place
 from urquhart.simulation import observe, paper_forest, plantation
 from urquhart.verification import Verified, pattern, verify, weigh_settled
 

@@ -6,12 +6,12 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from tests.urquhart.contents import CONFIG, FOREST, over, place
-from urquhart import SE2, Abandoned, Budget, Config, Recognition, Recognizer, SearchEnd, describe
+from tests.urquhart.contents import CONFIG, FOREST, outline, over, place
+from urquhart import SE2, Abandoned, Budget, Config, Method, Recognition, Recognizer, SearchEnd, describe
 from urquhart.collection_index import CollectionIndex
 from urquhart.consensus import Consensus
 from urquhart.explaining import SKIPS, STOPS, search_sentence
-from urquhart.simulation import bridson, observe, paper_forest
+from urquhart.simulation import bridson, observe, paper_forest, plantation
 from urquhart.stages import Skipped, StoppedBy
 
 PLACES = {key: place(key) for key in range(36)}
@@ -187,15 +187,91 @@ def test_the_paper_looks_at_nothing_else_either(only: list[int] | range) -> None
     assert {c.key for c in found.candidates} <= {*only} - {15}
 
 
-def test_at_the_deadline_it_answers_what_it_has_and_never_a_match() -> None:
-    found = recognizer().recognize(nowhere(3), budget=Budget(0.0))
-    assert (found.verdict, found.reason) == ("no_match", "deadline")
-    assert names(found) == ["describe", *QUADS]
-    assert found.candidates
+class Countdown(Budget):
+    """A budget that is spent when it has been asked so many times: a deadline at a chosen point of the work."""
+
+    def __init__(self, asks: int, steps: float = 20_000.0) -> None:
+        super().__init__(steps=steps)
+        self.asks, self.asked = asks, 0
+
+    def is_spent(self) -> bool:
+        self.asked += 1
+        return super().is_spent() or self.asked > self.asks
 
 
-def test_what_is_settled_at_the_deadline_is_an_answer() -> None:
-    assert recognizer().recognize(here(sigma=0.1, detection=0.9), budget=Budget(0.0)).verdict == "matched"
+def told(found: Recognition) -> tuple[object, ...]:
+    return (*outline(found), found.rivals, found.findings, found.search)
+
+
+def searches() -> list[tuple[Recognizer, np.ndarray[tuple[int, ...], np.dtype[np.float64]], Method]]:
+    """Searches that end at different levels, in natural forests and in rows, and the paper's."""
+    rng = np.random.default_rng(5)
+    trees = plantation(80.0, 80.0, rng, jitter=0.1)
+    rows = Recognizer(CONFIG)
+    rows.add(
+        (key, describe(observe(trees, SE2(x, 40.0, 0.2), 18.0, rng, sigma=0.03).xy, CONFIG))
+        for key, x in enumerate([25.0, 35.0, 45.0, 55.0])
+    )
+    seen = here(sigma=0.1, detection=0.9)
+    return [
+        (recognizer(), seen, "robust"),
+        (recognizer(), nowhere(3), "robust"),
+        (recognizer(count=20), nowhere(1), "robust"),
+        (rows, observe(trees, SE2(41.0, 39.0, 1.0), 18.0, rng, sigma=0.05).xy, "robust"),
+        (recognizer(), seen, "paper"),
+    ]
+
+
+@pytest.mark.parametrize("which", range(5))
+def test_a_budget_that_is_not_reached_changes_nothing(which: int) -> None:
+    """However small the portions that the work is done in."""
+    asked, seen, method = searches()[which]
+    whole = told(asked.recognize(seen, method=method))
+    for steps in (1.0, 3_000.0, 1e5):
+        budget = Countdown(10**9, steps)
+        assert told(asked.recognize(seen, method=method, budget=budget)) == whole
+        assert budget.asked > 10
+
+
+@pytest.mark.parametrize("which", range(5))
+def test_wherever_the_deadline_falls_it_answers_what_it_has_and_never_a_match_in_doubt(which: int) -> None:
+    asked, seen, method = searches()[which]
+    counter = Countdown(10**9)
+    whole = asked.recognize(seen, method=method, budget=counter)
+    for asks in sorted({*range(30), *np.linspace(30, counter.asked, 40).astype(int).tolist()}):
+        budget = Countdown(asks)
+        found = asked.recognize(seen, method=method, budget=budget)
+        if found.reason != "deadline":
+            assert (found.verdict, found.reason) == (whole.verdict, whole.reason)
+            continue
+        assert (found.verdict, found.search.stopped_by) == ("no_match", "deadline")
+        assert all(candidate.refused is not None for candidate in found.candidates)
+        # Whoever is told that the time is over ends soon, and nobody begins anything new.
+        assert budget.asked - asks < 30
+    assert asked.recognize(seen, method=method, budget=Countdown(0)).reason == "deadline"
+
+
+def test_what_was_found_by_the_deadline_is_told() -> None:
+    asked, seen, _ = searches()[1]
+    counter = Countdown(10**9)
+    asked.recognize(seen, budget=counter)
+    late = asked.recognize(seen, budget=Countdown(counter.asked - 5))
+    assert late.reason == "deadline"
+    assert late.candidates
+    assert late.findings
+
+
+@pytest.mark.parametrize("asks", [0, 5, 40])
+def test_wherever_it_is_abandoned_it_ends(asks: int) -> None:
+    class Leaving(Countdown):
+        def is_spent(self) -> bool:
+            if self.asked == self.asks:
+                self.abandon()
+            return super().is_spent()
+
+    for asked, seen, method in searches():
+        with pytest.raises(Abandoned):
+            asked.recognize(seen, method=method, budget=Leaving(asks, 1_000.0))
 
 
 def test_a_search_that_nobody_waits_for_ends() -> None:
@@ -209,7 +285,7 @@ def test_how_a_search_ended_is_told() -> None:
     seen = here(sigma=0.1, detection=0.9)
     assert recognizer().recognize(seen).search == SearchEnd("settled")
     assert recognizer().recognize(nowhere(0)).search.stopped_by == "exhausted"
-    assert recognizer().recognize(nowhere(3), budget=Budget(0.0)).search.stopped_by == "deadline"
+    assert recognizer().recognize(nowhere(3), budget=Budget(0.0)).search == SearchEnd("deadline")
     assert recognizer().recognize(seen, only=[]).search == SearchEnd("not_started")
     assert Recognizer(CONFIG).recognize(seen).search == SearchEnd("not_started")
     assert recognizer().recognize(seen[:2]).search == SearchEnd("not_started")

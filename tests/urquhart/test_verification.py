@@ -5,8 +5,9 @@ import pytest
 
 from tests.urquhart import forests
 from urquhart import SE2, Config, describe
-from urquhart.confidence import climb, distinct, log_odds, log_volume, pose_row, same_place, shift_peaks
+from urquhart.confidence import log_odds, log_volume
 from urquhart.pairing import Pattern, lay_out, nearest, pair_up
+from urquhart.rivals import climb, distinct, pose_row, same_place, shift_peaks
 from urquhart.simulation import observe, paper_forest, plantation
 from urquhart.uncertainty import least_squares
 from urquhart.verification import LOOSE, best_hypotheses, pattern, settle_rough, verify, weigh_pose, weigh_settled

@@ -1,0 +1,100 @@
+"""Landmarks sorted into square cells, and within a crowded cell into a k-d tree."""
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from urquhart._kernel import kernel
+
+CROWD: Final = 32
+"""Landmarks of a cell beyond which they are kept as a k-d tree: one stray landmark far away makes cells so wide that
+all others share one."""
+
+
+@kernel
+def build_grid(
+    landmarks: NDArray[np.float64], cell: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+    """Sort landmarks (N, 2) into square cells of at least `cell` metres: `cells`, `order`, `grid` of a `Pattern`."""
+    n = len(landmarks)
+    low_x, low_y = landmarks[:, 0].min(), landmarks[:, 1].min()
+    width, height = landmarks[:, 0].max() - low_x, landmarks[:, 1].max() - low_y
+    # About one landmark to a cell is enough: smaller cells only cost memory where a footprint is large and thin.
+    size = max(cell, math.sqrt(width * height / (4.0 * n)), max(width, height) / 1024.0)
+    columns, rows = int(width / size) + 1, int(height / size) + 1
+    place = np.empty(n, np.int64)
+    cells = np.zeros(columns * rows + 1, np.int64)
+    for i in range(n):
+        place[i] = int((landmarks[i, 0] - low_x) / size) * rows + int((landmarks[i, 1] - low_y) / size)
+        cells[place[i] + 1] += 1
+    for c in range(columns * rows):
+        cells[c + 1] += cells[c]
+    order, cursor = np.empty(n, np.int64), cells[:-1].copy()
+    for i in range(n):
+        order[cursor[place[i]]] = i
+        cursor[place[i]] += 1
+    for c in range(columns * rows):
+        if cells[c + 1] - cells[c] > CROWD:
+            build_tree(landmarks, order, cells[c], cells[c + 1])
+    return cells, order, np.array([low_x, low_y, 1.0 / size, float(columns), float(rows)])
+
+
+@kernel
+def build_tree(landmarks: NDArray[np.float64], order: NDArray[np.int64], first: int, last: int) -> None:
+    """Bring `order[first:last]` into the order of a k-d tree: the middle one splits the rest, x and y in turn."""
+    begins, ends, axes = np.empty(64, np.int64), np.empty(64, np.int64), np.empty(64, np.int64)
+    begins[0], ends[0], axes[0] = first, last, 0
+    waiting = 1
+    while waiting > 0:
+        waiting -= 1
+        a, b, axis = begins[waiting], ends[waiting], axes[waiting]
+        if b - a < 2:
+            continue
+        here = order[a:b].copy()
+        values = np.empty(b - a)
+        for k in range(b - a):
+            values[k] = landmarks[here[k], axis]
+        order[a:b] = here[np.argsort(values, kind="mergesort")]
+        middle = (a + b) // 2
+        begins[waiting], ends[waiting], axes[waiting] = a, middle, 1 - axis
+        begins[waiting + 1], ends[waiting + 1], axes[waiting + 1] = middle + 1, b, 1 - axis
+        waiting += 2
+
+
+@kernel
+def search_tree(
+    landmarks: NDArray[np.float64],
+    order: NDArray[np.int64],
+    first: int,
+    last: int,
+    x: float,
+    y: float,
+    best: int,
+    best_distance: float,
+) -> tuple[int, float]:
+    """The landmark of a k-d tree that is nearest to (x, y), and its squared distance, or the best so far."""
+    begins, ends, axes = np.empty(64, np.int64), np.empty(64, np.int64), np.empty(64, np.int64)
+    beyond = np.empty(64)
+    begins[0], ends[0], axes[0], beyond[0] = first, last, 0, 0.0
+    waiting = 1
+    while waiting > 0:
+        waiting -= 1
+        a, b, axis = begins[waiting], ends[waiting], axes[waiting]
+        if b <= a or beyond[waiting] > best_distance:
+            continue
+        middle = (a + b) // 2
+        k = order[middle]
+        dx, dy = x - landmarks[k, 0], y - landmarks[k, 1]
+        distance = dx * dx + dy * dy
+        if distance <= best_distance:
+            best, best_distance = k, distance
+        away = dx if axis == 0 else dy
+        # The half on the far side waits below the near one, which is looked at first.
+        near_a, near_b, far_a, far_b = (a, middle, middle + 1, b) if away < 0.0 else (middle + 1, b, a, middle)
+        begins[waiting], ends[waiting], axes[waiting], beyond[waiting] = far_a, far_b, 1 - axis, away * away
+        waiting += 1
+        begins[waiting], ends[waiting], axes[waiting], beyond[waiting] = near_a, near_b, 1 - axis, 0.0
+        waiting += 1
+    return best, best_distance
