@@ -69,8 +69,6 @@ def reasons_of(module: ModuleType) -> Iterator[str]:
             returned = [step.value for step in ast.walk(node) if isinstance(step, ast.Return)]
             for value in returned:
                 given += [value.body, value.orelse] if isinstance(value, ast.IfExp) else [value] if value else []
-        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "_not_started":
-            given = [node.args[0]]
         elif isinstance(node, ast.Tuple | ast.Call):
             parts = node.elts if isinstance(node, ast.Tuple) else node.args
             if len(parts) > 1 and isinstance(parts[0], ast.Constant) and parts[0].value in verdicts:
