@@ -141,7 +141,7 @@ def test_what_is_gone_is_never_found_and_takes_no_places(
 
 
 def test_lists_find_nearly_all_that_a_full_search_finds(real: tuple[Partition, Rows], inverted: Partition) -> None:
-    exact, queries = real
+    exact, queries = real[0], real[1][:300]
     assert inverted.inverted
     assert len(inverted.centroids) > 60
     counts = np.full(len(queries), 5, np.int32)
@@ -227,3 +227,19 @@ def test_nothing_to_search_or_too_little() -> None:
         find([(few[0], few[1], few[2], np.ones(2, np.int64))], query[0], 3)  # type: ignore[list-item]
     with pytest.raises(ValueError, match="marks"):
         find([(few[0], few[1], few[2], np.ones(5, np.uint8))], query[0], 3)
+
+
+def test_hits_come_in_portions_where_there_is_much_work(real: tuple[Partition, Rows]) -> None:
+    """So that a search can be ended between them; together they are the hits of each row, in order."""
+    exact, queries = real
+    segments = [searched([exact], 1_000)]
+    counts = np.full(len(queries), 5, np.int32)
+    portions = list(search_partitions(segments, counts, queries, neighbours=6))
+    assert len(portions) > 3
+    for hits in portions:
+        assert hits.rows.tolist() == sorted(hits.rows.tolist())
+    assert np.concatenate([hits.rows for hits in portions]).tolist() == np.repeat(np.arange(len(queries)), 6).tolist()
+    last = len(queries) - 1
+    [alone] = search_partitions(segments, counts[:1], queries[last:], neighbours=6)
+    np.testing.assert_array_equal(portions[-1].keys[-6:], alone.keys)
+    np.testing.assert_array_equal(portions[-1].outlines[-6:], alone.outlines)
