@@ -8,7 +8,8 @@ import pytest
 
 from tests.server.world import forest, observed, points
 from urquhart_client import Client, ProblemError, Progress
-from urquhart_client.cli import _landmarks, run
+from urquhart_client._files import read_csv
+from urquhart_client.cli import run
 
 
 @pytest.fixture
@@ -131,4 +132,4 @@ def test_arguments_that_cannot_be_are_one_line(capsys: pytest.CaptureFixture[str
 
 def test_a_spreadsheet_writes_a_mark_in_front(tmp_path: Path) -> None:
     (tmp_path / "seen.csv").write_bytes(b"\xef\xbb\xbfx,y\n1,2\n")
-    assert _landmarks(tmp_path / "seen.csv") == {"xy": [(1.0, 2.0)]}
+    assert read_csv(tmp_path / "seen.csv") == {"landmarks": [{"id": "1", "x": 1.0, "y": 2.0}]}

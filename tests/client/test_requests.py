@@ -39,6 +39,25 @@ def test_query_sends_what_is_asked_for_and_nothing_else() -> None:
     }
 
 
+def test_limits_of_an_answer_are_sent_where_they_are_given() -> None:
+    fake = service(RESULT)
+    client(fake).query("plots", [[1, 2]], pairs=False, timeout_ms=800)
+    assert fake.body == {"xy": [[1.0, 2.0]], "limit": 5, "pairs": False, "timeout_ms": 800}
+    fake = service({"results": [RESULT]})
+    client(fake).query_batch("plots", [{"xy": []}], timeout_ms=800)
+    assert fake.body == {"queries": [{"xy": []}], "timeout_ms": 800}
+
+
+def test_landmarks_alone_are_patched() -> None:
+    fake = service(SUBMAP)
+    client(fake).patch_submap("plots", "p7", xy=[[1, 2]], ids=["a"])
+    assert fake.body == {"xy": [[1.0, 2.0]], "ids": ["a"]}
+    client(fake).patch_submap("plots", "p7", xy=[[1, 2]], dbh=[0.3], session=None, stamp=None)
+    assert fake.body == {"landmarks": [{"x": 1.0, "y": 2.0, "dbh": 0.3}], "session": None, "stamp": None}
+    with pytest.raises(ValueError, match="go with xy"):
+        client(fake).patch_submap("plots", "p7", ids=["a"])
+
+
 def test_diameters_make_landmarks_of_points() -> None:
     fake = service(RESULT)
     client(fake).query("plots", [[1, 2], [3, 4]], dbh=[0.31, None], explain=True)
@@ -98,7 +117,14 @@ def test_put_submap_sends_pose_stamp_and_conditions() -> None:
         "frame_id": "plot_7",
         "stamp": "2026-05-04T11:30:00+02:00",
         "session": "s1",
-        "map_pose": {"frame_id": "map", "x": 1.0, "y": 2.0, "yaw": 0.5},
+        "map_pose": {
+            "frame_id": "map",
+            "x": 1.0,
+            "y": 2.0,
+            "yaw": 0.5,
+            "covariance_frame": "map",
+            "about": "submap_origin",
+        },
         "properties": {"observer": "robot-2"},
     }
     assert fake.last.headers["if-match"] == '"4be1"'

@@ -108,6 +108,8 @@ def query_body(
     stamp: datetime | str | None,
     near: Mapping[str, Any] | None,
     exclude: Mapping[str, Any] | None,
+    pairs: bool,
+    timeout_ms: int | None,
 ) -> dict[str, Any]:
     """A query: what is asked with, and whatever else is given."""
     return dict(observed) | given(
@@ -121,6 +123,8 @@ def query_body(
         stamp=rfc3339(stamp),
         near=None if near is None else dict(near),
         exclude=None if exclude is None else dict(exclude),
+        pairs=None if pairs else False,
+        timeout_ms=timeout_ms,
     )
 
 

@@ -189,7 +189,7 @@ def post_query(collection: str, body: Mapping[str, Any]) -> Request[QueryResult]
 
 
 def post_batch(
-    collection: str, queries: Sequence[Mapping[str, Any]]
+    collection: str, queries: Sequence[Mapping[str, Any]], timeout_ms: int | None
 ) -> Request[tuple[QueryResult | ProblemError, ...]]:
     """Ask several questions."""
 
@@ -204,7 +204,8 @@ def post_batch(
             for one in found
         )
 
-    request = with_body("POST", f"{collection_path(collection)}/queries/batch", {"queries": list(queries)}, parse)
+    body = {"queries": list(queries)} | given(timeout_ms=timeout_ms)
+    request = with_body("POST", f"{collection_path(collection)}/queries/batch", body, parse)
     return _asking(request, queries)
 
 

@@ -1,25 +1,25 @@
 """`urquhart-client`: the service from a shell, on any machine that reaches it."""
 
 import argparse
-import csv
-import json
 import os
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Sequence
+from math import degrees
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, Final, NoReturn
 
 import httpx
 from pydantic import BaseModel
 
+from urquhart_client._files import FileError, read_body, read_csv
 from urquhart_client._retry import Retry
 from urquhart_client.client import Client
 from urquhart_client.errors import UrquhartError
 from urquhart_client.work import Job, Progress
 
-
-class _BadInput(Exception):
-    pass
+_OBSERVED: Final = frozenset({"xy", "ids", "landmarks", "frame_id", "stamp"})
+_SUBMAP: Final = _OBSERVED | {"session", "map_pose", "properties", "query"}
+_QUERY: Final = _OBSERVED | {"submap_id", "method", "seed", "store", "explain", "per_session", "near", "exclude"}
 
 
 class _Parser(argparse.ArgumentParser):
@@ -42,7 +42,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
     try:
         with client:
             return int(options.command(client, options))
-    except (UrquhartError, _BadInput) as error:
+    except (UrquhartError, FileError) as error:
         return _refuse(str(error))
     except ValueError as error:  # what a file holds
         return _refuse(f"{options.file}: {error}" if "file" in options else str(error))
@@ -64,19 +64,26 @@ def _collections(client: Client, options: argparse.Namespace) -> int:
 
 
 def _put(client: Client, options: argparse.Namespace) -> int:
+    body = _read(options.file, _SUBMAP)
+    if options.session is not None and "session" in body:
+        raise FileError(f"{options.file}: it has a session, and --session gives one, too: drop one")
+    if options.session is not None:
+        body["session"] = options.session
     client.put_collection(options.collection)
-    receipt = client.put_submap(options.collection, options.submap, session=options.session, **_landmarks(options.file))
-    _tell(options, receipt, f"{receipt.id}: {receipt.outcome}, revision {receipt.revision}")
+    receipt = client.put_submap(options.collection, options.submap, **body)
+    cleared = f", cleared {', '.join(receipt.cleared)}" if receipt.cleared else ""
+    why = f" ({receipt.detail})" if receipt.detail else ""
+    _tell(options, receipt, f"{options.submap}: {receipt.outcome}{why}, revision {receipt.revision}{cleared}")
     return 0
 
 
 def _query(client: Client, options: argparse.Namespace) -> int:
-    result = client.query(options.collection, limit=options.limit, **_landmarks(options.file))
+    result = client.query(options.collection, limit=options.limit, **_read(options.file, _QUERY))
     lines = [f"{result.verdict} ({result.reason})"]
     for one in result.candidates:
         at = one.transform
         lines.append(
-            f"  {one.submap_id}: x {at.x:.2f} m, y {at.y:.2f} m, yaw {at.yaw:.4f} rad, "
+            f"  {one.submap_id}: x {at.x:.2f} m, y {at.y:.2f} m, yaw {degrees(at.yaw):.2f} deg, "
             f"{one.inlier_count} inliers, confidence {one.confidence:.4f}"
         )
     _tell(options, result, "\n".join(lines))
@@ -115,27 +122,9 @@ def _snapshot(client: Client, options: argparse.Namespace) -> int:
     return 0
 
 
-def _landmarks(path: Path) -> dict[str, Any]:
-    """Landmarks of a CSV with x and y (or x_m, y_m), or of a JSON body."""
-    if path.suffix == ".json":
-        body = json.loads(path.read_text(encoding="utf-8"))
-        if not isinstance(body, dict):
-            raise _BadInput(f"{path}: not a JSON object")
-        return {name: body[name] for name in ("xy", "ids", "landmarks") if name in body}
-    with path.open(newline="", encoding="utf-8-sig") as file:
-        reader = csv.DictReader(file)
-        rows, columns = list(reader), set(reader.fieldnames or ())
-    if not columns >= {"x", "y"} and not columns >= {"x_m", "y_m"}:
-        raise _BadInput(f"{path}: the first line must name the columns x and y, or x_m and y_m")
-    return {"xy": list(_points(path, rows))}
-
-
-def _points(path: Path, rows: Iterable[dict[str, str]]) -> Iterable[tuple[float, float]]:
-    for number, row in enumerate(rows, start=2):
-        try:
-            yield float(row.get("x_m") or row["x"]), float(row.get("y_m") or row["y"])
-        except (KeyError, TypeError, ValueError) as error:
-            raise _BadInput(f"{path}, line {number}: needs numbers in the columns x and y, or x_m and y_m") from error
+def _read(path: Path, members: Collection[str]) -> dict[str, Any]:
+    """What a file holds, as arguments: CSV, or a JSON body that may have these members. Raises FileError."""
+    return read_body(path, members) if path.suffix == ".json" else read_csv(path)
 
 
 def _show(progress: Progress) -> None:

@@ -33,6 +33,8 @@ class QueryCalls(Connection):
         stamp: datetime | str | None = None,
         near: Mapping[str, Any] | None = None,
         exclude: Mapping[str, Any] | None = None,
+        pairs: bool = True,
+        timeout_ms: int | None = None,
     ) -> QueryResult:
         """Ask where an observation was made.
 
@@ -51,6 +53,9 @@ class QueryCalls(Connection):
             near: about where in a map it was made, `{"x": ..., "y": ..., "radius": ..., "frame_id": "map"}`, metres.
             exclude: what must not be found, e.g. `{"submap_ids": [...]}`, `{"session": "monday"}`, or
                 `{"within_seconds": 60}` of `stamp`.
+            pairs: answer the pairs of landmarks of each candidate; without them an answer is much smaller.
+            timeout_ms: milliseconds after which the service answers with what it found so far (`no_match`, reason
+                `deadline`); less than the client's own `timeout`, so that there is an answer.
         """
         body = _bodies.query_body(
             _bodies.observation(xy, ids, dbh, landmarks, submap_id),
@@ -64,18 +69,21 @@ class QueryCalls(Connection):
             stamp=stamp,
             near=near,
             exclude=exclude,
+            pairs=pairs,
+            timeout_ms=timeout_ms,
         )
         return self._send(_requests.post_query(collection, body))
 
     def query_batch(
-        self, collection: str, queries: Iterable[Mapping[str, Any]]
+        self, collection: str, queries: Iterable[Mapping[str, Any]], *, timeout_ms: int | None = None
     ) -> tuple[QueryResult | ProblemError, ...]:
         """Ask several questions at once, each the body of a query; where one is wrong, its problem stands in its place.
 
         Args:
             queries: each like `{"xy": [[x, y], ...], "limit": 3}` or `{"submap_id": "p7"}`.
+            timeout_ms: milliseconds for all of them; in the place of those that are not begun by then stands a problem.
         """
-        return self._send(_requests.post_batch(collection, [dict(query) for query in queries]))
+        return self._send(_requests.post_batch(collection, [dict(query) for query in queries], timeout_ms))
 
     def get_query(self, collection: str, query_id: str) -> QueryResult:
         """A stored query's result again."""
