@@ -1,5 +1,6 @@
 """The app: `create_app(settings)` puts the parts together. Nothing is built at import."""
 
+import asyncio
 import logging
 import threading
 from collections.abc import AsyncIterator
@@ -23,6 +24,7 @@ from server.http.middleware import BodyLimit, RequestContext
 from server.http.overload import Overload
 from server.http.readiness import SHUTDOWN, Readiness
 from server.http.repetitions import Repetitions
+from server.http.revocation import watch_keys
 from server.index.catalog import Catalog
 from server.index.upkeep import Upkeep
 from server.jobs.assignment import Tools
@@ -126,7 +128,8 @@ def create_app(settings: Settings, exchange: Exchange | None = None, *, create_d
     app.add_middleware(InflateRequests, limit=settings.limits.body_bytes)
     app.add_middleware(DeflateAnswers)
     app.add_middleware(BodyLimit, limit=settings.limits.body_bytes)
-    app.add_middleware(Overload, shared=Shared(settings.limits, gate, metrics, readiness))
+    app.state.shared = Shared(settings.limits, gate, metrics, readiness)
+    app.add_middleware(Overload, shared=app.state.shared)
     app.add_middleware(
         KnownHosts,
         allowed=settings.host_names,
@@ -172,9 +175,11 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     warm_up = threading.Thread(target=_warm_up, args=(service, stop, warm), name="warm-up", daemon=True)
     warm_up.start()
     service.jobs.runner.start()
+    key_watch = asyncio.create_task(watch_keys(app.state.shared, app.state.doorkeeper))
     try:
         yield
     finally:
+        key_watch.cancel()
         service.readiness.report(SHUTDOWN, "the service is stopping")
         stop.set()
         # The upkeep first: it also stops the job that writes an index anew.

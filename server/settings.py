@@ -56,6 +56,13 @@ class Limits(BaseModel):
     concurrent_requests: int = Field(
         32, ge=1, le=100, description="Requests that a process works on at once; more wait in the queue."
     )
+    key_requests: int = Field(
+        0,
+        ge=0,
+        le=100,
+        description="Requests of one key, or of one address without one, that a process works on at once while others "
+        "ask, too; 0: one for each core.",
+    )
     queued_requests: int = Field(256, ge=0, description="Requests that wait in a process; more are answered 503.")
     queue_seconds: float = Field(
         5.0, gt=0, le=600, description="Seconds that a request waits before it is answered 503."

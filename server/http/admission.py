@@ -2,14 +2,15 @@
 
 import asyncio
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import ClientDisconnect
 from starlette.types import Message, Receive, Scope, Send
 
-from server.errors import Overloaded, TooSlow
+from server.access import Caller
+from server.errors import DomainError, Overloaded, TooSlow
 from server.http.gate import Gate
 from server.http.middleware import is_streamed
 from server.http.readiness import Readiness
@@ -20,17 +21,19 @@ from urquhart import Budget
 ALWAYS_ANSWERED: Final = frozenset({"/livez", "/readyz", "/metrics"})
 """Paths that take no place: who watches the service must see it all the more when it is overloaded."""
 _RETRY: Final = 1.0
+_EMPTY: Final[Message] = {"type": "http.request", "body": b"", "more_body": False}
 
 
 @dataclass(slots=True)
 class Shared:
-    """What the requests of a process share. `held`: bytes of bodies that are kept in memory."""
+    """What the requests of a process share. `held`: bytes of bodies in memory; `requests`: those that are at hand."""
 
     limits: Limits
     gate: Gate
     metrics: Metrics
     readiness: Readiness
     held: int = 0
+    requests: set["Admission"] = field(default_factory=set)
 
     def hold(self, size: int) -> None:
         """Count bytes of a body that are kept in memory. Raises Overloaded."""
@@ -60,36 +63,58 @@ class Admission:
         self._has_body = headers.get("content-length", "0") != "0" or "transfer-encoding" in headers
         self._streamed = is_streamed(scope)
         self._takes_place = scope["path"] not in ALWAYS_ANSWERED and not _waits(scope)
-        self._inside = self._told = self.answered = False
+        self._scope, self._address = scope, (scope.get("client") or ("",))[0]
+        self._is_whole = self.answered = False
         self._place: asyncio.Future[None] | None = None
+        self._name = ""
+        self._entered: float | None = None
         self._watch: asyncio.Task[None] | None = None
-        self._gone = asyncio.Event()
+        self._over = asyncio.Event()
+        self.refusal: DomainError | None = None
         self.budget = Budget()
+        shared.requests.add(self)
 
-    async def begin(self) -> None:
-        """Take a place for a request without a body. Raises Overloaded and ClientDisconnect."""
-        if not self._has_body:
-            await self._arrived()
+    @property
+    def caller(self) -> Caller | None:
+        """Who asks, when that is known."""
+        caller: Caller | None = self._scope["state"].get("caller")
+        return caller
+
+    @property
+    def authorization(self) -> str | None:
+        """What the caller was let in for."""
+        return Headers(scope=self._scope).get("authorization")
+
+    def refuse(self, error: DomainError) -> None:
+        """End the work: the caller may not have the answer any more, and is told `error` where that is possible."""
+        self.refusal = error
+        self._give_up(error)
+
+    async def over(self) -> None:
+        """Wait until nobody waits for the answer any more."""
+        await self._over.wait()
 
     def end(self) -> None:
         """Give back what is taken."""
         self._leave()
+        self._shared.requests.discard(self)
         self._shared.held -= self._held
         self._held = 0
         if self._watch is not None:
             self._watch.cancel()
 
     async def receive(self) -> Message:
-        """The next piece of the body, in time; after the last one, that the caller is gone, when it is."""
-        if not self._has_body:
-            if not self._told:
-                self._told = True
-                return {"type": "http.request", "body": b"", "more_body": False}
-            await self._gone.wait()
+        """The next piece of the body, in time. With the last one a place is taken, or waited for; after it comes only
+        that the caller is gone, when it is.
+        """
+        if self._is_whole:
+            await self._over.wait()
             return {"type": "http.disconnect"}
         if self.answered:
             return await self._inner_receive()
-        message = await self._next()
+        message = await self._next() if self._has_body else _EMPTY
+        if self.refusal is not None:
+            raise self.refusal
         if message["type"] != "http.request":
             return message
         size = len(message.get("body", b""))
@@ -98,7 +123,7 @@ class Admission:
             self._shared.hold(size)
             self._held += size
         if not message.get("more_body", False):
-            self._has_body, self._told = False, True
+            self._is_whole = True
             await self._arrived()
         return message
 
@@ -126,30 +151,35 @@ class Admission:
     async def _arrived(self) -> None:
         self.budget = Budget()
         self._watch = asyncio.create_task(self._watch_caller())
-        if not self._takes_place or self._inside:
+        if not self._takes_place:
             return
+        caller = self.caller
+        self._name = f"key {caller.id}" if caller is not None and caller.id else f"address {self._address}"
         self._place = asyncio.get_running_loop().create_future()
         try:
-            await self._shared.gate.enter(self._place)
+            await self._shared.gate.enter(self._name, self._place)
         except Overloaded:
             self._shared.count("overloaded")
             raise
-        self._inside = True
+        self._entered = time.monotonic()
 
     def _leave(self) -> None:
-        if self._inside:
-            self._inside = False
-            self._shared.gate.leave()
+        if self._entered is not None:
+            self._shared.gate.leave(self._name, time.monotonic() - self._entered)
+            self._entered = None
         self._takes_place = False
 
     async def _watch_caller(self) -> None:
         """What comes after the body: nothing, until the caller is gone or has the whole answer."""
         while (await self._inner_receive())["type"] != "http.disconnect":
             continue
-        self._gone.set()
+        self._give_up(ClientDisconnect())
+
+    def _give_up(self, error: Exception) -> None:
+        self._over.set()
         self.budget.abandon()
         if self._place is not None and not self._place.done():
-            self._place.set_exception(ClientDisconnect())
+            self._place.set_exception(error)
 
 
 def _waits(scope: Scope) -> bool:

@@ -9,6 +9,7 @@ from fastapi.routing import APIRoute
 
 from server.access import NOBODY, Caller
 from server.errors import InvalidField, NotFound, TooManyRequests, Unauthorized
+from server.http.middleware import is_streamed
 from server.http.scopes import ALSO, SCOPES
 from server.keys import Doorkeeper
 from server.rates import Rates
@@ -26,8 +27,15 @@ class GuardedRoute(APIRoute):
         scope = SCOPES[self.operation_id] if self.operation_id is not None else None
         also = ALSO.get(self.operation_id or "", frozenset())
         known = {parameter.alias for parameter in self.dependant.query_params}
+        reads_body = self.body_field is not None
+
+        async def handle_whole(request: Request) -> Response:
+            if not reads_body and not is_streamed(request.scope):
+                await request.body()  # for what comes with it: the request's turn
+            return await handle(request)
+
         if scope is None:
-            return handle
+            return handle_whole
 
         async def handle_admitted(request: Request) -> Response:
             caller = await _who_may_ask_now(request)
@@ -38,7 +46,7 @@ class GuardedRoute(APIRoute):
             if collection is not None and not caller.sees(collection):
                 raise NotFound("collection", collection)
             _check_parameters(request, known)
-            return await handle(request)
+            return await handle_whole(request)
 
         return handle_admitted
 

@@ -29,10 +29,11 @@ class Overload:
         request = Admission(self._shared, scope, receive, send)
         scope.setdefault("state", {})["admission"] = request
         try:
-            await request.begin()
             await self._app(scope, request.receive, request.send)
         except Abandoned:
-            raise ClientDisconnect from None
+            if request.refusal is None or request.answered:
+                raise ClientDisconnect from None
+            await domain_problem(request.refusal, scope)(scope, receive, request.send)
         except (Overloaded, TooSlow) as error:
             if request.answered:
                 raise

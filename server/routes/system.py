@@ -7,7 +7,7 @@ from server.http.authorization import GuardedRoute
 from server.http.dependencies import CallerDep, ServiceDep, json_response, problems
 from server.metrics import gauges
 from server.metrics.metrics import Metrics
-from server.schemas.system import LIMITS_EXAMPLE, LimitsAnswer, Liveness, Readiness
+from server.schemas.system import LIMITS_EXAMPLE, READINESS_EXAMPLE, LimitsAnswer, Liveness, Load, Readiness
 
 router = APIRouter(route_class=GuardedRoute, tags=["system"])
 # The probes run on the event loop: they never block, and must answer when all threads are busy with queries.
@@ -31,25 +31,20 @@ async def livez() -> Response:
     summary="Is the service ready?",
     response_model=Readiness,
     responses={
-        200: {
-            "content": {
-                "application/json": {
-                    "example": {
-                        "status": "ok",
-                        "checks": {"migrations": "ok", "kernels": "ok", "index": "ok", "database": "ok"},
-                    }
-                }
-            }
-        },
+        200: {"content": {"application/json": {"example": READINESS_EXAMPLE}}},
         **problems(503),
     },
 )
 async def readyz(service: ServiceDep) -> Response:
     """503 while migrations, kernels or the index are open, the database file is not the one that was opened, or the
     service is about to end, naming which. Requests are answered all the same, unless they need the database.
+
+    `load` tells how busy the process is. Saturation alone does not make it 503: every caller still gets its share.
     """
     service.readiness.require()
-    return json_response(Readiness(status="ok", checks=dict(service.readiness.states())))
+    gate = service.gate
+    load = Load(running=gate.running, places=gate.places, waiting=gate.waiting, saturated=gate.is_saturated)
+    return json_response(Readiness(status="ok", checks=dict(service.readiness.states()), load=load))
 
 
 @router.get(

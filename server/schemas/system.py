@@ -13,11 +13,21 @@ class Liveness(Answer):
     status: str
 
 
+class Load(Answer):
+    """How busy the process is that answers."""
+
+    running: int = Field(description="Requests that are worked on.")
+    places: int = Field(description="Requests that can be worked on at once.")
+    waiting: int = Field(description="Requests that wait for a place.")
+    saturated: bool = Field(description="Whether all places are taken, so that another caller's request has to wait.")
+
+
 class Readiness(Answer):
     """All checks are passed."""
 
     status: str
     checks: dict[str, str]
+    load: Load
 
 
 class Versions(Answer):
@@ -61,6 +71,7 @@ LIMITS_EXAMPLE: dict[str, Any] = {
         "page": 100,
         "page_max": 1000,
         "concurrent_requests": 32,
+        "key_requests": 0,
         "queued_requests": 256,
         "queue_seconds": 5.0,
         "connections": 1000,
@@ -73,4 +84,10 @@ LIMITS_EXAMPLE: dict[str, Any] = {
     "rates": {},
     "retention": {"stored_queries": 10000, "idempotency_hours": 24.0},
     "versions": {"service": "0.1.0", "api": "v1", "schema": "0001"},
+}
+
+READINESS_EXAMPLE: dict[str, Any] = {
+    "status": "ok",
+    "checks": {"migrations": "ok", "kernels": "ok", "index": "ok", "database": "ok"},
+    "load": {"running": 3, "places": 32, "waiting": 0, "saturated": False},
 }

@@ -137,7 +137,7 @@ def test_places_are_given_in_turn_and_none_is_lost() -> None:
         order: list[int] = []
 
         async def enter() -> None:
-            await gate.enter(asyncio.get_running_loop().create_future())
+            await gate.enter("a", asyncio.get_running_loop().create_future())
 
         async def visit(number: int) -> None:
             await enter()
@@ -152,11 +152,11 @@ def test_places_are_given_in_turn_and_none_is_lost() -> None:
         await asyncio.sleep(0)
         assert gate.waiting == 2
         # Given up in the moment in which it is handed over: the next one has it.
-        gate.leave()
+        gate.leave("a", 0.0)
         tasks[0].cancel()
         await asyncio.sleep(0.01)
         assert (gate.running, gate.waiting) == (1, 0)
-        gate.leave()
+        gate.leave("a", 0.0)
         await asyncio.gather(*tasks, return_exceptions=True)
         assert gate.running == 0
         return order
