@@ -45,6 +45,8 @@ from server.threads import pin_threads
 from server.version import service_version
 
 _SPARE_THREADS = 8
+_WARMING = 1.0
+"""Seconds for which the end waits for kernels that are still being loaded."""
 _log = logging.getLogger(__name__)
 # The framework tries route after route: what is asked most and matters most comes first.
 _ROUTERS = (
@@ -185,7 +187,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         # The upkeep first: it also stops the job that writes an index anew.
         await anyio.to_thread.run_sync(service.upkeep.stop)
         await anyio.to_thread.run_sync(service.jobs.runner.stop)
-        await anyio.to_thread.run_sync(warm_up.join)
+        await anyio.to_thread.run_sync(warm_up.join, _WARMING)
         await anyio.to_thread.run_sync(service.database.dispose)
         if service.exchange is not None:
             await anyio.to_thread.run_sync(service.exchange.stop)

@@ -1,7 +1,7 @@
 """Everything that can be set, from a file and `URQUHART_*` in the environment; checked together, at construction."""
 
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Any, Final, Literal, Self
 from urllib.parse import unquote
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
@@ -10,6 +10,8 @@ from pydantic_settings import BaseSettings, InitSettingsSource, PydanticBaseSett
 from server.sources import NESTED, PREFIX, check_environment, config_file, read_file
 
 _SQLITE_URL = "sqlite:///"
+STOP_SPARE: Final = 8.0
+"""Seconds after `drain_seconds` in which what is cut off ends, jobs are handed back and the database is closed."""
 
 
 class Limits(BaseModel):
@@ -198,7 +200,10 @@ class Settings(BaseSettings):
         "more than the interval of what watches it.",
     )
     drain_seconds: float = Field(
-        30.0, ge=0, le=3600, description="Seconds that requests at hand have to be finished before the service ends."
+        15.0,
+        ge=0,
+        le=3600,
+        description="Seconds that requests at hand have to be finished when the service ends; then they are cut off.",
     )
     metrics_collections: int = Field(
         20, ge=0, le=1000, description="Collections that metrics tell by name, the largest; the rest is `other`."
@@ -208,6 +213,11 @@ class Settings(BaseSettings):
     index: IndexSettings = Field(default_factory=IndexSettings, description="How the index is kept.")
     jobs: JobSettings = Field(default_factory=JobSettings, description="How long work is done beside the requests.")
     snapshots: SnapshotSettings = Field(default_factory=SnapshotSettings, description="How snapshots are kept.")
+
+    @property
+    def stop_seconds(self) -> float:
+        """Seconds after SIGTERM within which the service has ended, whatever is at hand."""
+        return self.notice_seconds + self.drain_seconds + STOP_SPARE
 
     @field_validator("database")
     @classmethod

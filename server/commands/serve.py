@@ -12,7 +12,8 @@ from server.app import create_app
 from server.commands.config import ConfigOption
 from server.commands.failure import Failure
 from server.commands.supervisor import supervise
-from server.http.serving import serve_app
+from server.http.descriptors import reserve_files
+from server.http.serving import BACKLOG, serve_app
 from server.keys import check_exposure
 from server.settings import Settings
 from server.store.database import Database
@@ -58,6 +59,7 @@ def serve(
     """
     settings = settings_with(host=host, port=port, database=database, insecure=insecure or None, config=config)
     logs.configure(settings.log)
+    settings = settings.model_copy(update={"limits": reserve_files(settings.limits)})
     # Refuses here, in one line, what would otherwise stop every worker.
     store = open_database(settings)
     try:
@@ -116,7 +118,7 @@ def bind(host: str, port: int) -> socket.socket:
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listener.bind(address)
-        listener.listen(2048)
+        listener.listen(BACKLOG)
     except OSError as error:
         listener.close()
         if error.errno == errno.EADDRINUSE:

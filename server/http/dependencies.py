@@ -71,6 +71,11 @@ class Service:
     snapshots: SnapshotFolder
     repetitions: Repetitions
 
+    def hand_back(self) -> None:
+        """Let jobs and the upkeep of the index end soon; what they did not finish is gone on with at the next start."""
+        self.catalog.stopping.set()
+        self.jobs.runner.hand_back()
+
     @property
     def limits(self) -> Limits:
         """The limits in force. While the kernels are still being compiled or loaded, queries have no deadline: the

@@ -3,6 +3,7 @@
 import asyncio
 import gc
 import logging
+import math
 import os
 import signal
 import socket
@@ -16,12 +17,23 @@ from typing import Any, Final
 from fastapi import FastAPI
 from uvicorn.server import Server
 
+from server.errors import NotReady
+from server.http.admission import Shared
 from server.http.dependencies import Service
-from server.http.protocol import ServerConfig
+from server.http.descriptors import Complaints
+from server.http.protocol import Connection, ServerConfig
 from server.http.readiness import SHUTDOWN
 
-_SPARE: Final = 10.0
-"""Seconds after `drain_seconds` that the parts have to stop; then the process ends all the same."""
+_LAST_WORDS: Final = 1.0
+"""Seconds that requests which take too long have to be answered that the service ends;"""
+_CUT: Final = 1.0
+"""and those after which their connections are closed, that they have to end."""
+_TICK: Final = 0.1
+BACKLOG: Final = 2048
+"""Connections that wait to be accepted,"""
+_ACCEPTED: Final = 32
+"""and those that are accepted at once."""
+_ENDING: Final = "the service is stopping"
 _log = logging.getLogger("server")
 
 
@@ -39,22 +51,38 @@ def serve_app(app: FastAPI, listener: socket.socket, *, alone: bool) -> None:
         lambda reason: service.metrics.rejected.labels(reason).inc(),
         log_config=None,
         access_log=False,
-        timeout_graceful_shutdown=max(1, round(settings.drain_seconds)),
+        backlog=_ACCEPTED,
+        timeout_graceful_shutdown=math.ceil(settings.drain_seconds + _LAST_WORDS + _CUT),
     )
-    _Drained(config, service, alone=alone).run(sockets=[listener])
+    _Drained(config, app, alone=alone).run(sockets=[listener])
 
 
 class _Drained(Server):
-    """Ends in order: first /readyz says so, then nothing more is accepted, then what is at hand is finished."""
+    """Ends in order: /readyz says so, then nothing more is accepted, then what is at hand is finished, or cut off.
 
-    def __init__(self, config: ServerConfig, service: Service, *, alone: bool) -> None:
+    A thread of its own sees to it that the process has ended in time, with exit code 0 all the same: what was
+    acknowledged is on the disk, and jobs are gone on with at the next start.
+    """
+
+    def __init__(self, config: ServerConfig, app: FastAPI, *, alone: bool) -> None:
         super().__init__(config)
+        service: Service = app.state.service
         self._service, self._alone = service, alone
+        self._shared: Shared = app.state.shared
         self._signal: int | None = None
         self._until: float | None = None
         self._settled = False
         connections = self.server_state.connections
         service.metrics.open_connections.set_function(lambda: len(connections))
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Begin to accept. Many may wait to be accepted, but few are accepted before the first of them is looked at:
+        else there may be more connections than files that can be opened.
+        """
+        asyncio.get_running_loop().set_exception_handler(Complaints())
+        await super().startup(sockets)
+        for listener in sockets or []:
+            listener.listen(BACKLOG)
 
     @contextmanager
     def capture_signals(self) -> Iterator[None]:
@@ -62,6 +90,7 @@ class _Drained(Server):
         ours: dict[int, Any] = {signal.SIGTERM: self.handle_exit}
         ours[signal.SIGINT] = self.handle_exit if self._alone else signal.SIG_IGN
         before = {number: signal.signal(number, handler) for number, handler in ours.items()}
+        threading.Thread(target=self._end_in_time, name="end-watch", daemon=True).start()
         try:
             yield
         finally:
@@ -82,26 +111,41 @@ class _Drained(Server):
             self._settled = True
             _settle()
         if self._signal is not None and self._until is None:
-            self._until = self._begin_to_end(self._signal)
+            # Who presses Ctrl-C looks at no probe.
+            notice = self._service.settings.notice_seconds if self._signal == signal.SIGTERM else 0.0
+            self._service.readiness.report(SHUTDOWN, _ENDING)
+            self._until = time.monotonic() + notice
         return ended or (self._until is not None and time.monotonic() >= self._until)
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        """Accept who has connected already, then nobody."""
+        """Accept who has connected already, then nobody; cut off what is not finished in time."""
         self._service.readiness.report(SHUTDOWN, _ENDING)
         for _ in range(3):
             await asyncio.sleep(0)
+        self._service.hand_back()
+        loop, drain = asyncio.get_running_loop(), self._service.settings.drain_seconds
+        loop.call_later(drain, self._end_requests)
+        loop.call_later(drain + _LAST_WORDS, self._cut_off)
         await super().shutdown(sockets)
 
-    def _begin_to_end(self, sig: int) -> float:
-        """Say so; until when requests are still taken."""
-        settings = self._service.settings
-        # Who presses Ctrl-C looks at no probe.
-        notice = settings.notice_seconds if sig == signal.SIGTERM else 0.0
-        self._service.readiness.report(SHUTDOWN, _ENDING)
-        last = threading.Timer(notice + settings.drain_seconds + _SPARE, _give_up)
-        last.daemon = True
-        last.start()
-        return time.monotonic() + notice
+    def _end_requests(self) -> None:
+        """Requests that take too long are refused; that ends queries, streams of results and uploads."""
+        for request in list(self._shared.requests):
+            request.refuse(NotReady(SHUTDOWN, _ENDING))
+
+    def _cut_off(self) -> None:
+        """Those that are slow to send or to read have no connection any more."""
+        for connection in list(self.server_state.connections):
+            if isinstance(connection, Connection):
+                connection.transport.abort()
+
+    def _end_in_time(self) -> None:
+        """In a thread, because the event loop may be what does not end."""
+        while self._signal is None:
+            time.sleep(_TICK)
+        time.sleep(self._service.settings.stop_seconds)
+        _log.warning("not everything ended in time; ending without it")
+        os._exit(0)
 
 
 def _settle() -> None:
@@ -110,11 +154,3 @@ def _settle() -> None:
     """
     gc.collect()
     gc.freeze()
-
-
-_ENDING: Final = "the service is stopping"
-
-
-def _give_up() -> None:
-    _log.error("requests at hand did not end in time; ending without them")
-    os._exit(1)

@@ -17,6 +17,7 @@ from server.store.collections import Collections
 from server.store.database import Database
 from server.store.jobs import Jobs, Queue
 from server.store.tables import CollectionRow, JobRow
+from urquhart import Budget
 
 
 class Interrupted(Exception):
@@ -57,7 +58,9 @@ class Work(Protocol):
 class Assignment:
     """A job in the hands of who does it."""
 
-    def __init__(self, row: JobRow, database: Database, stopping: threading.Event, turn: float) -> None:
+    def __init__(self, row: JobRow, database: Database, stopping: threading.Event, turn: float, budget: Budget) -> None:
+        """`budget` is abandoned when the service stops; work that takes long asks it, and may raise Abandoned."""
+        self.budget = budget
         self._queue, self._turn = Queue(row.caller, row.collection_key), turn
         self.id, self.collection_id, self.collection_key = row.id, row.collection_id, row.collection_key
         self.parameters: Mapping[str, Any] = row.parameters

@@ -105,6 +105,6 @@ def _look_up(assignment: Assignment, tools: Tools, row: SubmapRow, body: Constra
     limits = tools.settings.limits
     asked = question(row, body, limits.candidates)
     try:
-        return look_up(tools.catalog, tools.metrics, limits, assignment.collection_id, asked)
+        return look_up(tools.catalog, tools.metrics, limits, assignment.collection_id, asked, budget=assignment.budget)
     except NotFound:
         return None  # deleted meanwhile

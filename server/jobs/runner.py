@@ -20,11 +20,12 @@ from server.jobs.folder import ARRIVING, FOUND, INPUT, RESULTS
 from server.kinds import INTERNAL, document
 from server.store.jobs import Jobs, Queue
 from server.threads import pin_threads
+from urquhart import Abandoned, Budget
 
 _LOOK: Final = 0.5
 """Seconds between two looks at what other processes took on."""
 _SWEEP: Final = 600.0
-_PATIENCE: Final = 30.0
+_PATIENCE: Final = 3.0
 """Seconds that what is at hand may take when the service stops."""
 _LONGEST_PAUSE: Final = 60.0
 """Seconds between two looks, as long as these fail."""
@@ -41,6 +42,7 @@ class Runner:
         self._stopping, self._news = threading.Event(), threading.Event()
         self._swept = -_SWEEP
         self._thread: threading.Thread | None = None
+        self._budget = Budget()
         self._turns = 0
         self._served: dict[Queue | str, int] = {}
 
@@ -49,6 +51,7 @@ class Runner:
         if self._tools.database.read_only:
             return
         self._stopping.clear()
+        self._budget = Budget()
         self._thread = threading.Thread(target=self._run, name="jobs", daemon=True)
         self._thread.start()
 
@@ -56,13 +59,18 @@ class Runner:
         """There is news: a job was taken on, or dismissed."""
         self._news.set()
 
-    def stop(self) -> None:
-        """End after what is at hand; the job goes on where it was when a service is started again.
+    def hand_back(self) -> None:
+        """Tell the job at hand to end soon; it goes on where it was when a service is started again.
 
         A job that writes segments ends when the catalog's `stopping` is set, too: set that before.
         """
         self._stopping.set()
+        self._budget.abandon()
         self._news.set()
+
+    def stop(self) -> None:
+        """Hand the job at hand back, and wait until that is done, but not for long: else its lock does it."""
+        self.hand_back()
         if self._thread is not None:
             self._thread.join(_PATIENCE)
 
@@ -139,7 +147,7 @@ class Runner:
             )
             session.refresh(row)
             turn = self._tools.settings.jobs.slice_seconds
-            assignment = Assignment(row, self._tools.database, self._stopping, turn)
+            assignment = Assignment(row, self._tools.database, self._stopping, turn, self._budget)
             dismissed = row.dismissed
         if dismissed:
             self._finish(row.id, "dismissed")
@@ -156,7 +164,7 @@ class Runner:
         except GaveWay:
             self._put_back(assignment.id, starts=-1)
             return True
-        except Interrupted:
+        except (Interrupted, Abandoned):
             self._put_back(assignment.id, starts=-1)
             return False
         except Dismissed:

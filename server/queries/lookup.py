@@ -112,8 +112,10 @@ def answer_query(
 
     Raises as `look_up`, and KeyReused.
 
-    `pairs`: most pairs of landmarks in what is answered, by default `limits.answer_pairs`.
+    `pairs`: most pairs of landmarks in what is answered, by default `limits.answer_pairs`. With a `budget`, the search
+    ends `limits.query_seconds` or `timeout_ms` after the budget began; without one it takes as long as it takes.
     """
+    budget = None if budget is None else _share(budget, body, limits)
     look = look_up(catalog, metrics, limits, collection_id, body, own_id=own_id, budget=budget)
     answer = look.answer
     if body.store:
@@ -163,13 +165,11 @@ def look_up(
     """Place an observation in a collection; with `to_draw`, read the landmarks of candidates and first rival too.
 
     The submap `own_id` is left out of the search: what is stored there, if anything, is the observation itself.
-    With a `budget`, the search ends `limits.query_seconds` or `timeout_ms` after the budget began; without one it takes
-    as long as it takes.
+    With a `budget`, the search ends when that is spent, and without an answer when it is abandoned.
 
     Too few or collinear landmarks are an answer, not an error. Raises NotFound (the collection, or `submap_id`),
     InvalidLandmarks, InvalidField, TooLarge, StorageError, and Abandoned (nobody waits for the answer any more).
     """
-    budget = Budget() if budget is None else _share(budget, body, limits)
     check_landmark_count(body, limits)
     _check_sizes(body, limits)
     pin_threads()
@@ -219,7 +219,7 @@ def _share(budget: Budget, body: QueryInput, limits: Limits) -> Budget:
 
 
 def _search(
-    view: View, body: QueryInput, asked: Observation, most: int, only: set[int] | None, budget: Budget
+    view: View, body: QueryInput, asked: Observation, most: int, only: set[int] | None, budget: Budget | None
 ) -> Search:
     def search(excluded: set[int]) -> Recognition:
         found = view.recognizer.recognize(

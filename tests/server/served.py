@@ -31,12 +31,15 @@ _ASKED = 12
 class Served:
     """The command on a free port; `client` talks to it once it is ready."""
 
-    def __init__(self, folder: Path, *options: str, **environment: str) -> None:
+    def __init__(self, folder: Path, *options: str, files: str = "", **environment: str) -> None:
+        """`files`: how many it may have open; empty: as many as the tests."""
         self.log = folder / "served.log"
         self.temporary = folder / "tmp"
         self.temporary.mkdir(exist_ok=True)
         self.database = folder / "urquhart.db"
         command = [sys.executable, "-m", "server.cli", "serve", "--port", "0", "--database", str(self.database)]
+        if files:
+            command = ["sh", "-c", f'ulimit -n {files} && exec "$0" "$@"', *command]
         with self.log.open("wb") as errors:
             self.process = subprocess.Popen(
                 [*command, *options],

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import socket
 import subprocess
@@ -14,12 +15,14 @@ from pathlib import Path
 import httpx
 import pytest
 
+from server.settings import STOP_SPARE, Settings
 from server.store.database import Database
 from server.store.integrity import findings
 from tests.server.processes import Server
 from tests.server.served import PATIENCE, Served, wait_until
 from tests.server.world import forest, points, put_submap
 
+ROOT = Path(__file__).parents[2]
 Start = Callable[..., Served]
 BODY = json.dumps({"xy": points(forest(1))}).encode()
 
@@ -157,6 +160,57 @@ def test_what_takes_too_long_is_given_up(start: Start) -> None:
         served.signal()
         assert served.wait() == 0
     assert stored(served) == set()
+
+
+@pytest.mark.parametrize("workers", ["1", "2"])
+def test_it_ends_in_time_whatever_is_at_hand(start: Start, workers: str) -> None:
+    """A batch that takes minutes, half an upload, an answer that nobody reads, a job: and the exit code is 0."""
+    served = start(
+        "--workers",
+        workers,
+        URQUHART_NOTICE_SECONDS="0",
+        URQUHART_DRAIN_SECONDS="1",
+        URQUHART_LIMITS__BODY_SECONDS="600",
+        URQUHART_LIMITS__QUERY_SECONDS="3600",
+        URQUHART_LIMITS__BATCH_SECONDS="3600",
+    )
+    for seed in range(20):
+        put_submap(served.client, "plots", f"p{seed}", seed).raise_for_status()
+    served.client.post("/v1/collections/plots/constraints", json={}).raise_for_status()
+    unknown = {"xy": points(forest(99, count=500, radius=150.0))}
+    batch = json.dumps({"queries": [unknown] * 200}).encode()
+    half = b'{"id": "a", "xy": [[0, 0], [1, 2], [5, 3]]}\n{"id"'
+    sent = [
+        ("POST /v1/collections/plots/queries/batch", "application/json", len(batch), batch),
+        ("POST /v1/collections/plots/imports", "application/x-ndjson", 10**6, half),
+    ]
+    connections = []
+    for request, kind, length, body in sent:
+        connections.append(socket.create_connection(("127.0.0.1", served.port), timeout=PATIENCE))
+        head = f"{request} HTTP/1.1\r\nHost: localhost\r\nContent-Type: {kind}\r\nContent-Length: {length}\r\n\r\n"
+        connections[-1].sendall(head.encode() + body)
+    unread = socket.create_connection(("127.0.0.1", served.port), timeout=PATIENCE)
+    unread.sendall(b"GET /openapi.json HTTP/1.1\r\nHost: localhost\r\n\r\n" * 100)
+    time.sleep(1.0)
+    served.signal()
+    assert served.wait() == 0
+    assert "ending without it" not in served.log.read_text()
+    for connection in (*connections, unread):
+        connection.close()
+    assert stored(served) == {f"p{seed}" for seed in range(20)}
+
+
+def test_what_is_said_of_the_end_agrees() -> None:
+    """Whoever stops the service by the examples waits for longer than it takes."""
+    settings = Settings()
+    assert settings.stop_seconds <= 25.0
+    grace = re.search(r"stop_grace_period: (\d+)s", (ROOT / "docker-compose.yml").read_text())
+    assert grace is not None
+    assert settings.stop_seconds < int(grace[1])
+    said = (ROOT / "docs/operations.md").read_text()
+    assert f"`notice_seconds` ({settings.notice_seconds:g})" in said
+    assert f"`drain_seconds` ({settings.drain_seconds:g})" in said
+    assert f"`notice_seconds` + `drain_seconds` + {STOP_SPARE:g} ({settings.stop_seconds:g})" in said
 
 
 def test_idle_connections_do_not_hold_it_up(start: Start) -> None:

@@ -5,6 +5,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import httpx
 import pytest
@@ -18,7 +19,7 @@ from server.settings import Limits, Settings
 from tests.server.served import PATIENCE, Threaded, wait_until
 from tests.server.test_disconnect import ASK, BATCH, QUERY, Searches
 from tests.server.world import put_submap
-from urquhart import Recognizer
+from urquhart import Recognition, Recognizer
 
 Start = Callable[..., Threaded]
 
@@ -166,11 +167,12 @@ def key_of(server: Threaded, name: str) -> tuple[str, dict[str, str]]:
 def only_of(monkeypatch: pytest.MonkeyPatch, points: int) -> Searches:
     """Searches of queries with so many points go on until their budget ends them; the others are answered."""
     searches, search = Searches(), Recognizer.recognize
-    monkeypatch.setattr(
-        Recognizer,
-        "recognize",
-        lambda *given, **options: (searches if len(given[1]) == points else search)(*given, **options),
-    )
+
+    def recognize(recognizer: Recognizer, xy: Any, **options: Any) -> Recognition:
+        is_one = "budget" in options and len(xy) == points
+        return (searches if is_one else search)(recognizer, xy, **options)
+
+    monkeypatch.setattr(Recognizer, "recognize", recognize)
     return searches
 
 

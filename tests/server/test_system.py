@@ -70,6 +70,7 @@ def test_probes(client: httpx.Client) -> None:
     assert ready(client).json() == {
         "status": "ok",
         "checks": {"migrations": "ok", "kernels": "ok", "index": "ok", "database": "ok"},
+        "load": {"running": 0, "places": 32, "waiting": 0, "saturated": False},
     }
 
 
