@@ -107,10 +107,12 @@ class Georeference:
     def footprint(self, place: Place, xy: NDArray[np.float64]) -> dict[str, Any] | None:
         """GeoJSON polygon: the convex hull of the landmarks (N, 2) float64, metres, submap frame.
 
-        The points themselves where they span no area; None where they lie outside the system's area of use.
+        The points themselves where they span no area, the frame's origin where there are none; None where they lie
+        outside the system's area of use.
         """
         from scipy.spatial import ConvexHull, QhullError
 
+        xy = xy if len(xy) else np.zeros((1, 2))
         try:
             hull = xy[ConvexHull(xy).vertices]
         except (QhullError, ValueError):

@@ -10,9 +10,12 @@ import pytest
 from pyproj import Transformer
 
 from server.app import create_app
+from server.geo import Georeference
 from server.settings import Settings
 from server.store import schema
 from server.store.database import Database
+from server.store.frames import FrameReference
+from server.store.submaps import Place
 from tests.server.world import TestClient, forest, points, put_submap
 
 PLOTS = "/v1/collections/plots"
@@ -214,6 +217,18 @@ def test_an_older_collection_keeps_its_crs_for_its_only_frame(
     database.dispose()
     with TestClient(create_app(Settings(database=str(path)))) as client:
         assert client.get(PLOTS).json()["frames"] == kept
+
+
+@pytest.mark.parametrize("trees", [[], [[1.0, 2.0]], [[1.0, 2.0], [5.0, 9.0]], [[float(i), 0.0] for i in range(5)]])
+def test_a_footprint_without_area_is_its_points(trees: list[list[float]]) -> None:
+    """A clearing with hardly a tree, and trees in a row."""
+    place = Place("map", 0.0, 0.0, 0.0, None, 0.0, 0.0, 5.0, 9.0)
+    reference = FrameReference("EPSG:32633", (500_000.0, 5_000_000.0))
+    footprint = Georeference(reference).footprint(place, np.array(trees).reshape(-1, 2))
+    assert footprint is not None
+    assert footprint["type"] == "MultiPoint"
+    assert len(footprint["coordinates"]) == max(1, len(trees))
+    assert footprint["coordinates"][0] == pytest.approx((15.0, 45.153), abs=0.001)
 
 
 def test_a_submap_on_the_other_side_of_the_date_line(client: httpx.Client) -> None:
