@@ -81,6 +81,7 @@ def from_look(row: SubmapRow, look: Look, body: ConstraintsInput) -> list[Found]
             "to_session": row.session,
             "from_revision": look.content_revisions[one.submap_id],
             "to_revision": look.content_revisions[row.id],
+            "warnings": one.warnings,
         }
         for one, found in zip(look.answer.candidates, look.candidates, strict=True)
         if one.refused is None

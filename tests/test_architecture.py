@@ -20,6 +20,7 @@ METHOD = [
         "se2",
         "uncertainty",
         "delaunay",
+        "distortion",
         "quads",
         "tessellation",
         "descriptor",

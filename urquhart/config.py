@@ -45,6 +45,14 @@ class Config:
     )
     margin: float = _parameter(0.25, 0.0, 5.0, "lead over the best distinct pose that says nothing, for each landmark")
 
+    covariance_scale: float = _parameter(1.0, 0.01, 1e6, "factor on the covariance of every pose")
+    covariance_floor: float = _parameter(
+        0.0, 0.0, 1e3, "metres; standard deviation that is added to the x and y of every pose, about the trees' middle"
+    )
+    covariance_floor_yaw: float = _parameter(
+        0.0, 0.0, 3.2, "radians; standard deviation that is added to the yaw of every pose"
+    )
+
     tau: float = _parameter(8.0, 0.0, 1e9, "paper mode: largest descriptor distance of two matching polygons")
     vertex_window: int = _parameter(3, 0, 16, "paper mode: largest difference in vertex count of two matching polygons")
     gamma: int | None = _parameter(None, 1, 100_000, "paper mode: polygons sampled from an observation; null for all")

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from urquhart.confidence import against_chance, against_rival, log_odds, surely_behind, together
 from urquhart.config import Config
+from urquhart.distortion import find_distortion
 from urquhart.features import Features
 from urquhart.proposing import Level, Proposal, Sighting
 from urquhart.se2 import SE2
@@ -44,6 +45,8 @@ class Candidate:
         lead: evidence over that of the best distinct pose; None where it was too weak to be compared.
         confidence: probability that the transform is right.
         refused: why this candidate alone would not be reported as matched, else None.
+        warnings: what is wrong with the coordinates of one side, see `urquhart.distortion.WARNINGS`; distortions are
+            looked for where the candidate is not refused.
     """
 
     key: int
@@ -63,6 +66,7 @@ class Candidate:
     lead: float | None
     confidence: float
     refused: str | None
+    warnings: tuple[str, ...] = ()
 
     @property
     def covariance(self) -> NDArray[np.float64]:
@@ -193,14 +197,15 @@ def make_candidate(
     v, features = proposal.verified, query.features
     transform = _as_posted(v.transform, submap.origin, query)
     inliers = len(v.residuals)
-    degrees = max(2 * inliers - 3, 1)
-    variance = max(float((v.residuals**2).sum()) / degrees, _LEAST_NOISE**2)
     odds = log_odds(v, query.pattern, query.volume)
+    refused = refusal(v, odds, lead, config)
+    seen, stored = features.landmarks[v.query] + features.origin, submap.landmarks[v.submap] + submap.origin
+    uncertainty, warnings = _uncertainty(seen, stored, transform, v, config, distorted=refused is None)
     return Candidate(
         key=proposal.key,
         level=proposal.level,
         transform=transform,
-        uncertainty=least_squares(features.landmarks[v.query] + features.origin, transform, variance),
+        uncertainty=uncertainty,
         query_indices=v.query,
         submap_indices=v.submap,
         residuals=v.residuals,
@@ -213,8 +218,37 @@ def make_candidate(
         log_odds=odds,
         lead=lead,
         confidence=confidence(v, odds, lead, config),
-        refused=refusal(v, odds, lead, config),
+        refused=refused,
+        warnings=warnings,
     )
+
+
+def _uncertainty(
+    seen: NDArray[np.float64],
+    stored: NDArray[np.float64],
+    transform: SE2,
+    verified: Verified,
+    config: Config,
+    *,
+    distorted: bool,
+) -> tuple[PoseUncertainty, tuple[str, ...]]:
+    """How sure a pose is, from residuals, configuration and distortions; and what there is to warn of.
+
+    Args:
+        seen, stored: (K, 2) float64, metres, the inliers of either side, as posted.
+        distorted: whether distortions are looked for.
+    """
+    degrees = max(2 * len(seen) - 3, 1)
+    variance = max(float((verified.residuals**2).sum()) / degrees, _LEAST_NOISE**2)
+    known = least_squares(seen, transform, variance * config.covariance_scale)
+    more = np.diag([config.covariance_floor, config.covariance_floor, config.covariance_floor_yaw]) ** 2
+    words: tuple[str, ...] = ()
+    if distorted:
+        found = find_distortion(seen, stored, transform)
+        more, words = more + found.covariance, found.words
+    if more.any():
+        known = known.widened(transform, more)
+    return known, (*words, "far_origin") if known.is_far(transform) else words
 
 
 def _as_posted(pose: SE2, origin: NDArray[np.float64], query: Sighting) -> SE2:

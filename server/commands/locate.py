@@ -23,6 +23,7 @@ from server.stem_maps.discs import without_twins
 from server.stem_maps.reader import StemMap, read_stem_map
 from server.stem_maps.stands import landmarks_of
 from server.store.renewal import bring_up_to_date
+from urquhart.distortion import WARNINGS
 
 
 def locate(
@@ -114,9 +115,21 @@ def _print(console: Console, answer: QueryAnswer) -> None:
             markup=False,
             soft_wrap=True,
         )
+        if "far_origin" in best.warnings and pose.middle is not None:
+            (x, y), (there_x, there_y) = pose.middle.source, pose.middle.target
+            console.print(
+                f"middle of the trees: {x:.3f}, {y:.3f} of the observation is {there_x:.3f}, {there_y:.3f}"
+                f"{_spread(pose.middle.covariance)}",
+                highlight=False,
+                markup=False,
+                soft_wrap=True,
+            )
         console.print(
             f"inliers: {best.inlier_count} of {answer.landmarks} trees, rms {best.rms:.3f} m", highlight=False
         )
+    best_warnings = answer.candidates[0].warnings if answer.verdict == "matched" else []
+    for word in (*answer.warnings, *best_warnings):
+        console.print(f"warning: {WARNINGS[word]} ({word})", highlight=False, markup=False, soft_wrap=True)
     if answer.verdict == "ambiguous":
         for rival in answer.rivals:
             there = rival.transform

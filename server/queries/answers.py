@@ -150,5 +150,6 @@ def _candidate_answer(
         log_odds=candidate.log_odds,
         confidence=candidate.confidence,
         refused=candidate.refused,
+        warnings=list(candidate.warnings),
         links=CandidateLinks(submap=links.submap(collection_id, found.id), match=None),
     )

@@ -11,6 +11,7 @@ from server import links
 from server.schemas.poses import Transform
 from server.schemas.queries import ExplanationAnswer, ExplanationLinks, QueryAnswer
 from urquhart import SE2, Stage
+from urquhart.distortion import WARNINGS
 from urquhart.explaining import Explanation, Found, Laid, draw_explanation, sentence
 
 
@@ -119,9 +120,11 @@ class Explained:
 
 
 def sentences(answer: QueryAnswer) -> dict[str, str]:
-    """What each reason in an answer means, by its word."""
+    """What each reason and each warning in an answer means, by its word."""
     refused = [one.refused for one in (*answer.candidates, *(answer.findings or ())) if one.refused is not None]
-    return {reason: sentence(reason) for reason in dict.fromkeys([answer.reason, *refused])}
+    warnings = [*answer.warnings, *(word for one in answer.candidates for word in one.warnings)]
+    meant = {reason: sentence(reason) for reason in dict.fromkeys([answer.reason, *refused])}
+    return meant | {word: WARNINGS.get(word, word) for word in dict.fromkeys(warnings)}
 
 
 def _se2(pose: Transform) -> SE2:

@@ -26,12 +26,12 @@ from server.queries.answers import (
     stage_answers,
     strongest,
 )
-from server.queries.contradictions import COMPARED, without_contradictions
 from server.queries.explanations import Explained, sentences
 from server.queries.narrowing import keys_excluded, keys_near
 from server.queries.pairs import within
+from server.queries.searching import search_in, try_mirrored
 from server.queries.stored_queries import keep
-from server.queries.visits import Search, by_session
+from server.queries.visits import by_session
 from server.schemas.queries import QueryAnswer, QueryInput, QueryLinks
 from server.settings import Limits
 from server.store.codec import position_names, unpack_diameters, unpack_ids, unpack_positions
@@ -190,15 +190,19 @@ def look_up(
             excluded.update(submaps.keys([own_id]).values())
         sessions = Sessions(view.session, view.collection.key)
         most = min(body.limit, limits.candidates)  # less than the default only where the operator wants it so
-        search = _search(view, body, asked, most, keys_near(submaps, body.near), budget)
+        only = keys_near(submaps, body.near)
+        search = search_in(view, body, asked.xy, asked.diameters, most, only, budget)
         try:
             found = by_session(search, sessions, excluded, most) if body.per_session else search(excluded)
         except LandmarkError as error:
             raise invalid_landmarks(error, body) from error
+        warnings: tuple[str, ...] = ()
+        if body.explain:  # it takes as long again
+            found, warnings = try_mirrored(view, body, asked.xy, asked.diameters, found, only, excluded, budget)
         keys = {candidate.key for candidate in found.candidates} | {rival.key for rival in found.rivals[:1]}
         rows = found_submaps(view.session, view.collection.key, keys, landmarks=to_draw)
         pairs = limits.answer_pairs if body.pairs or body.store else 0
-        answer = _answer(view, body, asked, found, rows, pairs)
+        answer = _answer(view, body, asked, found, rows, pairs, warnings)
         landmarks = {one.id: unpack_positions(one.landmarks) for one in rows.values()} if to_draw else {}
         revisions = {one.id: one.content_revision for one in rows.values()}
         if row is not None:
@@ -218,30 +222,6 @@ def _share(budget: Budget, body: QueryInput, limits: Limits) -> Budget:
     return budget.within(seconds - min(_TO_ANSWER, _ANSWER_SHARE * seconds) - budget.elapsed)
 
 
-def _search(
-    view: View, body: QueryInput, asked: Observation, most: int, only: set[int] | None, budget: Budget | None
-) -> Search:
-    def search(excluded: set[int]) -> Recognition:
-        found = view.recognizer.recognize(
-            asked.xy,
-            diameters=asked.diameters,
-            limit=max(most, COMPARED),
-            method=body.method,
-            exclude=excluded,
-            only=only,
-            rng=None if body.seed is None else np.random.default_rng(body.seed),
-            budget=budget,
-        )
-        accepted = [one.key for one in found.candidates if one.refused is None]
-        places = {}
-        if len(accepted) > 1:
-            rows = found_submaps(view.session, view.collection.key, accepted, landmarks=False)
-            places = {key: row.place for key, row in rows.items() if row.place is not None}
-        return without_contradictions(found, places, asked.xy, most)
-
-    return search
-
-
 def _check_sizes(body: QueryInput, limits: Limits) -> None:
     if body.limit > limits.candidates and "limit" in body.model_fields_set:
         detail = f"must be at most {limits.candidates}, the limit candidates"
@@ -259,7 +239,13 @@ def _stored_observation(row: SubmapRow, body: QueryInput) -> Observation:
 
 
 def _answer(
-    view: View, body: QueryInput, asked: Observation, found: Recognition, rows: dict[int, FoundSubmap], pairs: int
+    view: View,
+    body: QueryInput,
+    asked: Observation,
+    found: Recognition,
+    rows: dict[int, FoundSubmap],
+    pairs: int,
+    warnings: tuple[str, ...],
 ) -> QueryAnswer:
     collection_id, submaps = view.collection.id, Submaps(view.session, view.collection.key)
     # What is kept is kept whole: a stored answer can always be explained.
@@ -276,6 +262,7 @@ def _answer(
         revision=view.revision,
         landmarks=len(asked.xy),
         margin=found.margin,
+        warnings=list(warnings),
         gates=gates_answer(view.recognizer.config),
         candidates=candidate_answers(collection_id, found.candidates, rows, asked.names(), pairs),
         rivals=rival_answers(collection_id, found.rivals, ids),

@@ -256,4 +256,4 @@ def _unpack(packed: dict[str, Any]) -> Candidate | None:
     known |= {name: np.array(known[name], dtype=np.int64) for name in ("query_indices", "submap_indices")}
     known["residuals"] = np.array(known["residuals"], dtype=np.float64)
     known["uncertainty"] = PoseUncertainty.about_point(source, transform, covariance.reshape(3, 3))
-    return Candidate(**known | {"transform": transform})
+    return Candidate(**known | {"transform": transform, "warnings": tuple(known.get("warnings", ()))})

@@ -8,6 +8,7 @@ from pydantic import Field, PlainSerializer
 
 from server.schemas.common import Answer, write_stamp
 from server.schemas.poses import CandidateTransform, MapPoseAnswer, Transform
+from urquhart.distortion import WARNINGS
 from urquhart.explaining import SKIPS, STOPS
 from urquhart.proposing import Level
 from urquhart.stages import Skipped, StoppedBy
@@ -23,6 +24,12 @@ _ID = (
     "Ids are always strings: a landmark that was sent without an id has its position in the list as text, counted "
     'from 0 ("0", "1", ...).'
 )
+WARNED = (
+    "What is wrong with the coordinates of one side, as stable words; the covariance is widened accordingly. "
+    + "; ".join(f"`{word}`: {text}" for word, text in WARNINGS.items() if word != "mirrored")
+    + "."
+)
+"""Description of a candidate's warnings."""
 
 
 class Inlier(Answer):
@@ -84,6 +91,7 @@ class CandidateAnswer(Answer):
     )
     confidence: float = Field(ge=0, le=1, description="Calibrated probability that `transform` is right.")
     refused: str | None = Field(description="Why this candidate alone is not accepted; null when it is.")
+    warnings: list[str] = Field(default_factory=list, description=WARNED)
     links: CandidateLinks = Field(description="Where to go from here.")
 
 

@@ -4,6 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field
 
+from server.schemas.candidates import WARNED
 from server.schemas.common import Answer, Body, Label, Metres, ResourceId
 from server.schemas.poses import PoseWithCovariance, TreesMiddle
 
@@ -88,6 +89,7 @@ class Constraint(Answer):
     to_revision: int | None = Field(
         description="Collection's revision at which the landmarks of `to` came; null in older results."
     )
+    warnings: list[str] = Field(default_factory=list, description=WARNED)
     stale: bool = Field(
         description="Whether one of the two submaps went since, or has other landmarks now, as far as is known. "
         "Neither g2o nor matrices hold stale ones."
@@ -120,5 +122,6 @@ CONSTRAINT_EXAMPLE: dict[str, Any] = {
     "to_session": "tuesday",
     "from_revision": 7,
     "to_revision": 12,
+    "warnings": [],
     "stale": False,
 }

@@ -87,6 +87,7 @@ QUERY_ANSWER: dict[str, Any] = {
     "revision": 12,
     "landmarks": 88,
     "margin": 61.2,
+    "warnings": [],
     "gates": {"confidence": 0.999, "log_odds": 8.4, "lead": 20.6, "lead_each": 0.25, "lead_share": 0.1},
     "candidates": [
         {
@@ -133,6 +134,7 @@ QUERY_ANSWER: dict[str, Any] = {
             "log_odds": 74.8,
             "confidence": 1.0,
             "refused": None,
+            "warnings": [],
             "links": {
                 "submap": "/v1/collections/plots/submaps/p7",
                 "match": "/v1/collections/plots/queries/17/candidates/1/match",

@@ -19,6 +19,7 @@ from server.schemas.common import (
 )
 from server.schemas.submaps import LandmarkBody
 from urquhart import Method, Verdict
+from urquhart.distortion import WARNINGS
 from urquhart.explaining import REASONS
 
 _Written = Annotated[datetime, PlainSerializer(write_stamp, return_type=str, when_used="json")]
@@ -167,6 +168,11 @@ class QueryAnswer(Answer):
     revision: int = Field(description="Revision of the collection that was searched.")
     landmarks: int = Field(description="How many landmarks the query has.")
     margin: float | None = Field(description=_MARGIN)
+    warnings: list[str] = Field(
+        default_factory=list,
+        description="What is wrong with the query as a whole, as stable words. Looked for with `explain`. "
+        f"`mirrored`: {WARNINGS['mirrored']}.",
+    )
     gates: Gates = Field(description="What was asked of a match.")
     candidates: list[CandidateAnswer] = Field(description="Best first.")
     rivals: list[RivalAnswer] = Field(
@@ -184,8 +190,8 @@ class QueryAnswer(Answer):
     )
     sentences: dict[str, str] | None = Field(
         None,
-        description="What the verdict's reason and each `refused` in this answer mean, by word; null unless asked with "
-        "`explain`.",
+        description="What the verdict's reason, each `refused` and each warning in this answer mean, by word; null "
+        "unless asked with `explain`.",
     )
     links: QueryLinks = Field(description="Where to go from here.")
 

@@ -47,7 +47,7 @@ class Candidate(Model):
     `map_pose` is the pose of the *query's* frame in the map, when the submap has a pose there. `confidence` is 0 to 1,
     `log_odds` the natural logarithm of right against wrong, `evidence` the same before the number of poses to choose
     from is taken off, `level` which features proposed the pose, `rms` in metres; `refused` says why this candidate
-    alone is not accepted.
+    alone is not accepted, `warnings` what is wrong with the coordinates of one side.
     """
 
     rank: int
@@ -68,6 +68,7 @@ class Candidate(Model):
     log_odds: float
     confidence: float
     refused: str | None = None
+    warnings: tuple[str, ...] = ()
     links: dict[str, Any] = Field(default_factory=dict)
 
 
@@ -129,6 +130,7 @@ class QueryResult(Model):
     revision: int
     landmarks: int | None = None
     margin: float | None = None
+    warnings: tuple[str, ...] = ()
     gates: Gates | None = None
     candidates: tuple[Candidate, ...] = ()
     rivals: tuple[Rival, ...] = ()
