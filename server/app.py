@@ -25,6 +25,7 @@ from server.http.overload import Overload
 from server.http.readiness import SHUTDOWN, Readiness
 from server.http.repetitions import Repetitions
 from server.http.revocation import watch_keys
+from server.http.waits import JobWaits
 from server.index.catalog import Catalog
 from server.index.upkeep import Upkeep
 from server.jobs.assignment import Tools
@@ -94,6 +95,8 @@ def create_app(settings: Settings, exchange: Exchange | None = None, *, create_d
     gate, readiness = Gate(settings.limits), Readiness(database.trouble)
     metrics.in_flight.set_function(lambda: gate.running)
     metrics.queued.set_function(lambda: gate.waiting)
+    waits = JobWaits(database, settings.limits, lambda: readiness.stopping)
+    metrics.waits.set_function(lambda: waits.count)
     service = Service(
         settings,
         database,
@@ -107,6 +110,7 @@ def create_app(settings: Settings, exchange: Exchange | None = None, *, create_d
         gate,
         SnapshotFolder(database.path),
         Repetitions(),
+        waits,
     )
     app = FastAPI(
         title="Urquhart",

@@ -12,7 +12,7 @@ from server.errors import InvalidField, NotAcceptable, NotFound
 from server.footprints import geometry_of, outside, references_of, without_crs
 from server.geo import Georeference, polygon
 from server.index.derive import config_of, features_of
-from server.paging import page_size, read_cursor, read_name_cursor, write_cursor
+from server.paging import page_size, read_name_cursor, write_cursor
 from server.registry import get_collection
 from server.schemas.common import Stamp
 from server.schemas.poses import PlacedPose
@@ -35,6 +35,7 @@ from server.store.sessions import Sessions
 from server.store.submap_filter import SubmapFilter
 from server.store.submaps import Submaps, stored_place
 from server.store.tables import SubmapRow
+from server.submap_pages import rows_of_page
 
 
 def read(database: Database, collection_id: str, submap_id: str) -> Submap:
@@ -56,7 +57,7 @@ def page(
     database: Database, limits: Limits, collection_id: str, chosen: SubmapFilter, limit: int | None, cursor: str | None
 ) -> SubmapPage:
     """A page of submaps without their landmarks, in the order they came. Raises NotFound and InvalidField."""
-    rows, following = _rows(database, limits, collection_id, chosen, limit, cursor)[1:]
+    rows, following = rows_of_page(database, limits, collection_id, chosen, limit, cursor)[1:]
     return SubmapPage(submaps=[SubmapSummary(**_summary(collection_id, row)) for row in rows], next=following)
 
 
@@ -87,7 +88,7 @@ def geojson_page(
     A submap without map_pose, or in a map frame without CRS, has no geometry, and `no_geometry` says why. Raises
     NotAcceptable for a collection without any CRS.
     """
-    collection, rows, following = _rows(database, limits, collection_id, chosen, limit, cursor, landmarks=True)
+    collection, rows, following = rows_of_page(database, limits, collection_id, chosen, limit, cursor, landmarks=True)
     references = references_of(database, collection, {row.map_frame_id for row in rows if row.map_frame_id is not None})
     features = []
     for row in rows:
@@ -179,25 +180,6 @@ def submap_filter(
     """The filter that query parameters ask for. Raises InvalidField."""
     since, until = _interval(datetime_range)
     return SubmapFilter(session=session, bbox=_bbox(bbox), map_frame_id=frame_id, since=since, until=until)
-
-
-def _rows(
-    database: Database,
-    limits: Limits,
-    collection_id: str,
-    chosen: SubmapFilter,
-    limit: int | None,
-    cursor: str | None,
-    *,
-    landmarks: bool = False,
-) -> Any:
-    size = page_size(limit, limits)
-    after = read_cursor("submaps", cursor)
-    with database.read() as session:
-        collection = get_collection(session, collection_id)
-        rows = Submaps(session, collection.key).page(chosen, after_key=after, limit=size + 1, landmarks=landmarks)
-    following = write_cursor("submaps", rows[size - 1].key) if len(rows) > size else None
-    return collection, rows[:size], following
 
 
 def _summary(collection_id: str, row: SubmapRow) -> dict[str, Any]:

@@ -54,6 +54,11 @@ class Limits(BaseModel):
     )
     page: int = Field(100, ge=1, description="Rows of a page when `limit` is not given.")
     page_max: int = Field(1000, ge=1, description="Largest `limit` of a page.")
+    page_bytes: int = Field(
+        4 * 1024 * 1024,
+        ge=1024,
+        description="Bytes of a page of submaps, about; a larger one ends early, and `next` goes on.",
+    )
     stored_queries: int = Field(10_000, ge=0, description="Stored queries kept per collection; the oldest go first.")
     concurrent_requests: int = Field(
         32, ge=1, le=100, description="Requests that a process works on at once; more wait in the queue."
@@ -68,6 +73,18 @@ class Limits(BaseModel):
     queued_requests: int = Field(256, ge=0, description="Requests that wait in a process; more are answered 503.")
     queue_seconds: float = Field(
         5.0, gt=0, le=600, description="Seconds that a request waits before it is answered 503."
+    )
+    waits: int = Field(
+        500, ge=0, description="Requests that wait for the end of a job in a process; more are answered at once."
+    )
+    key_waits: int = Field(
+        100, ge=0, description="Those of one key, or of one address without one; more are answered at once."
+    )
+    unsent_bytes: int = Field(
+        256 * 1024 * 1024,
+        ge=1024,
+        description="Bytes of answers that a process holds until they are read; beyond, the callers that have read "
+        "nothing for longest are cut off.",
     )
     requests_per_second: float = Field(
         0.0, ge=0, description="Requests a second of one key, or of one address without a key, in a process; 0: any."

@@ -2,9 +2,11 @@
 
 import asyncio
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Annotated, Final
 
+from fastapi import Depends, Request
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import ClientDisconnect
 from starlette.types import Message, Receive, Scope, Send
@@ -21,6 +23,10 @@ from urquhart import Budget
 ALWAYS_ANSWERED: Final = frozenset({"/livez", "/readyz", "/metrics"})
 """Paths that take no place: who watches the service must see it all the more when it is overloaded."""
 _RETRY: Final = 1.0
+ABORT: Final = "abort"
+"""Name in a request's state of what resets its connection."""
+_PIECE: Final = 1 << 16
+"""Bytes of an answer that are handed over at once: the next ones when these are on their way."""
 _EMPTY: Final[Message] = {"type": "http.request", "body": b"", "more_body": False}
 
 
@@ -34,6 +40,10 @@ class Shared:
     readiness: Readiness
     held: int = 0
     requests: set["Admission"] = field(default_factory=set)
+    unsent: "Unsent" = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.unsent = Unsent(self.limits.unsent_bytes, lambda: self.count("unsent"))
 
     def hold(self, size: int) -> None:
         """Count bytes of a body that are kept in memory. Raises Overloaded."""
@@ -47,6 +57,34 @@ class Shared:
         self.metrics.rejected.labels(reason).inc()
 
 
+class Unsent:
+    """Answers that are held until their callers have read them; those that read nothing for longest are cut off."""
+
+    def __init__(self, most: int, count: Callable[[], None]) -> None:
+        self._most, self._count = most, count
+        self._sizes: dict[Admission, int] = {}
+
+    @property
+    def held(self) -> int:
+        """Bytes of the answers that are held."""
+        return sum(self._sizes.values())
+
+    def hold(self, request: "Admission", size: int) -> None:
+        """Keep an answer of so many bytes, and make room for it where that is needed."""
+        held = self.held + size
+        for other in sorted(self._sizes, key=lambda one: one.stalled):
+            if held <= self._most:
+                break
+            held -= self._sizes.pop(other)
+            self._count()
+            other.abort()
+        self._sizes[request] = size
+
+    def release(self, request: "Admission") -> None:
+        """It is sent, or dropped."""
+        self._sizes.pop(request, None)
+
+
 class Admission:
     """One request on its way in and its answer on the way out.
 
@@ -58,11 +96,13 @@ class Admission:
         self._shared, self._limits = shared, shared.limits
         self._inner_receive, self._inner_send = receive, send
         self._began = time.monotonic()
-        self._received = self._held = 0
+        self._received = self._held = self._sent = 0
+        self._waited = 0.0
+        self.stalled = self._began
         headers = Headers(scope=scope)
         self._has_body = headers.get("content-length", "0") != "0" or "transfer-encoding" in headers
         self._streamed = is_streamed(scope)
-        self._takes_place = scope["path"] not in ALWAYS_ANSWERED and not _waits(scope)
+        self._takes_place = scope["path"] not in ALWAYS_ANSWERED
         self._scope, self._address = scope, (scope.get("client") or ("",))[0]
         self._is_whole = self.answered = False
         self._place: asyncio.Future[None] | None = None
@@ -84,6 +124,22 @@ class Admission:
     def authorization(self) -> str | None:
         """What the caller was let in for."""
         return Headers(scope=self._scope).get("authorization")
+
+    @property
+    def name(self) -> str:
+        """Whose share of the service it takes: that of a key, or of an address where there is none."""
+        caller = self.caller
+        return f"key {caller.id}" if caller is not None and caller.id else f"address {self._address}"
+
+    def step_aside(self) -> None:
+        """Give the place back and go on without one."""
+        self._leave()
+
+    def check(self) -> None:
+        """Raise what ends the request, if anything does: Abandoned where nobody waits, or the refusal."""
+        if self.refusal is not None:
+            raise self.refusal
+        self.budget.is_spent()
 
     def refuse(self, error: DomainError) -> None:
         """End the work: the caller may not have the answer any more, and is told `error` where that is possible."""
@@ -134,7 +190,38 @@ class Admission:
             self._leave()
             if self._shared.readiness.stopping:
                 MutableHeaders(scope=message)["Connection"] = "close"
-        await self._inner_send(message)
+        body = message.get("body", b"")
+        if len(body) <= _PIECE:
+            await self._send_piece(message)
+            return
+        self._shared.unsent.hold(self, len(body))
+        try:
+            for start in range(0, len(body), _PIECE):
+                more = start + _PIECE < len(body) or message.get("more_body", False)
+                await self._send_piece({**message, "body": body[start : start + _PIECE], "more_body": more})
+        finally:
+            self._shared.unsent.release(self)
+
+    async def _send_piece(self, message: Message) -> None:
+        """A piece of the answer, in time; the time counts in which the caller takes nothing."""
+        began = self.stalled = time.monotonic()
+        patience = self._limits.body_seconds + self._sent / self._limits.body_rate - self._waited
+        try:
+            async with asyncio.timeout(patience):
+                await self._inner_send(message)
+        except TimeoutError:
+            self._shared.count("slow_reader")
+            self.abort()
+            raise ClientDisconnect from None
+        self._waited += time.monotonic() - began
+        self._sent += len(message.get("body", b""))
+
+    def abort(self) -> None:
+        """Cut the caller off: its connection is reset, and what was not sent of the answer is dropped."""
+        self._give_up(ClientDisconnect())
+        abort = self._scope["state"].get(ABORT)
+        if abort is not None:
+            abort()
 
     async def _next(self) -> Message:
         deadline = self._began + self._limits.body_seconds + self._received / self._limits.body_rate
@@ -153,8 +240,7 @@ class Admission:
         self._watch = asyncio.create_task(self._watch_caller())
         if not self._takes_place:
             return
-        caller = self.caller
-        self._name = f"key {caller.id}" if caller is not None and caller.id else f"address {self._address}"
+        self._name = self.name
         self._place = asyncio.get_running_loop().create_future()
         try:
             await self._shared.gate.enter(self._name, self._place)
@@ -182,6 +268,16 @@ class Admission:
             self._place.set_exception(error)
 
 
-def _waits(scope: Scope) -> bool:
-    """Whether the request only waits for a job."""
-    return b"wait=" in scope["query_string"] and scope["path"].startswith("/v1/jobs/")
+async def get_admission(request: Request) -> Admission:
+    """The request on its way through the service."""
+    admission: Admission = request.state.admission
+    return admission
+
+
+async def get_budget(request: Request) -> Budget:
+    """Until when, and for whom, the request is worked on; it began when the request was there as a whole."""
+    return (await get_admission(request)).budget
+
+
+AdmissionDep = Annotated[Admission, Depends(get_admission)]
+BudgetDep = Annotated[Budget, Depends(get_budget)]

@@ -14,13 +14,13 @@ from pydantic import BaseModel, BeforeValidator
 
 from server.access import Caller
 from server.errors import DomainError, InvalidField, MalformedBody, TooLarge
-from server.http.admission import Admission
 from server.http.authorization import GuardedRoute, get_caller, get_visitor
 from server.http.gate import Gate
 from server.http.json_bodies import check_content_type, malformed_detail
 from server.http.problems import MEDIA_TYPE
 from server.http.readiness import Readiness
 from server.http.repetitions import Repetitions
+from server.http.waits import JobWaits
 from server.idempotency import Kept, Once
 from server.index.catalog import Catalog
 from server.index.upkeep import Upkeep
@@ -41,7 +41,6 @@ from server.schemas.strict_json import read_json
 from server.settings import Limits, Settings
 from server.snapshots.snapshot_folder import SnapshotFolder
 from server.store.database import Database
-from urquhart import Budget
 
 _ETAG = re.compile(r'\s*(?:W/)?"([^"]*)"\s*')
 
@@ -70,6 +69,7 @@ class Service:
     gate: Gate
     snapshots: SnapshotFolder
     repetitions: Repetitions
+    waits: JobWaits
 
     def hand_back(self) -> None:
         """Let jobs and the upkeep of the index end soon; what they did not finish is gone on with at the next start."""
@@ -139,14 +139,7 @@ async def get_once(
         yield once_of(service, caller, idempotency_key, sent)
 
 
-async def get_budget(request: Request) -> Budget:
-    """Until when, and for whom, the request is worked on; it began when the request was there as a whole."""
-    admission: Admission = request.state.admission
-    return admission.budget
-
-
 ServiceDep = Annotated[Service, Depends(get_service)]
-BudgetDep = Annotated[Budget, Depends(get_budget)]
 CallerDep = Annotated[Caller, Depends(get_caller)]
 OnceDep = Annotated[Once | None, Depends(get_once)]
 VisitorDep = Annotated[Caller, Depends(get_visitor)]

@@ -12,6 +12,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.server import ServerState
 
 from server.errors import Overloaded, TooSlow
+from server.http.admission import ABORT
 from server.http.problems import MEDIA_TYPE
 from server.kinds import OTHER, document, plain
 from server.settings import Limits
@@ -50,7 +51,7 @@ class Connection(H11Protocol):
         app_state: dict[str, Any],
         _loop: asyncio.AbstractEventLoop | None = None,
     ) -> None:
-        super().__init__(config, server_state, app_state, _loop)
+        super().__init__(config, server_state, {**app_state, ABORT: self.abort}, _loop)
         self._head_timer: asyncio.TimerHandle | None = None
         self._idle_since = self.loop.time()
         self._leaving = False
@@ -101,6 +102,10 @@ class Connection(H11Protocol):
             return
         self._leaving = True
         self.loop.call_later(_LAST_WORD, self._close_if_idle)
+
+    def abort(self) -> None:
+        """Reset the connection, and drop what was not sent."""
+        self.transport.abort()
 
     def timeout_keep_alive_handler(self) -> None:
         """Nothing came for long after an answer."""

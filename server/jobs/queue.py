@@ -1,5 +1,6 @@
 """Jobs as callers see them: taken on, told of, dismissed."""
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any, BinaryIO, Literal
@@ -121,6 +122,12 @@ def page(
             jobs=[describe(row) for row in rows[:size]],
             next=write_cursor("jobs", rows[size - 1].key) if more else None,
         )
+
+
+def unfinished(database: Database, job_ids: Collection[str]) -> set[str]:
+    """Which of these jobs are not finished. Raises StorageError."""
+    with database.read() as session:
+        return Jobs(session).unfinished_among(job_ids)
 
 
 def dismiss(database: Database, folder: JobFolder, caller: Caller, job_id: str, once: Once | None) -> Kept:

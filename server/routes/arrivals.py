@@ -5,8 +5,8 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query, Response
 
 from server.access import Caller, Scope
+from server.http.admission import BudgetDep
 from server.http.dependencies import (
-    BudgetDep,
     CallerDep,
     CollectionId,
     JsonRoute,

@@ -1,6 +1,5 @@
 """Long work: taken on, followed, dismissed, and what came of it."""
 
-import time
 from collections.abc import Iterator
 from typing import Annotated, Any
 
@@ -10,6 +9,7 @@ from fastapi import APIRouter, Path, Query, Request, Response
 from starlette.responses import StreamingResponse
 
 from server.constraints import check_ids, chosen_submaps
+from server.http.admission import AdmissionDep
 from server.http.dependencies import (
     CallerDep,
     CollectionId,
@@ -47,8 +47,6 @@ _RESULTS: dict[str, Any] = {
         },
     },
 }
-_LOOK = 0.2
-"""Seconds between two looks at a job that somebody waits for."""
 _PIECE = 1 << 18
 """Bytes of results that are read and sent at once."""
 JobId = Annotated[str, Path(description="`id` of the job.", examples=[JOB_EXAMPLE["id"]], alias="job", max_length=64)]
@@ -139,18 +137,21 @@ async def get_job(
     job: JobId,
     service: ServiceDep,
     caller: CallerDep,
+    request: AdmissionDep,
     wait: Annotated[
         float, Query(ge=0, le=60, description="Seconds to wait for its end before answering.", examples=[25])
     ] = 0.0,
 ) -> Response:
-    """How far it is. `Retry-After` says when to ask again, as long as it is not finished."""
-    deadline = time.monotonic() + wait
-    while True:
-        found = await anyio.to_thread.run_sync(queue.read, service.database, caller, job)
-        left = deadline - time.monotonic()
-        if found.finished is not None or left <= 0 or service.readiness.stopping:
-            break
-        await anyio.sleep(min(_LOOK, left))
+    """How far it is. `Retry-After` says when to ask again, as long as it is not finished. Where too many callers wait
+    already (`waits`, `key_waits` in GET /v1/limits), the answer comes at once.
+    """
+    found = await anyio.to_thread.run_sync(queue.read, service.database, caller, job)
+    if wait and found.finished is None and not service.readiness.stopping:
+        request.step_aside()
+        await service.waits.until_finished(job, wait, request)
+        request.check()
+        async with service.waits.readers:
+            found = await anyio.to_thread.run_sync(queue.read, service.database, caller, job)
     return json_response(found, headers={} if found.finished is not None else {"Retry-After": "1"})
 
 

@@ -5,9 +5,9 @@ from typing import Annotated
 from fastapi import APIRouter, Path, Response
 
 from server.access import Scope
+from server.http.admission import BudgetDep
 from server.http.dependencies import (
     Accept,
-    BudgetDep,
     CallerDep,
     CollectionId,
     JsonRoute,

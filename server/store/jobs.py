@@ -29,6 +29,10 @@ class Jobs:
         """The job of that id, or None."""
         return self._session.scalar(select(JobRow).where(JobRow.id == job_id))
 
+    def unfinished_among(self, job_ids: Collection[str]) -> set[str]:
+        """Which of these jobs are there and not finished."""
+        return set(self._session.scalars(select(JobRow.id).where(JobRow.id.in_(job_ids), JobRow.state.in_(UNFINISHED))))
+
     def is_orphaned(self, job: JobRow) -> bool:
         """Whether the collection that the job was taken on for is gone, even if another one has its name by now."""
         there = select(CollectionRow.key).where(CollectionRow.key == job.collection_key)

@@ -148,9 +148,9 @@ def start(tmp_path: Path) -> Iterator[Start]:
         settings = Settings(database=str(tmp_path / "urquhart.db"), limits=Limits.model_validate(limits))
         server = Threaded(create_app(settings))
         started.append(server)
+        wait_until(lambda: server.service.readiness.ready)
         server.client.put("/v1/collections/plots", json={}).raise_for_status()
         put_submap(server.client, "plots", "p", 1).raise_for_status()
-        wait_until(lambda: server.service.readiness.ready)
         return server
 
     yield start
