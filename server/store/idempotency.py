@@ -1,14 +1,16 @@
-"""Answers to POSTs that carried an Idempotency-Key."""
+"""Answers to writes that carried an Idempotency-Key."""
 
 from datetime import UTC, datetime
 
-from sqlalchemy import delete, select
+from sqlalchemy import delete, func, select
 from sqlalchemy.orm import Session
 
 from server.store.tables import IdempotencyRow
 
 _SWEPT = 100
 """Old answers that a new one sweeps away: more than one, so that they get fewer, and few enough to be quick."""
+_MOST = 100_000
+"""Answers that are kept, the newest: for minutes of the busiest fleet, where a repetition comes within one."""
 
 
 class Answers:
@@ -40,10 +42,16 @@ class Answers:
         body: bytes,
         since: datetime,
     ) -> None:
-        """Keep an answer, in the place of one that is older than `since`; others of that age go, too."""
+        """Keep an answer, in the place of one that is older than `since`.
+
+        Others of that age go, too, and what is beyond the newest 100,000.
+        """
         old = select(IdempotencyRow.key).where(IdempotencyRow.created < since).limit(_SWEPT)
+        newest = select(func.max(IdempotencyRow.key)).scalar_subquery()
+        surplus = select(IdempotencyRow.key).where(IdempotencyRow.key <= newest - _MOST).limit(_SWEPT)
         for stale in (
             IdempotencyRow.key.in_(old),
+            IdempotencyRow.key.in_(surplus),
             (IdempotencyRow.caller == caller) & (IdempotencyRow.operation == operation) & (IdempotencyRow.name == name),
         ):
             self._session.execute(delete(IdempotencyRow).where(stale), execution_options={"synchronize_session": False})

@@ -7,12 +7,14 @@ from pathlib import Path
 from typing import Any
 
 import httpx
+import pytest
 from fastapi import FastAPI
 from sqlalchemy import func, select, update
 
 from server import keys
 from server.access import Scope
 from server.keys import Doorkeeper
+from server.store import idempotency
 from server.store.database import Database
 from server.store.idempotency import Answers
 from server.store.tables import IdempotencyRow
@@ -77,6 +79,17 @@ def test_old_answers_are_swept_some_at_a_time(database: Database) -> None:
     assert names() == ["new0", "new1", "new2"]
     with database.read() as session:
         assert session.scalar(select(func.count()).select_from(IdempotencyRow)) == 3
+
+
+def test_only_the_newest_answers_are_kept(database: Database, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(idempotency, "_MOST", 10)
+    since = datetime.now(UTC) - timedelta(hours=24)
+    for i in range(30):
+        with database.write() as session:
+            Answers(session).keep("", "put", str(i), digest="d", status=200, headers={}, body=b"{}", since=since)
+    with database.read() as session:
+        names = list(session.scalars(select(IdempotencyRow.name).order_by(IdempotencyRow.key)))
+    assert names == [str(i) for i in range(19, 30)]
 
 
 def test_a_question_on_the_way_needs_leave_to_read(client: httpx.Client, app: FastAPI) -> None:
