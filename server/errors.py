@@ -81,6 +81,18 @@ class TooLarge(DomainError):
         self.got = got
 
 
+class TooCostly(DomainError):
+    """Something took more time or memory than it may. `limit` is the name of the time in `GET /v1/limits`."""
+
+    def __init__(self, limit: str, allowed: float, why: str) -> None:
+        super().__init__(
+            f"Describing it was given up: {why}. The limit {limit} is {allowed:g}; cut it into smaller submaps, of "
+            "50 to 500 trees."
+        )
+        self.limit = limit
+        self.allowed = allowed
+
+
 class NotAcceptable(DomainError):
     """None of the media types in Accept can be produced."""
 

@@ -88,6 +88,12 @@ TABLE: Mapping[type[errors.DomainError], Kind] = {
     errors.TooLarge: Kind(
         413, "too-large", "Too large", "A limit is exceeded; `limit` names it as in GET /v1/limits. Nothing was stored."
     ),
+    errors.TooCostly: Kind(
+        422,
+        "too-costly",
+        "Too costly",
+        "A line of an import took more time or memory than one may, so it was refused; the other lines are stored.",
+    ),
     errors.NotAcceptable: Kind(
         406,
         "not-acceptable",
@@ -213,6 +219,8 @@ def _members(error: errors.DomainError) -> dict[str, Any]:
     match error:
         case errors.TooLarge():
             members: dict[str, Any] = {"limit": error.limit, "allowed": error.allowed, "got": error.got}
+        case errors.TooCostly():
+            members = {"limit": error.limit, "allowed": error.allowed}
         case errors.TooManyRequests():
             members = {"limit": "requests_per_second"}
         case errors.OutOfTime():

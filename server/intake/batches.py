@@ -15,11 +15,11 @@ import orjson
 from pydantic import ValidationError
 
 import urquhart
-from server.errors import DomainError, InvalidBody, InvalidField, MalformedBody, TooLarge
+from server.errors import DomainError, InvalidBody, InvalidField, MalformedBody, TooCostly, TooLarge
 from server.geo import check_place
 from server.index.derive import config_of
 from server.intake.prepare import Prepared
-from server.intake.workers import PATIENCE, Work, Workers
+from server.intake.workers import PATIENCE, Apart, Work, Workers
 from server.registry import get_collection
 from server.schemas.pointers import invalid_body
 from server.schemas.strict_json import read_json
@@ -34,6 +34,8 @@ from urquhart import Config
 _Item = TypeVar("_Item")
 _MOST_BYTES: Final = 4 * 1024 * 1024
 """Of a batch, about: submaps of thousands of landmarks come in smaller ones, a few of which fit into memory."""
+_LIGHT: Final = 2_000
+"""Arrays and objects of a line that the service itself describes; a line with more is described in another process."""
 _LANDMARK_BYTES: Final = 40
 _LONGEST_ID: Final = 128
 """Characters of an id that is repeated in a report; one that is longer is no id."""
@@ -111,8 +113,14 @@ def of_submaps(database: Database, collection_id: str, limits: Limits) -> Work[B
     return Work(here, pack, _describe_there)
 
 
-def of_lines(database: Database, collection_id: str, limits: Limits) -> Work[Batch[bytes], _Task, Described]:
-    """How batches of NDJSON lines are described for a collection. The work raises NotFound and StorageError."""
+def of_lines(
+    database: Database, collection_id: str, limits: Limits, *, careful: bool = False
+) -> Work[Batch[bytes], _Task, Described]:
+    """How batches of NDJSON lines are described for a collection. The work raises NotFound and StorageError.
+
+    A line that ends the process that describes it, or takes too long, is refused, and no other with it. Lines with many
+    trees are described in other processes only; where one is `careful`, all are.
+    """
 
     def here(batch: Batch[bytes]) -> Described:
         return _describe_lines(database, collection_id, limits, batch.first, batch.items)
@@ -120,7 +128,27 @@ def of_lines(database: Database, collection_id: str, limits: Limits) -> Work[Bat
     def pack(batch: Batch[bytes]) -> _Task:
         return _Task(database.path, collection_id, limits, batch.first, batch.items)
 
-    return Work(here, pack, _describe_there)
+    def singles(batch: Batch[bytes]) -> list[Batch[bytes]]:
+        return [Batch(batch.first + i, [line]) for i, line in enumerate(batch.items)]
+
+    def refuse(batch: Batch[bytes], why: str) -> Described:
+        position, (line,) = batch.first, batch.items
+        error = TooCostly("import_line_seconds", limits.import_line_seconds, why)
+        with database.read() as session:
+            collection = get_collection(session, collection_id)
+        submap_id = _id_in(line, error) if _is_json(line) else None
+        return Described(collection.key, position + 1, [], 0, [Refusal(submap_id, error, position)])
+
+    def is_light(batch: Batch[bytes]) -> bool:
+        return not careful and all(map(_is_light, batch.items))
+
+    apart = Apart(is_light, singles, refuse, limits.import_line_seconds)
+    return Work(here, pack, _describe_there, apart)
+
+
+def _is_light(line: bytes) -> bool:
+    """Whether a line has so few trees that it cannot cost much, whatever shape they are in."""
+    return line.count(b"[") + line.count(b"{") <= _LIGHT
 
 
 def cut(items: Iterable[_Item], most: int, weigh: Callable[[_Item], int], first: int = 0) -> Iterator[Batch[_Item]]:
@@ -216,11 +244,19 @@ def _describe(
 
 def _id_in(line: bytes, error: DomainError) -> str | None:
     """The id of a line that is JSON but no submap, for the report."""
-    if isinstance(error, InvalidField | InvalidBody):
+    if isinstance(error, InvalidField | InvalidBody | TooCostly):
         members = orjson.loads(line)
         if isinstance(members, dict) and isinstance(members.get("id"), str) and len(members["id"]) <= _LONGEST_ID:
             return str(members["id"])
     return None
+
+
+def _is_json(line: bytes) -> bool:
+    try:
+        orjson.loads(line)
+    except orjson.JSONDecodeError:
+        return False
+    return True
 
 
 @cache

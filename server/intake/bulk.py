@@ -123,14 +123,22 @@ def ingest_lines(
     first: int = 0,
     on_conflict: OnConflict = "replace",
     witness: Witness | None = None,
+    careful: bool = False,
 ) -> Generator[BatchResult, None, None]:
     """Store submaps that come as lines of NDJSON, each the body of a PUT with the submap's `id`; as `ingest_many`.
 
     Lines are read where they are described, which is the fastest way in. Empty ones are passed over. `first` is the
-    position of the first line.
+    position of the first line. `careful`: one of the lines is suspected to end the process that describes it.
     """
     described_lines = describe_lines(
-        database, collection_id, lines, batch_size=batch_size, limits=limits, workers=workers, first=first
+        database,
+        collection_id,
+        lines,
+        batch_size=batch_size,
+        limits=limits,
+        workers=workers,
+        first=first,
+        careful=careful,
     )
     # Closed here, where what it waits for is known, and not when it is found to be garbage.
     with closing(described_lines):
@@ -147,9 +155,10 @@ def describe_lines(
     limits: Limits | None = None,
     workers: Workers | None = None,
     first: int = 0,
+    careful: bool = False,
 ) -> Generator[Described, None, None]:
     """The same without storing: what each batch of lines holds. Raises NotFound, StorageError and WorkerLost."""
-    work = batches.of_lines(database, collection_id, limits or Limits())
+    work = batches.of_lines(database, collection_id, limits or Limits(), careful=careful)
     return _described(work, batches.cut(lines, batch_size, len, first), workers)
 
 

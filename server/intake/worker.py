@@ -15,18 +15,29 @@ import traceback
 from collections.abc import Callable, Iterator
 from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
+from pathlib import Path
 from typing import Any, Final, TypeVar
+
+try:
+    import resource
+except ImportError:  # Windows has no such limits
+    resource = None  # type: ignore[assignment]
 
 _Task = TypeVar("_Task")
 _Result = TypeVar("_Result")
 _THREADS: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
-def start_worker(name: str, warm_up: Callable[[], object]) -> tuple[SpawnProcess, Connection]:
-    """A new process, which calls `warm_up` before anything else, and the pipe to it."""
+def start_worker(
+    name: str, warm_up: Callable[[], object], *, memory: int | None = None
+) -> tuple[SpawnProcess, Connection]:
+    """A new process, which calls `warm_up` before anything else, and the pipe to it.
+
+    `memory`: bytes of its own that it may take; beyond that its allocations fail.
+    """
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
-    process = context.Process(target=_work, args=(theirs, warm_up), name=name, daemon=True)
+    process = context.Process(target=_work, args=(theirs, warm_up, memory), name=name, daemon=True)
     with _one_thread_each(), _undisturbed():
         process.start()
     theirs.close()  # the only other end is the worker's: when either is gone, the system tells the other
@@ -41,8 +52,9 @@ def attempt(function: Callable[[_Task], _Result], task: _Task) -> tuple[_Result 
         return None, error
 
 
-def _work(connection: Connection, warm_up: Callable[[], object]) -> None:
+def _work(connection: Connection, warm_up: Callable[[], object], memory: int | None) -> None:
     """A worker's life. Threads read and send, so that neither side ever waits for the other to take something."""
+    _give_way_to_the_service(memory)
     tasks: queue.SimpleQueue[Any] = queue.SimpleQueue()
     results: queue.SimpleQueue[Any] = queue.SimpleQueue()
     threading.excepthook = _fail
@@ -54,6 +66,14 @@ def _work(connection: Connection, warm_up: Callable[[], object]) -> None:
         number, function, task = tasks.get()
         result, error = attempt(function, task)
         results.put((number, result, None if error is None else _portable(error)))
+
+
+def _give_way_to_the_service(memory: int | None) -> None:
+    """Where memory runs out, this process is to end, and not the one that answers requests."""
+    if memory is not None and resource is not None:
+        resource.setrlimit(resource.RLIMIT_DATA, (memory, memory))
+    with contextlib.suppress(OSError):  # not every system has it, and without it the work is the same
+        Path("/proc/self/oom_score_adj").write_text("1000")
 
 
 def _read(connection: Connection, tasks: "queue.SimpleQueue[Any]") -> None:

@@ -16,6 +16,7 @@ from types import TracebackType
 from typing import Any, Final, Generic, Self, TypeVar
 
 from server.errors import WorkerLost
+from server.intake.isolation import Isolated, Outcome
 from server.intake.worker import attempt, start_worker
 
 _Given = TypeVar("_Given")
@@ -23,6 +24,8 @@ _Task = TypeVar("_Task")
 _Result = TypeVar("_Result")
 _AHEAD: Final = 2
 """Tasks at each process: one that is worked at, and one so that it need not wait for the next."""
+_LOOK: Final = 1.0
+"""Seconds between two looks at whether a process is at a task for too long."""
 PATIENCE: Final = 1.0
 """Seconds of work before processes are started."""
 
@@ -35,11 +38,30 @@ class Work(Generic[_Given, _Task, _Result]):
         here: makes the result in this process.
         pack: what is sent to another process.
         there: makes the result of what was sent; a function that the other process can import.
+        apart: how to go on where a task ends the process that does it; None where that is an error.
     """
 
     here: Callable[[_Given], _Result]
     pack: Callable[[_Given], _Task]
     there: Callable[[_Task], _Result]
+    apart: "Apart[_Given, _Result] | None" = None
+
+
+@dataclass(frozen=True, slots=True)
+class Apart(Generic[_Given, _Result]):
+    """How a task that is too much for a process is taken apart, so that only what is to blame is refused.
+
+    Attributes:
+        is_light: whether it can do no harm, and may be done in this process.
+        singles: its parts, to be done one by one.
+        refuse: the result of a part that ends the process, or takes too long, and why.
+        seconds: that a part may take; a whole task may take twice as many.
+    """
+
+    is_light: Callable[[_Given], bool]
+    singles: Callable[[_Given], list[_Given]]
+    refuse: Callable[[_Given, str], _Result]
+    seconds: float
 
 
 @dataclass(slots=True)
@@ -47,7 +69,8 @@ class _Worker:
     process: SpawnProcess
     connection: Connection
     ready: bool = False
-    tasks: set[int] = field(default_factory=set)
+    tasks: dict[int, Any] = field(default_factory=dict)
+    since: float = 0.0
 
 
 class Workers:
@@ -72,8 +95,9 @@ class Workers:
         self._patience = patience
         self._spent = 0.0
         self._workers: list[_Worker] = []
-        self._sequence = 0
+        self._sequence = self._first = 0
         self._busy = threading.Lock()
+        self._isolated = Isolated(warm_up)
 
     def __enter__(self) -> Self:
         """The pool."""
@@ -93,6 +117,7 @@ class Workers:
     def close(self) -> None:
         """End the processes, whatever they are at. Nothing may be under way in `map`."""
         workers, self._workers = self._workers, []
+        self._isolated.close()
         for worker in workers:
             worker.process.terminate()
             worker.connection.close()
@@ -106,9 +131,9 @@ class Workers:
         Where `given` ends with an exception, it is raised after the results of all before it. While another thread has
         the processes, everything is done in this one.
 
-        Raises WorkerLost when a process ends before its time, and what `work` raises.
+        Raises WorkerLost when a process ends before its time and `work` cannot be taken apart, and what `work` raises.
         """
-        if self.processes == 1 or not self._busy.acquire(blocking=False):
+        if not self._busy.acquire(blocking=False):
             yield from map(work.here, given)
             return
         try:
@@ -117,25 +142,25 @@ class Workers:
             self._busy.release()
 
     def _map(self, work: Work[_Given, _Task, _Result], source: "_Source[_Given]") -> Iterator[_Result]:
-        done: dict[int, tuple[Any, Exception | None]] = {}
-        following = self._sequence
+        done: dict[int, list[tuple[Any, Exception | None]]] = {}
+        following = self._first = self._sequence
         while True:
-            self._receive(done, following, timeout=0.0)
+            self._receive(work, done, timeout=0.0)
             room = self._sequence - following < _AHEAD * self.processes
             idle = self._idle() if room else None
             if idle is not None and (found := source.take()) is not None:
                 self._give(idle, work, found[0], done)
             elif following in done:
-                result, error = done.pop(following)
-                if error is not None:
-                    raise error
-                yield result
+                for result, error in done.pop(following):
+                    if error is not None:
+                        raise error
+                    yield result
                 following += 1
             elif room and (found := source.take()) is not None:
                 done[self._sequence] = self._here(work, found[0])
                 self._sequence += 1
             elif following < self._sequence:
-                self._receive(done, following)
+                self._receive(work, done, timeout=_LOOK)
             else:
                 source.check()
                 return
@@ -143,28 +168,53 @@ class Workers:
     def _give(self, idle: _Worker, work: Work[_Given, _Task, _Result], given: _Given, done: dict[int, Any]) -> None:
         task, error = attempt(work.pack, given)
         if error is not None:
-            done[self._sequence] = None, error
+            done[self._sequence] = [(None, error)]
         else:
-            self._send(idle, (self._sequence, work.there, task))
-            idle.tasks.add(self._sequence)
+            if not idle.tasks:
+                idle.since = time.monotonic()
+            idle.tasks[self._sequence] = given
+            try:
+                idle.connection.send((self._sequence, work.there, task))
+            except OSError as gone:
+                self._replace(idle, work, done, gone)
         self._sequence += 1
 
-    def _here(self, work: Work[_Given, _Task, _Result], given: _Given) -> tuple[_Result | None, Exception | None]:
+    def _here(self, work: Work[_Given, _Task, _Result], given: _Given) -> list[tuple[Any, Exception | None]]:
+        if work.apart is not None and not work.apart.is_light(given):
+            return self._apart(work, work.apart, given)
         began = time.perf_counter()
         made = attempt(work.here, given)
         self._spent += time.perf_counter() - began
         if not self._workers and self._spent >= self._patience:
             for number in range(1, self.processes):
                 self._workers.append(_Worker(*start_worker(f"worker-{number}", self._warm_up)))
-        return made
+        return [made]
+
+    def _apart(
+        self, work: Work[_Given, _Task, _Result], apart: Apart[_Given, _Result], given: _Given
+    ) -> list[tuple[Any, Exception | None]]:
+        """The results of a task that may be too much for a process: whole if possible, else part by part."""
+        whole = self._isolated.attempt(work.there, work.pack(given), 2.0 * apart.seconds)
+        if whole.lost is None:
+            return [(whole.result, whole.error)]
+        results = list[tuple[Any, Exception | None]]()
+        for one in apart.singles(given):
+            outcome = self._isolated.attempt(work.there, work.pack(one), apart.seconds)
+            if outcome.lost is not None and outcome.in_time:
+                # Once may be bad luck: memory was short because of something else.
+                outcome = self._isolated.attempt(work.there, work.pack(one), apart.seconds)
+            if outcome.lost is not None:
+                outcome = Outcome(apart.refuse(one, outcome.lost))
+            results.append((outcome.result, outcome.error))
+        return results
 
     def _idle(self) -> _Worker | None:
         """The process with the least to do, None where each has enough or none is ready."""
         free = [worker for worker in self._workers if worker.ready and len(worker.tasks) < _AHEAD]
         return min(free, key=lambda worker: len(worker.tasks), default=None)
 
-    def _receive(self, done: dict[int, Any], first: int, timeout: float | None = None) -> None:
-        """Wait for processes and take what they have; results of before `first` belong to a map that was given up."""
+    def _receive(self, work: Work[_Given, _Task, _Result], done: dict[int, Any], timeout: float) -> None:
+        """Wait for processes and take what they have; results of before the first belong to a map that was given up."""
         by_connection = {worker.connection: worker for worker in self._workers}
         for connection in wait(list(by_connection), timeout):
             assert isinstance(connection, Connection)
@@ -172,19 +222,33 @@ class Workers:
             try:
                 sequence, result, error = connection.recv()
             except (EOFError, OSError) as gone:
-                raise self._lost(worker) from gone
+                self._replace(worker, work, done, gone)
+                continue
             if sequence is None:
                 worker.ready = True
                 continue
-            worker.tasks.discard(sequence)
-            if sequence >= first:
-                done[sequence] = (result, error)
+            given, worker.since = worker.tasks.pop(sequence), time.monotonic()
+            if sequence >= self._first:
+                too_much = work.apart is not None and isinstance(error, MemoryError)
+                done[sequence] = self._apart(work, work.apart, given) if too_much and work.apart else [(result, error)]
+        if work.apart is not None:
+            late = time.monotonic() - 2.0 * work.apart.seconds
+            for worker in [one for one in self._workers if one.tasks and one.since < late]:
+                worker.process.kill()  # noticed as any other end
 
-    def _send(self, worker: _Worker, message: object) -> None:
-        try:
-            worker.connection.send(message)
-        except OSError as gone:
+    def _replace(
+        self, worker: _Worker, work: Work[_Given, _Task, _Result], done: dict[int, Any], gone: Exception
+    ) -> None:
+        """Go on without a process that ended, and do apart what it was at. Raises WorkerLost where that cannot be."""
+        if work.apart is None or not worker.ready:
             raise self._lost(worker) from gone
+        self._workers.remove(worker)
+        worker.process.join()
+        worker.connection.close()
+        self._workers.append(_Worker(*start_worker(worker.process.name, self._warm_up)))
+        for sequence, given in worker.tasks.items():
+            if sequence >= self._first:
+                done[sequence] = self._apart(work, work.apart, given)
 
     def _lost(self, worker: _Worker) -> WorkerLost:
         worker.process.join()

@@ -67,6 +67,7 @@ class Assignment:
         self.total, self.done, self.counts = row.total, row.done, dict(row.counts)
         self.progress: dict[str, Any] = dict(row.progress)
         self._database, self._stopping = database, stopping
+        self._is_suspect = int(row.progress.get("starts", 0)) > 1
         self._reported = time.monotonic()
         self._began, self._before = self._reported, float(row.progress.get("worked", 0.0))
 
@@ -88,6 +89,11 @@ class Assignment:
         else:
             with self._database.write() as own:
                 self._note(own)
+
+    @property
+    def is_suspect(self) -> bool:
+        """Whether a process that began the job, and got no further with it, has ended before."""
+        return self._is_suspect
 
     @property
     def since_report(self) -> float:

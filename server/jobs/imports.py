@@ -125,6 +125,7 @@ def _one_by_one(assignment: Assignment, tools: Tools, source: _Source, results: 
             first=source.first,
             on_conflict=assignment.parameters["on_conflict"],
             witness=witness,
+            careful=assignment.is_suspect,
         )
         with closing(ingesting):
             for batch in ingesting:
@@ -143,7 +144,12 @@ def _all_or_nothing(assignment: Assignment, tools: Tools, source: _Source, resul
     found, refused = list[batches.Described](), list[Line]()
     with batches.describers(tools.settings.jobs.processes) as workers:
         describing = bulk.describe_lines(
-            tools.database, assignment.collection_id, source.lines(), limits=tools.settings.limits, workers=workers
+            tools.database,
+            assignment.collection_id,
+            source.lines(),
+            limits=tools.settings.limits,
+            workers=workers,
+            careful=assignment.is_suspect,
         )
         with closing(describing):
             for batch in describing:

@@ -1,12 +1,13 @@
 """What worker processes do in the tests, and how they are waited for; light to load, so that they start at once."""
 
 import os
+import signal
 import time
 from collections.abc import Callable
 from pathlib import Path
 
 from server.errors import TooLarge
-from server.intake.workers import Work, Workers
+from server.intake.workers import Apart, Work, Workers
 
 
 class Unsendable(Exception):
@@ -90,3 +91,27 @@ def gone(pid: int) -> bool:
     status = Path(f"/proc/{pid}/stat")
     # One that has ended, and nobody has asked how.
     return status.exists() and status.read_text().rpartition(")")[2].split()[0] == "Z"
+
+
+def hostile(numbers: list[int]) -> list[int]:
+    """What they are; 13 ends the process, 17 takes for ever, 19 needs more memory than there is."""
+    if 13 in numbers:
+        os.kill(os.getpid(), signal.SIGKILL)
+    if 17 in numbers:
+        time.sleep(600)
+    if 19 in numbers:
+        bytearray(1 << 46)
+    return numbers
+
+
+HOSTILE: Work[list[int], list[int], list[int]] = Work(
+    hostile,
+    list,
+    hostile,
+    Apart(
+        is_light=lambda numbers: not {13, 17, 19} & set(numbers),
+        singles=lambda numbers: [[number] for number in numbers],
+        refuse=lambda numbers, why: [-number for number in numbers],
+        seconds=3.0,
+    ),
+)
