@@ -32,6 +32,10 @@ class LandmarkError(ValueError):
         self.code = code
         self.indices = indices
 
+    def __reduce__(self) -> tuple[type["LandmarkError"], tuple[str, str, tuple[int, ...]]]:
+        """What it takes to make it again: another process raises it as it was."""
+        return (LandmarkError, (self.code, str(self), self.indices))
+
 
 def check_landmarks(xy: ArrayLike) -> NDArray[np.float64]:
     """Return `xy` as an (N, 2) float64 array, metres, in the frame it came in, or refuse it with the reason.

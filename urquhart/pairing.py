@@ -70,6 +70,8 @@ def lay_out(
         j = i + 1 if i + 1 < len(hull) else 0
         area += 0.5 * (hull[i, 0] * hull[j, 1] - hull[j, 0] * hull[i, 1])
     spacing = 1.0 / math.sqrt(np.median(density))
+    # Of a hull that is thinner than its landmarks are exact the area may come out as nothing, or less.
+    area = max(area, spacing * spacing)
     cover, corner = build_cover(landmarks, spacing)
     sizes, spread = score_diameters(diameters)
     return Pattern(

@@ -43,6 +43,8 @@ _REACHED: Final = 0.02
 neither polygons nor quads find it, is hardly ever among the first few hundred."""
 _READ: Final = 32
 """Submaps that are read together: far cheaper than one by one, and 0.1 s at most for the largest."""
+_SURVEYED: Final = 500_000
+"""Landmarks of submaps after which a sweep reads no more of them: they take 100 MB."""
 _EACH: Final = 4
 """Quad hits for each submap of a collection that are enough beside `Config.quad_hits`."""
 
@@ -158,9 +160,14 @@ def propose_by_sweep(query: Sighting, search: Consensus | None, stages: Stages) 
     with stages.timed("sweep") as counts:
         swept = list[tuple[int, NDArray[np.float64]]]()
         with suppress(OutOfTime):
+            read = 0
             for begin in range(0, len(places), _READ):
+                if read > _SURVEYED:
+                    stages.skip("exhaustive_rest")
+                    break
                 query.read(key for key, _, _ in places[begin : begin + _READ])
                 for key, yaw, half in places[begin : begin + _READ]:
+                    read += len(query.submaps.features(key).landmarks)
                     count = _PEAKS if half == math.pi else _FEWER
                     peaks = glance(query.pattern, query.submaps.pattern(key), count, yaw, half, query.budget)
                     if len(peaks):

@@ -134,9 +134,10 @@ def find_rivals(
     """
     if budget.fits(_QUARTERS * peaks, pose_cost(query, submap)):
         return find_rivals_at_once(query, submap, best, reach, least, peaks)
-    turned = list[NDArray[np.float64]]()
-    for rows in budget.portions(_QUARTERS, _SAMPLED * len(submap.landmarks)):
-        turned.extend(shifted(query, submap, best, reach, peaks, quarter) for quarter in range(rows.start, rows.stop))
+    # One quarter after the other: beside the pairs there are up to 640,000 shifts to go through for each peak.
+    turned = [
+        shifted(query, submap, best, reach, peaks, quarter.start) for quarter in budget.portions(_QUARTERS, math.inf)
+    ]
     starts = np.concatenate(turned)
     counted = count_all(query.landmarks, submap, starts, reach, budget)
     settled = settle_all(query, submap, starts[np.argsort(-counted)[: 2 * peaks]], reach, least, budget)

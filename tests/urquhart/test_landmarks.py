@@ -1,3 +1,4 @@
+import pickle
 import tracemalloc
 
 import numpy as np
@@ -90,3 +91,10 @@ def test_memory_for_the_search_for_duplicates_grows_with_the_landmarks_only(kind
     assert caught.value.code == "duplicates"
     assert caught.value.indices[0] == 0
     assert peak < 500 * MAXIMUM
+
+
+def test_the_error_reaches_another_process_as_it_was() -> None:
+    with pytest.raises(LandmarkError) as caught:
+        check_landmarks([*SQUARE, [4.0, 4.0]])
+    again = pickle.loads(pickle.dumps(caught.value))
+    assert (again.code, str(again), again.indices) == ("duplicates", str(caught.value), (2, 4))
