@@ -52,7 +52,7 @@ def slow(monkeypatch: pytest.MonkeyPatch) -> Iterator[threading.Event]:
     real = constraints._look_up
 
     def look_up(*arguments: Any) -> Any:
-        let_go.wait(0.05)
+        let_go.wait(0.5)
         return real(*arguments)
 
     monkeypatch.setattr(constraints, "_SILENCE", -1.0)

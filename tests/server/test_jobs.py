@@ -695,7 +695,7 @@ def test_jobs_of_others_are_not_there(client: httpx.Client, app: FastAPI) -> Non
 
 
 def _until(condition: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + 30.0
+    deadline = time.monotonic() + 120.0
     while not condition():
         assert time.monotonic() < deadline
         time.sleep(0.02)

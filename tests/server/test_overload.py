@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import select
 import socket
 import threading
 import time
@@ -172,7 +173,7 @@ def test_who_asks_too_often_is_told_when_to_come_back(start: Start) -> None:
     refused = server.client.get("/v1/collections")
     assert (refused.status_code, refused.json()["type"]) == (429, "/problems/too-many-requests")
     assert refused.json()["limit"] == "requests_per_second"
-    assert 90 <= int(refused.headers["Retry-After"]) <= 100
+    assert 0 < int(refused.headers["Retry-After"]) <= 100
     assert server.rejected("rate") == 1.0
     for path in ("/livez", "/", "/problems/too-many-requests"):
         assert server.client.get(path).status_code == 200
@@ -243,17 +244,17 @@ def test_half_a_body_is_408_and_nothing_is_stored(start: Start) -> None:
 
 
 def test_a_long_body_may_take_longer(start: Start) -> None:
-    """Twice the least rate, for longer than a body may take that does not move."""
-    server = start(body_seconds=0.5, body_rate=1000)
+    """A few times the least rate, for longer than a body may take that does not move."""
+    server = start(body_seconds=2.0, body_rate=250)
     whole = json.dumps({"xy": points(forest(1, count=100))}).encode()
     began = time.monotonic()
     with server.connect() as thin:
         thin.sendall(PUT_HEAD.format(len(whole)).encode())
         for place in range(0, len(whole), 100):
             thin.sendall(whole[place : place + 100])
-            time.sleep(0.05)
+            time.sleep(0.08)
         said = thin.recv(65536)
-    assert time.monotonic() - began > 0.5
+    assert time.monotonic() - began > 2.0
     assert said.startswith(b"HTTP/1.1 201 ")
 
 
@@ -334,7 +335,7 @@ def test_what_is_not_http_is_told_so_as_a_problem(start: Start, sent: bytes) -> 
 
 
 def test_half_a_head_after_a_whole_request_is_not_waited_for(start: Start) -> None:
-    server = start(header_seconds=0.5)
+    server = start(header_seconds=3.0)
     with server.connect() as slow:
         for _ in range(3):
             is_answered(slow)
@@ -385,7 +386,7 @@ def test_the_one_that_is_idle_for_longest_makes_room(start: Start) -> None:
 
 
 def test_a_connection_is_kept_for_a_while_after_an_answer(start: Start) -> None:
-    server = start(idle_seconds=0.5, header_seconds=100)
+    server = start(idle_seconds=3.0, header_seconds=100)
     with server.connect() as kept:
         for _ in range(3):
             is_answered(kept)
@@ -412,10 +413,9 @@ def test_bodies_do_not_fill_the_memory(start: Start) -> None:
     server = start(buffered_bytes=4000, body_seconds=100)
     with server.connect() as first, server.connect() as second:
         first.sendall(PUT_HEAD.format(3001).encode() + b" " * 3000)
-        wait_until(lambda: server.busy == 1)
-        time.sleep(0.1)
         second.sendall(PUT_HEAD.format(3001).encode() + b" " * 3000)
-        said = second.recv(65536)
+        (refused,), _, _ = select.select([first, second], [], [], PATIENCE)  # whichever is read later
+        said = refused.recv(65536)
     assert said.startswith(b"HTTP/1.1 503 ")
     assert server.rejected("memory") == 1.0
     # What was held is given back when it is gone.
