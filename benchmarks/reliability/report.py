@@ -5,6 +5,7 @@ from typing import Any, Final
 
 from benchmarks.experiments import Figures, provenance
 from benchmarks.markdown import bullets, number, page, prose, table
+from benchmarks.reliability.shapes_report import shape_faults, shapes_section
 from benchmarks.reliability.trials import trials_section
 
 GROWTH: Final = 20.0
@@ -50,6 +51,8 @@ def faults(results: Mapping[str, Figures]) -> list[str]:
             found.append(f"season: the import is {season['state']}, with {season['results']} lines of result")
     if hostile := results.get("hostile"):
         found += [f"{name}: {what}" for name, trial in hostile["trials"].items() for what in trial["problems"]]
+    if shapes := results.get("shapes"):
+        found += shape_faults(shapes)
     return found
 
 
@@ -214,4 +217,5 @@ SECTIONS: Final[dict[str, Callable[[Figures], str]]] = {
     "fleet": _fleet,
     "season": _season,
     "hostile": _hostile,
+    "shapes": shapes_section,
 }

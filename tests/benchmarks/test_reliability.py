@@ -18,8 +18,10 @@ from benchmarks.reliability.hostile.jobs import ndjson
 from benchmarks.reliability.mutation import changed, damaged
 from benchmarks.reliability.reading import READERS, Reader
 from benchmarks.reliability.report import GROWTH, SECTIONS, faults, write_report
+from benchmarks.reliability.shapes_report import MOST
 from benchmarks.reliability.traffic import Told
 from benchmarks.reliability.trees import body, forest
+from benchmarks.reliability.worst_shapes import SHAPES
 from benchmarks.served import served
 
 ROOT = Path(__file__).parents[2]
@@ -140,6 +142,10 @@ def test_the_published_figures_hold_what_is_claimed() -> None:
     season = figures["season"]
     assert (season["state"], season["results"], season["lines"]) == ("successful", 100_000, 100_000)
     assert set(figures["hostile"]["trials"]) == set(TRIALS)
+    assert set(figures["shapes"]["shapes"]) == set(SHAPES)
+    for costs in figures["shapes"]["shapes"].values():
+        assert [cost["landmarks"] for cost in costs] == [100, 1_000, 5_000, 20_000]
+        assert max(cost["megabytes"] for cost in costs) < MOST
 
 
 def test_what_falls_short_is_said() -> None:
@@ -152,12 +158,15 @@ def test_what_falls_short_is_said() -> None:
     figures["readers"]["readers"]["bodies"]["growth_megabytes"] = 264.0
     figures["fleet"]["kinds"]["inside-20"]["wrong"] = 3
     figures["season"] |= {"results": 99_999}
+    figures["shapes"]["shapes"]["fan"][-1] |= {"silence": 1.25, "megabytes": 900.0}
     figures["hostile"]["trials"]["kills"]["problems"] = ["round 1: s5 was acknowledged and is gone"]
     found = faults(figures)
     for part in (
         "getSubmap: 500",
         "KeyError in read",
         "bodies: 264 MB",
+        "20,000 landmarks, fan: 1.25 s of computing without asking",
+        "20,000 landmarks, fan: 900 MB",
         "4 x query: 500",
         "2 wrong matches",
         "w1: 404",
@@ -167,4 +176,4 @@ def test_what_falls_short_is_said() -> None:
     ):
         assert any(part in line for line in found), part
         assert part in " ".join(write_report(figures).split())
-    assert "Not run yet: contract, readers, load, fleet, season, hostile." in write_report({})
+    assert "Not run yet: contract, readers, load, fleet, season, hostile, shapes." in write_report({})
