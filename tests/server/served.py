@@ -9,16 +9,19 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import httpx
 from fastapi import FastAPI
 from uvicorn.server import Server
 
+from server.app import create_app
 from server.commands.serve import bind
 from server.http.dependencies import Service
 from server.http.protocol import Connection, ServerConfig
+from server.settings import Limits, Settings
 from tests.server.processes import spawned
 
 _ROOT = Path(__file__).parents[2]
@@ -168,3 +171,30 @@ def read_all(connection: socket.socket) -> bytes:
     except ConnectionResetError:
         return said
     return said
+
+
+Start = Callable[..., Threaded]
+
+
+@contextmanager
+def starting(folder: Path, prepare: Callable[[Threaded], object] = lambda server: None) -> Iterator[Start]:
+    """Starts servers over one database with the limits that are given; each is ready and has the collection `plots`.
+
+    Queries have no deadline before a server is ready. `prepare` is done to each server before it is handed out.
+    """
+    started: list[Threaded] = []
+
+    def start(**limits: float) -> Threaded:
+        settings = Settings(database=str(folder / "urquhart.db"), limits=Limits.model_validate(limits))
+        server = Threaded(create_app(settings))
+        started.append(server)
+        wait_until(lambda: server.service.readiness.ready)
+        server.client.put("/v1/collections/plots", json={}).raise_for_status()
+        prepare(server)
+        return server
+
+    try:
+        yield start
+    finally:
+        for server in started:
+            server.close()

@@ -13,13 +13,10 @@ from typing import Any
 
 import pytest
 
-from server.app import create_app
-from server.settings import Limits, Settings
-from tests.server.served import PATIENCE, Threaded, wait_until
+from tests.server.served import PATIENCE, Start, Threaded, starting, wait_until
 from tests.server.world import forest, observed, points, put_submap
 from urquhart import Budget, Config, Recognition, Recognizer
 
-Start = Callable[..., Threaded]
 ASK = "/v1/collections/plots/queries"
 QUERY = {"xy": points(forest(1))}
 BATCH = {"queries": [QUERY] * 200}
@@ -28,20 +25,8 @@ BATCH = {"queries": [QUERY] * 200}
 @pytest.fixture
 def start(tmp_path: Path) -> Iterator[Start]:
     """Starts a server with the limits that are given; its collection `plots` has the submap `p`."""
-    started: list[Threaded] = []
-
-    def start(**limits: float) -> Threaded:
-        settings = Settings(database=str(tmp_path / "urquhart.db"), limits=Limits.model_validate(limits))
-        server = Threaded(create_app(settings))
-        started.append(server)
-        wait_until(lambda: server.service.readiness.ready)  # before that, queries have no deadline
-        server.client.put("/v1/collections/plots", json={}).raise_for_status()
-        put_submap(server.client, "plots", "p", 1).raise_for_status()
-        return server
-
-    yield start
-    for server in started:
-        server.close()
+    with starting(tmp_path, lambda server: put_submap(server.client, "plots", "p", 1).raise_for_status()) as start:
+        yield start
 
 
 def nothing_at_the_deadline() -> Recognition:

@@ -12,17 +12,13 @@ import pytest
 
 from server import keys
 from server.access import Scope
-from server.app import create_app
 from server.errors import Overloaded
 from server.http.gate import Gate
-from server.settings import Limits, Settings
-from tests.server.served import PATIENCE, Threaded, wait_until
+from server.settings import Limits
+from tests.server.served import PATIENCE, Start, Threaded, starting, wait_until
 from tests.server.test_disconnect import ASK, BATCH, QUERY, Searches
 from tests.server.world import put_submap
 from urquhart import Recognition, Recognizer
-
-Start = Callable[..., Threaded]
-
 
 # --------------------------------------------------------------------- the gate
 
@@ -142,20 +138,8 @@ def test_callers_are_forgotten() -> None:
 @pytest.fixture
 def start(tmp_path: Path) -> Iterator[Start]:
     """Starts a server with the limits that are given, whose keys are asked for; `plots` has the submap `p`."""
-    started: list[Threaded] = []
-
-    def start(**limits: float) -> Threaded:
-        settings = Settings(database=str(tmp_path / "urquhart.db"), limits=Limits.model_validate(limits))
-        server = Threaded(create_app(settings))
-        started.append(server)
-        wait_until(lambda: server.service.readiness.ready)
-        server.client.put("/v1/collections/plots", json={}).raise_for_status()
-        put_submap(server.client, "plots", "p", 1).raise_for_status()
-        return server
-
-    yield start
-    for server in started:
-        server.close()
+    with starting(tmp_path, lambda server: put_submap(server.client, "plots", "p", 1).raise_for_status()) as start:
+        yield start
 
 
 def key_of(server: Threaded, name: str) -> tuple[str, dict[str, str]]:

@@ -14,17 +14,15 @@ import pytest
 
 from server import keys
 from server.access import Scope
-from server.app import create_app
 from server.errors import Overloaded, TooManyRequests
 from server.http.gate import Gate
 from server.queries import lookup
 from server.rates import Rates
 from server.schemas.queries import QueryAnswer
-from server.settings import Limits, Settings
-from tests.server.served import PATIENCE, Threaded, read_all, together, wait_until
+from server.settings import Limits
+from tests.server.served import PATIENCE, Start, Threaded, read_all, starting, together, wait_until
 from tests.server.world import forest, points
 
-Start = Callable[..., Threaded]
 ASK = "/v1/collections/plots/queries"
 PUT_HEAD = (
     "PUT /v1/collections/plots/submaps/p HTTP/1.1\r\nHost: localhost\r\n"
@@ -35,18 +33,8 @@ PUT_HEAD = (
 @pytest.fixture
 def start(tmp_path: Path) -> Iterator[Start]:
     """Starts a server with the limits that are given, which has the empty collection `plots`."""
-    started: list[Threaded] = []
-
-    def start(**limits: float) -> Threaded:
-        settings = Settings(database=str(tmp_path / "urquhart.db"), limits=Limits.model_validate(limits))
-        server = Threaded(create_app(settings))
-        started.append(server)
-        server.client.put("/v1/collections/plots", json={}).raise_for_status()
-        return server
-
-    yield start
-    for server in started:
-        server.close()
+    with starting(tmp_path) as start:
+        yield start
 
 
 @pytest.fixture

@@ -10,34 +10,18 @@ from typing import Any
 import httpx
 import pytest
 
-from server.app import create_app
 from server.jobs import queue
-from server.settings import Limits, Settings
 from server.store.database import Database
-from tests.server.served import PATIENCE, Threaded, read_all, wait_until
+from tests.server.served import PATIENCE, Start, Threaded, read_all, starting, wait_until
 from tests.server.test_disconnect import finish, reset
 from tests.server.world import forest, points, put_submap
-
-Start = Callable[..., Threaded]
 
 
 @pytest.fixture
 def start(tmp_path: Path) -> Iterator[Start]:
     """Starts a server with the limits that are given, which has the empty collection `plots` and does no jobs."""
-    started: list[Threaded] = []
-
-    def start(**limits: float) -> Threaded:
-        settings = Settings(database=str(tmp_path / "urquhart.db"), limits=Limits.model_validate(limits))
-        server = Threaded(create_app(settings))
-        started.append(server)
-        wait_until(lambda: server.service.readiness.ready)
-        server.client.put("/v1/collections/plots", json={}).raise_for_status()
-        server.service.jobs.runner.stop()
-        return server
-
-    yield start
-    for server in started:
-        server.close()
+    with starting(tmp_path, lambda server: server.service.jobs.runner.stop()) as start:
+        yield start
 
 
 def job(server: Threaded) -> str:
