@@ -115,7 +115,7 @@ def answer_query(
     `pairs`: most pairs of landmarks in what is answered, by default `limits.answer_pairs`. With a `budget`, the search
     ends `limits.query_seconds` or `timeout_ms` after the budget began; without one it takes as long as it takes.
     """
-    budget = None if budget is None else _share(budget, body, limits)
+    budget = None if budget is None else share_of(budget, body, limits)
     look = look_up(catalog, metrics, limits, collection_id, body, own_id=own_id, budget=budget)
     answer = look.answer
     if body.store:
@@ -214,7 +214,7 @@ def look_up(
     return Look(asked, view.collection, answer, found.candidates, landmarks, revisions)
 
 
-def _share(budget: Budget, body: QueryInput, limits: Limits) -> Budget:
+def share_of(budget: Budget, body: QueryInput, limits: Limits) -> Budget:
     """What of a request's budget the search may use, so that the answer is ready at the deadline."""
     seconds = limits.query_seconds
     if body.timeout_ms is not None:

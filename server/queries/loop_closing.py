@@ -13,7 +13,7 @@ from server.index.catalog import Catalog
 from server.index.derive import config_of, features_of
 from server.intake.ingest import AskAgain
 from server.metrics.metrics import Metrics
-from server.queries.lookup import look_up, shown
+from server.queries.lookup import look_up, share_of, shown
 from server.queries.narrowing import keys_excluded, keys_near
 from server.schemas.queries import QueryAnswer, QueryInput
 from server.settings import Limits
@@ -58,7 +58,7 @@ class LoopQuestion:
                 self._collection_id,
                 self._body,
                 own_id=self._own_id,
-                budget=self._budget,
+                budget=share_of(self._budget, self._body, self._limits),
             )
         except InvalidField as error:
             raise error.below("/query") from error

@@ -2,6 +2,7 @@
 
 import gzip
 import json
+import math
 import socket
 import struct
 import threading
@@ -43,9 +44,7 @@ class Searches:
         self.begun = self.ended = 0
 
     def __call__(self, recognizer: Recognizer, xy: Any, *, budget: Budget | None = None, **options: Any) -> Recognition:
-        nothing = nothing_at_the_deadline()
-        if budget is None:
-            return nothing  # the warm-up, for which nobody waits
+        assert budget is not None
         self.begun += 1
         began = time.monotonic()
         try:
@@ -57,15 +56,20 @@ class Searches:
         return nothing_at_the_deadline()
 
 
+def has_deadline(budget: Budget | None = None, **options: Any) -> bool:
+    """Whether a search is a caller's: the warm-up, for which nobody waits, has no deadline."""
+    return budget is not None and budget.remaining < math.inf
+
+
 @pytest.fixture
 def endless(monkeypatch: pytest.MonkeyPatch) -> Searches:
-    """Every search with a budget goes on until that ends it; the warm-up has none."""
+    """Every search with a deadline goes on until that ends it."""
     searches = Searches()
     search = Recognizer.recognize
     monkeypatch.setattr(
         Recognizer,
         "recognize",
-        lambda *given, **options: (searches if "budget" in options else search)(*given, **options),
+        lambda *given, **options: (searches if has_deadline(**options) else search)(*given, **options),
     )
     return searches
 
