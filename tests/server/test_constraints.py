@@ -174,14 +174,14 @@ def test_a_slow_search_that_is_cut_short_goes_on_where_it_was(
     assert truth
     now, asked = 0.0, list[str]()
 
-    def slow(*given: Any) -> Any:
+    def slow(*given: Any, **options: Any) -> Any:
         nonlocal now
         now += 2.0
         if len(asked) in (1, 4):
             asked.append("a process ends")
             raise StorageBusy("a process ends")
         asked.append(given[-1].submap_id)
-        return look_up(*given)
+        return look_up(*given, **options)
 
     monkeypatch.setattr(constraints_job, "look_up", slow)
     monkeypatch.setattr(assignment, "time", SimpleNamespace(monotonic=lambda: now))
