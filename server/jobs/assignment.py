@@ -4,7 +4,7 @@ import threading
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
 from sqlalchemy.orm import Session
 
@@ -18,6 +18,10 @@ from server.store.database import Database
 from server.store.jobs import Jobs, Queue
 from server.store.tables import CollectionRow, JobRow
 from urquhart import Budget
+
+_CHANCES: Final = 2
+"""Times that a job is begun without getting on before it is taken for what ends the process. A service that is killed
+soon after its start says nothing of its jobs, and a process apart takes seconds to start."""
 
 
 class Interrupted(Exception):
@@ -67,7 +71,7 @@ class Assignment:
         self.total, self.done, self.counts = row.total, row.done, dict(row.counts)
         self.progress: dict[str, Any] = dict(row.progress)
         self._database, self._stopping = database, stopping
-        self._is_suspect = int(row.progress.get("starts", 0)) > 1
+        self._is_suspect = int(row.progress.get("starts", 0)) > _CHANCES
         self._reported = time.monotonic()
         self._began, self._before = self._reported, float(row.progress.get("worked", 0.0))
 
@@ -92,7 +96,7 @@ class Assignment:
 
     @property
     def is_suspect(self) -> bool:
-        """Whether a process that began the job, and got no further with it, has ended before."""
+        """Whether several processes in a row ended that began the job, and none of them got on with it."""
         return self._is_suspect
 
     @property
