@@ -11,7 +11,7 @@ from benchmarks import record
 from benchmarks.experiments import Figures, choose
 from benchmarks.machine import machine
 from benchmarks.markdown import FOLDER
-from benchmarks.reliability import contract, fleet, hostile, load, readers, season, shapes
+from benchmarks.reliability import contract, exhaustion, fleet, hostile, load, readers, season, shapes
 from benchmarks.reliability.report import write_report
 
 PARTS: Final[dict[str, Callable[..., Figures]]] = {
@@ -22,6 +22,7 @@ PARTS: Final[dict[str, Callable[..., Figures]]] = {
     "season": season.run,
     "hostile": hostile.run,
     "shapes": shapes.run,
+    "exhaustion": exhaustion.run,
 }
 FULL: Final = Path("docs")
 QUICK: Final = Path("benchmark-output/reliability")

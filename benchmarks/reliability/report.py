@@ -5,6 +5,7 @@ from typing import Any, Final
 
 from benchmarks.experiments import Figures, provenance
 from benchmarks.markdown import bullets, number, page, prose, table
+from benchmarks.reliability.exhaustion.section import exhaustion_faults, exhaustion_section
 from benchmarks.reliability.shapes_report import shape_faults, shapes_section
 from benchmarks.reliability.trials import trials_section
 
@@ -53,6 +54,8 @@ def faults(results: Mapping[str, Figures]) -> list[str]:
         found += [f"{name}: {what}" for name, trial in hostile["trials"].items() for what in trial["problems"]]
     if shapes := results.get("shapes"):
         found += shape_faults(shapes)
+    if exhaustion := results.get("exhaustion"):
+        found += exhaustion_faults(exhaustion)
     return found
 
 
@@ -218,4 +221,5 @@ SECTIONS: Final[dict[str, Callable[[Figures], str]]] = {
     "season": _season,
     "hostile": _hostile,
     "shapes": shapes_section,
+    "exhaustion": exhaustion_section,
 }

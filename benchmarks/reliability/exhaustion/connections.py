@@ -1,0 +1,133 @@
+"""Attacks by connections: many at a time, answers that nobody reads, callers who hang up."""
+
+import resource
+import socket
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Final
+from urllib.parse import urlsplit
+
+import httpx
+import orjson
+
+from benchmarks.reliability.exhaustion.requests import BASE, slow_query
+from benchmarks.reliability.exhaustion.site import ATTACKER, Site
+from benchmarks.reliability.exhaustion.strike import Outcome, at_once
+
+_READERS: Final = 150
+_CONNECTIONS: Final = 1_100
+_WAITS: Final = 4_000
+_BATCH: Final = 200
+
+
+def unread(site: Site, least: float, *, quick: bool) -> Outcome:
+    """Answers are asked for and left where they are."""
+    one = {"submap_id": "large0", "limit": 10}
+    asked = _post(site, f"{BASE}/queries/batch", orjson.dumps({"queries": [one] * 20}))
+    return _hold(site, [asked] * (30 if quick else _READERS), least)
+
+
+def waits(site: Site, least: float, *, quick: bool) -> Outcome:
+    """For a job that goes on; each connection waits for its end."""
+    job = site.client(ATTACKER).get("/v1/jobs").json()["jobs"][0]["id"]
+    asked = _head(site, "GET", f"/v1/jobs/{job}?wait=60") + b"\r\n"
+    return _hold(site, [asked] * (200 if quick else _WAITS), least)
+
+
+def many(site: Site, least: float, *, quick: bool) -> Outcome:
+    """Connections that are opened and say nothing; who is sent away comes again."""
+    return _hold(site, [b""] * _CONNECTIONS, least)
+
+
+def abandoned(site: Site, least: float, *, quick: bool) -> Outcome:
+    """How many queries the service answers for nobody counts: those in its metrics, after the callers have gone."""
+    outcome, until = Outcome(), time.monotonic() + least
+    raw = orjson.dumps({"queries": [slow_query(number) for number in range(_BATCH)]})
+    client = site.client(ATTACKER)
+
+    def ask(_: int) -> None:
+        outcome.send(
+            lambda: client.post(
+                f"{BASE}/queries/batch", content=raw, headers={"Content-Type": "application/json"}, timeout=0.5
+            )
+        )
+
+    at_once(4, until, ask)
+    time.sleep(0.5)
+    running = _running(client)
+    outcome.more["running_half_a_second_after"] = running
+    return outcome
+
+
+def _hold(site: Site, asked: list[bytes], least: float) -> Outcome:
+    """Open a connection for each request, send it, and read nothing; one that is closed is opened again, in turn."""
+    outcome = Outcome()
+    address = urlsplit(site.server.url)
+    with _descriptors(len(asked) + 200):
+        until, refused = time.monotonic() + least, 0
+        there: list[socket.socket | None] = [None] * len(asked)
+        while time.monotonic() < until:
+            for number, content in enumerate(asked):
+                if there[number] is None:
+                    there[number] = _open(address.hostname or "", address.port or 80, content)
+                    outcome.statuses["opened" if there[number] is not None else "not opened"] += 1
+                elif _is_closed(there[number]):
+                    there[number] = None
+                    refused += 1
+            time.sleep(0.05)
+        outcome.more |= {"held": sum(one is not None for one in there), "sent_away": refused}
+        for one in there:
+            if one is not None:
+                one.close()
+    return outcome
+
+
+def _open(host: str, port: int, content: bytes) -> socket.socket | None:
+    try:
+        connection = socket.create_connection((host, port), timeout=5.0)
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        connection.sendall(content)
+    except OSError:
+        return None
+    return connection
+
+
+def _is_closed(connection: socket.socket | None) -> bool:
+    """Whether the service closed it; what it sent stays unread."""
+    if connection is None:
+        return True
+    try:
+        return connection.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT) == b""
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True
+
+
+def _head(site: Site, method: str, path: str) -> bytes:
+    key = site.keys[ATTACKER]
+    host = urlsplit(site.server.url).netloc
+    return f"{method} {path} HTTP/1.1\r\nHost: {host}\r\nAuthorization: Bearer {key}\r\n".encode()
+
+
+def _post(site: Site, path: str, raw: bytes) -> bytes:
+    fields = f"Content-Type: application/json\r\nContent-Length: {len(raw)}\r\n\r\n".encode()
+    return _head(site, "POST", path) + fields + raw
+
+
+def _running(client: httpx.Client) -> float:
+    """Requests that the service works on, by its metrics."""
+    lines = client.get("/metrics").text.splitlines()
+    return sum(float(line.split()[-1]) for line in lines if line.startswith("urquhart_requests_in_flight"))
+
+
+@contextmanager
+def _descriptors(count: int) -> Iterator[None]:
+    """Let this process open so many files."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (min(max(soft, count), hard), hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
