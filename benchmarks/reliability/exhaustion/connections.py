@@ -1,14 +1,15 @@
 """Attacks by connections: many at a time, answers that nobody reads, callers who hang up."""
 
+import os
 import resource
 import socket
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Final
 from urllib.parse import urlsplit
 
-import httpx
 import orjson
 
 from benchmarks.reliability.exhaustion.requests import BASE, slow_query
@@ -41,7 +42,7 @@ def many(site: Site, least: float, *, quick: bool) -> Outcome:
 
 
 def abandoned(site: Site, least: float, *, quick: bool) -> Outcome:
-    """How many queries the service answers for nobody counts: those in its metrics, after the callers have gone."""
+    """How busy the service is half a second after the last caller has gone counts; the robot is busy with it, too."""
     outcome, until = Outcome(), time.monotonic() + least
     raw = orjson.dumps({"queries": [slow_query(number) for number in range(_BATCH)]})
     client = site.client(ATTACKER)
@@ -55,8 +56,7 @@ def abandoned(site: Site, least: float, *, quick: bool) -> Outcome:
 
     at_once(4, until, ask)
     time.sleep(0.5)
-    running = _running(client)
-    outcome.more["running_half_a_second_after"] = running
+    outcome.more["cores_busy_afterwards"] = _busy(site)
     return outcome
 
 
@@ -116,10 +116,15 @@ def _post(site: Site, path: str, raw: bytes) -> bytes:
     return _head(site, "POST", path) + fields + raw
 
 
-def _running(client: httpx.Client) -> float:
-    """Requests that the service works on, by its metrics."""
-    lines = client.get("/metrics").text.splitlines()
-    return sum(float(line.split()[-1]) for line in lines if line.startswith("urquhart_requests_in_flight"))
+def _busy(site: Site) -> float:
+    """Cores that the service keeps busy for the next two seconds."""
+    stat = Path(f"/proc/{site.server.process.pid}/stat")
+    ticks = []
+    for pause in (2.0, 0.0):
+        fields = stat.read_text(encoding="utf-8").rpartition(")")[2].split()
+        ticks.append(int(fields[11]) + int(fields[12]))
+        time.sleep(pause)
+    return (ticks[1] - ticks[0]) / os.sysconf("SC_CLK_TCK") / 2.0
 
 
 @contextmanager
