@@ -13,6 +13,7 @@ import schemathesis
 from benchmarks import record
 from benchmarks.reliability import contract, readers
 from benchmarks.reliability.__main__ import FULL, PAGE, PARTS, path_of, write_page
+from benchmarks.reliability.exhaustion.attacks import ATTACKS
 from benchmarks.reliability.hostile import TRIALS, clock, names, slow
 from benchmarks.reliability.hostile.jobs import ndjson
 from benchmarks.reliability.mutation import changed, damaged
@@ -142,6 +143,9 @@ def test_the_published_figures_hold_what_is_claimed() -> None:
     season = figures["season"]
     assert (season["state"], season["results"], season["lines"]) == ("successful", 100_000, 100_000)
     assert set(figures["hostile"]["trials"]) == set(TRIALS)
+    attacks = figures["exhaustion"]["attacks"]
+    assert set(attacks) == set(ATTACKS)
+    assert all(one["megabytes"] < 500.0 and one["robot_errors"] == {} for one in attacks.values())
     assert set(figures["shapes"]["shapes"]) == set(SHAPES)
     for costs in figures["shapes"]["shapes"].values():
         assert [cost["landmarks"] for cost in costs] == [100, 1_000, 5_000, 20_000]
@@ -176,4 +180,4 @@ def test_what_falls_short_is_said() -> None:
     ):
         assert any(part in line for line in found), part
         assert part in " ".join(write_report(figures).split())
-    assert "Not run yet: contract, readers, load, fleet, season, hostile, shapes." in write_report({})
+    assert "Not run yet: contract, readers, load, fleet, season, hostile, shapes, exhaustion." in write_report({})
