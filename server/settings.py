@@ -71,7 +71,7 @@ class Limits(BaseModel):
         ge=0,
         le=100,
         description="Requests of one key, or of one address without one, that a process works on at once while others "
-        "ask, too; 0: one for each core.",
+        "ask, too; 0: one fewer than there are cores, at least 1.",
     )
     queued_requests: int = Field(256, ge=0, description="Requests that wait in a process; more are answered 503.")
     queue_seconds: float = Field(

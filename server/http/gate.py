@@ -42,8 +42,8 @@ class Gate:
     """Places for requests that are worked on, and a queue before them.
 
     Of those that wait, the caller that has used the fewest seconds of places is next. While several ask, each of them
-    holds at most `limits.key_requests` places, by default one for each core. Where the queue is full, the latest
-    request of the caller with the most waiting requests is refused.
+    holds at most `limits.key_requests` places, by default one fewer than there are cores, so that a core stays free.
+    Where the queue is full, the latest request of the caller with the most waiting requests is refused.
 
     Belongs to one event loop; not thread-safe.
     """
@@ -52,7 +52,7 @@ class Gate:
         self._places = self._free = limits.concurrent_requests
         self._most_waiting = limits.queued_requests
         self._patience = limits.queue_seconds
-        self._share = min(limits.key_requests or len(os.sched_getaffinity(0)), self._places)
+        self._share = min(limits.key_requests or max(len(os.sched_getaffinity(0)) - 1, 1), self._places)
         self._alone = self._places - self._places // _RESERVE
         self._clock = clock
         self._callers: dict[str, _Caller] = {}
