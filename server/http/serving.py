@@ -120,12 +120,13 @@ class _Drained(Server):
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         """Accept who has connected already, then nobody; cut off what is not finished in time."""
         self._service.readiness.report(SHUTDOWN, _ENDING)
-        for _ in range(3):
-            await asyncio.sleep(0)
         self._service.hand_back()
         loop, drain = asyncio.get_running_loop(), self._service.settings.drain_seconds
         loop.call_later(drain, self._end_requests)
         loop.call_later(drain + _LAST_WORDS, self._cut_off)
+        # Last: whoever connects between this and the end of listening is reset, without anything having been done.
+        for _ in range(3):
+            await asyncio.sleep(0)
         await super().shutdown(sockets)
 
     def _end_requests(self) -> None:
