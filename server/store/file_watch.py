@@ -2,10 +2,11 @@
 
 SQLite asks this hardly ever: after a `mv` it goes on writing into the file that was moved, and connections that are
 opened later use whatever lies at the path. So the service compares before each use of the database, and after each
-commit, before it acknowledges it. A look is four system calls and takes about ten microseconds.
+commit, before it acknowledges it. A look is a few system calls and takes about ten microseconds.
 
-Files are looked at by name only. To open and close the database or its `-shm` file would drop the locks of SQLite in
-this process (POSIX locks belong to the process), which is why the descriptor of `-shm` is shared and kept.
+The database is looked at by name only. To open and close it or its `-shm` file would drop the locks of SQLite in
+this process (POSIX locks belong to the process), which is why the descriptors of `-shm` and of the log are shared and
+kept.
 """
 
 import os
@@ -23,7 +24,10 @@ _HEADER_BYTES: Final = 48
 _BACKFILLED, _ATTEMPTED, _INDEX_BYTES = 96, 128, 136
 """Where the wal-index says how many frames are in the database, and how many a checkpoint began to put there."""
 _LOG_HEADER: Final = 32
+_LOG_SALTS: Final = slice(16, 24)
 _FRAME_HEADER: Final = 24
+_FRAME_SALTS: Final = slice(8, 16)
+"""Where the log and each of its frames repeat the salts of the wal-index."""
 _TRIES: Final = 20
 """Looks at a wal-index that somebody else is changing, before it is taken as it is."""
 _WHAT_TO_DO: Final = (
@@ -56,8 +60,14 @@ class _Index:
     """What the wal-index says: bytes that the log must have, and how far checkpoints came since which start of it."""
 
     log_bytes: int
+    frame_bytes: int
     checkpoints: tuple[bytes, int]
     at_work: bool
+
+    @property
+    def salts(self) -> bytes:
+        """What marks the log and every frame since it was last begun anew."""
+        return self.checkpoints[0]
 
 
 class FileWatch:
@@ -68,7 +78,7 @@ class FileWatch:
         self.path = path
         self._file: _Identity | None = None
         self._beside: dict[str, tuple[Path, _Identity]] = {}
-        self._shared: int | None = None
+        self._descriptors: dict[str, int] = {}
         self._seen: tuple[int, int, tuple[bytes, int]] | None = None
         self._changed = False
         self._guard = threading.Lock()
@@ -93,18 +103,17 @@ class FileWatch:
                 if path.exists():
                     found = path.stat()
                     self._beside[ending] = path, (found.st_dev, found.st_ino)
-            if "-shm" in self._beside:
-                self._shared = _DESCRIPTORS.borrow(*self._beside["-shm"])
+            self._descriptors = {ending: _DESCRIPTORS.borrow(*beside) for ending, beside in self._beside.items()}
             self._seen, self._changed = None, False
             self._file = self.identity()
 
     def release(self) -> None:
         """Compare with nothing any more; no connection may be open."""
         with self._guard:
-            if self._shared is not None:
-                _DESCRIPTORS.give_back(self._beside["-shm"][1])
-            self._file = self._shared = None
-            self._beside = {}
+            for ending in self._descriptors:
+                _DESCRIPTORS.give_back(self._beside[ending][1])
+            self._file = None
+            self._beside, self._descriptors = {}, {}
 
     def trouble(self) -> Trouble | None:
         """Why the database must not be used now; None where all is well, or nothing was bound."""
@@ -130,24 +139,26 @@ class FileWatch:
             if (found.st_dev, found.st_ino) != identity:
                 return Trouble(f"Another file lies where {path.name} was. {_WHAT_TO_DO}", intact=True)
             sizes[ending] = found.st_size
-        if self._shared is None:
+        if len(self._descriptors) < 2:
             return None
         if sizes["-shm"] < _INDEX_BYTES:
             return Trouble(f"{name}-shm was cut off. {_RESTART}", intact=False)
         for _ in range(_TRIES):  # others commit and checkpoint between the looks at the several files
-            trouble = self._compare(self._shared)
+            trouble = self._compare(self._descriptors["-shm"], self._descriptors["-wal"])
             if trouble is None:
                 return None
         return trouble
 
-    def _compare(self, shared: int) -> Trouble | None:
+    def _compare(self, shared: int, log: int) -> Trouble | None:
         name = self.path.name
         before = _read_index(shared)
-        log, file = self._beside["-wal"][0].stat(), self.path.stat()
-        after = _read_index(shared)
-        if before is None or after is None:
+        if before is None:
             return None
-        if log.st_size < min(before.log_bytes, after.log_bytes):
+        whole, file = _is_whole(log, before), self.path.stat()
+        after = _read_index(shared)
+        if after is None:
+            return None
+        if not whole and before.salts == after.salts and after.log_bytes >= before.log_bytes:
             return Trouble(f"{name}-wal was cut off, and what it held is gone. {_RESTART}", intact=False)
         if file.st_size == 0:
             return Trouble(f"{name} was cut off. {_RESTART}", intact=False)
@@ -159,7 +170,7 @@ class FileWatch:
         if self._seen is not None and self._seen[2] == seen[2] and self._seen != seen:
             # SQLite writes to the file in checkpoints only, and there was none.
             self._changed = True
-            return self._compare(shared)
+            return self._compare(shared, log)
         self._seen = seen
         return None
 
@@ -172,10 +183,29 @@ def _read_index(shared: int) -> _Index | None:
     _, _, initialised, _, page, frames, _, salts, _ = _HEADER.unpack_from(content)
     if not initialised:
         return None
-    page_bytes = (page & 0xFE00) + ((page & 0x0001) << 16)
+    frame_bytes = _FRAME_HEADER + (page & 0xFE00) + ((page & 0x0001) << 16)
     backfilled, attempted = (struct.unpack_from("=I", content, at)[0] for at in (_BACKFILLED, _ATTEMPTED))
-    log_bytes = _LOG_HEADER + frames * (_FRAME_HEADER + page_bytes) if frames else 0
-    return _Index(log_bytes, (salts, backfilled), attempted > backfilled)
+    log_bytes = _LOG_HEADER + frames * frame_bytes if frames else 0
+    return _Index(log_bytes, frame_bytes, (salts, backfilled), attempted > backfilled)
+
+
+def _is_whole(log: int, index: _Index) -> bool:
+    """Whether a log holds the frames that its index names.
+
+    A log that was cut off may be as long as before: the next commit writes at the end that the index knows. The file
+    system fills the rest with a hole, in which no header of the log or of a frame has the salts.
+    """
+    if not index.log_bytes:
+        return True
+    if os.fstat(log).st_size < index.log_bytes or os.pread(log, _LOG_HEADER, 0)[_LOG_SALTS] != index.salts:
+        return False
+    hole = os.lseek(log, 0, os.SEEK_HOLE) if hasattr(os, "SEEK_HOLE") else index.log_bytes
+    first = max(hole - _LOG_HEADER, 0) // index.frame_bytes * index.frame_bytes + _LOG_HEADER
+    return all(
+        os.pread(log, _FRAME_HEADER, at)[_FRAME_SALTS] == index.salts
+        for at in (first, first + index.frame_bytes)
+        if at < index.log_bytes
+    )
 
 
 class _Descriptors:

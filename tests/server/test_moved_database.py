@@ -233,6 +233,22 @@ def test_a_file_that_is_written_to_in_place(serve: Callable[..., Server], path: 
         assert len(writers.acknowledged) <= before
 
 
+@pytest.mark.parametrize("kept", [0, 0.5])
+def test_a_log_that_is_cut_off_and_grows_again(path: Path, kept: float) -> None:
+    """A commit at that moment writes behind the end, and the log is as long as its index says, with a hole in it."""
+    database = Database(path)
+    schema.upgrade(database)
+    log = path.with_name(f"{path.name}-wal")
+    size = log.stat().st_size
+    assert database.trouble() is None
+    os.truncate(log, int(kept * size))
+    os.truncate(log, size)
+    assert "was cut off" in (database.trouble() or "")
+    with pytest.raises(StorageAltered), database.write():
+        pass
+    database.dispose()
+
+
 def test_a_memory_of_the_log_that_is_cut_off(serve: Callable[..., Server], path: Path) -> None:
     """Whoever reads it at that moment is ended by the system; the log itself has everything."""
     (server,) = start(serve, path)
