@@ -3,7 +3,7 @@
 import hashlib
 import math
 import re
-from collections.abc import AsyncIterator, Callable, Coroutine
+from collections.abc import AsyncIterator
 from dataclasses import dataclass
 from typing import Annotated, Any
 from urllib.parse import urlencode
@@ -13,10 +13,8 @@ from fastapi import Depends, Header, Path, Query, Request, Response
 from pydantic import BaseModel, BeforeValidator
 
 from server.access import Caller
-from server.errors import DomainError, InvalidField, MalformedBody, TooLarge
-from server.http.authorization import GuardedRoute, get_caller, get_visitor
+from server.http.authorization import get_caller, get_visitor
 from server.http.gate import Gate
-from server.http.json_bodies import check_content_type, malformed_detail
 from server.http.problems import MEDIA_TYPE
 from server.http.readiness import Readiness
 from server.http.repetitions import Repetitions
@@ -37,7 +35,6 @@ from server.schemas.common import (
     check_digits,
     to_json,
 )
-from server.schemas.strict_json import read_json
 from server.settings import Limits, Settings
 from server.snapshots.snapshot_folder import SnapshotFolder
 from server.store.database import Database
@@ -157,50 +154,6 @@ PageCursor = Annotated[str | None, Query(description="`next` of the page before.
 SubmapId = Annotated[
     ResourceId, Path(description="1 to 128 letters, digits, '.', '_', '~', '-'.", examples=["p7"], alias="submap")
 ]
-
-
-class _JsonRequest(Request):
-    async def json(self) -> Any:
-        body = await self.body()
-        try:
-            return read_json(body, self.app.state.service.settings.limits.body_values)
-        except orjson.JSONDecodeError as error:
-            raise _Refused(MalformedBody(malformed_detail(error, body))) from error
-        except (InvalidField, TooLarge) as error:
-            raise _Refused(error) from error
-
-
-class _Refused(Exception):
-    """Carries an error past the framework, which turns other errors of the body into its own."""
-
-    def __init__(self, error: DomainError) -> None:
-        super().__init__(str(error))
-        self.error = error
-
-
-class JsonRoute(GuardedRoute):
-    """A guarded route whose body is strict JSON: another content type is 415, what is not JSON 400."""
-
-    def make_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
-        """Wrap the framework's handler."""
-        handle = super().make_handler()
-        takes_body = self.body_field is not None
-
-        async def handle_json(request: Request) -> Response:
-            if not takes_body:
-                return await handle(request)
-            request = _JsonRequest(request.scope, request.receive)
-            body = await request.body()  # here, not in the framework, which would hide the body limit's error
-            if body:
-                check_content_type(request.headers.get("content-type"))
-            try:
-                return await handle(request)
-            except Exception as error:
-                if isinstance(error.__cause__, _Refused):
-                    raise error.__cause__.error from error.__cause__
-                raise
-
-        return handle_json
 
 
 def json_response(

@@ -33,6 +33,8 @@ class ServerConfig(Config):
     def __init__(self, app: Any, limits: Limits, reject: Callable[[str], None], **options: Any) -> None:
         """`reject` is told the reason when a connection is refused or closed to protect the others."""
         self.limits, self.reject = limits, reject
+        self.idle: dict[Connection, None] = {}
+        """Connections without a request at hand, the one that is idle for longest first."""
         super().__init__(app, http=Connection, timeout_keep_alive=limits.idle_seconds, **options)  # type: ignore[arg-type]
 
 
@@ -53,7 +55,6 @@ class Connection(H11Protocol):
     ) -> None:
         super().__init__(config, server_state, {**app_state, ABORT: self.abort}, _loop)
         self._head_timer: asyncio.TimerHandle | None = None
-        self._idle_since = self.loop.time()
         self._leaving = False
         self._unread_timer: asyncio.TimerHandle | None = None
 
@@ -65,11 +66,13 @@ class Connection(H11Protocol):
             most = self.config.limits.connections
             self._refuse(document(Overloaded(f"All {most} connections are in use; try again shortly.", 1.0)))
             return
+        self._sort()
         self._await_head()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """The caller is gone."""
         self._head_arrived()
+        self.config.idle.pop(self, None)
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
@@ -77,6 +80,7 @@ class Connection(H11Protocol):
         if self.transport.is_closing():
             return
         super().data_received(data)
+        self._sort()
         if self.is_idle:
             self._await_head()
         else:
@@ -92,8 +96,8 @@ class Connection(H11Protocol):
 
     def on_response_complete(self) -> None:
         """The answer is given."""
-        self._idle_since = self.loop.time()
         super().on_response_complete()
+        self._sort()
 
     def shutdown(self) -> None:
         """The service ends: finish what is at hand. What is on its way while nothing is may still come."""
@@ -133,12 +137,19 @@ class Connection(H11Protocol):
         else:
             self._unread_timer = self.loop.call_later(_UNREAD, self._look_for_end)
 
+    def _sort(self) -> None:
+        """Enter or leave the idle connections. One that sends the head of a request piece by piece keeps its place."""
+        if self.is_idle and not self.transport.is_closing():
+            self.config.idle.setdefault(self)
+        else:
+            self.config.idle.pop(self, None)
+
     def _make_room(self) -> bool:
-        idle = [one for one in self.connections if isinstance(one, Connection) and one is not self and one.is_idle]
-        if not idle:
+        oldest = next(iter(self.config.idle), None)
+        if oldest is None:
             return False
-        oldest = min(idle, key=lambda one: one._idle_since)
         self.config.reject("connections")
+        del self.config.idle[oldest]
         oldest.transport.abort()
         self.connections.discard(oldest)
         return True

@@ -31,8 +31,8 @@ _CUT: Final = 1.0
 _TICK: Final = 0.1
 BACKLOG: Final = 2048
 """Connections that wait to be accepted,"""
-_ACCEPTED: Final = 32
-"""and those that are accepted at once."""
+_ACCEPTED: Final = 8
+"""and those that are accepted at once: who waits for an answer waits while the event loop greets them."""
 _ENDING: Final = "the service is stopping"
 _log = logging.getLogger("server")
 

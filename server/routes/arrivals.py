@@ -9,7 +9,6 @@ from server.http.admission import BudgetDep
 from server.http.dependencies import (
     CallerDep,
     CollectionId,
-    JsonRoute,
     OnceDep,
     PreconditionsDep,
     Service,
@@ -18,6 +17,7 @@ from server.http.dependencies import (
     kept_response,
     problems,
 )
+from server.http.json_bodies import JsonRoute
 from server.http.negotiation import JSON
 from server.identifiers import new_id
 from server.intake import ingest

@@ -7,7 +7,6 @@ from server.http.dependencies import (
     CallerDep,
     CollectionId,
     IfNoneMatch,
-    JsonRoute,
     OnceDep,
     PageCursor,
     PageLimit,
@@ -20,6 +19,7 @@ from server.http.dependencies import (
     not_modified,
     problems,
 )
+from server.http.json_bodies import JsonRoute
 from server.idempotency import Kept, do_once, done
 from server.schemas.collections import (
     COLLECTION_EXAMPLE,

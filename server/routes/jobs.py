@@ -13,7 +13,6 @@ from server.http.admission import AdmissionDep
 from server.http.dependencies import (
     CallerDep,
     CollectionId,
-    JsonRoute,
     OnceDep,
     PageCursor,
     PageLimit,
@@ -23,6 +22,7 @@ from server.http.dependencies import (
     next_link,
     problems,
 )
+from server.http.json_bodies import JsonRoute
 from server.http.negotiation import JSON, NDJSON
 from server.jobs import queue
 from server.schemas.constraints import CONSTRAINT_EXAMPLE, ConstraintFormat, ConstraintsInput

@@ -10,12 +10,12 @@ from server.http.dependencies import (
     Accept,
     CallerDep,
     CollectionId,
-    JsonRoute,
     OnceDep,
     ServiceDep,
     json_response,
     problems,
 )
+from server.http.json_bodies import JsonRoute
 from server.http.negotiation import JSON, SVG, choose
 from server.queries import lookup, stored_queries
 from server.queries.batch_queries import answer_batch

@@ -12,7 +12,6 @@ from server.http.dependencies import (
     Accept,
     CallerDep,
     IfNoneMatch,
-    JsonRoute,
     OnceDep,
     PageCursor,
     PageLimit,
@@ -24,6 +23,7 @@ from server.http.dependencies import (
     not_modified,
     problems,
 )
+from server.http.json_bodies import JsonRoute
 from server.http.negotiation import JSON, SQLITE, choose
 from server.schemas.common import ResourceId
 from server.schemas.snapshots import SNAPSHOT_EXAMPLE, Snapshot, SnapshotInput, SnapshotPage

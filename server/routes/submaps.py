@@ -11,7 +11,6 @@ from server.http.dependencies import (
     CallerDep,
     CollectionId,
     IfNoneMatch,
-    JsonRoute,
     OnceDep,
     PageCursor,
     PageLimit,
@@ -25,6 +24,7 @@ from server.http.dependencies import (
     not_modified,
     problems,
 )
+from server.http.json_bodies import JsonRoute
 from server.http.negotiation import GEOJSON, JSON, SVG, choose
 from server.intake import ingest
 from server.schemas import examples

@@ -1,8 +1,10 @@
 """Types that several resources share."""
 
+import math
 import re
 import unicodedata
 from datetime import UTC, datetime
+from itertools import chain
 from typing import Annotated, Any
 
 from pydantic import (
@@ -13,10 +15,13 @@ from pydantic import (
     ConfigDict,
     Field,
     PlainSerializer,
+    ValidatorFunctionWrapHandler,
+    WrapValidator,
 )
 
 _RFC3339 = re.compile(r"\d{4}-\d{2}-\d{2}[Tt ]\d{2}:\d{2}:\d{2}(\.\d+)?([Zz]|[+-]\d{2}:\d{2})")
 _DEPTH = 32
+_POINTS_AT_ONCE = 1_000
 _ID_MARKS = frozenset("._~-")
 _ID_RULE = "1 to 128 letters, digits, '.', '_', '~' or '-'; not '.' or '..'"
 
@@ -98,7 +103,33 @@ Stamp = Annotated[
     PlainSerializer(write_stamp, return_type=str, when_used="json"),
 ]
 Point = tuple[Number, Number]
-Points = Annotated[list[Point], Field(fail_fast=True)]
+
+
+def _take_points(value: Any, check: ValidatorFunctionWrapHandler) -> Any:
+    """Points as they were sent, where they are what `check` accepts; it says what is wrong where they are not.
+
+    A thousand at a time: in between, others may have the interpreter, which one long check would keep from them.
+    """
+    if isinstance(value, list) and all(
+        _are_points(value[start : start + _POINTS_AT_ONCE]) for start in range(0, len(value), _POINTS_AT_ONCE)
+    ):
+        return value
+    return check(value)
+
+
+def _are_points(points: list[Any]) -> bool:
+    if set(map(type, points)) != {list} or set(map(len, points)) != {2}:
+        return False
+    numbers = list(chain.from_iterable(points))
+    return set(map(type, numbers)) <= {int, float} and all(map(math.isfinite, numbers))
+
+
+Points = Annotated[
+    list[Point],
+    Field(fail_fast=True),
+    WrapValidator(_take_points),
+    PlainSerializer(lambda points: points, return_type=list[Point]),
+]
 Free = Annotated[dict[str, Any], AfterValidator(_check_depth)]
 
 

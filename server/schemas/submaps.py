@@ -1,6 +1,7 @@
 """Bodies of the submap routes, and the landmarks that queries share with them."""
 
 from datetime import datetime
+from itertools import chain
 from typing import Annotated, Any
 
 import numpy as np
@@ -120,7 +121,7 @@ class LandmarkBody(Body):
     def positions(self) -> NDArray[np.float64]:
         """(N, 2) float64, metres, as posted."""
         points = self.xy if self.xy is not None else [(tree.x, tree.y) for tree in self.landmarks or []]
-        return np.asarray(points, dtype=np.float64).reshape(-1, 2)
+        return np.fromiter(chain.from_iterable(points), np.float64, 2 * len(points)).reshape(-1, 2)
 
     def diameters(self) -> NDArray[np.float64] | None:
         """Stem diameters (N,) float64, metres, NaN where one is not known; None when none is."""

@@ -1,18 +1,21 @@
 """Part `exhaustion`: callers with a valid key who ask for far more than they send.
 
 Each attack meets a service of its own. A robot with another key asks a small query again and again: before the attack,
-during it, and after it. Recorded are the longest request of the attacker, the memory that the service gains, and how
-much slower the robot's answers become.
+during it, and after it. The attacker has the lowest priority, since in the field it runs on another machine. Recorded
+are the longest request of the attacker, the memory that the service gains, and how much slower the robot's answers
+become.
 """
 
 import tempfile
 from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from benchmarks.experiments import Figures
 from benchmarks.reliability.exhaustion.attacks import ATTACKS, Attack
 from benchmarks.reliability.exhaustion.robot import Robot
 from benchmarks.reliability.exhaustion.site import Site
+from benchmarks.reliability.exhaustion.strike import give_way
 from benchmarks.scale.job import spread
 
 
@@ -31,7 +34,8 @@ def _measure(attack: Attack, *, quick: bool, seed: int) -> Figures:
             before = robot.times(least)
             with site.watched() as watch:
                 robot.begin()
-                outcome = attack.strike(site, least, quick=quick)
+                with ThreadPoolExecutor(1, initializer=give_way) as attacker:
+                    outcome = attacker.submit(attack.strike, site, least, quick=quick).result()
                 during = robot.end()
             after = robot.times(least / 3.0)
         failures = Counter(site.server.failures())

@@ -9,6 +9,7 @@ from typing import Final
 
 import httpx
 
+from benchmarks.reliability.exhaustion.strike import give_way
 from benchmarks.served import Served, served
 from server import keys
 from server.access import Scope
@@ -89,6 +90,7 @@ class Site:
         watch, stop = Watch(self.server.megabytes(), self.server.megabytes()), threading.Event()
 
         def look() -> None:
+            give_way()
             folder = Path(f"/proc/{self.server.process.pid}/fd")
             while not stop.wait(_LOOK):
                 try:

@@ -1,5 +1,7 @@
 """What an attack gets: answers by status, and how long the longest took."""
 
+import os
+import sys
 import threading
 import time
 from collections import Counter
@@ -46,6 +48,12 @@ class Outcome:
             if counts:
                 self.longest = max(self.longest, spent)
         return response
+
+
+def give_way() -> None:
+    """Give the calling thread, and those that it starts, the lowest priority."""
+    if sys.platform == "linux":  # elsewhere the priority is that of the process, which has the robot in it, too
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), 19)
 
 
 def at_once(callers: int, until: float, ask: Callable[[int], object]) -> None:
