@@ -20,11 +20,11 @@ from server.schemas.submaps import NamedSubmap
 from server.store import schema
 from server.store.database import Database
 from urquhart import SE2, Config, Features, Recognizer, describe
-from urquhart.descriptor import describe_outlines
-from urquhart.features import local_density
-from urquhart.landmarks import check_landmarks
-from urquhart.simulation import observe, paper_forest
-from urquhart.tessellation import tessellate
+from urquhart.evaluation.simulation import observe, paper_forest
+from urquhart.features.describe import local_density
+from urquhart.features.descriptor import describe_outlines
+from urquhart.features.landmarks import check_landmarks
+from urquhart.features.tessellation import tessellate
 
 RADIUS = 50.0
 SPACING = 50.0

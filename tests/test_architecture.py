@@ -3,6 +3,7 @@
 import ast
 import re
 from collections.abc import Iterator
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -10,52 +11,18 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("urquhart", "server", "clients/python/urquhart_client", "benchmarks")
 
-METHOD = [
-    *(
-        "_kernel",
-        "budget",
-        "config",
-        "stages",
-        "landmarks",
-        "se2",
-        "uncertainty",
-        "delaunay",
-        "distortion",
-        "quads",
-        "tessellation",
-        "descriptor",
-        "features",
-        "diameters",
-    ),
-    *(
-        "grid",
-        "pairing",
-        "verification",
-        "polygon_partition",
-        "polygon_scan",
-        "polygon_merge",
-        "polygon_index",
-        "voting",
-    ),
-    *("quad_table", "quad_search", "quad_votes", "consensus", "segment_file", "segment", "submaps", "collection_index"),
-    *("matching", "ransac", "sweep"),
-    *(
-        "proposing",
-        "confidence",
-        "rivals",
-        "ranking",
-        "doubt",
-        "levels",
-        "recognizer",
-        "warming",
-        "drawing",
-        "explaining",
-        "simulation",
-        "evaluation",
-        "merging",
-    ),
-]
-"""Modules of the method from the ground up: each may import only what stands before it."""
+FLOORS = (
+    {"_kernel", "budget", "config", "se2", "trace", "uncertainty"},
+    {"features"},
+    {"verify", "index", "mapping", "evaluation"},
+    {"paper"},
+    {"propose"},
+    {"decide"},
+    {"report", "levels", "recognizer", "warming"},
+)
+"""Rooms of the method (folders, and modules that stand alone) from the ground up: each may import from lower floors."""
+MOST_FLOORS = 8
+MOST_MODULES = 12
 
 FORBIDDEN = {
     "urquhart": {"server", "fastapi", "starlette", "sqlalchemy", "pydantic", "alembic", "typer", "rich", "benchmarks"},
@@ -81,13 +48,45 @@ def imports(path: Path) -> set[str]:
     return found
 
 
-def test_the_method_stands_on_what_is_below_it() -> None:
-    modules = {path.stem for path in (ROOT / "urquhart").glob("*.py")} - {"__init__"}
-    assert modules == set(METHOD)
-    for level, name in enumerate(METHOD):
-        for imported in imports(ROOT / "urquhart" / f"{name}.py"):
-            if imported.startswith("urquhart.") and (part := imported.split(".")[1]) in METHOD:
-                assert METHOD.index(part) < level, f"{name} imports {part}"
+def module_name(path: Path) -> str:
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def arrows(package: str) -> dict[str, set[str]]:
+    """Which modules of a package each of its modules imports; the package's own `__init__` is left out."""
+    paths = {module_name(path): path for path in sources(package)}
+    return {name: {other for other in imports(path) if other in paths} for name, path in paths.items() if "." in name}
+
+
+def test_every_room_of_the_method_has_a_floor() -> None:
+    rooms = {name.split(".")[1] for name in arrows("urquhart")}
+    assert rooms == set().union(*FLOORS)
+    assert sum(map(len, FLOORS)) == len(rooms)
+    assert len(FLOORS) <= MOST_FLOORS
+
+
+def test_the_method_imports_only_from_its_own_room_and_from_lower_floors() -> None:
+    floor = {room: level for level, rooms in enumerate(FLOORS) for room in rooms}
+    alone = {path.stem for path in (ROOT / "urquhart").glob("*.py")}
+    for name, imported in arrows("urquhart").items():
+        room = name.split(".")[1]
+        assert "urquhart" not in imported, f"{name} imports the package that imports it"
+        for other in {one.split(".")[1] for one in imported}:
+            same_room = other == room or (floor[other] == floor[room] and {other, room} <= alone)
+            assert floor[other] < floor[room] or same_room, f"{name} imports {other}"
+
+
+def test_no_import_of_the_method_is_circular() -> None:
+    order = tuple(TopologicalSorter(arrows("urquhart")).static_order())
+    assert "urquhart.recognizer" in order
+
+
+def test_no_folder_of_the_method_is_flat() -> None:
+    folders = [ROOT / "urquhart", *(path for path in (ROOT / "urquhart").rglob("*") if path.is_dir())]
+    counts = {str(folder.relative_to(ROOT)): len([*folder.glob("*.py")]) for folder in folders}
+    # `__init__` says what a room is for and is no module of its own.
+    assert not {folder: count for folder, count in counts.items() if count > MOST_MODULES + 1}
 
 
 @pytest.mark.parametrize("folder", FORBIDDEN)
@@ -142,6 +141,6 @@ def test_nothing_is_left_unfinished() -> None:
 
 def test_the_map_of_the_house_names_every_room() -> None:
     text = (ROOT / "docs/architecture.md").read_text()
-    rooms = [path.stem for path in sources("urquhart", "server") if path.stem != "__init__"]
-    missing = sorted({room for room in rooms if not re.search(rf"\b{room}\b", text)})
+    modules = [path.stem for path in sources("urquhart", "server") if path.stem != "__init__"]
+    missing = sorted({module for module in modules if not re.search(rf"\b{module}\b", text)})
     assert not missing

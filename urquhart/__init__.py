@@ -1,32 +1,32 @@
 """Place recognition in forests from tree positions alone.
 
-The file list is the method; `recognizer` is its one page:
+`recognizer` is the method on one page. Each room has one purpose:
 
-    landmarks, tessellation, descriptor, quads, features     what is known of one submap
-    quad_table, polygon_index, segment, collection_index     what is near in a collection
-    consensus, voting, matching, ransac, sweep, proposing    hypotheses
-    pairing, diameters, verification                         all landmarks decide
-    confidence, ranking, doubt                               chance, rivals, verdict
-    explaining                                               why, in words and as a picture
-    config, se2, stages, budget                              parameters, transforms, costs, deadlines
-    merging                                                  submaps into one map
-    simulation, evaluation, baselines, drawing               forests, scores, the paper's rivals, pictures
+    features     one submap: landmarks, tessellation, quads, described polygons
+    index        which quads and polygons of a collection are near
+    propose      transforms worth verifying
+    verify       one transform, judged by all landmarks
+    decide       chance, rivals, verdict
+    report       the answer in words and as a picture
+    paper        the paper's own chain, and the methods it is compared with
+    mapping      several submaps made into one map
+    evaluation   simulated forests, scores
 
 After Nardari et al., "Place Recognition in Forests With Urquhart Tessellations", RA-L 2020.
 """
 
 from urquhart.budget import Abandoned, Budget
-from urquhart.confidence import Gates
 from urquhart.config import Config, ConfigError
-from urquhart.drawing import draw_match, draw_tessellation
-from urquhart.features import Features, FeaturesError, describe
-from urquhart.landmarks import LandmarkError
-from urquhart.ranking import Candidate, Finding, Rival, Verdict
+from urquhart.decide.confidence import Gates
+from urquhart.decide.ranking import Candidate, Finding, Rival, Verdict
+from urquhart.features.describe import Features, FeaturesError, describe
+from urquhart.features.landmarks import LandmarkError
+from urquhart.features.tessellation import Tessellation
+from urquhart.index.segment_file import SegmentDamaged
 from urquhart.recognizer import Method, Recognition, Recognizer
+from urquhart.report.svg import draw_match, draw_tessellation
 from urquhart.se2 import SE2
-from urquhart.segment_file import SegmentDamaged
-from urquhart.stages import SearchEnd, Stage
-from urquhart.tessellation import Tessellation
+from urquhart.trace import SearchEnd, Stage
 from urquhart.warming import warm_up
 
 __all__ = [

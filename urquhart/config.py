@@ -11,6 +11,9 @@ from typing import Any, Final
 DESCRIPTION_VERSION: Final = 1
 """Raised whenever the same landmarks and parameters give other features than before; stored ones are then stale."""
 
+REACH: Final = 3.0
+"""A partner may lie this many standard deviations of the usual noise away (99 % of true ones in the plane)."""
+
 _DESCRIPTION: Final = ("samples", "squared", "keep_hull")
 
 

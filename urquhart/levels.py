@@ -3,10 +3,11 @@
 from collections.abc import Iterator
 from typing import Final
 
-from urquhart.confidence import against_chance, log_odds
-from urquhart.consensus import Room
-from urquhart.doubt import Standing
-from urquhart.proposing import (
+from urquhart.decide.confidence import against_chance, log_odds
+from urquhart.decide.doubt import Standing
+from urquhart.decide.ranking import refusal
+from urquhart.propose.correlation import sees_ends
+from urquhart.propose.proposals import (
     TIGHT,
     WIDE,
     Proposal,
@@ -18,9 +19,8 @@ from urquhart.proposing import (
     propose_by_sweep,
     search_quads,
 )
-from urquhart.ranking import refusal
-from urquhart.stages import Stages
-from urquhart.sweep import sees_ends
+from urquhart.propose.quad_consensus import Room
+from urquhart.trace import Stages
 
 _HALF: Final = 0.5
 """Share of a query's quads, the rarest, that mostly settle it,"""

@@ -1,10 +1,9 @@
 """The whole method: where in this collection was this observation made?
 
-    describe   landmarks -> tessellation -> polygons and quads     landmarks, tessellation, descriptor, quads, features
-    propose    features -> near ones -> votes -> hypotheses        segment, consensus, voting, sweep, proposing
-    verify     each hypothesis against all landmarks               pairing, verification
-    doubt      what else would explain the data as well            confidence, doubt
-    rank       candidates, verdict, reason                         ranking
+    describe   landmarks -> tessellation -> polygons and quads     features
+    propose    features -> near ones -> votes -> hypotheses        index, propose
+    verify     each hypothesis against all landmarks               verify
+    decide     rivals, candidates, verdict, reason                 decide
 
 Quads are asked first, the rarest half of them before all; polygons where that does not settle it; where both find
 nothing, quads with a wider tolerance, and at last the query is turned and shifted over the submaps that come closest.
@@ -18,22 +17,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from urquhart.budget import Budget
-from urquhart.collection_index import CollectionIndex
-from urquhart.confidence import (
+from urquhart.config import Config
+from urquhart.decide.confidence import (
     log_volume,
 )
-from urquhart.config import Config
-from urquhart.consensus import ROOMS
-from urquhart.doubt import Standing, doubt
-from urquhart.features import Features, describe
-from urquhart.landmarks import LandmarkError
-from urquhart.levels import is_lost, is_settled, propose_by_level
-from urquhart.proposing import (
-    Proposal,
-    Sighting,
-    propose_by_paper,
-)
-from urquhart.ranking import (
+from urquhart.decide.doubt import Standing, doubt
+from urquhart.decide.ranking import (
     Candidate,
     Finding,
     Rival,
@@ -42,10 +31,20 @@ from urquhart.ranking import (
     make_candidate,
     make_rivals,
 )
+from urquhart.features.describe import Features, describe
+from urquhart.features.landmarks import LandmarkError
+from urquhart.index.collection_index import CollectionIndex
+from urquhart.levels import is_lost, is_settled, propose_by_level
+from urquhart.propose.proposals import (
+    Proposal,
+    Sighting,
+    propose_by_paper,
+)
+from urquhart.propose.quad_consensus import ROOMS
+from urquhart.propose.submaps import Memory, Source, Submaps
 from urquhart.se2 import SE2
-from urquhart.stages import SearchEnd, Stage, Stages, StoppedBy
-from urquhart.submaps import Memory, Source, Submaps
-from urquhart.verification import pattern, verify
+from urquhart.trace import SearchEnd, Stage, Stages, StoppedBy
+from urquhart.verify.evidence import pattern, verify
 
 Method = Literal["robust", "paper"]
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from urquhart.budget import Budget
 from urquhart.config import Config
-from urquhart.features import Features, describe
+from urquhart.features.describe import Features, describe
 from urquhart.recognizer import Recognizer
 
 

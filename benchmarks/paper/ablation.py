@@ -28,8 +28,8 @@ from benchmarks.paper.methods import Glarot, Method, Paper
 from benchmarks.paper.table1 import count, f1
 from benchmarks.pool import Pool
 from urquhart import SE2, Config, Recognition, Recognizer, describe
-from urquhart.baselines.glarot import GlarotConfig
-from urquhart.evaluation import ROTATION, TRANSLATION
+from urquhart.evaluation.scores import ROTATION, TRANSLATION
+from urquhart.paper.glarot import GlarotConfig
 
 SHARES: Final = (0.25, 0.3, 0.35, 0.4, 0.5, 0.75)
 """Values of tau as shares of M: descriptors, and so their distances, grow with the number of samples. 0.4 M is 8 for

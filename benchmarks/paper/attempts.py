@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 from benchmarks.paper.drive import Drive
 from benchmarks.paper.methods import Correspondences, Method, Points, Robust
 from urquhart import SE2, Config, describe
-from urquhart.confidence import log_odds, log_volume
-from urquhart.evaluation import Outcomes, is_right, score
-from urquhart.ranking import refusal
-from urquhart.ransac import Consensus, ransac
-from urquhart.verification import REACH, pattern, verify
+from urquhart.config import REACH
+from urquhart.decide.confidence import log_odds, log_volume
+from urquhart.decide.ranking import refusal
+from urquhart.evaluation.scores import Outcomes, is_right, score
+from urquhart.paper.ransac import Consensus, ransac
+from urquhart.verify.evidence import pattern, verify
 
 Scoring = Literal["letter", "inliers", "verified"]
 SCORINGS: Final[tuple[Scoring, ...]] = ("letter", "inliers", "verified")

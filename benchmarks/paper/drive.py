@@ -10,8 +10,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from urquhart.evaluation.simulation import Observation, observe, paper_forest
 from urquhart.se2 import SE2
-from urquhart.simulation import Observation, observe, paper_forest
 
 SIGMAS: Final = (0.0, 0.1, 0.2, 0.3, 0.4)
 """Metres: standard deviation of each coordinate, the rows of Table I."""

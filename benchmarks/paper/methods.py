@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from urquhart import SE2, Config, Features, Recognizer, describe
-from urquhart.baselines.delaunay_triangles import Triangles, describe_delaunay, link_triangles, nearest_triangles
-from urquhart.baselines.glarot import (
+from urquhart.features.descriptor import describe_triangles
+from urquhart.paper.delaunay_triangles import Triangles, describe_delaunay, link_triangles, nearest_triangles
+from urquhart.paper.glarot import (
     GlarotConfig,
     Signatures,
     describe_glare,
@@ -21,8 +22,7 @@ from urquhart.baselines.glarot import (
     global_distance,
     keep_mutual,
 )
-from urquhart.descriptor import describe_triangles
-from urquhart.matching import claim_landmarks, sample_polygons, settle_claims
+from urquhart.paper.matching import claim_landmarks, sample_polygons, settle_claims
 
 Points = NDArray[np.float64]
 Correspondences = tuple[NDArray[np.int64], NDArray[np.int64]]
@@ -81,7 +81,7 @@ class Paper:
     def match(
         self, query: PaperDescription, submap: PaperDescription, rng: np.random.Generator
     ) -> Mapping[str, Correspondences]:
-        """As `urquhart.matching.match_landmarks`, which describes the triangles anew at each call."""
+        """As `urquhart.paper.matching.match_landmarks`, which describes the triangles anew at each call."""
         (a, a_rows), (b, b_rows) = (query.features, query.triangles), (submap.features, submap.triangles)
         s, t, config = a.tessellation, b.tessellation, self.config
         first = sample_polygons(s.vertex_counts(), config.gamma, rng)

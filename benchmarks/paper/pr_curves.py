@@ -13,7 +13,7 @@ from benchmarks.paper.drive import CELLS, PER_LAP, ROTATIONS, drive
 from benchmarks.paper.methods import LETTER_TAU, Paper
 from benchmarks.pool import Pool
 from urquhart import Config
-from urquhart.evaluation import Outcomes, mean_outcome
+from urquhart.evaluation.scores import Outcomes, mean_outcome
 
 TAUS: Final = (2.0, 3.0, 5.0, 8.0, 12.0, 20.0)
 GAMMAS: Final = (5, 10, 15, 20, None)

@@ -12,7 +12,7 @@ from benchmarks.paper.drive import CELLS, PER_LAP, ROTATIONS, Drive, drive
 from benchmarks.paper.methods import LETTER_TAU, Glarot, Li, Method, Paper, Robust
 from benchmarks.pool import Pool
 from urquhart import Config
-from urquhart.evaluation import Outcomes, score
+from urquhart.evaluation.scores import Outcomes, score
 
 GATES: Final = (0.05, 0.06, 0.07, 0.08, 0.1, 0.12)
 """Largest GLAROT distance of two whole observations, as a share of what they hold. The paper's 10 is in units of its

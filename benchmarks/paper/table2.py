@@ -20,9 +20,9 @@ from benchmarks.paper.methods import Glarot, Li, Method, Paper, Points, Robust
 from benchmarks.paper.tracks import LEVELS, MAPS, Submap, cut, read_maps, sensor_range
 from benchmarks.pool import Pool
 from urquhart import SE2, Config
-from urquhart.baselines.glarot import GlarotConfig
-from urquhart.evaluation import Alignment, alignment_errors
-from urquhart.merging import MergedMap, merge
+from urquhart.evaluation.scores import Alignment, alignment_errors
+from urquhart.mapping.merging import MergedMap, merge
+from urquhart.paper.glarot import GlarotConfig
 
 METHODS: Final = ("true pairs", "paper", "glarot-local", "li", "robust")
 """`true pairs` merges by the trees' identities: what the procedure itself allows."""

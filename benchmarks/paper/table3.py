@@ -19,7 +19,7 @@ from benchmarks.paper.drive import drive
 from benchmarks.paper.methods import Glarot, Li, Method, Paper, Points, Robust
 from benchmarks.pool import Pool
 from urquhart import SE2, Config, warm_up
-from urquhart.simulation import observe, paper_forest
+from urquhart.evaluation.simulation import observe, paper_forest
 
 CELL: Final = (0.1, 0.95)
 """Noise and detection: a middling cell of Table I."""

@@ -1,4 +1,4 @@
-"""What the numbers in `urquhart.confidence` were fitted with: two straight lines through answers of known truth.
+"""What the numbers in `urquhart.decide.confidence` were fitted with: two straight lines through answers of known truth.
 
 Run as `python -m benchmarks.robust.calibrate`. The forests are other ones than those of the published figures: seeds
 differ, and so does every tree but the real ones.
@@ -17,7 +17,7 @@ from scipy.optimize import minimize
 from benchmarks.pool import Pool
 from benchmarks.robust import grid, rows, stands
 from urquhart import Config, Gates
-from urquhart.confidence import against_chance, against_rival_by, together
+from urquhart.decide.confidence import against_chance, against_rival_by, together
 
 SEED: Final = 1000
 _TOLD: Final = -25.0

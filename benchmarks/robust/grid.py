@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from benchmarks.pool import Pool
 from benchmarks.robust.worlds import PAPER, Place, Points, World, gather, summarize
 from urquhart import SE2, Config, warm_up
-from urquhart.simulation import observe, paper_forest
+from urquhart.evaluation.simulation import observe, paper_forest
 
 SIGMAS: Final = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
 """Metres, each coordinate of each of the two observations."""

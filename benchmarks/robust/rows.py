@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from benchmarks.pool import Pool
 from benchmarks.robust.worlds import STRICT, Place, Points, World, gather, summarize
 from urquhart import SE2, Config, warm_up
-from urquhart.simulation import observe, plantation
+from urquhart.evaluation.simulation import observe, plantation
 
 SPACINGS: Final = ((3.0, 3.0), (2.5, 3.5))
 """Metres between the trees of a row, and between rows."""

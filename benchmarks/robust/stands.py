@@ -16,7 +16,7 @@ from benchmarks.pool import Pool
 from benchmarks.robust.worlds import STRICT, Place, Points, World, gather, summarize
 from server.stem_maps.reader import read_stem_map
 from urquhart import SE2, Config, warm_up
-from urquhart.simulation import observe
+from urquhart.evaluation.simulation import observe
 
 STANDS: Final = {
     **{name: SHIPPED / f"{name}.csv" for name in ("lansing", "bei", "longleaf")},

@@ -14,7 +14,7 @@ from benchmarks.paper.table1 import best_minimum, f1
 from benchmarks.pool import Pool
 from benchmarks.robust.worlds import MATCHED, PAPER, Place, World, gather
 from urquhart import SE2, Config, warm_up
-from urquhart.evaluation import Outcomes, score
+from urquhart.evaluation.scores import Outcomes, score
 
 PEERS: Final = ("paper", "glarot-local", "li")
 """As `benchmarks.paper` has them; a report counts where the same verification lets the transform pass."""

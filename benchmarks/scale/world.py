@@ -12,8 +12,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from urquhart.evaluation.simulation import observe, paper_forest
 from urquhart.se2 import SE2
-from urquhart.simulation import observe, paper_forest
 
 TILE: Final = 1000.0
 """Metres: side of a tile."""

@@ -15,8 +15,8 @@ from server.store.described import Described
 from server.store.integrity import Finding
 from server.store.segments import Listed, Segments, trusted
 from server.store.tables import CollectionRow
-from urquhart.segment import Segment
-from urquhart.segment_file import SegmentDamaged
+from urquhart.index.segment import Segment
+from urquhart.index.segment_file import SegmentDamaged
 
 
 def index_findings(database: Database) -> Iterator[Finding]:

@@ -6,7 +6,7 @@ from rich.table import Table
 
 from server.schemas.queries import QueryAnswer
 from urquhart import Stage
-from urquhart.explaining import counted, sentence
+from urquhart.report.explanation import counted, sentence
 
 
 def print_explanation(console: Console, answer: QueryAnswer) -> None:

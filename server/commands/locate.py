@@ -23,7 +23,7 @@ from server.stem_maps.discs import without_twins
 from server.stem_maps.reader import StemMap, read_stem_map
 from server.stem_maps.stands import landmarks_of
 from server.store.renewal import bring_up_to_date
-from urquhart.distortion import WARNINGS
+from urquhart.verify.distortion import WARNINGS
 
 
 def locate(

@@ -27,8 +27,8 @@ from server.store.database import Database
 from server.store.segments import Listed, Segments
 from server.store.tables import CollectionRow
 from urquhart import Abandoned, Recognizer
-from urquhart.collection_index import Part
-from urquhart.segment_file import SegmentDamaged
+from urquhart.index.collection_index import Part
+from urquhart.index.segment_file import SegmentDamaged
 
 _AGAIN: Final = 60.0
 """Seconds after which a query tries again to write segments where that failed."""

@@ -10,9 +10,9 @@ from typing import Final
 from server.index.flushing import Shop, register, write
 from server.index.live_index import State, Unusable
 from server.store.segments import Listed
-from urquhart.collection_index import Part
-from urquhart.quad_table import MOST_SLOTS
-from urquhart.segment_file import SegmentDamaged
+from urquhart.index.collection_index import Part
+from urquhart.index.quad_table import MOST_SLOTS
+from urquhart.index.segment_file import SegmentDamaged
 
 FANOUT: Final = 4
 """A segment is merged with the next one while it is less than so many times as large."""

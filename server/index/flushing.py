@@ -23,8 +23,8 @@ from server.store.described import Described
 from server.store.segments import Listed, Segments, trusted
 from server.store.tables import CollectionRow
 from urquhart import Config
-from urquhart.collection_index import Part
-from urquhart.segment import Segment, merge_segments
+from urquhart.index.collection_index import Part
+from urquhart.index.segment import Segment, merge_segments
 
 _BATCH: Final = 500
 """Submaps whose features are in memory at a time."""

@@ -23,9 +23,9 @@ from server.store.described import Described, StoredFeatures
 from server.store.segments import Listed, Segments, trusted
 from server.store.tables import CollectionRow
 from urquhart import Config, Features
-from urquhart.collection_index import CollectionIndex, Part
-from urquhart.segment import Segment
-from urquhart.segment_file import SegmentDamaged
+from urquhart.index.collection_index import CollectionIndex, Part
+from urquhart.index.segment import Segment
+from urquhart.index.segment_file import SegmentDamaged
 
 _BATCH: Final = 500
 _MANY: Final = 10_000

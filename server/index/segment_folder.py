@@ -15,8 +15,8 @@ from server.locks import try_lock
 from server.store.database import Database
 from server.store.segments import Listed, all_names
 from urquhart import Config
-from urquhart.segment import Segment
-from urquhart.segment_file import SegmentDamaged
+from urquhart.index.segment import Segment
+from urquhart.index.segment_file import SegmentDamaged
 
 Work = Literal["flush", "merge"]
 """What only one process does at a time."""

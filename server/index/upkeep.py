@@ -21,7 +21,7 @@ from server.store.collections import Collections
 from server.store.database import Database
 from server.store.segments import Listed, all_chains
 from server.threads import pin_threads
-from urquhart.collection_index import Part
+from urquhart.index.collection_index import Part
 
 _SWEEP: Final = 60.0
 """Seconds between two looks for files that are left over, and at segments that could not be read."""

@@ -10,7 +10,7 @@ from typing import IO, Any, BinaryIO, Final
 from server.errors import StorageUnavailable
 from server.locks import try_lock
 from server.store.database import Database
-from urquhart.segment_file import sync
+from urquhart.index.segment_file import sync
 
 ARRIVING: Final = ".part"
 INPUT: Final = ".input"

@@ -26,8 +26,8 @@ from server.schemas.queries import FINDINGS
 from server.store.codec import unpack_ids
 from server.store.found import FoundSubmap
 from urquhart import Candidate, Config, Finding, Rival, Stage
-from urquhart.explaining import search_sentence
-from urquhart.stages import SearchEnd
+from urquhart.report.explanation import search_sentence
+from urquhart.trace import SearchEnd
 
 _INLIERS = TypeAdapter(list[Inlier])
 

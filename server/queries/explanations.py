@@ -11,8 +11,8 @@ from server import links
 from server.schemas.poses import Transform
 from server.schemas.queries import ExplanationAnswer, ExplanationLinks, QueryAnswer
 from urquhart import SE2, Stage
-from urquhart.distortion import WARNINGS
-from urquhart.explaining import Explanation, Found, Laid, draw_explanation, sentence
+from urquhart.report.explanation import Explanation, Found, Laid, draw_explanation, sentence
+from urquhart.verify.distortion import WARNINGS
 
 
 @dataclass(frozen=True, slots=True)

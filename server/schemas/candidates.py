@@ -8,10 +8,10 @@ from pydantic import Field, PlainSerializer
 
 from server.schemas.common import Answer, write_stamp
 from server.schemas.poses import CandidateTransform, MapPoseAnswer, Transform
-from urquhart.distortion import WARNINGS
-from urquhart.explaining import SKIPS, STOPS
-from urquhart.proposing import Level
-from urquhart.stages import Skipped, StoppedBy
+from urquhart.propose.proposals import Level
+from urquhart.report.explanation import SKIPS, STOPS
+from urquhart.trace import Skipped, StoppedBy
+from urquhart.verify.distortion import WARNINGS
 
 
 def _words(meanings: Mapping[Any, str]) -> str:

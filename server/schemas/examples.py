@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from urquhart.explaining import REASONS, SKIPS, STOPS
+from urquhart.report.explanation import REASONS, SKIPS, STOPS
 
 _LINKS = {
     "self": "/v1/collections/plots/submaps/p7",

@@ -19,8 +19,8 @@ from server.schemas.common import (
 )
 from server.schemas.submaps import LandmarkBody
 from urquhart import Method, Verdict
-from urquhart.distortion import WARNINGS
-from urquhart.explaining import REASONS
+from urquhart.report.explanation import REASONS
+from urquhart.verify.distortion import WARNINGS
 
 _Written = Annotated[datetime, PlainSerializer(write_stamp, return_type=str, when_used="json")]
 _REASON = (

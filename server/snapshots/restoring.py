@@ -32,7 +32,7 @@ from server.store.occupancy import alone
 from server.store.renewal import bring_up_to_date
 from server.store.segments import Segments
 from server.store.sqlite_errors import storage_errors
-from urquhart.segment_file import SegmentDamaged, sync
+from urquhart.index.segment_file import SegmentDamaged, sync
 
 _BESIDE: Final = ("-wal", "-journal", "-shm")
 """Files that SQLite keeps beside a database, and would apply to any other that comes to its name."""

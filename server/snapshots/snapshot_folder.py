@@ -18,7 +18,7 @@ from server.errors import Conflict, InvalidField, NotFound, StorageDamaged
 from server.locks import try_lock
 from server.schemas.snapshots import Snapshot
 from server.store.sqlite_errors import storage_errors
-from urquhart.segment_file import sync
+from urquhart.index.segment_file import sync
 
 _FILE: Final = ".db"
 _MANIFEST: Final = ".json"

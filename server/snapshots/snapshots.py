@@ -25,7 +25,7 @@ from server.store.database import Database
 from server.store.integrity import file_findings
 from server.store.sqlite_errors import storage_errors
 from server.version import service_version
-from urquhart.segment_file import sync
+from urquhart.index.segment_file import sync
 
 _OPERATION: Final = "postSnapshot"
 _BREATH: Final = 0.001

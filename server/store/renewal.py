@@ -19,7 +19,7 @@ from server.store.codec import unpack_diameters, unpack_positions
 from server.store.database import Database
 from server.store.tables import CollectionRow, SubmapRow
 from urquhart import Config, ConfigError, Features, LandmarkError
-from urquhart.features import FEATURES_VERSION, HEAD
+from urquhart.features.describe import FEATURES_VERSION, HEAD
 
 _BATCH: Final = 100
 _log = logging.getLogger(__name__)

@@ -25,8 +25,8 @@ from benchmarks.paper.table3 import slope
 from benchmarks.paper.tracks import LEAST, LEVELS, MAPS, cut, read_maps, sensor_range
 from benchmarks.pool import Pool
 from urquhart import SE2, Config, describe
-from urquhart.evaluation import Outcomes, score
-from urquhart.matching import match_landmarks
+from urquhart.evaluation.scores import Outcomes, score
+from urquhart.paper.matching import match_landmarks
 
 ROOT = Path(__file__).parents[2]
 RESULTS = ROOT / FULL / FOLDER

@@ -18,7 +18,7 @@ from benchmarks.robust.reliability import LEAST, bins, expected_error
 from benchmarks.robust.report import SECTIONS
 from benchmarks.robust.worlds import ANSWER, MATCHED, STRICT, Place, World, gather, summarize
 from urquhart import SE2, Config
-from urquhart.simulation import observe, paper_forest
+from urquhart.evaluation.simulation import observe, paper_forest
 
 ROOT = Path(__file__).parents[2]
 RESULTS = ROOT / FULL / FOLDER

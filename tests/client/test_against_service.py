@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from urquhart import SE2
-from urquhart.simulation import observe
+from urquhart.evaluation.simulation import observe
 from urquhart_client import Client, ConnectionFailed, MapPose, ProblemError
 
 TREES = np.random.default_rng(7).uniform(-40.0, 40.0, (90, 2))

@@ -22,8 +22,8 @@ from server.store.integrity import findings
 from server.store.segments import Listed, Segments
 from tests.server.world import forest, points
 from urquhart import Features
-from urquhart.collection_index import CollectionIndex
-from urquhart.segment import Segment, merge_segments
+from urquhart.index.collection_index import CollectionIndex
+from urquhart.index.segment import Segment, merge_segments
 
 LIMITS = Limits()
 FEW = IndexSettings(flush_submaps=3, memory_submaps=12, block_submaps=4, cache_mb=1, upkeep_seconds=0.05)

@@ -11,7 +11,7 @@ from server.app import create_app
 from server.settings import Limits, Settings
 from tests.server.world import TestClient, forest, observed, points
 from urquhart import levels
-from urquhart.explaining import SKIPS, STOPS
+from urquhart.report.explanation import SKIPS, STOPS
 
 TREES = forest(1)
 QUERIES = "/v1/collections/plots/queries"

@@ -17,7 +17,7 @@ from server.stem_maps.stands import cut_stand, store_stand
 from server.store.integrity import findings
 from tests.server.world import TestClient, points
 from urquhart import SE2
-from urquhart.simulation import observe, plantation
+from urquhart.evaluation.simulation import observe, plantation
 
 PLOTS = "/v1/collections/plots"
 QUERIES = f"{PLOTS}/queries"

@@ -18,9 +18,9 @@ from server.schemas.queries import FINDINGS
 from server.settings import Limits, Settings
 from tests.server.world import TestClient, forest, observed, points, put_submap
 from urquhart import SE2, Config, Finding, Gates
-from urquhart.explaining import REASONS
-from urquhart.proposing import Level
-from urquhart.simulation import observe, plantation
+from urquhart.evaluation.simulation import observe, plantation
+from urquhart.propose.proposals import Level
+from urquhart.report.explanation import REASONS
 
 PLOTS = "/v1/collections/plots"
 QUERIES = f"{PLOTS}/queries"

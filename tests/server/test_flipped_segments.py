@@ -16,7 +16,7 @@ from server.http.dependencies import Service
 from server.index import upkeep
 from server.settings import IndexSettings, Settings
 from tests.server.world import TestClient, forest, observed, points
-from urquhart.segment_file import SegmentFile
+from urquhart.index.segment_file import SegmentFile
 
 COUNT = 12
 TREES = [forest(seed, 30, 25.0) for seed in range(COUNT + 4)]

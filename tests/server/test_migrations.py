@@ -18,7 +18,7 @@ from tests.server.cli.conftest import urquhart
 from tests.server.cli.world import Urquhart
 from tests.server.world import TestClient, forest, observed, points, put_submap
 from urquhart import SE2, Config
-from urquhart.features import FEATURES_VERSION
+from urquhart.features.describe import FEATURES_VERSION
 
 __all__ = ["urquhart"]
 

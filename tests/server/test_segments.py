@@ -25,7 +25,7 @@ from server.store.described import Described
 from server.store.segments import Listed, Segments, trusted
 from tests.server.index_world import Process, damage
 from urquhart import Config
-from urquhart.segment import Segment
+from urquhart.index.segment import Segment
 
 KINDS = ["missing", "empty", "truncated", "header", "arrays"]
 
@@ -356,7 +356,7 @@ def test_a_segment_of_another_format(process: Process, monkeypatch: pytest.Monke
     flush(process.catalog.shop, "plots")
     (old,) = process.chain()
     process = again(process)
-    monkeypatch.setattr("urquhart.segment.FORMAT", 99)
+    monkeypatch.setattr("urquhart.index.segment.FORMAT", 99)
     assert [process.found(i) for i in range(5)] == [f"p{i}" for i in range(5)]
     process.upkeep.settle("plots")
     (new,) = process.chain()

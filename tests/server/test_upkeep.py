@@ -27,7 +27,7 @@ from server.store.database import Database
 from server.store.segments import all_chains
 from tests.server.index_world import Process
 from tests.server.world import TestClient, forest, points, put_submap
-from urquhart.segment import merge_segments
+from urquhart.index.segment import merge_segments
 
 ROOT = Path(__file__).parents[2]
 

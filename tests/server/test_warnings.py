@@ -8,7 +8,7 @@ import orjson
 
 from tests.server.test_jobs import finished
 from tests.server.world import forest, observed, points, put_submap
-from urquhart.distortion import WARNINGS
+from urquhart.verify.distortion import WARNINGS
 
 PLOTS = "/v1/collections/plots"
 

@@ -7,10 +7,10 @@ import numpy as np
 
 from tests.urquhart.tables import decode
 from urquhart import SE2, Config, Features, Recognition, Recognizer, describe
-from urquhart.collection_index import CollectionIndex, Part
-from urquhart.segment import Segment
-from urquhart.simulation import observe, paper_forest
-from urquhart.submaps import Memory
+from urquhart.evaluation.simulation import observe, paper_forest
+from urquhart.index.collection_index import CollectionIndex, Part
+from urquhart.index.segment import Segment
+from urquhart.propose.submaps import Memory
 
 CONFIG = Config()
 FOREST = paper_forest(np.random.default_rng(3), 300.0)

@@ -6,16 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from urquhart.config import Config
-from urquhart.features import Features, describe
-from urquhart.polygon_index import (
+from urquhart.evaluation.simulation import paper_forest
+from urquhart.features.describe import Features, describe
+from urquhart.index.polygon_index import (
     Hits,
     Partition,
     Searched,
     merge_partitions,
     search_partitions,
 )
-from urquhart.polygon_partition import draw_outline, exact_partition, pack_outlines
-from urquhart.simulation import paper_forest
+from urquhart.index.polygon_partition import draw_outline, exact_partition, pack_outlines
 
 D = 11
 Rows = NDArray[np.float32]

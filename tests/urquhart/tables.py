@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 
 from tests.urquhart import forests
 from urquhart import SE2, Config, Features, describe
-from urquhart.consensus import Consensus, Lot
-from urquhart.quad_table import QuadTable, build_table, centre_scale
-from urquhart.simulation import bridson
+from urquhart.evaluation.simulation import bridson
+from urquhart.index.quad_search import Lot
+from urquhart.index.quad_table import QuadTable, build_table, centre_scale
+from urquhart.propose.quad_consensus import Consensus
 
 
 @dataclass(frozen=True, eq=False)

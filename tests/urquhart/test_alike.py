@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from tests.urquhart import forests
 from urquhart import SE2, Config, Recognizer, describe
-from urquhart.simulation import observe, paper_forest, plantation
+from urquhart.evaluation.simulation import observe, paper_forest, plantation
 
 CONFIG = Config()
 FOREST = paper_forest(np.random.default_rng(0), 300.0)

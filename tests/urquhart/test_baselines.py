@@ -4,8 +4,9 @@ from numpy.typing import NDArray
 
 from tests.urquhart.forests import all_kinds, pose, uniform
 from urquhart import SE2
-from urquhart.baselines.delaunay_triangles import describe_delaunay, match_triangles
-from urquhart.baselines.glarot import (
+from urquhart.evaluation.simulation import Observation, observe, paper_forest
+from urquhart.paper.delaunay_triangles import describe_delaunay, match_triangles
+from urquhart.paper.glarot import (
     GlarotConfig,
     describe_glare,
     distance_table,
@@ -16,7 +17,6 @@ from urquhart.baselines.glarot import (
     match_glarot,
     spread_over,
 )
-from urquhart.simulation import Observation, observe, paper_forest
 
 CONFIG = GlarotConfig()
 SHARP = GlarotConfig(direction_spread=0.0, distance_spread=0.0)

@@ -8,8 +8,8 @@ import pytest
 
 from tests.urquhart.contents import CONFIG, answers, conclusions, contents, of_segments, over, place, sightings
 from urquhart import Config, Features, describe
-from urquhart.collection_index import CollectionIndex, Part
-from urquhart.segment import Segment
+from urquhart.index.collection_index import CollectionIndex, Part
+from urquhart.index.segment import Segment
 
 PLACES = {key: place(key) for key in range(36)}
 SEEN = sightings(6)

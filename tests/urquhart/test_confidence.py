@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from urquhart import SE2, Config, Gates, describe
-from urquhart.confidence import against_chance, against_rival, comparable, credited, surely_behind, together
-from urquhart.pairing import Pattern
-from urquhart.ranking import confidence, refusal
-from urquhart.rivals import climb, distinct, find_rivals, pose_row, same_place
-from urquhart.simulation import observe, paper_forest, plantation
-from urquhart.verification import Verified, pattern, verify, weigh_settled
+from urquhart.decide.confidence import against_chance, against_rival, comparable, credited, surely_behind, together
+from urquhart.decide.ranking import confidence, refusal
+from urquhart.decide.rivals import climb, distinct, find_rivals, pose_row, same_place
+from urquhart.evaluation.simulation import observe, paper_forest, plantation
+from urquhart.verify.evidence import Verified, pattern, verify, weigh_settled
+from urquhart.verify.pairing import Pattern
 
 CONFIG = Config()
 REACH = 0.75

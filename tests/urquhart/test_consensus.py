@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from tests.urquhart import forests
 from tests.urquhart.tables import decode, described, lot_of, search, seen_again, sparse, stand, truth
 from urquhart import SE2, Config, Features, describe
-from urquhart.consensus import Consensus, Leaders, Lot, Room, Rooms
-from urquhart.quad_search import HIT
-from urquhart.quad_table import LAST, STEP, TURNS, build_table, measure_quads
-from urquhart.quad_votes import near_slots_together
+from urquhart.index.quad_search import HIT, Lot
+from urquhart.index.quad_table import LAST, STEP, TURNS, build_table, measure_quads
+from urquhart.propose.quad_consensus import Consensus, Leaders, Room, Rooms
+from urquhart.propose.quad_votes import near_slots_together
 
 
 def hits(found: Consensus) -> NDArray[np.float64]:

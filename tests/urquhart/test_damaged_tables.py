@@ -8,8 +8,9 @@ from pathlib import Path
 SCRIPT = """
 import numpy as np
 from tests.urquhart.tables import described, lot_of, stand
-from urquhart.consensus import Consensus, Lot
-from urquhart.quad_table import QuadTable, count_living, merge_tables
+from urquhart.propose.quad_consensus import Consensus
+from urquhart.index.quad_search import Lot
+from urquhart.index.quad_table import QuadTable, count_living, merge_tables
 
 submaps = [stand(0), described(1), stand(2)]
 sound = lot_of(submaps)

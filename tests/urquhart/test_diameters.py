@@ -5,8 +5,8 @@ import pytest
 from numpy.typing import NDArray
 
 from urquhart import SE2, Config, Features, LandmarkError, Recognizer, describe
-from urquhart.diameters import score_diameters, weigh_diameters
-from urquhart.simulation import Observation, observe, paper_forest, plantation
+from urquhart.evaluation.simulation import Observation, observe, paper_forest, plantation
+from urquhart.verify.diameters import score_diameters, weigh_diameters
 
 CONFIG = Config()
 POSE = SE2(60.0, 55.0, 0.3)

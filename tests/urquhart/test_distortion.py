@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from urquhart import SE2, Config, Recognizer, describe
-from urquhart.distortion import find_distortion
-from urquhart.ranking import Candidate
+from urquhart.decide.ranking import Candidate
 from urquhart.se2 import fit
 from urquhart.uncertainty import Matrix
+from urquhart.verify.distortion import find_distortion
 
 Shape = Callable[[Matrix], Matrix]
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from urquhart import SE2
-from urquhart.evaluation import (
+from urquhart.evaluation.scores import (
     ROTATION,
     TRANSLATION,
     Alignment,

@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 
 from tests.urquhart import forests
 from urquhart import SE2, Config, describe
-from urquhart.pairing import Pattern, inside, lay_out
-from urquhart.simulation import observe, paper_forest
-from urquhart.verification import (
+from urquhart.evaluation.simulation import observe, paper_forest
+from urquhart.verify.evidence import (
     DETECTION,
     LOOSE,
     NOISE,
@@ -22,6 +21,7 @@ from urquhart.verification import (
     weigh_pose,
     weigh_settled,
 )
+from urquhart.verify.pairing import Pattern, inside, lay_out
 
 REACH = 0.75
 FOREST = paper_forest(np.random.default_rng(0), side=400.0)
@@ -42,7 +42,7 @@ def alone(query: Pattern, submap: Pattern, found: Verified) -> int:
 
 
 def plain(query: Pattern, submap: Pattern, found: Verified) -> tuple[float, float]:
-    """Evidence and noise, by the formula at the head of `verification`."""
+    """Evidence and noise, by the formula at the head of `evidence`."""
     density = np.maximum(query.density[found.query], submap.density[found.submap])
     lonely, best = alone(query, submap, found), (-np.inf, 0.0)
     for noise, detection in itertools.product(NOISE, DETECTION):

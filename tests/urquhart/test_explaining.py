@@ -12,8 +12,9 @@ import pytest
 
 from server.queries import contradictions
 from tests.urquhart import forests
-from urquhart import SE2, Stage, Verdict, ranking, recognizer
-from urquhart.explaining import (
+from urquhart import SE2, Stage, Verdict, recognizer
+from urquhart.decide import ranking
+from urquhart.report.explanation import (
     REASONS,
     UNREFUSED,
     WIDTH,

@@ -6,9 +6,9 @@ from numpy.typing import NDArray
 
 from tests.urquhart import forests
 from urquhart import SE2, Config, describe
-from urquhart.pairing import Pattern, inside
-from urquhart.simulation import paper_forest
-from urquhart.verification import pattern, weigh_pose
+from urquhart.evaluation.simulation import paper_forest
+from urquhart.verify.evidence import pattern, weigh_pose
+from urquhart.verify.pairing import Pattern, inside
 
 REACH = 0.75
 FOREST = paper_forest(np.random.default_rng(3), 220.0)

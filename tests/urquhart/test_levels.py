@@ -8,11 +8,11 @@ import pytest
 
 from tests.urquhart.contents import CONFIG, FOREST, outline, over, place
 from urquhart import SE2, Abandoned, Budget, Config, Method, Recognition, Recognizer, SearchEnd, describe
-from urquhart.collection_index import CollectionIndex
-from urquhart.consensus import Consensus
-from urquhart.explaining import SKIPS, STOPS, search_sentence
-from urquhart.simulation import bridson, observe, paper_forest, plantation
-from urquhart.stages import Skipped, StoppedBy
+from urquhart.evaluation.simulation import bridson, observe, paper_forest, plantation
+from urquhart.index.collection_index import CollectionIndex
+from urquhart.propose.quad_consensus import Consensus
+from urquhart.report.explanation import SKIPS, STOPS, search_sentence
+from urquhart.trace import Skipped, StoppedBy
 
 PLACES = {key: place(key) for key in range(36)}
 MANY = {key: place(key % 36, key // 36) for key in range(72)}

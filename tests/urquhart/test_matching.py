@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from urquhart import SE2, Config, describe
-from urquhart.matching import assign_edges, match_landmarks, sample_polygons, settle_claims
-from urquhart.simulation import observe, paper_forest
+from urquhart.evaluation.simulation import observe, paper_forest
+from urquhart.paper.matching import assign_edges, match_landmarks, sample_polygons, settle_claims
 
 FOREST = paper_forest(np.random.default_rng(0), side=500.0)
 

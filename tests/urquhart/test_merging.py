@@ -4,8 +4,8 @@ from numpy.typing import NDArray
 
 from tests.urquhart.forests import pose, uniform
 from urquhart import SE2
-from urquhart.merging import MergedMap, dbscan, merge
-from urquhart.simulation import observe, paper_forest
+from urquhart.evaluation.simulation import observe, paper_forest
+from urquhart.mapping.merging import MergedMap, dbscan, merge
 
 STILL = SE2.identity()
 

@@ -20,16 +20,16 @@ from tests.urquhart.polygons import (
     units,
     whole,
 )
-from urquhart import polygon_index
-from urquhart.features import Features
-from urquhart.polygon_index import (
+from urquhart.features.describe import Features
+from urquhart.index import polygon_index
+from urquhart.index.polygon_index import (
     Hits,
     Partition,
     build_partitions,
     merge_partitions,
     search_partitions,
 )
-from urquhart.polygon_partition import exact_partition
+from urquhart.index.polygon_partition import exact_partition
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from numpy.typing import DTypeLike, NDArray
 from tests.urquhart import forests
 from tests.urquhart.tables import Decoded, decode, described, table_of
 from urquhart import SE2, Config, Features, describe
-from urquhart.quad_table import (
+from urquhart.index.quad_table import (
     HALF,
     LAST,
     STEP,

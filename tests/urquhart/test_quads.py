@@ -10,7 +10,7 @@ from scipy.spatial import Delaunay
 
 from tests.urquhart import forests
 from urquhart import Config, Features, describe
-from urquhart.quads import quads_of
+from urquhart.features.quads import quads_of
 
 Shapes = set[tuple[frozenset[int], frozenset[int]]]
 """Quads by their shared edge and their four landmarks."""

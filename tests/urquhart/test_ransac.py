@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from urquhart.ransac import ransac
+from urquhart.paper.ransac import ransac
 from urquhart.se2 import SE2
 
 TRUTH = SE2(14.0, -6.0, 2.4)

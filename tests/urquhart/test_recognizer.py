@@ -3,8 +3,8 @@ import pytest
 
 from tests.urquhart import forests
 from urquhart import SE2, Config, LandmarkError, Recognition, Recognizer, describe
+from urquhart.evaluation.simulation import Observation, observe, paper_forest, plantation
 from urquhart.recognizer import Method
-from urquhart.simulation import Observation, observe, paper_forest, plantation
 
 FOREST = paper_forest(np.random.default_rng(0), side=400.0)
 CENTRES = [

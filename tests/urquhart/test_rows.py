@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from tests.urquhart import forests
 from urquhart import SE2, Config, Recognition, Recognizer, describe
-from urquhart.simulation import observe, plantation
+from urquhart.evaluation.simulation import observe, plantation
 
 Plant = Callable[[float, float, np.random.Generator, float, float, float], NDArray[np.float64]]
 

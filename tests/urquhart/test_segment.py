@@ -9,10 +9,11 @@ import pytest
 from tests.urquhart import contents
 from tests.urquhart.contents import CONFIG, answers, of_segments, over, place, sightings
 from tests.urquhart.tables import decode
-from urquhart import Config, SegmentDamaged, describe, segment
-from urquhart.polygon_index import merge_partitions
-from urquhart.segment import FORMAT, Segment, merge_segments
-from urquhart.segment_file import SegmentFile, writing
+from urquhart import Config, SegmentDamaged, describe
+from urquhart.index import segment
+from urquhart.index.polygon_index import merge_partitions
+from urquhart.index.segment import FORMAT, Segment, merge_segments
+from urquhart.index.segment_file import SegmentFile, writing
 
 PLACES = {key: place(key) for key in range(36)}
 SEEN = sightings(8)

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from urquhart import segment_file
-from urquhart.segment_file import SegmentDamaged, SegmentFile, writing
+from urquhart.index import segment_file
+from urquhart.index.segment_file import SegmentDamaged, SegmentFile, writing
 
 DTYPES = ("?", "i1", "u1", "<i2", "<u2", "<i4", "<u4", "<i8", "<u8", "<f4", "<f8", "<c16", ">i4")
 SHAPES = ((1,), (63,), (64,), (65,), (3, 4, 5), (1, 1), (0,), (0, 7), (5, 0, 2))

@@ -3,8 +3,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from urquhart.evaluation.simulation import bridson, observe, paper_forest, plantation
 from urquhart.se2 import SE2
-from urquhart.simulation import bridson, observe, paper_forest, plantation
 
 
 def nearest_neighbour(points: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -7,8 +7,8 @@ import pytest
 
 from tests.urquhart.contents import CONFIG, answers, contents, over, place, sightings
 from urquhart import Features, Recognizer
-from urquhart.collection_index import CollectionIndex
-from urquhart.submaps import Memory, Submaps
+from urquhart.index.collection_index import CollectionIndex
+from urquhart.propose.submaps import Memory, Submaps
 
 PLACES = {key: place(key) for key in range(36)}
 INDEX = CollectionIndex(CONFIG).with_changes(PLACES.items())

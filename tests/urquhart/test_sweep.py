@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from urquhart import SE2, Config, Recognition, Recognizer, describe
-from urquhart.consensus import TURN, Consensus
-from urquhart.pairing import Pattern
-from urquhart.simulation import Observation, bridson, observe, paper_forest, plantation
-from urquhart.sweep import find_peaks, glance, sees_ends, sweep
-from urquhart.verification import REACH, pattern, settle_rough
+from urquhart.config import REACH
+from urquhart.evaluation.simulation import Observation, bridson, observe, paper_forest, plantation
+from urquhart.propose.correlation import find_peaks, glance, sees_ends, sweep
+from urquhart.propose.quad_consensus import TURN, Consensus
+from urquhart.verify.evidence import pattern, settle_rough
+from urquhart.verify.pairing import Pattern
 
 CONFIG = Config()
 NEAR = REACH * CONFIG.sigma

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 from tests.urquhart import forests
 from tests.urquhart.oracle import urquhart_polygons
 from urquhart.config import Config
-from urquhart.features import describe
-from urquhart.tessellation import Tessellation, tessellate
+from urquhart.features.describe import describe
+from urquhart.features.tessellation import Tessellation, tessellate
 
 
 def polygons(tessellation: Tessellation) -> set[tuple[int, ...]]:

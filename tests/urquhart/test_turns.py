@@ -3,7 +3,7 @@
 import numpy as np
 
 from tests.urquhart.tables import lot_of, search, seen_again, stand
-from urquhart.consensus import TURN
+from urquhart.propose.quad_consensus import TURN
 
 
 def test_turns_rank_the_submap_seen_again_and_its_rotation_first() -> None:

@@ -5,12 +5,12 @@ import pytest
 
 from tests.urquhart import forests
 from urquhart import SE2, Config, describe
-from urquhart.confidence import log_odds, log_volume
-from urquhart.pairing import Pattern, lay_out, nearest, pair_up
-from urquhart.rivals import climb, distinct, pose_row, same_place, shift_peaks
-from urquhart.simulation import observe, paper_forest, plantation
+from urquhart.decide.confidence import log_odds, log_volume
+from urquhart.decide.rivals import climb, distinct, pose_row, same_place, shift_peaks
+from urquhart.evaluation.simulation import observe, paper_forest, plantation
 from urquhart.uncertainty import least_squares
-from urquhart.verification import LOOSE, best_hypotheses, pattern, settle_rough, verify, weigh_pose, weigh_settled
+from urquhart.verify.evidence import LOOSE, best_hypotheses, pattern, settle_rough, verify, weigh_pose, weigh_settled
+from urquhart.verify.pairing import Pattern, lay_out, nearest, pair_up
 
 REACH = 0.75
 FOREST = paper_forest(np.random.default_rng(0), side=500.0)

@@ -3,8 +3,8 @@ import pytest
 
 from tests.urquhart import forests
 from urquhart import SE2, Config, describe
-from urquhart.collection_index import CollectionIndex
-from urquhart.voting import Votes, align_outlines, vote_polygons
+from urquhart.index.collection_index import CollectionIndex
+from urquhart.propose.polygon_votes import Votes, align_outlines, vote_polygons
 
 
 @pytest.mark.parametrize("count", range(3, 12))

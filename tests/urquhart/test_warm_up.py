@@ -10,14 +10,14 @@ from pathlib import Path
 import numpy as np
 from numba.core.dispatcher import Dispatcher
 from urquhart import SE2, Config, Features, Recognizer, describe, warm_up
-from urquhart.collection_index import CollectionIndex, Part
-from urquhart.segment import merge_segments
-from urquhart.simulation import observe, paper_forest, plantation
+from urquhart.index.collection_index import CollectionIndex, Part
+from urquhart.index.segment import merge_segments
+from urquhart.evaluation.simulation import observe, paper_forest, plantation
 
 def compiled():
     modules = [m for name, m in list(sys.modules.items()) if name.startswith("urquhart")]
     kernels = {id(k): k for m in modules for k in vars(m).values() if isinstance(k, Dispatcher)}
-    return {k.__name__: len(k.signatures) for k in kernels.values() if k.__module__ != "urquhart.simulation"}
+    return {k.__name__: len(k.signatures) for k in kernels.values() if k.__module__ != "urquhart.evaluation.simulation"}
 
 warm_up(Config())
 before = compiled()

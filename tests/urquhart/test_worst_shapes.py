@@ -9,11 +9,11 @@ from scipy.spatial import Delaunay
 
 from benchmarks.reliability.worst_shapes import SHAPES
 from urquhart import SE2, Config, Features, Recognizer, describe
-from urquhart.delaunay import triangulate
-from urquhart.grid import CROWD
-from urquhart.pairing import inside, nearest
-from urquhart.simulation import paper_forest
-from urquhart.verification import pattern
+from urquhart.evaluation.simulation import paper_forest
+from urquhart.features.delaunay import triangulate
+from urquhart.verify.cells import CROWD
+from urquhart.verify.evidence import pattern
+from urquhart.verify.pairing import inside, nearest
 
 CONFIG = Config()
 REACH = 0.75

@@ -5,9 +5,9 @@ from numpy.typing import NDArray
 
 from benchmarks.scale.rivals.rival import REACHED, Described, Ranking
 from urquhart import Features
-from urquhart.pairing import Pattern, refine
-from urquhart.sweep import sweep
-from urquhart.verification import LOOSE
+from urquhart.propose.correlation import sweep
+from urquhart.verify.evidence import LOOSE
+from urquhart.verify.pairing import Pattern, refine
 
 _PEAKS = 8
 

@@ -17,7 +17,7 @@ from benchmarks.scale.simulate import SUBMAPS
 from benchmarks.scale.world import KINDS, World
 from server.threads import pin_threads
 from urquhart import SE2, describe, warm_up
-from urquhart.verification import Verified, best_hypotheses, verify_best
+from urquhart.verify.evidence import Verified, best_hypotheses, verify_best
 
 _MADE: Final[dict[str, Callable[[], Rival]]] = {
     "rival-quads": QuadRival,

@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from urquhart import Config, Features
-from urquhart.pairing import Pattern
-from urquhart.verification import REACH, pattern
+from urquhart.config import REACH
+from urquhart.verify.evidence import pattern
+from urquhart.verify.pairing import Pattern
 
 CONFIG = Config()
 REACHED = REACH * CONFIG.sigma

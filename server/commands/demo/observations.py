@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from server.stem_maps.reader import StemMap
 from urquhart import SE2
-from urquhart.simulation import observe
+from urquhart.evaluation.simulation import observe
 from urquhart_client import QueryResult
 
 RIGHT_METRES: Final = 1.0

@@ -8,7 +8,7 @@ import pytest
 from server.cli import run
 from server.stem_maps.reader import read_stem_map
 from tests.server.cli.world import LONGLEAF, POSE, Said, Urquhart, write_observation
-from urquhart.simulation import observe
+from urquhart.evaluation.simulation import observe
 
 
 @pytest.fixture

@@ -9,8 +9,8 @@ import numpy as np
 from server.stem_maps.reader import read_stem_map
 from tests.server.cli.world import LONGLEAF, POSE, Urquhart, refused, write_observation
 from urquhart import SE2
-from urquhart.explaining import REASONS, UNREFUSED
-from urquhart.simulation import observe, plantation
+from urquhart.evaluation.simulation import observe, plantation
+from urquhart.report.explanation import REASONS, UNREFUSED
 
 
 def test_locate_asks_with_the_diameters_of_the_file(urquhart: Urquhart, indexed: Path, tmp_path: Path) -> None:

@@ -1,0 +1,218 @@
+"""The search for poses that explain the data about as well as the best one, in its own submap and in others."""
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from urquhart._kernel import kernel
+from urquhart.budget import UNBOUNDED, Budget
+from urquhart.decide.confidence import against_rival, comparable, credited, surely_behind
+from urquhart.se2 import SE2
+from urquhart.verify.evidence import Verified, count_all, pose_cost, settle, settle_all, verify, weigh_settled
+from urquhart.verify.pairing import Pattern, count_inliers
+
+_QUARTERS: Final = 4
+_PEAKS: Final = 4
+"""Shifts for each quarter; twice as many in all are refined, those that bring most landmarks together."""
+_DEEP: Final = 16
+"""As many where trees stand in rows: the best rival may overlap less than many others do."""
+_IN_ROWS: Final = 0.25
+"""Share of the match's evidence that no rival of a natural forest has."""
+_SAMPLED: Final = 500
+_SAME_TURN: Final = math.radians(6.0)
+_SLACK: Final = 30.0
+"""Evidence that partners farther away hardly ever add to a wrong pose."""
+
+
+def pose_row(pose: SE2) -> NDArray[np.float64]:
+    """A pose as kernels take it: x, y, yaw."""
+    return np.array([pose.x, pose.y, pose.yaw])
+
+
+@kernel
+def distinct(a: NDArray[np.float64], b: NDArray[np.float64], spacing: float, reach: float) -> bool:
+    """Whether two poses of the query (x, y, yaw first, centred frames) put it in different places.
+
+    `spacing`: metres, distance between trees of the submap.
+    """
+    turn = abs((a[2] - b[2] + 3.0 * math.pi) % (2.0 * math.pi) - math.pi)
+    return math.hypot(a[0] - b[0], a[1] - b[1]) > min(0.5 * spacing, 2.0 * reach) or turn > _SAME_TURN
+
+
+def same_place(
+    first: Pattern,
+    first_pose: SE2,
+    second: Pattern,
+    second_pose: SE2,
+    reach: float,
+    margin: float,
+    budget: Budget = UNBOUNDED,
+) -> bool:
+    """Whether two submaps that both match a query are the same patch of forest seen twice.
+
+    `first_pose`, `second_pose`: `submap_T_query`, centred frames. Chained they give the transform between the submaps.
+    Submaps of one region overlap, and then that transform explains their landmarks too: so well that nothing else comes
+    to mind, or at least clearly better than its own rivals. Two ends of one plantation explain each other as well under
+    many transforms, and are not the same place.
+
+    Raises:
+        OutOfTime: the deadline passed before that was known.
+    """
+    chained = verify(second, first, first_pose @ second_pose.inverse(), reach, budget)
+    if chained.evidence <= 0.0:
+        return False
+    least = surely_behind(chained, 0.0, margin) - _SLACK
+    rivals = find_rivals(second, first, pose_row(chained.transform), reach, least, _PEAKS, budget)
+    lead = chained.evidence - credited(rivals[:, 3], rivals[:, 5], chained.overlap).max(initial=-math.inf)
+    return against_rival(chained, lead, margin) > 0.0
+
+
+def climb(
+    query: Pattern,
+    submap: Pattern,
+    best: Verified,
+    reach: float,
+    odds: float,
+    margin: float,
+    budget: Budget = UNBOUNDED,
+) -> tuple[Verified, list[tuple[Verified, float]]]:
+    """Change over to the best rival as long as one explains the data better; the best pose, and what rivals it.
+
+    In rows of trees a hypothesis is easily one planting distance off: its rivals include the right pose. The rivals are
+    distinct, each with the evidence it is credited with, and leave the odds against them below `odds` (a logarithm);
+    the strongest first. Nothing lies at two places of one submap: there a rival that claims other trees is one as well,
+    but is credited with nothing that it cannot see.
+
+    Raises:
+        OutOfTime: the deadline passed before all rivals were looked at.
+    """
+    seen = [np.empty((0, 6))]
+    while True:
+        place = pose_row(best.transform)
+        found = find_rivals(query, submap, place, reach, surely_behind(best, odds, margin) - _SLACK, _PEAKS, budget)
+        seen.append(found)
+        if found[:, 3].max(initial=-math.inf) <= best.evidence:
+            break
+        seen.append(np.array([[*place, best.evidence, reach, best.overlap]]))
+        best = weigh_settled(query, submap, found[found[:, 3].argmax()])
+    behind = surely_behind(best, odds, margin)
+    if found[:, 3].max(initial=-math.inf) > _IN_ROWS * best.evidence:
+        seen.append(find_rivals(query, submap, place, reach, behind - _SLACK, _DEEP, budget))
+    poses = np.concatenate(seen)
+    given = credited(poses[:, 3], poses[:, 5], best.overlap)
+    rivals: list[tuple[Verified, float]] = []
+    for row, evidence in zip(poses[given > behind], given[given > behind].tolist(), strict=True):
+        if distinct(row, place, submap.spacing, reach):
+            if not budget.fits(1, pose_cost(query, submap)):
+                budget.check()
+            rival = weigh_settled(query, submap, row)
+            counted = evidence if comparable(rival, best) else rival.evidence
+            if counted > behind:
+                rivals.append((rival, counted))
+    return best, sorted(rivals, key=lambda found: -found[1])
+
+
+def find_rivals(
+    query: Pattern,
+    submap: Pattern,
+    best: NDArray[np.float64],
+    reach: float,
+    least: float,
+    peaks: int,
+    budget: Budget = UNBOUNDED,
+) -> NDArray[np.float64]:
+    """Poses in the same submap that shifting `best` (3,) along the pattern brings up, as `settle` gives them.
+
+    For the match's rotation and its turns by quarters, the displacements between all pairs of landmarks are counted on
+    a grid; its peaks are the shifts that put most trees onto trees. In a natural forest they are chance and weak.
+    `least`: evidence that makes a second look at one, with partners farther away, worth its time.
+
+    Raises:
+        OutOfTime: the deadline passed before all were looked at.
+    """
+    if budget.fits(_QUARTERS * peaks, pose_cost(query, submap)):
+        return find_rivals_at_once(query, submap, best, reach, least, peaks)
+    # One quarter after the other: beside the pairs there are up to 640,000 shifts to go through for each peak.
+    turned = [
+        shifted(query, submap, best, reach, peaks, quarter.start) for quarter in budget.portions(_QUARTERS, math.inf)
+    ]
+    starts = np.concatenate(turned)
+    counted = count_all(query.landmarks, submap, starts, reach, budget)
+    settled = settle_all(query, submap, starts[np.argsort(-counted)[: 2 * peaks]], reach, least, budget)
+    return np.array([row for row in settled if distinct(row, best, submap.spacing, reach)]).reshape(-1, 6)
+
+
+@kernel
+def find_rivals_at_once(
+    query: Pattern, submap: Pattern, best: NDArray[np.float64], reach: float, least: float, peaks: int
+) -> NDArray[np.float64]:
+    """What `find_rivals` gives, in one step: for ordinary sizes that is fastest."""
+    starts = np.empty((_QUARTERS * peaks + 1, 3))
+    count = 0
+    for quarter in range(_QUARTERS):
+        shifts = shifted(query, submap, best, reach, peaks, quarter)
+        starts[count : count + len(shifts)] = shifts
+        count += len(shifts)
+    counted = count_inliers(query.landmarks, submap, starts[:count], reach)
+    settled = settle(query, submap, starts[np.argsort(-counted)[: 2 * peaks]], reach, least)
+    kept = 0
+    for k in range(len(settled)):
+        if distinct(settled[k], best, submap.spacing, reach):
+            settled[kept] = settled[k]
+            kept += 1
+    return settled[:kept].copy()
+
+
+@kernel
+def shifted(
+    query: Pattern, submap: Pattern, best: NDArray[np.float64], reach: float, peaks: int, quarter: int
+) -> NDArray[np.float64]:
+    """Poses (K, 3) that `best`, turned by so many quarters, is shifted to; one more of the match's own rotation."""
+    yaw = best[2] + quarter * math.pi / 2.0
+    shifts = shift_peaks(query.landmarks, submap.landmarks, yaw, reach, peaks + (quarter == 0))
+    poses = np.empty((len(shifts), 3))
+    for p in range(len(shifts)):
+        poses[p, 0], poses[p, 1], poses[p, 2] = shifts[p, 0], shifts[p, 1], yaw
+    return poses
+
+
+@kernel
+def shift_peaks(
+    query: NDArray[np.float64], submap: NDArray[np.float64], yaw: float, cell: float, peaks: int
+) -> NDArray[np.float64]:
+    """The `peaks` shifts (peaks, 2), metres, that bring most landmarks of the turned query onto the submap's.
+
+    Shifts are counted in square cells; a peak is the fullest block of two by two, so that no border splits it, and
+    blanks its neighbourhood for the next.
+    """
+    c, s = math.cos(yaw), math.sin(yaw)
+    # A few hundred landmarks show a pattern as well as all of a large map would.
+    query = query[:: 1 + len(query) // _SAMPLED]
+    turned = np.empty_like(query)
+    for i in range(len(query)):
+        turned[i, 0] = c * query[i, 0] - s * query[i, 1]
+        turned[i, 1] = s * query[i, 0] + c * query[i, 1]
+    # Shifts that leave less than about half of either footprint in common say little and are many: keep the middle.
+    extent = min(np.ptp(submap[:, 0]), np.ptp(submap[:, 1])) + min(np.ptp(turned[:, 0]), np.ptp(turned[:, 1]))
+    half = min(max(0.25 * extent, 4.0 * cell), 400.0 * cell)
+    side = int(2.0 * half / cell) + 2
+    counts = np.zeros((side, side), np.int32)
+    for i in range(len(query)):
+        for j in range(len(submap)):
+            a = (submap[j, 0] - turned[i, 0] + half) / cell
+            b = (submap[j, 1] - turned[i, 1] + half) / cell
+            if 0.0 <= a < side and 0.0 <= b < side:
+                counts[int(a), int(b)] += 1
+    blocks = np.zeros((side - 1, side - 1), np.int32)
+    for a in range(side - 1):
+        for b in range(side - 1):
+            blocks[a, b] = counts[a, b] + counts[a + 1, b] + counts[a, b + 1] + counts[a + 1, b + 1]
+    found = np.empty((peaks, 2))
+    for p in range(peaks):
+        at = np.argmax(blocks)
+        a, b = at // (side - 1), at % (side - 1)
+        found[p, 0], found[p, 1] = (a + 1) * cell - half, (b + 1) * cell - half
+        blocks[max(a - 2, 0) : a + 3, max(b - 2, 0) : b + 3] = -1
+    return found

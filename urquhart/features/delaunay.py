@@ -1,0 +1,85 @@
+"""Delaunay triangles of landmarks (SciPy's Qhull), all counter-clockwise, in bounded time whatever the shape."""
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import Delaunay, QhullError
+
+from urquhart._kernel import kernel
+from urquhart.features.landmarks import LandmarkError
+
+_JOGGLED: Final = 1_000
+"""Landmarks up to which the triangulation is exact. Where many lie on one circle or one side of the hull, that takes
+quadratic time: 0.1 s for 1,000, 40 s for 20,000. More landmarks are first moved by some 1e-11 of their extent, which
+takes 0.1 to 0.7 s for 20,000 in any shape, and which only decides between triangulations that are equally good."""
+_EXACT: Final = "Qbb Qc Qz Q12"
+_JOGGLE: Final = "Qbb Q12 QJ"
+
+
+def triangulate(landmarks: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Triangles (T, 3) of landmarks (N, 2), counter-clockwise, and the neighbour (T, 3) opposite to each vertex.
+
+    A neighbour is -1 outside of the hull.
+
+    Raises:
+        LandmarkError: `collinear`, where the landmarks are so close to one line that no triangulation exists.
+    """
+    try:
+        found = Delaunay(landmarks, qhull_options=_EXACT if len(landmarks) <= _JOGGLED else _JOGGLE)
+    except QhullError as error:
+        raise LandmarkError("collinear", "the landmarks are too close to one line to be triangulated") from error
+    triangles = np.array(found.simplices, dtype=np.int32)
+    neighbours = np.array(found.neighbors, dtype=np.int32)
+    orient(landmarks, triangles, neighbours)
+    return triangles, neighbours
+
+
+@kernel
+def orient(landmarks: NDArray[np.float64], triangles: NDArray[np.int32], neighbours: NDArray[np.int32]) -> None:
+    """Bring all triangles into counter-clockwise order, in place.
+
+    The largest one tells which way round that is, the others follow over the edges that they share: the sign of a flat
+    one's area is a matter of rounding, and one triangle the wrong way round would send a walk along edges astray.
+    """
+    count = len(triangles)
+    largest, start = -1.0, 0
+    for t in range(count):
+        area = abs(_doubled_area(landmarks, triangles, t))
+        if area > largest:
+            largest, start = area, t
+    if _doubled_area(landmarks, triangles, start) < 0.0:
+        _turn_over(triangles, neighbours, start)
+    queue, seen = np.empty(count, np.int32), np.zeros(count, np.bool_)
+    queue[0], seen[start] = start, True
+    known, at = 1, 0
+    while at < known:
+        t = queue[at]
+        at += 1
+        for k in range(3):
+            other = neighbours[t, k]
+            if other < 0 or seen[other]:
+                continue
+            a, b = triangles[t, (k + 1) % 3], triangles[t, (k + 2) % 3]
+            for m in range(3):
+                # Alike only if one of the two runs along their edge in the other's direction.
+                if triangles[other, m] == a and triangles[other, (m + 1) % 3] == b:
+                    _turn_over(triangles, neighbours, other)
+                    break
+            seen[other] = True
+            queue[known] = other
+            known += 1
+
+
+@kernel
+def _doubled_area(landmarks: NDArray[np.float64], triangles: NDArray[np.int32], t: int) -> float:
+    a, b, c = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+    ux, uy = landmarks[b, 0] - landmarks[a, 0], landmarks[b, 1] - landmarks[a, 1]
+    vx, vy = landmarks[c, 0] - landmarks[a, 0], landmarks[c, 1] - landmarks[a, 1]
+    return float(ux * vy - uy * vx)
+
+
+@kernel
+def _turn_over(triangles: NDArray[np.int32], neighbours: NDArray[np.int32], t: int) -> None:
+    triangles[t, 1], triangles[t, 2] = triangles[t, 2], triangles[t, 1]
+    neighbours[t, 1], neighbours[t, 2] = neighbours[t, 2], neighbours[t, 1]

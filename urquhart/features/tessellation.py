@@ -1,0 +1,241 @@
+"""Delaunay triangles joined into Urquhart polygons (paper, section III and algorithm 1).
+
+Each triangle's longest edge is dropped; triangles joined across dropped edges are one face of the Urquhart graph. One
+pass finds them (union-find over triangles), a second walks each face's boundary. What is not a simple polygon away from
+the hull is left out and counted:
+
+- a face with a side on the hull changes as soon as the sensor sees one tree more;
+- an edge with the same face on both sides (dangling) bounds nothing and goes;
+- a face whose boundary is then not one simple cycle (a hole, a vertex passed twice) is no polygon.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from urquhart._kernel import kernel
+from urquhart.features.delaunay import triangulate
+from urquhart.features.quads import quads_of
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tessellation:
+    """Triangles and interior Urquhart polygons of one set of landmarks; polygons are rows of two ragged arrays.
+
+    Attributes:
+        triangles: (T, 3) int32, landmark indices, counter-clockwise. quads: (Q, 4) int32, landmark indices,
+        counter-clockwise: pairs of triangles that share the edge between the first
+            and the third; see `quads`.
+        hull: (H,) int32, landmark indices of the convex hull, counter-clockwise.
+        vertices: (V,) int32, landmark indices of all polygons one after the other, each counter-clockwise from its
+            lowest index.
+        vertex_offsets: (P + 1,) int32; polygon i is `vertices[vertex_offsets[i]:vertex_offsets[i + 1]]`.
+        members: (Q,) int32, triangle indices of all polygons one after the other: the paper's phi.
+        member_offsets: (P + 1,) int32.
+        hull_polygons: faces left out because they touch the hull.
+        non_simple_faces: interior faces left out because they are no simple cycle.
+        dangling_edges: edges removed because they have the same face on both sides.
+    """
+
+    triangles: NDArray[np.int32]
+    quads: NDArray[np.int32]
+    hull: NDArray[np.int32]
+    vertices: NDArray[np.int32]
+    vertex_offsets: NDArray[np.int32]
+    members: NDArray[np.int32]
+    member_offsets: NDArray[np.int32]
+    hull_polygons: int
+    non_simple_faces: int
+    dangling_edges: int
+
+    def __len__(self) -> int:
+        return len(self.vertex_offsets) - 1
+
+    def polygon(self, i: int) -> NDArray[np.int32]:
+        """Landmark indices (n,) int32 of polygon `i`, counter-clockwise."""
+        return self.vertices[self.vertex_offsets[i] : self.vertex_offsets[i + 1]]
+
+    def polygon_triangles(self, i: int) -> NDArray[np.int32]:
+        """Triangle indices (m,) int32 that make up polygon `i` (paper, eq. 1: phi)."""
+        return self.members[self.member_offsets[i] : self.member_offsets[i + 1]]
+
+    def vertex_counts(self) -> NDArray[np.int32]:
+        """Number of vertices (P,) int32 of each polygon."""
+        return np.diff(self.vertex_offsets)
+
+
+def tessellate(landmarks: NDArray[np.float64], *, keep_hull: bool = False) -> Tessellation:
+    """Tessellate checked landmarks (N, 2) float64, metres, centred near the origin.
+
+    Args:
+        keep_hull: keep polygons with a side on the hull, closed by that side (the paper discards them; the option
+            exists to measure what that is worth).
+
+    Raises:
+        LandmarkError: `collinear`, where the landmarks are so close to one line that no triangulation exists.
+    """
+    triangles, neighbours = triangulate(landmarks)
+    vertices, vertex_offsets, members, member_offsets, hull, non_simple, dangling = join_triangles(
+        landmarks, triangles, neighbours, keep_hull
+    )
+    quads = quads_of(landmarks, triangles, neighbours)
+    outer = walk_hull(len(landmarks), triangles, neighbours)
+    return Tessellation(
+        triangles, quads, outer, vertices, vertex_offsets, members, member_offsets, hull, non_simple, dangling
+    )
+
+
+@kernel
+def _find(parent: NDArray[np.int32], i: int) -> int:
+    while parent[i] != i:
+        parent[i] = parent[parent[i]]
+        i = parent[i]
+    return i
+
+
+@kernel
+def _longest_edge(landmarks: NDArray[np.float64], triangles: NDArray[np.int32], t: int) -> int:
+    """Which vertex of triangle `t` its longest edge lies opposite to.
+
+    Ties (grids, equilateral plantings) go to the edge with the larger landmark indices, so that the two triangles at an
+    edge judge it alike.
+    """
+    best, best_length, best_low, best_high = 0, -1.0, -1, -1
+    for k in range(3):
+        i, j = triangles[t, (k + 1) % 3], triangles[t, (k + 2) % 3]
+        low, high = min(i, j), max(i, j)
+        dx, dy = landmarks[high, 0] - landmarks[low, 0], landmarks[high, 1] - landmarks[low, 1]
+        length = dx * dx + dy * dy
+        if length > best_length or (
+            length == best_length and (high > best_high or (high == best_high and low > best_low))
+        ):
+            best, best_length, best_low, best_high = k, length, low, high
+    return best
+
+
+@kernel
+def walk_hull(count: int, triangles: NDArray[np.int32], neighbours: NDArray[np.int32]) -> NDArray[np.int32]:
+    """The hull of `count` landmarks, counter-clockwise, from oriented triangles: the edges that have no neighbour."""
+    following = np.full(count, -1, np.int32)
+    sides, start = 0, -1
+    for t in range(len(triangles)):
+        for k in range(3):
+            if neighbours[t, k] < 0:
+                a = triangles[t, (k + 1) % 3]
+                following[a] = triangles[t, (k + 2) % 3]
+                sides += 1
+                start = a
+    hull = np.empty(sides, np.int32)
+    v = start
+    for i in range(sides):
+        hull[i] = v
+        v = following[v]
+    return hull
+
+
+@kernel
+def join_triangles(
+    landmarks: NDArray[np.float64], triangles: NDArray[np.int32], neighbours: NDArray[np.int32], keep_hull: bool
+) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], int, int, int]:
+    """Algorithm 1 of the paper in one pass; see `Tessellation` for what comes back.
+
+    `triangles`, `neighbours`: as `triangulate` gives them.
+    """
+    count = len(triangles)
+    dropped = np.zeros((count, 3), np.bool_)
+    for t in range(count):
+        k = _longest_edge(landmarks, triangles, t)
+        other = neighbours[t, k]
+        if other >= 0:
+            dropped[t, k] = True
+            for m in range(3):
+                if neighbours[other, m] == t:
+                    dropped[other, m] = True
+
+    parent = np.arange(count).astype(np.int32)
+    for t in range(count):
+        for k in range(3):
+            if dropped[t, k]:
+                a, b = _find(parent, t), _find(parent, neighbours[t, k])
+                if a != b:
+                    # The lower index is the root: faces come out in the order of their first triangle.
+                    parent[max(a, b)] = min(a, b)
+
+    face = np.empty(count, np.int32)
+    faces = 0
+    for t in range(count):
+        root = _find(parent, t)
+        if root == t:
+            face[t] = faces
+            faces += 1
+        else:
+            face[t] = face[root]
+
+    offsets = np.zeros(faces + 1, np.int32)
+    for t in range(count):
+        offsets[face[t] + 1] += 1
+    for f in range(faces):
+        offsets[f + 1] += offsets[f]
+    by_face = np.empty(count, np.int32)
+    cursor = offsets[:-1].copy()
+    for t in range(count):
+        by_face[cursor[face[t]]] = t
+        cursor[face[t]] += 1
+
+    vertices = np.empty(3 * count, np.int32)
+    vertex_offsets = np.zeros(faces + 1, np.int32)
+    members = np.empty(count, np.int32)
+    member_offsets = np.zeros(faces + 1, np.int32)
+    following = np.empty(len(landmarks), np.int32)
+    seen_in = np.full(len(landmarks), -1, np.int32)
+    kept = hull = non_simple = dangling = 0
+    for f in range(faces):
+        on_hull, simple, sides, start, dangling_sides = False, True, 0, len(landmarks), 0
+        for m in range(offsets[f], offsets[f + 1]):
+            t = by_face[m]
+            for k in range(3):
+                other = neighbours[t, k]
+                if other < 0:
+                    on_hull = True
+                elif face[other] == f:
+                    if not dropped[t, k]:
+                        dangling_sides += 1
+                    continue
+                a, b = triangles[t, (k + 1) % 3], triangles[t, (k + 2) % 3]
+                if seen_in[a] == f:
+                    simple = False
+                seen_in[a] = f
+                following[a] = b
+                sides += 1
+                start = min(start, a)
+        dangling += dangling_sides // 2
+        if on_hull and not keep_hull:
+            hull += 1
+            continue
+        first = vertex_offsets[kept]
+        length, v = 0, start
+        while simple and length < sides:
+            vertices[first + length] = v
+            length += 1
+            v = following[v]
+            if v == start:
+                break
+        if not simple or length != sides or v != start:
+            non_simple += 1
+            continue
+        size = offsets[f + 1] - offsets[f]
+        for m in range(size):
+            members[member_offsets[kept] + m] = by_face[offsets[f] + m]
+        vertex_offsets[kept + 1] = first + length
+        member_offsets[kept + 1] = member_offsets[kept] + size
+        kept += 1
+    return (
+        vertices[: vertex_offsets[kept]].copy(),
+        vertex_offsets[: kept + 1].copy(),
+        members[: member_offsets[kept]].copy(),
+        member_offsets[: kept + 1].copy(),
+        hull,
+        non_simple,
+        dangling,
+    )

@@ -1,0 +1,134 @@
+"""Nearest polygons by vertex count and descriptor, over all segments of a collection at once.
+
+Segments never change, so searches may run side by side and while others are merged. What is gone from a collection is
+told by the masks that come with its segments.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from urquhart.index.polygon_merge import EXACT_BELOW, merge_partitions
+from urquhart.index.polygon_partition import Partition, build_partitions
+from urquhart.index.polygon_scan import gather_places, scan_partition, settle_all
+
+__all__ = ["EXACT_BELOW", "Hits", "Partition", "Searched", "build_partitions", "merge_partitions", "search_partitions"]
+
+Searched = tuple[Mapping[int, Partition], NDArray[np.int64], NDArray[np.float32], NDArray[np.uint8] | NDArray[np.bool_]]
+"""A segment as it is searched: partitions; key, unit (metres) and life (S,) of the submap in each slot."""
+
+_LEAST_PROBES: Final = 16
+_PROBED: Final = 64
+"""One list in so many is read, or the least number if that is more: neighbours lie in few lists, and in hardly more as
+a partition grows,"""
+_BUDGET: Final = 60_000
+"""but never more rows than this for a polygon of the query: that bounds what a query costs."""
+LARGEST: Final = 256
+"""Vertices of the largest polygons that are looked for: forests have none with a quarter as many, and what is about a
+ring of trees or a lake changes with every tree."""
+_STEPS: Final = 10_000_000
+"""Steps of compiled work after which hits are handed on, so that the caller can end the search: 10 to 50 ms."""
+_AT_ONCE: Final = 4
+"""Components of a descriptor that take one step."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hits:
+    """Neighbours of polygons with one vertex count, nearest first for each query row.
+
+    Attributes:
+        count: vertices of the polygons found.
+        rows: (H,) int64, which query row each hit answers.
+        keys: (H,) int64, the submap of the polygon found.
+        outlines: (H, count, 2) float32, metres, centred submap frame: its vertices, counter-clockwise.
+        distances: (H,) float32, squared descriptor distance.
+    """
+
+    count: int
+    rows: NDArray[np.int64]
+    keys: NDArray[np.int64]
+    outlines: NDArray[np.float32]
+    distances: NDArray[np.float32]
+
+
+def search_partitions(
+    segments: Sequence[Searched],
+    counts: NDArray[np.int32],
+    descriptors: NDArray[np.float32],
+    *,
+    neighbours: int,
+    window: int = 0,
+) -> Iterator[Hits]:
+    """The nearest `neighbours` living polygons of each row, for every vertex count within `window` of its own.
+
+    Hits of one vertex count come in portions, in the order of the rows, where there is more than a little work.
+
+    Args:
+        counts: (Q,) int32, vertices of each query polygon.
+        descriptors: (Q, D) float32.
+
+    Raises:
+        ValueError: masks, keys and units of a segment of different lengths, masks of another type than bool and uint8,
+            or descriptors of another width.
+    """
+    living = [_alive(segment) for segment in segments]
+    near = {count + offset for count in np.unique(counts).tolist() for offset in range(-window, window + 1)}
+    known = {count for partitions, *_ in segments for count in partitions if count <= LARGEST}
+    for count in sorted(near & known):
+        rows = np.flatnonzero(np.abs(counts - count) <= window)
+        held = [partitions[count] for partitions, *_ in segments if count in partitions]
+        read = sum(min(len(p), _BUDGET) if p.inverted else len(p) for p in held)
+        # The work on each hit grows with the square of the vertices: every start of one outline is tried on the other.
+        cost = read * descriptors.shape[1] // _AT_ONCE + neighbours * count * count
+        portion = max(_STEPS // max(cost, 1), 1)
+        for begin in range(0, len(rows), portion):
+            hits = _search(segments, living, count, rows[begin : begin + portion], descriptors, neighbours)
+            if len(hits.rows):
+                yield hits
+
+
+def _search(
+    segments: Sequence[Searched],
+    living: Sequence[NDArray[np.uint8]],
+    count: int,
+    rows: NDArray[np.int64],
+    descriptors: NDArray[np.float32],
+    neighbours: int,
+) -> Hits:
+    """Neighbours with `count` vertices of some query rows (K,)."""
+    queries = np.ascontiguousarray(descriptors[rows], np.float32)
+    distances = np.empty((len(rows), neighbours), np.float32)
+    places = np.empty((len(rows), neighbours), np.int64)
+    sizes = np.zeros(len(rows), np.int64)
+    for i, (partitions, _, _, _) in enumerate(segments):
+        p = partitions.get(count)
+        if p is None:
+            continue
+        if len(p.low) != queries.shape[1]:
+            raise ValueError(f"descriptors of {queries.shape[1]} components, {len(p.low)} in the index")
+        listed = len(p.centroids)
+        probes = min(max(_LEAST_PROBES, listed // _PROBED), listed)
+        scan_partition(
+            p.descriptors, p.owners, p.lists, p.low, p.step, p.centroids, living[i], queries,
+            i, probes, _BUDGET, distances, places, sizes,
+        )  # fmt: skip
+    which, near_by, found, occurs = settle_all(distances, places, sizes, rows)
+    keys, outlines = np.empty(len(found), np.int64), np.empty((len(found), count, 2), np.float32)
+    for i in np.flatnonzero(occurs).tolist() if len(found) else []:
+        partitions, owner_keys, units, _ = segments[i]
+        p = partitions[count]
+        # A subclass such as `np.memmap` costs the compiler's dispatch far more time than a plain array.
+        gather_places(found, i, p.owners, p.outlines, np.asarray(owner_keys), np.asarray(units), keys, outlines)
+    return Hits(count, which, keys, outlines, near_by)
+
+
+def _alive(segment: Searched) -> NDArray[np.uint8]:
+    _, keys, units, alive = segment
+    if not len(keys) == len(units) == len(alive):
+        raise ValueError(f"{len(keys)} keys, {len(units)} units and {len(alive)} marks of one segment's submaps")
+    if alive.dtype not in (np.bool_, np.uint8):
+        raise ValueError(f"marks of living submaps are bytes or truth values, not {alive.dtype}")
+    return np.asarray(alive).view(np.uint8)

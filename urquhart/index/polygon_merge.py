@@ -1,0 +1,273 @@
+"""Partitions of several segments merged into one; polygons of submaps that are gone are dropped on the way.
+
+Beside what comes out, a merge needs memory for one block of rows and a few bytes for each row of one vertex count.
+"""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import faiss
+import numpy as np
+from numpy.typing import NDArray
+
+from urquhart._kernel import kernel
+from urquhart.index.polygon_partition import Partition
+
+EXACT_BELOW: Final = 50_000
+"""Partitions with no more polygons than this are read as a whole."""
+_BLOCK: Final = 65_536
+"""Rows handled at once."""
+_SAMPLE: Final = 64
+"""Rows a centroid is trained on."""
+_ROUNDS: Final = 10
+"""Rounds of k-means; later ones move centroids by next to nothing."""
+_SEED: Final = 1
+_FINEST: Final = 1e-5
+"""Least step of a code, as a share of the values it measures: a code decoded and encoded again is then the same."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Input:
+    """One partition that goes into a merge.
+
+    Attributes:
+        slots: (S,) int32, the new slot of each old one, -1 where the submap is gone.
+        lists_of_rows: (M,) int32, the list each row is in; -1 for rows to be dropped.
+    """
+
+    partition: Partition
+    slots: NDArray[np.int32]
+    lists_of_rows: NDArray[np.int32]
+
+    @property
+    def kept(self) -> int:
+        return int(np.count_nonzero(self.lists_of_rows >= 0))
+
+    def decode(self, rows: NDArray[np.int64]) -> NDArray[np.float32]:
+        return self.partition.decode(self.lists_of_rows, rows)
+
+    def blocks(self) -> Iterator[NDArray[np.int64]]:
+        """Rows that stay, block by block."""
+        for begin in range(0, len(self.partition), _BLOCK):
+            rows = begin + np.flatnonzero(self.lists_of_rows[begin : begin + _BLOCK] >= 0)
+            if len(rows):
+                yield rows
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Coder:
+    """How descriptors are coded and listed: `centroids` (L, D), `low` and `step` (D,); all float32."""
+
+    centroids: NDArray[np.float32]
+    low: NDArray[np.float32]
+    step: NDArray[np.float32]
+
+
+def merge_partitions(
+    parts: Sequence[tuple[Mapping[int, Partition], NDArray[np.int32]]], *, exact_below: int = EXACT_BELOW
+) -> dict[int, Partition]:
+    """One segment's partitions out of those of several.
+
+    More than `exact_below` polygons with one vertex count are listed about centroids, which are taken over from the
+    largest part where that holds more than a quarter of them and has lists of a fair length; else they are trained, on
+    a sample that depends on nothing but the parts.
+
+    Args:
+        parts: for each segment its partitions and `slots` (S,) int32: the new slot of each old one, -1 where the submap
+            is gone.
+    """
+    # OpenMP keeps its thread count by calling thread, so it is set here and not once at start.
+    faiss.omp_set_num_threads(1)
+    merged = {}
+    for count in sorted({count for partitions, _ in parts for count in partitions}):
+        inputs = [_input(partitions[count], slots) for partitions, slots in parts if count in partitions]
+        partition = _merge(count, [part for part in inputs if part.kept], exact_below)
+        if partition is not None:
+            merged[count] = partition
+    return merged
+
+
+def _input(partition: Partition, slots: NDArray[np.int32]) -> _Input:
+    lists_of_rows = partition.lists_of_rows()
+    _drop(partition.owners, slots, lists_of_rows)
+    part = _Input(partition, slots, lists_of_rows)
+    for rows in part.blocks():
+        lists_of_rows[rows[~np.isfinite(part.decode(rows)).all(axis=1)]] = -1
+    return part
+
+
+def _merge(count: int, inputs: list[_Input], exact_below: int) -> Partition | None:
+    total = sum(part.kept for part in inputs)
+    if not total:
+        return None
+    if total <= exact_below:
+        width = len(inputs[0].partition.low)
+        plain = _Coder(np.empty((0, width), np.float32), np.zeros(width, np.float32), np.ones(width, np.float32))
+        return _fill(count, inputs, plain, [np.minimum(part.lists_of_rows, 0) for part in inputs])
+    base = max(inputs, key=lambda part: part.kept if part.partition.inverted else 0)
+    if base.partition.inverted and 4 * base.kept > total and _fair(len(base.partition.centroids), total):
+        p = base.partition
+        inputs = [base, *(part for part in inputs if part is not base)]
+        listed = [base.lists_of_rows, *_assign(inputs[1:], p.centroids)[0]]
+        return _fill(count, inputs, _Coder(p.centroids, p.low, p.step), listed)
+    centroids = _train(inputs, total)
+    listed, (lowest, highest, largest) = _assign(inputs, centroids)
+    step = np.maximum((highest - lowest) / 255.0, _FINEST * largest)
+    step[step == 0.0] = 1.0
+    return _fill(count, inputs, _Coder(centroids, lowest.astype(np.float32), step.astype(np.float32)), listed)
+
+
+def _lists(rows: int) -> int:
+    return max(round(math.sqrt(rows)), 1)
+
+
+def _fair(lists: int, rows: int) -> bool:
+    """Whether that many lists are near enough to what `rows` should have."""
+    return 0.5 <= lists / _lists(rows) <= 2.0
+
+
+def _train(inputs: list[_Input], total: int) -> NDArray[np.float32]:
+    lists = _lists(total)
+    rng = np.random.default_rng(_SEED)
+    share = min(1.0, lists * _SAMPLE / total)
+    chosen = [
+        part.decode(rows[rng.permutation(len(rows))[: math.ceil(share * len(rows))]])
+        for part in inputs
+        for rows in part.blocks()
+    ]
+    sample = np.concatenate(chosen)
+    means = faiss.Kmeans(
+        sample.shape[1],
+        lists,
+        niter=_ROUNDS,
+        seed=_SEED,
+        min_points_per_centroid=1,
+        max_points_per_centroid=2 * _SAMPLE,
+    )
+    means.train(sample)
+    return np.ascontiguousarray(means.centroids, np.float32)
+
+
+def _assign(
+    inputs: list[_Input], centroids: NDArray[np.float32]
+) -> tuple[list[NDArray[np.int32]], NDArray[np.float64]]:
+    """The nearest centroid of each row, and where components lie about it.
+
+    Returns:
+        for each input (M,) int32, -1 for rows that are dropped; and (3, D) float64: the least and the largest
+        difference of a component from its centroid's, and the largest component by size.
+    """
+    listed = [np.full(len(part.partition), -1, np.int32) for part in inputs]
+    bounds = np.full((3, centroids.shape[1]), -np.inf)
+    quantizer = faiss.IndexFlatL2(centroids.shape[1])
+    quantizer.add(centroids)
+    for batch in _batches(inputs):
+        decoded = np.concatenate([inputs[i].decode(rows) for i, rows in batch])
+        near = quantizer.search(decoded, 1)[1][:, 0]
+        off = decoded - centroids[near]
+        bounds = np.maximum(bounds, [(-off).max(axis=0), off.max(axis=0), np.abs(decoded).max(axis=0)])
+        at = 0
+        for i, rows in batch:
+            listed[i][rows] = near[at : at + len(rows)]
+            at += len(rows)
+    return listed, bounds * [[-1.0], [1.0], [1.0]]
+
+
+def _batches(inputs: list[_Input]) -> Iterator[list[tuple[int, NDArray[np.int64]]]]:
+    """Rows that stay, each with the number of its input, a block or more at a time: FAISS is many times faster so."""
+    batch, size = [], 0
+    for i, part in enumerate(inputs):
+        for rows in part.blocks():
+            batch.append((i, rows))
+            size += len(rows)
+            if size >= _BLOCK:
+                yield batch
+                batch, size = [], 0
+    if batch:
+        yield batch
+
+
+def _fill(count: int, inputs: list[_Input], coder: _Coder, listed: list[NDArray[np.int32]]) -> Partition:
+    """Put every row that has a list into it, in the order of the parts."""
+    lengths = np.zeros(max(len(coder.centroids), 1), np.int64)
+    for lists_of_rows in listed:
+        lengths += np.bincount(lists_of_rows[lists_of_rows >= 0], minlength=len(lengths))
+    lists = np.concatenate([[0], np.cumsum(lengths)])
+    rows, width = int(lists[-1]), len(coder.low)
+    code: Any = np.uint8 if len(coder.centroids) else np.float32
+    merged = Partition(
+        count,
+        np.empty(rows, np.int32),
+        np.empty((rows, 2 * count + 3), np.uint8),
+        np.empty(rows * width, code),
+        coder.low,
+        coder.step,
+        coder.centroids,
+        lists,
+    )
+    ends = lists[:-1].copy()
+    for part, lists_of_rows in zip(inputs, listed, strict=True):
+        for block in part.blocks():
+            _place(
+                part.decode(block),
+                block,
+                lists_of_rows,
+                part.slots,
+                part.partition.owners,
+                part.partition.outlines,
+                lists,
+                ends,
+                coder.low,
+                coder.step,
+                coder.centroids,
+                merged.owners,
+                merged.outlines,
+                merged.descriptors,
+            )
+    return merged
+
+
+@kernel
+def _drop(owners: NDArray[np.int32], slots: NDArray[np.int32], lists_of_rows: NDArray[np.int32]) -> None:
+    """Take rows whose submap is gone, or is none at all, out of their lists."""
+    for row in range(len(owners)):
+        owner = owners[row]
+        if owner < 0 or owner >= len(slots) or slots[owner] < 0:
+            lists_of_rows[row] = -1
+
+
+@kernel
+def _place(
+    decoded: NDArray[np.float32],
+    rows: NDArray[np.int64],
+    lists_of_rows: NDArray[np.int32],
+    slots: NDArray[np.int32],
+    owners: NDArray[np.int32],
+    outlines: NDArray[np.uint8],
+    lists: NDArray[np.int64],
+    ends: NDArray[np.int64],
+    low: NDArray[np.float32],
+    step: NDArray[np.float32],
+    centroids: NDArray[np.float32],
+    out_owners: NDArray[np.int32],
+    out_outlines: NDArray[np.uint8],
+    out_codes: NDArray[Any],
+) -> None:
+    width = len(low)
+    for i in range(len(rows)):
+        row = rows[i]
+        c = lists_of_rows[row]
+        if c < 0:
+            continue
+        first, length, at = lists[c], lists[c + 1] - lists[c], ends[c]
+        ends[c] += 1
+        out_owners[at] = slots[owners[row]]
+        for b in range(outlines.shape[1]):
+            out_outlines[at, b] = outlines[row, b]
+        for d in range(width):
+            value = decoded[i, d]
+            if len(centroids):
+                value = min(max(np.round((value - centroids[c, d] - low[d]) / step[d]), 0.0), 255.0)
+            out_codes[first * width + d * length + at - first] = value

@@ -1,0 +1,237 @@
+"""The paper's matching (section IV-C): polygons, then their triangles, then edges, then landmarks.
+
+Used by `method="paper"`; the robust method goes from a hit straight to a transform.
+"""
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from urquhart._kernel import kernel
+from urquhart.budget import UNBOUNDED, Budget
+from urquhart.config import Config
+from urquhart.features.describe import Features
+from urquhart.features.descriptor import describe_triangles
+from urquhart.index.polygon_index import LARGEST
+
+_PREFERRED: Final = (4, 9)
+"""Vertices of the polygons that sampling takes first (paper, section V-B): large ones break, triangles say little."""
+_PAIR: Final = 100
+"""Steps that two polygons take on average, most of which differ by their descriptors."""
+
+
+def sample_polygons(counts: NDArray[np.int32], gamma: int | None, rng: np.random.Generator) -> NDArray[np.int64]:
+    """Ordinals of at most `gamma` polygons: 4 to 9 vertices first, then larger ones, then triangles, each at random.
+
+    Args:
+        counts: (P,) int32, vertices of each polygon.
+        gamma: the paper's bound on polygons per observation; None keeps all.
+    """
+    if gamma is None or gamma >= len(counts):
+        return np.arange(len(counts))
+    low, high = _PREFERRED
+    tier = np.where(counts < low, 2, np.where(counts <= high, 0, 1))
+    return np.sort(np.lexsort((rng.random(len(counts)), tier))[:gamma])
+
+
+def match_landmarks(
+    query: Features, submap: Features, config: Config, rng: np.random.Generator, budget: Budget = UNBOUNDED
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Landmark correspondences (K,), (K,) int64 between two sets of features, one-to-one.
+
+    Polygons correspond when their vertex counts differ by at most `vertex_window` and their descriptors by less than
+    `tau`; they count when more than a share `eta` of the first one's triangles (phi) finds a partner among the second
+    one's. The edges of two partner triangles are assigned by length, and a landmark goes with the landmark shared by
+    the partners of its two edges. A landmark claimed by several triangles goes with the most frequent claim.
+
+    Raises:
+        OutOfTime: the deadline passed before all polygons were compared.
+    """
+    first = sample_polygons(query.tessellation.vertex_counts(), config.gamma, rng)
+    second = sample_polygons(submap.tessellation.vertex_counts(), config.gamma, rng)
+    first = first[query.tessellation.vertex_counts()[first] <= LARGEST]
+    second = second[submap.tessellation.vertex_counts()[second] <= LARGEST]
+    query_rows, submap_rows = (
+        describe_triangles(features.landmarks, features.tessellation.triangles, config.samples, config.squared)
+        for features in (query, submap)
+    )
+    claims = [
+        _claims(query, query_rows, first[rows], submap, submap_rows, second, config)
+        for rows in budget.portions(len(first), _PAIR * len(second))
+    ]
+    none = np.empty((0, 2), np.int64)
+    return settle_claims(np.concatenate([none, *claims]), len(query.landmarks), len(submap.landmarks))
+
+
+def _claims(
+    query: Features,
+    query_rows: NDArray[np.float32],
+    first: NDArray[np.int64],
+    submap: Features,
+    submap_rows: NDArray[np.float32],
+    second: NDArray[np.int64],
+    config: Config,
+) -> NDArray[np.int64]:
+    return claim_landmarks(
+        query.landmarks,
+        query.tessellation.triangles,
+        query_rows,
+        query.tessellation.members,
+        query.tessellation.member_offsets,
+        query.tessellation.vertex_counts(),
+        query.descriptors,
+        first,
+        submap.landmarks,
+        submap.tessellation.triangles,
+        submap_rows,
+        submap.tessellation.members,
+        submap.tessellation.member_offsets,
+        submap.tessellation.vertex_counts(),
+        submap.descriptors,
+        second,
+        config.tau,
+        config.vertex_window,
+        config.eta,
+    )
+
+
+@kernel
+def claim_landmarks(
+    query: NDArray[np.float64],
+    query_triangles: NDArray[np.int32],
+    query_rows: NDArray[np.float32],
+    query_members: NDArray[np.int32],
+    query_offsets: NDArray[np.int32],
+    query_counts: NDArray[np.int32],
+    query_polygons: NDArray[np.float32],
+    query_sample: NDArray[np.int64],
+    submap: NDArray[np.float64],
+    submap_triangles: NDArray[np.int32],
+    submap_rows: NDArray[np.float32],
+    submap_members: NDArray[np.int32],
+    submap_offsets: NDArray[np.int32],
+    submap_counts: NDArray[np.int32],
+    submap_polygons: NDArray[np.float32],
+    submap_sample: NDArray[np.int64],
+    tau: float,
+    window: int,
+    eta: float,
+) -> NDArray[np.int64]:
+    """Every claim (C, 2) that a triangle pair makes: a query landmark and the submap landmark it would be."""
+    # A triangle belongs to one polygon, but a polygon may find several partners: grow when they are many.
+    claims, count = np.empty((1024, 2), np.int64), 0
+    mapping = np.empty(3, np.int64)
+    partner = np.empty(len(query_triangles), np.int64)
+    for m in query_sample:
+        for n in submap_sample:
+            if abs(query_counts[m] - submap_counts[n]) > window:
+                continue
+            if row_distance(query_polygons, m, submap_polygons, n) >= tau * tau:
+                continue
+            first, last = query_offsets[m], query_offsets[m + 1]
+            found = 0
+            for a in range(first, last):
+                t = query_members[a]
+                partner[a - first] = -1
+                u, distance = nearest_row(
+                    query_rows, t, submap_rows, submap_members, submap_offsets[n], submap_offsets[n + 1]
+                )
+                if distance >= tau * tau:
+                    continue
+                back, _ = nearest_row(submap_rows, u, query_rows, query_members, first, last)
+                if back == t:
+                    partner[a - first] = u
+                    found += 1
+            if found <= eta * (last - first):
+                continue
+            for a in range(first, last):
+                u = partner[a - first]
+                if u < 0:
+                    continue
+                t = query_members[a]
+                assign_edges(query, query_triangles, t, submap, submap_triangles, u, mapping)
+                if count + 3 > len(claims):
+                    larger = np.empty((2 * len(claims), 2), np.int64)
+                    larger[:count] = claims[:count]
+                    claims = larger
+                for k in range(3):
+                    claims[count, 0] = query_triangles[t, k]
+                    claims[count, 1] = submap_triangles[u, mapping[k]]
+                    count += 1
+    return claims[:count].copy()
+
+
+@kernel
+def row_distance(a: NDArray[np.float32], i: int, b: NDArray[np.float32], j: int) -> float:
+    """Squared Euclidean distance between descriptors `a[i]` and `b[j]`."""
+    total = 0.0
+    for k in range(a.shape[1]):
+        difference = a[i, k] - b[j, k]
+        total += difference * difference
+    return total
+
+
+@kernel
+def nearest_row(
+    rows: NDArray[np.float32], i: int, others: NDArray[np.float32], members: NDArray[np.int32], first: int, last: int
+) -> tuple[int, float]:
+    """Which of `others[members[first:last]]` is nearest to `rows[i]`, and its squared distance."""
+    best, best_distance = -1, np.inf
+    for at in range(first, last):
+        distance = row_distance(rows, i, others, members[at])
+        if distance < best_distance:
+            best, best_distance = members[at], distance
+    return best, best_distance
+
+
+@kernel
+def assign_edges(
+    query: NDArray[np.float64],
+    query_triangles: NDArray[np.int32],
+    t: int,
+    submap: NDArray[np.float64],
+    submap_triangles: NDArray[np.int32],
+    u: int,
+    mapping: NDArray[np.int64],
+) -> None:
+    """Write into `mapping` (3,) which corner of triangle `u` each corner of `t` corresponds to.
+
+    The permutation chi that brings the three edge lengths closest (paper, section IV-C). Edge k lies opposite to corner
+    k, and the corner shared by two edges lies opposite to the third: the permutation of edges is that of corners.
+    """
+    a, b = np.empty(3), np.empty(3)
+    for k in range(3):
+        i, j = query_triangles[t, (k + 1) % 3], query_triangles[t, (k + 2) % 3]
+        a[k] = math.hypot(query[i, 0] - query[j, 0], query[i, 1] - query[j, 1])
+        i, j = submap_triangles[u, (k + 1) % 3], submap_triangles[u, (k + 2) % 3]
+        b[k] = math.hypot(submap[i, 0] - submap[j, 0], submap[i, 1] - submap[j, 1])
+    best = np.inf
+    for x in range(3):
+        for y in range(3):
+            if y == x:
+                continue
+            z = 3 - x - y
+            cost = (a[0] - b[x]) ** 2 + (a[1] - b[y]) ** 2 + (a[2] - b[z]) ** 2
+            if cost < best:
+                best = cost
+                mapping[0], mapping[1], mapping[2] = x, y, z
+
+
+def settle_claims(
+    claims: NDArray[np.int64], query_count: int, submap_count: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """One-to-one correspondences from claims (C, 2): the most frequent first, ties by index."""
+    if not len(claims):
+        return np.empty(0, np.int64), np.empty(0, np.int64)
+    pairs, frequency = np.unique(claims[:, 0] * submap_count + claims[:, 1], return_counts=True)
+    pairs = pairs[np.argsort(-frequency, kind="stable")]
+    query_taken, submap_taken = np.zeros(query_count, np.bool_), np.zeros(submap_count, np.bool_)
+    kept = []
+    for i, j in zip((pairs // submap_count).tolist(), (pairs % submap_count).tolist(), strict=True):
+        if not query_taken[i] and not submap_taken[j]:
+            query_taken[i] = submap_taken[j] = True
+            kept.append((i, j))
+    settled = np.array(sorted(kept), np.int64)
+    return settled[:, 0], settled[:, 1]

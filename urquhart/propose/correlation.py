@@ -1,0 +1,281 @@
+"""The last resort: every rotation, every shift.
+
+Where half of the trees are missing or as many are false, no quad survives; the pattern as a whole does. For each of a
+few hundred rotations the displacements between all pairs of landmarks are counted on a grid. The right shift brings
+many pairs into one place; what chance brings there follows from how often displacements of that length occur under any
+rotation at all, so that a small overlap is judged by its own standard.
+
+Work grows with landmarks of the query times landmarks of the submap: for two submaps, never for a collection.
+"""
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from urquhart._kernel import kernel
+from urquhart.budget import UNBOUNDED, Budget
+from urquhart.verify.pairing import Pattern
+
+_CELL: Final = (0.5, 1.15)
+"""Metres: finest and coarsest side of a cell."""
+_SHARE: Final = 0.17
+"""Side of a cell as a share of the distance between trees."""
+_TURN: Final = 1.8
+"""Cells that a landmark at the typical distance from the centre moves from one rotation to the next."""
+_MOST: Final = 360
+"""Most rotations tried."""
+_SIDE: Final = 400
+"""Most cells along a side of the grid."""
+_FINE: Final = 4096
+"""Parts of a cell that displacements are reckoned in."""
+_LOOK: Final = 1 << 30
+"""Count at which a cell is looked at; it starts from as much less as there have to be pairs. A cell may hold every pair
+of landmarks there is, and 32 bits hold this and four hundred million pairs."""
+_PAIRS: Final = 4_000_000
+"""Most pairs of landmarks tried for one rotation: of a larger query only some landmarks are."""
+_FLAGGED: Final = 1024
+"""Most cells looked at for one rotation."""
+_SAMPLED: Final = 8
+"""Rotations from which the frequency of displacements is taken; each landmark of the query takes part in one."""
+_SIGMAS: Final = 3.7
+"""A cell is looked at when its count is this many standard deviations above chance."""
+_BEYOND: Final = 0.7
+"""Shifts longer than this share of both footprints' radii leave too small an overlap to be told from chance."""
+
+_LARGER: Final = 2.0
+"""Where a submap reaches so many times as far as the query, such shifts leave half of the query in it."""
+
+
+@kernel
+def sees_ends(query: Pattern, submap: Pattern) -> bool:
+    """Whether a sweep looks at every shift that leaves a fair part of the query in the submap, its ends included."""
+    return bool((submap.landmarks**2).sum(axis=1).max() <= _LARGER**2 * (query.landmarks**2).sum(axis=1).max())
+
+
+class Grid(NamedTuple):
+    """Two sets of landmarks ready to be turned and shifted over each other.
+
+    Attributes:
+        query: (n, 2) float64, metres, centred frame: what is turned.
+        target_x, target_y: (m,) int32, 4096ths of a cell: what it is shifted over.
+        cell: metres.
+        side: cells along a side of the grid of shifts.
+        steps: rotations.
+        rate: displacements that chance brings into one cell, by their length in units of two cells.
+        fresh: (`side` * `side`) uint32, what each cell starts from.
+    """
+
+    query: NDArray[np.float64]
+    target_x: NDArray[np.int32]
+    target_y: NDArray[np.int32]
+    cell: float
+    side: int
+    steps: int
+    rate: NDArray[np.float64]
+    fresh: NDArray[np.uint32]
+
+
+def sweep(query: Pattern, submap: Pattern, peaks: int) -> NDArray[np.float64]:
+    """The `peaks` poses that stand out most from chance under any rotation; see `glance`."""
+    return glance(query, submap, peaks, 0.0, math.pi)
+
+
+def glance(
+    query: Pattern, submap: Pattern, peaks: int, yaw: float, half: float, budget: Budget = UNBOUNDED
+) -> NDArray[np.float64]:
+    """The `peaks` poses that stand out most from chance among rotations within `half` radians of `yaw`.
+
+    Returns:
+        (P, 4), P <= `peaks`, the best first: x, y, yaw of `submap_T_query` between centred frames, good to a cell and
+        a step of the rotation, and by how much each stands out (natural logarithm of its odds against chance).
+
+    Raises:
+        OutOfTime: the deadline passed before all rotations were tried.
+    """
+    spacing = max(query.spacing, submap.spacing)
+    cell = min(max(_SHARE * spacing, _CELL[0]), _CELL[1])
+    return find_peaks(query.landmarks, submap.landmarks, cell, peaks, yaw, half, budget)
+
+
+def find_peaks(
+    query: NDArray[np.float64],
+    submap: NDArray[np.float64],
+    cell: float,
+    peaks: int,
+    yaw: float,
+    half: float,
+    budget: Budget = UNBOUNDED,
+) -> NDArray[np.float64]:
+    """The peaks (P, 4) of `glance`; `cell` metres."""
+    pairs = len(query) * len(submap)
+    if budget.fits(_MOST, pairs):
+        return find_peaks_at_once(query, submap, cell, peaks, yaw, half)
+    best = np.zeros((peaks, 4))
+    # A part of many landmarks shows where the rest belong, and keeps one rotation to some 10 ms.
+    grid = lay_grid(np.ascontiguousarray(query[:: 1 + (pairs - 1) // _PAIRS]), submap, cell)
+    for turns in budget.portions(grid.steps, len(grid.query) * len(submap) + len(grid.fresh)):
+        turn_over(grid, yaw, half, turns.start, turns.stop, best)
+    return best[best[:, 3] > 0.0]
+
+
+@kernel
+def find_peaks_at_once(
+    query: NDArray[np.float64], submap: NDArray[np.float64], cell: float, peaks: int, yaw: float, half: float
+) -> NDArray[np.float64]:
+    """What `find_peaks` gives, in one step: for ordinary sizes that is fastest."""
+    best = np.zeros((peaks, 4))
+    grid = lay_grid(query, submap, cell)
+    turn_over(grid, yaw, half, 0, grid.steps, best)
+    found = 0
+    while found < peaks and best[found, 3] > 0.0:
+        found += 1
+    return best[:found].copy()
+
+
+@kernel
+def lay_grid(query: NDArray[np.float64], submap: NDArray[np.float64], cell: float) -> Grid:
+    """The `Grid` of two sets of landmarks (N, 2), metres, centred; cells of `cell` metres or more."""
+    n, m = len(query), len(submap)
+    extent = math.sqrt((query**2).sum(axis=1).max()) + math.sqrt((submap**2).sum(axis=1).max())
+    # Only shifts that leave a fair overlap have cells of their own; all others end in the rim, which is not looked at.
+    farthest = _BEYOND * extent
+    cell = max(cell, 2.0 * farthest / (_SIDE - 4))
+    side = int(2.0 * farthest / cell) + 4
+    middle = 0.5 * side
+    typical = math.sqrt(min((query**2).sum() / n, (submap**2).sum() / m))
+    steps = min(max(int(2.0 * math.pi * typical / (_TURN * cell)), 36), _MOST)
+
+    rate = expected_counts(query, submap, cell, steps, extent)
+    fresh = thresholds(rate, side, farthest / cell)
+    # Whole numbers of 4096ths of a cell: subtracted and shifted eight at a time where floats would be converted singly.
+    # No landmark is farther from the middle than 300 cells: cells are made so large.
+    target_x, target_y = np.empty(m, np.int32), np.empty(m, np.int32)
+    for j in range(m):
+        target_x[j] = int((submap[j, 0] / cell + middle) * _FINE)
+        target_y[j] = int((submap[j, 1] / cell + middle) * _FINE)
+    return Grid(query, target_x, target_y, cell, side, steps, rate, fresh)
+
+
+@kernel
+def turn_over(laid: Grid, yaw: float, half: float, first: int, last: int, best: NDArray[np.float64]) -> None:
+    """Try the rotations `first` to `last` that are within `half` of `yaw`, and enter what stands out into `best`."""
+    query, target_x, target_y, cell, side, steps, rate, fresh = laid
+    n, m, peaks, middle = len(query), len(target_x), len(best), 0.5 * side
+    grid = np.empty_like(fresh)
+    words, fresh_words = grid.view(np.uint64), fresh.view(np.uint64)
+    flagged = np.empty(_FLAGGED, np.int64)
+    places, low, high, stride = np.empty(m, np.int32), np.int32(0), np.int32(side - 1), np.int32(side)
+    for step in range(first, last):
+        turn = 2.0 * math.pi * step / steps
+        if abs((turn - yaw + 3.0 * math.pi) % (2.0 * math.pi) - math.pi) > half:
+            continue
+        c, s = math.cos(turn) * _FINE / cell, math.sin(turn) * _FINE / cell
+        for w in range(len(words)):
+            words[w] = fresh_words[w]
+        count = 0
+        for i in range(n):
+            x = np.int32(c * query[i, 0] - s * query[i, 1])
+            y = np.int32(s * query[i, 0] + c * query[i, 1])
+            for j in range(m):
+                a = min(max((target_x[j] - x) >> 12, low), high)
+                b = min(max((target_y[j] - y) >> 12, low), high)
+                places[j] = a * stride + b
+            for j in range(m):
+                at = places[j]
+                value = grid[at] + np.uint32(1)
+                grid[at] = value
+                if value == _LOOK and count < _FLAGGED:
+                    flagged[count] = at
+                    count += 1
+        for f in range(count):
+            row, column = flagged[f] // side, flagged[f] % side
+            if not (2 <= row < side - 2 and 2 <= column < side - 2):
+                continue
+            distance = math.sqrt((row + 0.5 - middle) ** 2 + (column + 0.5 - middle) ** 2)
+            expected = 4.0 * rate[min(int(0.5 * distance), len(rate) - 1)]
+            for da in range(-1, 1):
+                for db in range(-1, 1):
+                    at = (row + da) * side + column + db
+                    counted = np.int64(grid[at]) + grid[at + 1] + grid[at + side] + grid[at + side + 1]
+                    total = counted - fresh[at] - fresh[at + 1] - fresh[at + side] - fresh[at + side + 1]
+                    if total <= expected + 2.0:
+                        continue
+                    score = total * math.log(total / expected) - (total - expected)
+                    if score > best[peaks - 1, 3]:
+                        x, y = (row + da + 1 - middle) * cell, (column + db + 1 - middle) * cell
+                        keep_peak(best, x, y, turn, score, 2.5 * cell, 5.0 * math.pi / steps)
+
+
+@kernel
+def thresholds(rate: NDArray[np.float64], side: int, farthest: float) -> NDArray[np.uint32]:
+    """What each cell of a grid starts from, so that it is looked at when it reaches `_LOOK`.
+
+    As many as `side` * `side`, and one more where that is odd.
+
+    Args:
+        rate: displacements that chance brings into one cell, by distance from the middle in units of two cells.
+        farthest: cells; those farther from the middle start from nothing.
+    """
+    start = np.zeros(len(rate), np.uint32)
+    for k in range(len(rate)):
+        if 2.0 * k <= farthest:
+            needed = max(3, math.ceil(rate[k] + _SIGMAS * math.sqrt(rate[k])) + 1)
+            start[k] = _LOOK - needed
+    fresh = np.zeros((side * side + 1) // 2 * 2, np.uint32)
+    middle, last = 0.5 * side, side - 1
+    # The four quarters are alike.
+    for a in range((side + 1) // 2):
+        for b in range((side + 1) // 2):
+            u, v = a + 0.5 - middle, b + 0.5 - middle
+            value = start[min(int(0.5 * math.sqrt(u * u + v * v)), len(rate) - 1)]
+            fresh[a * side + b] = fresh[a * side + last - b] = value
+            fresh[(last - a) * side + b] = fresh[(last - a) * side + last - b] = value
+    return fresh
+
+
+@kernel
+def expected_counts(
+    query: NDArray[np.float64], submap: NDArray[np.float64], cell: float, steps: int, extent: float
+) -> NDArray[np.float64]:
+    """Displacements that chance brings into one cell, by their length in units of two cells."""
+    bins = int(0.5 * extent / cell) + 2
+    rate, scale = np.zeros(bins), 0.5 / cell
+    # Half of many landmarks tell it as well as all of them.
+    step = 2 * _SAMPLED if len(query) >= 4 * _SAMPLED else _SAMPLED
+    weight = step / _SAMPLED
+    for k in range(_SAMPLED):
+        yaw = 2.0 * math.pi * (k + 0.5) / _SAMPLED
+        c, s = math.cos(yaw), math.sin(yaw)
+        for i in range(k, len(query), step):
+            x, y = c * query[i, 0] - s * query[i, 1], s * query[i, 0] + c * query[i, 1]
+            for j in range(len(submap)):
+                dx, dy = submap[j, 0] - x, submap[j, 1] - y
+                rate[min(int(math.sqrt(dx * dx + dy * dy) * scale), bins - 1)] += weight
+    for k in range(bins):
+        # Counts over a ring of two cells' width; never quite nothing, or one pair at the rim would stand out.
+        rate[k] = max(rate[k] / (4.0 * math.pi * (2 * k + 1)), 0.02)
+    return rate
+
+
+@kernel
+def keep_peak(
+    best: NDArray[np.float64], x: float, y: float, yaw: float, score: float, near: float, turn: float
+) -> None:
+    """Enter a peak into `best` (P, 4), highest score first; of peaks at one place only the highest stays."""
+    last = len(best) - 1
+    for p in range(len(best)):
+        if best[p, 3] <= 0.0:
+            last = p
+            break
+        away = abs(best[p, 2] - yaw)
+        if abs(best[p, 0] - x) <= near and abs(best[p, 1] - y) <= near and min(away, 2.0 * math.pi - away) <= turn:
+            if best[p, 3] >= score:
+                return
+            last = p
+            break
+    while last > 0 and best[last - 1, 3] < score:
+        best[last] = best[last - 1]
+        last -= 1
+    best[last, 0], best[last, 1], best[last, 2], best[last, 3] = x, y, yaw, score

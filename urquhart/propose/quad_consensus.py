@@ -1,0 +1,243 @@
+"""Quads that agree on a pose: the search through tables of quads, rarest first.
+
+A query quad finds, in every submap it might be in, those whose five lengths agree within a tolerance. Alone a hit says
+little: there are far more by chance than true ones. But a hit is a pose (its rotation, and where its centre goes), and
+the true ones agree on it. Every hit is compared with the earlier ones of its submap; what agrees adds up. A hit is
+worth the logarithm of how much likelier it is under the right pose than by chance, so that a rare shape says more than
+a common one. Quads are looked for in the order of their rarity: the rarer half costs a fifth and mostly settles it.
+"""
+
+import math
+import os
+from collections import deque
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from urquhart.budget import Budget
+from urquhart.index.quad_search import HIT, Lot, count_neighbourhoods, gather
+from urquhart.index.quad_table import TURNS, measure_quads
+from urquhart.propose.quad_votes import STANDING, TURN_BINS, fit_poses, near_slots_together, rank_turns, tally, vote
+
+_FIRST: Final = 4096
+"""Hits that there is room for at first,"""
+_MANY: Final = 1 << 18
+"""and those up to which room is made for four times as many."""
+_CHUNK: Final = 32
+"""Query quads looked for in all tables before it is asked whether there are hits enough."""
+_SEEN: Final = 0.2
+"""Share of a query's quads that are found under the right pose, roughly; it only shifts what a hit is worth."""
+_AGREE: Final = 2e-4
+"""Chance that two hits of a submap agree on a pose (measured; the tolerances below)."""
+_COMPARED: Final = 50_000
+"""Hits that are compared with others before it is asked whether the search is to go on: 20 ms."""
+_COMMON: Final = 64
+"""A query quad with more than this part of the hits that are enough is passed over."""
+TURN: Final = 1.2 * 2.0 * math.pi / TURN_BINS
+"""Radians: how far the rotation of a submap may be from the peak of its votes."""
+
+
+class Room:
+    """Memory for hits, which the system has to find and clear anew for every search that does not get it lent.
+
+    Attributes:
+        hits: (R,) of `HIT`; what lies in it is another search's.
+        totals: (R,) float32, what each of them and those that agree with it are worth.
+    """
+
+    def __init__(self) -> None:
+        """Make some room."""
+        self.hits: NDArray[Any] = np.empty(_FIRST, HIT)
+        self.totals: NDArray[np.float32] = np.empty(_FIRST, np.float32)
+
+    def grow(self) -> None:
+        """Make more, and keep what is there."""
+        size = (4 if len(self.hits) < _MANY else 2) * len(self.hits)
+        hits, totals = np.empty(size, HIT), np.empty(size, np.float32)
+        hits[: len(self.hits)], totals[: len(self.totals)] = self.hits, self.totals
+        self.hits, self.totals = hits, totals
+
+
+class Rooms:
+    """Rooms that are lent to one search after the other, by any thread; no more are kept than are of use at once."""
+
+    def __init__(self, kept: int) -> None:
+        """Have none yet, and keep up to `kept` that come back."""
+        self._free: deque[Room] = deque(maxlen=kept)
+
+    @contextmanager
+    def lend(self) -> Iterator[Room]:
+        """A room for one search at a time, to be forgotten at the end."""
+        try:
+            room = self._free.pop()
+        except IndexError:
+            room = Room()
+        try:
+            yield room
+        finally:
+            self._free.append(room)
+
+
+ROOMS: Final = Rooms(os.cpu_count() or 1)
+"""Those of this process: as many as searches can compute at once."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Leaders:
+    """Submaps in which quads agree best on a pose, the best first.
+
+    Attributes:
+        slots: (K,) int64, numbered through all lots.
+        scores: (K,) float64, logarithm of how much likelier the hits are under the right pose than by chance.
+        votes: (K,) int64, hits that agree on the best pose.
+        poses: (K, P, 3) float64, x, y, yaw of `submap_T_query` between centred frames, good to about a metre; the best
+            first, others NaN where there are fewer.
+    """
+
+    slots: NDArray[np.int64]
+    scores: NDArray[np.float64]
+    votes: NDArray[np.int64]
+    poses: NDArray[np.float64]
+
+
+class Consensus:
+    """One search. `advance` goes on with the next query quads; `leaders` says where they agree best.
+
+    Attributes:
+        hits: found so far.
+        passed_over: how often a query quad was too common in a table to be looked for.
+    """
+
+    def __init__(
+        self,
+        lots: Sequence[Lot],
+        landmarks: NDArray[np.float64],
+        quads: NDArray[np.int32],
+        tolerance: float,
+        most: int,
+        room: "Room | None" = None,
+        budget: Budget | None = None,
+    ) -> None:
+        """Prepare to search `lots` for the quads (Q, 4) of landmarks (N, 2), metres.
+
+        Args:
+            tolerance: metres that a length may be off by.
+            most: hits that are enough. A query quad that has a large part of them to itself is passed over: in rows of
+                trees all quads are alike, and looking for each in every row would take longer than everything else.
+            room: where hits are put, for as long as this is asked for anything; its own by default.
+            budget: when it is spent, the search ends with what has been found; by default never.
+        """
+        self._lots, self._tolerance, self._most = lots, tolerance, most
+        self._living = max(sum(int(np.count_nonzero(lot.alive)) for lot in lots), 1)
+        self._lengths, directions, self._centres = measure_quads(landmarks, quads)
+        self._directions = (directions * TURNS + 0.5).astype(np.int64) % TURNS
+        rarity = np.zeros(len(quads), np.int64)
+        for lot in lots:
+            count_neighbourhoods(lot.table.codes, lot.table.starts, self._lengths, rarity)
+        self._order = np.argsort(rarity, kind="stable")
+        self._looked = self.hits = self._listed = self.passed_over = 0
+        self._weights, self._shares = np.zeros(len(quads)), np.zeros(len(quads))
+        self._room = room if room is not None else Room()
+        self._budget = budget or Budget()
+        slots = sum(len(lot.alive) for lot in lots)
+        # Zeros cost nothing until they are touched.
+        self._standings, self._listed_slots = np.zeros(slots, STANDING), np.empty(slots, np.int32)
+
+    @property
+    def finished(self) -> bool:
+        """Whether every query quad has been looked for, or enough has been found."""
+        return self._looked == len(self._order) or self.hits >= self._most
+
+    @property
+    def is_cut_short(self) -> bool:
+        """Whether enough was found before every query quad had been looked for."""
+        return self._looked < len(self._order) and self.hits >= self._most
+
+    def advance(self, share: float = 1.0) -> None:
+        """Look for the next rarest quads, until `share` of all have been looked for or there are hits enough."""
+        target = share * len(self._order)
+        before, began = self.hits, self._looked
+        while not self.finished and self._looked < target and not self._budget.is_spent():
+            chunk = self._order[self._looked : self._looked + _CHUNK]
+            first = 0
+            for lot in self._lots:
+                if self._budget.is_spent():
+                    break
+                self._gather(lot, first, chunk)
+                first += len(lot.alive)
+            self._looked += len(chunk)
+        self._vote(before, self._order[began : self._looked])
+
+    def leaders(self, count: int, poses: int) -> Leaders:
+        """The `count` submaps with the best score, with up to `poses` distinct poses each."""
+        listed = self._listed_slots[: self._listed]
+        scores = self._standings["score"][listed]
+        if len(listed) > count:
+            chosen = np.argpartition(-scores, count)[:count]
+            listed, scores = listed[chosen], scores[chosen]
+        order = np.lexsort((listed, -scores))
+        listed, scores = listed[order], scores[order]
+        votes, rows = fit_poses(
+            listed, poses, self._standings, self._room.hits, self._room.totals, self._centres, self._weights
+        )
+        return Leaders(listed.astype(np.int64), scores, votes, rows)
+
+    def turns(self, count: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """The `count` pairs of a slot (K,) and a rotation (K,), radians, that hits agree on best, the best first.
+
+        Here a hit counts by its share in all that its query quad found. A slot comes once for each rotation that is a
+        peak of its votes; `TURN` is how far a peak may be off.
+        """
+        slots, peaks, weights = rank_turns(
+            self._listed_slots[: self._listed], count, self._standings, self._room.hits, self._shares
+        )
+        order = np.lexsort((slots, -weights))
+        return slots[order].astype(np.int64), np.asarray(peaks[order] * (2.0 * np.pi / TURN_BINS), np.float64)
+
+    def _gather(self, lot: Lot, first: int, chunk: NDArray[np.int64]) -> None:
+        done = 0
+        while done < len(chunk):
+            done, self.hits, passed, full = gather(
+                lot.table.codes,
+                lot.table.starts,
+                lot.table.words,
+                lot.scales,
+                lot.alive,
+                first,
+                self._lengths,
+                self._directions,
+                chunk,
+                done,
+                self._tolerance,
+                max(self._most // _COMMON, 1),
+                self._room.hits,
+                self.hits,
+            )
+            self.passed_over += passed
+            if full:
+                self._room.grow()
+            if self._budget.is_spent():
+                return
+
+    def _vote(self, before: int, quads: NDArray[np.int64]) -> None:
+        found, likely = tally(before, self.hits, self._room.hits, len(self._weights))
+        self._weights[quads] = np.log(_SEEN * self._living / (_AGREE * (found[quads] + 1.0)))
+        self._shares[quads] = 1.0 / (likely[quads] + 0.1)
+        order = near_slots_together(before, self.hits, self._room.hits, len(self._standings))
+        for begin in range(0, len(order), _COMPARED):
+            if self._budget.is_spent():
+                return
+            self._listed = vote(
+                order[begin : begin + _COMPARED],
+                self._room.hits,
+                self._centres,
+                self._weights,
+                self._room.totals,
+                self._standings,
+                self._listed_slots,
+                self._listed,
+            )

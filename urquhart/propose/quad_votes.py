@@ -1,0 +1,237 @@
+"""Hits of quads compared with each other: which agree on a pose, and on which."""
+
+import math
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from urquhart._kernel import kernel
+from urquhart.index.quad_table import TURNS
+
+_TURN: Final = 10
+"""256ths of a turn that the rotations of two hits may differ by."""
+_STRETCH: Final = 1.2
+"""Metres that the distance between two quads may differ by."""
+_BEND: Final = 0.22
+"""Share of that distance that the second may lie beside where the first has it."""
+_BLOCK: Final = 65536
+"""Slots whose standings and hits find room in a processor's cache."""
+_AHEAD: Final = 64
+"""Hits that are fetched from memory together."""
+_WALK: Final = 48
+"""Earlier hits of a submap that one is compared with."""
+_LEVER: Final = 4.0
+"""Metres to either side of a quad's centre that its direction is taken to be good for."""
+_DEEP: Final = 1024
+"""Hits of a slot among which its poses are chosen."""
+TURN_BINS: Final = 30
+"""Bins of rotation; a vote is shared between the two nearest, so that no border splits a true peak."""
+
+STANDING: Final = np.dtype([("latest", np.int32), ("best", np.int32), ("score", np.float64)])
+"""Of a slot: its latest hit and the one that most agrees with, numbered from 1; what that and the others are worth."""
+
+
+@kernel
+def tally(before: int, count: int, hits: NDArray[Any], quads: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """How many of the hits `before` to `count` each of the query's quads (Q,) has, and the sum of their likelihoods."""
+    found, likely = np.zeros(quads), np.zeros(quads)
+    for h in range(before, count):
+        found[hits[h].quad] += 1.0
+        likely[hits[h].quad] += math.exp(hits[h].fit)
+    return found, likely
+
+
+@kernel
+def near_slots_together(before: int, count: int, hits: NDArray[Any], slots: int) -> NDArray[np.int32]:
+    """The hits `before` to `count` in an order in which those of `_BLOCK` neighbouring slots follow each other.
+
+    Those of one slot stay in theirs. Compared in this order, what a hit is compared with is still in the cache.
+    """
+    begins = np.zeros((slots - 1) // _BLOCK + 2, np.int64)
+    for h in range(before, count):
+        begins[hits[h].slot // _BLOCK + 1] += 1
+    begins[:] = np.cumsum(begins)
+    order = np.empty(count - before, np.int32)
+    for h in range(before, count):
+        block = hits[h].slot // _BLOCK
+        order[begins[block]] = h
+        begins[block] += 1
+    return order
+
+
+@kernel
+def vote(
+    order: NDArray[np.int32],
+    hits: NDArray[Any],
+    centres: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    totals: NDArray[np.float32],
+    standings: NDArray[Any],
+    listed_slots: NDArray[np.int32],
+    listed: int,
+) -> int:
+    """Compare hits in their `order` with earlier ones of their slots; the new number of slots listed."""
+    touched = 0
+    for i in range(len(order)):
+        h = order[i]
+        if i % _AHEAD == 0:
+            # Hits lie anywhere in memory: asked for together, they come together.
+            for k in range(i, min(i + _AHEAD, len(order))):
+                touched += standings[hits[order[k]].slot].latest
+            for k in range(i, min(i + _AHEAD, len(order))):
+                touched += hits[max(standings[hits[order[k]].slot].latest - 1, 0)].turn
+        slot = hits[h].slot
+        total = max(weights[hits[h].quad] + hits[h].fit, 0.0)
+        other, walked = standings[slot].latest - 1, 0
+        while other >= 0 and walked < _WALK:
+            if agree(h, other, hits, centres):
+                total += max(weights[hits[other].quad] + hits[other].fit, 0.0)
+            other = hits[other].earlier - 1
+            walked += 1
+        hits[h].earlier, standings[slot].latest, totals[h] = standings[slot].latest, h + 1, total
+        if standings[slot].best == 0:
+            listed_slots[listed] = slot
+            listed += 1
+        if standings[slot].best == 0 or total > standings[slot].score:
+            standings[slot].score, standings[slot].best = total, h + 1
+    # `touched` is never negative: only so are its loads not left out.
+    return listed if touched >= 0 else -1
+
+
+@kernel
+def agree(
+    first: int,
+    second: int,
+    hits: NDArray[Any],
+    centres: NDArray[np.float64],
+) -> bool:
+    """Whether hits of two quads in one slot put the query in about the same place, turned about the same way."""
+    q, r = hits[first].quad, hits[second].quad
+    a, b = np.int64(hits[first].turn), np.int64(hits[second].turn)
+    apart = ((b - a + TURNS // 2) & (TURNS - 1)) - TURNS // 2
+    if q == r or abs(apart) > _TURN:
+        return False
+    ux, uy = hits[second].x - hits[first].x, hits[second].y - hits[first].y
+    vx, vy = centres[r, 0] - centres[q, 0], centres[r, 1] - centres[q, 1]
+    here = math.sqrt(vx * vx + vy * vy)
+    slack = _STRETCH + hits[first].step
+    if abs(math.sqrt(ux * ux + uy * uy) - here) > slack:
+        return False
+    yaw = (a + 0.5 * apart) * (2.0 * math.pi / TURNS)
+    c, s = math.cos(yaw), math.sin(yaw)
+    dx, dy = c * vx - s * vy - ux, s * vx + c * vy - uy
+    return bool(dx * dx + dy * dy <= (slack + _BEND * here) ** 2)
+
+
+@kernel
+def fit_poses(
+    chosen: NDArray[np.int32],
+    count: int,
+    standings: NDArray[Any],
+    hits: NDArray[Any],
+    totals: NDArray[np.float32],
+    centres: NDArray[np.float64],
+    weights: NDArray[np.float64],
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Hits that agree on the best pose of each slot `chosen` (K,), and up to `count` distinct poses (K, count, 3).
+
+    A pose is fitted to a hit and to all earlier ones that agree with it, by least squares of two points a hit: `_LEVER`
+    from its centre along a direction, so that both where it is and how it is turned count.
+    """
+    votes, poses = np.zeros(len(chosen), np.int64), np.full((len(chosen), count, 3), np.nan)
+    picked = np.empty(count, np.int64)
+    for i in range(len(chosen)):
+        picks = 0
+        pick = standings[chosen[i]].best - 1
+        while picks < count and pick >= 0:
+            total = px = py = ux = uy = dot = cross = 0.0
+            other, walked, agreeing = pick, 0, 0
+            while other >= 0 and walked <= _WALK:
+                if other == pick or agree(pick, other, hits, centres):
+                    w = max(weights[hits[other].quad] + hits[other].fit, 0.1)
+                    yaw = hits[other].turn * (2.0 * math.pi / TURNS)
+                    qx, qy = centres[hits[other].quad, 0], centres[hits[other].quad, 1]
+                    sx, sy = hits[other].x, hits[other].y
+                    total += w
+                    px += w * qx
+                    py += w * qy
+                    ux += w * sx
+                    uy += w * sy
+                    dot += w * (qx * sx + qy * sy + _LEVER * _LEVER * math.cos(yaw))
+                    cross += w * (qx * sy - qy * sx + _LEVER * _LEVER * math.sin(yaw))
+                    agreeing += 1
+                other = hits[other].earlier - 1
+                walked += 1
+            px, py, ux, uy = px / total, py / total, ux / total, uy / total
+            yaw = math.atan2(cross - total * (px * uy - py * ux), dot - total * (px * ux + py * uy))
+            c, s = math.cos(yaw), math.sin(yaw)
+            poses[i, picks, 0], poses[i, picks, 1], poses[i, picks, 2] = ux - c * px + s * py, uy - s * px - c * py, yaw
+            if picks == 0:
+                votes[i] = agreeing
+            picked[picks] = pick
+            picks += 1
+            pick, other, walked = -1, standings[chosen[i]].latest - 1, 0
+            while other >= 0 and walked < _DEEP:
+                if pick < 0 or totals[other] > totals[pick]:
+                    new = True
+                    for p in range(picks):
+                        same = hits[other].quad == hits[picked[p]].quad and hits[other].slot == hits[picked[p]].slot
+                        if other == picked[p] or (not same and agree(picked[p], other, hits, centres)):
+                            new = False
+                    if new:
+                        pick = other
+                other = hits[other].earlier - 1
+                walked += 1
+    return votes, poses
+
+
+@kernel
+def rank_turns(
+    listed: NDArray[np.int32],
+    count: int,
+    standings: NDArray[Any],
+    hits: NDArray[Any],
+    shares: NDArray[np.float64],
+) -> tuple[NDArray[np.int32], NDArray[np.int64], NDArray[np.float64]]:
+    """The `count` heaviest peaks of rotation among slots `listed`: slots (K,), bins (K,) and weights (K,)."""
+    out_slots, out_bins = np.empty(count, np.int32), np.empty(count, np.int64)
+    weights = np.zeros(count)
+    table = np.empty(TURN_BINS)
+    found = 0
+    for i in range(len(listed)):
+        table[:] = 0.0
+        h = standings[listed[i]].latest - 1
+        while h >= 0:
+            place = hits[h].turn * (TURN_BINS / TURNS)
+            below = int(place)
+            weight = math.exp(hits[h].fit) * shares[hits[h].quad]
+            table[below] += weight * (below + 1 - place)
+            table[(below + 1) % TURN_BINS] += weight * (place - below)
+            h = hits[h].earlier - 1
+        for b in range(TURN_BINS):
+            weight = table[b]
+            if weight <= 0.0 or weight < table[b - 1] or weight <= table[(b + 1) % TURN_BINS]:
+                continue
+            # A heap of the heaviest so far, the lightest of them at its top.
+            if found < count:
+                at = found
+                found += 1
+                while at > 0 and weights[(at - 1) // 2] > weight:
+                    above = (at - 1) // 2
+                    weights[at], out_slots[at], out_bins[at] = weights[above], out_slots[above], out_bins[above]
+                    at = above
+            elif count > 0 and weight > weights[0]:
+                at = 0
+                while 2 * at + 1 < count:
+                    below = 2 * at + 1
+                    if below + 1 < count and weights[below + 1] < weights[below]:
+                        below += 1
+                    if weights[below] >= weight:
+                        break
+                    weights[at], out_slots[at], out_bins[at] = weights[below], out_slots[below], out_bins[below]
+                    at = below
+            else:
+                continue
+            weights[at], out_slots[at], out_bins[at] = weight, listed[i], b
+    return out_slots[:found].copy(), out_bins[:found].copy(), weights[:found].copy()

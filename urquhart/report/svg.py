@@ -1,0 +1,198 @@
+"""Pictures as SVG: a tessellation, and a match laid over itself. North (y) is up; a scale bar gives the metres."""
+
+import math
+from collections.abc import Sequence
+from html import escape
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import ConvexHull
+
+from urquhart.decide.ranking import Candidate
+from urquhart.features.describe import Features
+
+_SIZE: Final = 900.0
+_MARGIN: Final = 40.0
+_HEAD: Final = 44.0
+_LINE: Final = 20.0
+_WIDTH: Final = 620.0
+LEGEND: Final = "cross: seen by one side only, pale: outside the overlap"
+"""What crosses and pale landmarks of an overlay mean."""
+STYLE: Final = """
+text{font:14px
+system-ui,sans-serif;fill:#24332b}.head{font-size:18px;font-weight:600}.small{font-size:12px;fill:#5b6b62}
+.triangle{fill:none;stroke:#d5ded8;stroke-width:1}.polygon{stroke:#2f6b4f;stroke-width:1.6;fill-opacity:.55}
+.tree{fill:#1d4a36}.submap{fill:none;stroke:#2f6b4f;stroke-width:1.8}.query{fill:#d9622b}
+.pair{stroke:#24332b;stroke-width:2}.miss{stroke:#b8321f;stroke-width:1.8;fill:none}.outside{opacity:.4}
+.bar{stroke:#24332b;stroke-width:2}
+"""
+
+
+class Canvas:
+    """Maps metres to pixels, y up, and collects elements.
+
+    Args:
+        points: (N, 2), metres, all that is to be in view.
+        size: pixels, the longer side of the view.
+        width: pixels, at least: room for the texts.
+    """
+
+    def __init__(
+        self, points: NDArray[np.float64], title: str, *subtitles: str, size: float = _SIZE, width: float = _WIDTH
+    ) -> None:
+        low, high = points.min(axis=0), points.max(axis=0)
+        extent = max(float((high - low).max()), 1e-9)
+        self._scale = (size - 2.0 * _MARGIN) / extent
+        self._dot = math.sqrt(size / _SIZE)
+        self._low, self._high = low, high
+        self.width = float(high[0] - low[0]) * self._scale + 2.0 * _MARGIN
+        self._head = _HEAD + _LINE * len(subtitles)
+        self.height = float(high[1] - low[1]) * self._scale + 2.0 * _MARGIN + self._head
+        self.width = max(self.width, width)
+        self._parts = [
+            f'<text x="{_MARGIN:g}" y="28" class="head">{escape(title)}</text>',
+            *(
+                f'<text x="{_MARGIN:g}" y="{50 + _LINE * line:g}" class="small">{escape(subtitle)}</text>'
+                for line, subtitle in enumerate(subtitles)
+            ),
+        ]
+        self._scale_bar(extent)
+
+    def at(self, point: NDArray[np.float64]) -> tuple[float, float]:
+        x = _MARGIN + (float(point[0]) - float(self._low[0])) * self._scale
+        return x, self._head + _MARGIN + (float(self._high[1]) - float(point[1])) * self._scale
+
+    def circle(self, point: NDArray[np.float64], radius: float, style: str, label: str) -> None:
+        x, y = self.at(point)
+        self._parts.append(
+            f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius * self._dot:.3g}" class="{style}">'
+            f"<title>{escape(label)}</title></circle>"
+        )
+
+    def cross(self, point: NDArray[np.float64], arm: float, style: str) -> None:
+        x, y = self.at(point)
+        arm *= self._dot
+        side = f"{2.0 * arm:.3g}"
+        self._parts.append(
+            f'<path d="M{x - arm:.1f} {y - arm:.1f}l{side} {side}m0 -{side}l-{side} {side}" class="{style}"/>'
+        )
+
+    def line(self, a: NDArray[np.float64], b: NDArray[np.float64], style: str) -> None:
+        (x1, y1), (x2, y2) = self.at(a), self.at(b)
+        self._parts.append(f'<line x1="{x1:.1f}" y1="{y1:.1f}" x2="{x2:.1f}" y2="{y2:.1f}" class="{style}"/>')
+
+    def outline(self, points: NDArray[np.float64], style: str, fill: str | None = None) -> None:
+        path = " ".join("{:.1f},{:.1f}".format(*self.at(point)) for point in points)
+        paint = f' fill="{fill}"' if fill else ""
+        self._parts.append(f'<polygon points="{path}" class="{style}"{paint}/>')
+
+    def embed(self, x: float, y: float) -> str:
+        """The elements as a part of another picture, their upper left corner at (x, y) pixels."""
+        body = "\n".join(self._parts)
+        return f'<svg x="{x:g}" y="{y:g}" width="{self.width:.0f}" height="{self.height:.0f}">\n{body}\n</svg>'
+
+    def render(self) -> str:
+        """The elements as a picture of their own."""
+        return render(self._parts, self.width, self.height)
+
+    def _scale_bar(self, extent: float) -> None:
+        metres = 10.0 ** math.floor(math.log10(extent / 4.0))
+        metres *= next(step for step in (5.0, 2.0, 1.0) if step * metres <= extent / 4.0 or step == 1.0)
+        length, y = metres * self._scale, self.height - 14.0
+        self._parts.append(
+            f'<line x1="{_MARGIN:g}" y1="{y:.1f}" x2="{_MARGIN + length:.1f}" y2="{y:.1f}" class="bar"/>'
+        )
+        self._parts.append(f'<text x="{_MARGIN + length + 8:.1f}" y="{y + 4:.1f}" class="small">{metres:g} m</text>')
+
+
+def render(parts: Sequence[str], width: float, height: float, style: str = "") -> str:
+    """A picture of SVG elements, on a ground of its own so that it reads on white and on black; `style` is more CSS."""
+    body = "\n".join(parts)
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:.0f} {height:.0f}" '
+        f'width="{width:.0f}" height="{height:.0f}">\n<style>{STYLE}{style}</style>\n'
+        f'<rect width="100%" height="100%" fill="#fbfcfa"/>\n{body}\n</svg>\n'
+    )
+
+
+def draw_tessellation(features: Features, *, title: str = "") -> str:
+    """SVG of one submap: Delaunay triangles, interior Urquhart polygons (coloured by vertex count), landmarks."""
+    counts = features.counts()
+    subtitle = (
+        f"{counts['landmarks']} landmarks, {counts['triangles']} triangles, {counts['polygons']} interior polygons"
+    )
+    canvas = Canvas(features.landmarks, title or "Tessellation", subtitle)
+    t = features.tessellation
+    for triangle in t.triangles:
+        canvas.outline(features.landmarks[triangle], "triangle")
+    for i in range(len(t)):
+        vertices = t.polygon(i)
+        # The golden angle spreads neighbouring vertex counts over the colour circle.
+        hue = (95.0 + 137.5 * (len(vertices) - 3)) % 360.0
+        canvas.outline(features.landmarks[vertices], "polygon", f"hsl({hue:.0f} 45% 72%)")
+    for i, landmark in enumerate(features.landmarks):
+        canvas.circle(landmark, 3.5, "tree", f"landmark {i}")
+    return canvas.render()
+
+
+def draw_match(query_xy: ArrayLike, submap_xy: ArrayLike, candidate: Candidate, *, title: str = "") -> str:
+    """SVG of a match in the submap frame: both sets of landmarks, inlier pairs joined, misses crossed.
+
+    Args:
+        query_xy, submap_xy: (N, 2), (M, 2), metres, as posted.
+    """
+    submap = np.asarray(submap_xy, dtype=np.float64)
+    query = candidate.transform.apply(np.asarray(query_xy, dtype=np.float64))
+    subtitle = (
+        f"{len(candidate.residuals)} inliers, RMS {candidate.rms:.2f} m, overlap {candidate.overlap:.0%}, "
+        f"confidence {_odds(candidate.confidence)}"
+    )
+    canvas = Canvas(
+        np.concatenate([submap, query]), title or "Match", subtitle, f"filled: query, ring: submap, {LEGEND}"
+    )
+    overlay(canvas, query, submap, candidate.query_indices, candidate.submap_indices)
+    return canvas.render()
+
+
+def overlay(
+    canvas: Canvas,
+    query: NDArray[np.float64],
+    submap: NDArray[np.float64],
+    first: NDArray[np.int64],
+    second: NDArray[np.int64],
+) -> None:
+    """Draw two sets of landmarks (N, 2), (M, 2), metres, in one frame: partners joined, misses crossed.
+
+    Args:
+        first, second: (K,), positions of the partners in `query` and `submap`.
+
+    A landmark is a miss where the other footprint covers it; outside of that it is only drawn pale.
+    """
+    paired_query, paired_submap = set(first.tolist()), set(second.tolist())
+    query_covered, submap_covered = _covered(query, submap), _covered(submap, query)
+    for i, j in zip(first.tolist(), second.tolist(), strict=True):
+        canvas.line(query[i], submap[j], "pair")
+    for j, landmark in enumerate(submap):
+        canvas.circle(
+            landmark, 6.0, "submap" if j in paired_submap or submap_covered[j] else "submap outside", f"submap {j}"
+        )
+        if j not in paired_submap and submap_covered[j]:
+            canvas.cross(landmark, 5.0, "miss")
+    for i, landmark in enumerate(query):
+        canvas.circle(
+            landmark, 3.5, "query" if i in paired_query or query_covered[i] else "query outside", f"query {i}"
+        )
+        if i not in paired_query and query_covered[i]:
+            canvas.cross(landmark, 5.0, "miss")
+
+
+def _odds(confidence: float) -> str:
+    return "over 0.9999" if confidence > 0.9999 else f"{confidence:.4f}"
+
+
+def _covered(points: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which `points` lie inside the convex hull of `others`."""
+    hull = ConvexHull(others)
+    outside = points @ hull.equations[:, :2].T + hull.equations[:, 2] > 1e-9
+    return np.asarray(~outside.any(axis=1))
