@@ -34,10 +34,10 @@ class Limits(BaseModel):
     )
     batch_queries: int = Field(200, ge=1, description="Most queries in one batch.")
     query_seconds: float = Field(
-        5.0, gt=0, le=3600, description="Seconds in which a query is answered, with what was found until then."
+        4.5, gt=0, le=3600, description="Seconds in which a query is worked on; it is answered with what was found."
     )
     batch_seconds: float = Field(
-        5.0, gt=0, le=3600, description="Seconds in which a batch is answered; the queries left then are not asked."
+        4.5, gt=0, le=3600, description="Seconds in which a batch is worked on; the queries left then are not asked."
     )
     unfinished_jobs: int = Field(
         20, ge=1, description="Most unfinished jobs of one key, or of all callers without one; more are answered 429."

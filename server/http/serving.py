@@ -5,6 +5,7 @@ import gc
 import logging
 import math
 import os
+import select
 import signal
 import socket
 import threading
@@ -28,6 +29,8 @@ _LAST_WORDS: Final = 1.0
 """Seconds that requests which take too long have to be answered that the service ends;"""
 _CUT: Final = 1.0
 """and those after which their connections are closed, that they have to end."""
+_LAST_CALL: Final = 1.0
+"""Seconds at most in which those that wait already are accepted;"""
 _TICK: Final = 0.1
 BACKLOG: Final = 2048
 """Connections that wait to be accepted,"""
@@ -124,9 +127,7 @@ class _Drained(Server):
         loop, drain = asyncio.get_running_loop(), self._service.settings.drain_seconds
         loop.call_later(drain, self._end_requests)
         loop.call_later(drain + _LAST_WORDS, self._cut_off)
-        # Last: whoever connects between this and the end of listening is reset, without anything having been done.
-        for _ in range(3):
-            await asyncio.sleep(0)
+        await _accept_all(sockets or [])
         await super().shutdown(sockets)
 
     def _end_requests(self) -> None:
@@ -147,6 +148,18 @@ class _Drained(Server):
         time.sleep(self._service.settings.stop_seconds)
         _log.warning("not everything ended in time; ending without it")
         os._exit(0)
+
+
+async def _accept_all(listeners: list[socket.socket]) -> None:
+    """Wait until nobody waits to be accepted, but not for ever: while some come again and again, there is always one.
+
+    Whoever connects between this and the end of listening is reset, without anything having been done.
+    """
+    waiting, until = select.poll(), time.monotonic() + _LAST_CALL
+    for listener in listeners:
+        waiting.register(listener, select.POLLIN)
+    while waiting.poll(0) and time.monotonic() < until:
+        await asyncio.sleep(0)
 
 
 def _settle() -> None:

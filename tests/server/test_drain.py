@@ -134,7 +134,7 @@ def test_callers_that_never_pause_lose_nothing(start: Start, workers: str) -> No
         writer.join(PATIENCE)
     # A connection that nobody had accepted yet when the listening socket closed is reset: nothing was done for it.
     assert all(isinstance(one, httpx.ReadError) and "reset" in str(one) for one in lost), lost
-    assert len(lost) <= len(writers)
+    assert len(lost) <= (len(writers) if workers == "2" else 1)
     assert stored(served) == set(acknowledged)
 
 
