@@ -18,7 +18,7 @@ FLOORS = (
     {"paper"},
     {"propose"},
     {"decide"},
-    {"report", "levels", "recognizer", "warming"},
+    {"report", "recognizer", "warming"},
 )
 """Rooms of the method (folders, and modules that stand alone) from the ground up: each may import from lower floors."""
 MOST_FLOORS = 8

@@ -17,13 +17,14 @@ After Nardari et al., "Place Recognition in Forests With Urquhart Tessellations"
 
 from urquhart.budget import Abandoned, Budget
 from urquhart.config import Config, ConfigError
+from urquhart.decide.candidates import Candidate, Finding, Rival
 from urquhart.decide.confidence import Gates
-from urquhart.decide.ranking import Candidate, Finding, Rival, Verdict
+from urquhart.decide.verdict import Recognition, Verdict
 from urquhart.features.describe import Features, FeaturesError, describe
 from urquhart.features.landmarks import LandmarkError
 from urquhart.features.tessellation import Tessellation
 from urquhart.index.segment_file import SegmentDamaged
-from urquhart.recognizer import Method, Recognition, Recognizer
+from urquhart.recognizer import Method, Recognizer
 from urquhart.report.svg import draw_match, draw_tessellation
 from urquhart.se2 import SE2
 from urquhart.trace import SearchEnd, Stage

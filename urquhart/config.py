@@ -11,7 +11,7 @@ from typing import Any, Final
 DESCRIPTION_VERSION: Final = 1
 """Raised whenever the same landmarks and parameters give other features than before; stored ones are then stale."""
 
-REACH: Final = 3.0
+_REACH: Final = 3.0
 """A partner may lie this many standard deviations of the usual noise away (99 % of true ones in the plane)."""
 
 _DESCRIPTION: Final = ("samples", "squared", "keep_hull")
@@ -81,6 +81,11 @@ class Config:
         if unknown:
             raise ConfigError(f"unknown parameter {unknown[0]!r}: the parameters are {', '.join(names)}")
         return cls(**values)  # type: ignore[arg-type]  # __post_init__ checks every value
+
+    @property
+    def reach(self) -> float:
+        """Metres that the partner of a landmark may be away from it in verification."""
+        return _REACH * self.sigma
 
     def to_dict(self) -> dict[str, Any]:
         """Every parameter by name, ready for JSON."""

@@ -39,8 +39,8 @@ class Stage:
     counts: dict[str, int]
 
 
-class Stages:
-    """Stages in the order they ran."""
+class Trace:
+    """What one look-up did: its stages in the order they ran, and the limits that left something out."""
 
     def __init__(self) -> None:
         self._done: list[Stage] = []

@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 from benchmarks.paper.drive import Drive
 from benchmarks.paper.methods import Correspondences, Method, Points, Robust
 from urquhart import SE2, Config, describe
-from urquhart.config import REACH
-from urquhart.decide.confidence import log_odds, log_volume
-from urquhart.decide.ranking import refusal
+from urquhart.decide.confidence import log_odds, refusal
 from urquhart.evaluation.scores import Outcomes, is_right, score
 from urquhart.paper.ransac import Consensus, ransac
+from urquhart.propose.query import log_volume
 from urquhart.verify.evidence import pattern, verify
 
 Scoring = Literal["letter", "inliers", "verified"]
@@ -65,7 +64,7 @@ class Verifier:
     """All-landmark verification of a transform between two of several observations, the same for every method."""
 
     def __init__(self, observations: list[Points], config: Config) -> None:
-        self.config, self.reach = config, REACH * config.sigma
+        self.config, self.reach = config, config.reach
         self._features = [describe(xy, config) for xy in observations]
         self._patterns = [pattern(features, self.reach) for features in self._features]
 

@@ -93,7 +93,7 @@ class FeatureCache:
 
 
 class FeatureReader:
-    """The features of a collection as they are at a view's revision: a `urquhart.propose.submaps.Source`."""
+    """The features of a collection as they are at a view's revision: a `urquhart.index.collection.FeatureSource`."""
 
     def __init__(
         self, session: Session, collection_key: int, config: Config, cache: FeatureCache, owner: int, revision: int

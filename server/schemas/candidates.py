@@ -8,7 +8,7 @@ from pydantic import Field, PlainSerializer
 
 from server.schemas.common import Answer, write_stamp
 from server.schemas.poses import CandidateTransform, MapPoseAnswer, Transform
-from urquhart.propose.proposals import Level
+from urquhart.propose.query import Level
 from urquhart.report.explanation import SKIPS, STOPS
 from urquhart.trace import Skipped, StoppedBy
 from urquhart.verify.distortion import WARNINGS

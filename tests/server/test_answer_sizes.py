@@ -10,7 +10,7 @@ import pytest
 from server.app import create_app
 from server.settings import Limits, Settings
 from tests.server.world import TestClient, forest, observed, points
-from urquhart import levels
+from urquhart.propose import levels
 from urquhart.report.explanation import SKIPS, STOPS
 
 TREES = forest(1)

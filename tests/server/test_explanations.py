@@ -19,7 +19,7 @@ from server.settings import Limits, Settings
 from tests.server.world import TestClient, forest, observed, points, put_submap
 from urquhart import SE2, Config, Finding, Gates
 from urquhart.evaluation.simulation import observe, plantation
-from urquhart.propose.proposals import Level
+from urquhart.propose.query import Level
 from urquhart.report.explanation import REASONS
 
 PLOTS = "/v1/collections/plots"

@@ -8,9 +8,9 @@ import numpy as np
 from tests.urquhart.tables import decode
 from urquhart import SE2, Config, Features, Recognition, Recognizer, describe
 from urquhart.evaluation.simulation import observe, paper_forest
+from urquhart.index.collection import FeatureMemory
 from urquhart.index.collection_index import CollectionIndex, Part
 from urquhart.index.segment import Segment
-from urquhart.propose.submaps import Memory
 
 CONFIG = Config()
 FOREST = paper_forest(np.random.default_rng(3), 300.0)
@@ -57,7 +57,7 @@ def of_segments(segments: Iterable[Segment], config: Config = CONFIG) -> Collect
 
 def over(index: CollectionIndex, features: dict[int, Features]) -> Recognizer:
     """A recognizer over an index, with features kept elsewhere."""
-    return Recognizer(index.config, index, Memory(features))
+    return Recognizer(index.config, index, FeatureMemory(features))
 
 
 def outline(found: Recognition) -> tuple[object, ...]:

@@ -8,8 +8,16 @@ import numpy as np
 import pytest
 
 from urquhart import SE2, Config, Gates, describe
-from urquhart.decide.confidence import against_chance, against_rival, comparable, credited, surely_behind, together
-from urquhart.decide.ranking import confidence, refusal
+from urquhart.decide.confidence import (
+    against_chance,
+    against_rival,
+    comparable,
+    credited,
+    probability,
+    refusal,
+    surely_behind,
+    together,
+)
 from urquhart.decide.rivals import climb, distinct, find_rivals, pose_row, same_place
 from urquhart.evaluation.simulation import observe, paper_forest, plantation
 from urquhart.verify.evidence import Verified, pattern, verify, weigh_settled
@@ -93,7 +101,7 @@ def test_the_gates_named_are_the_gates_in_force(config: Config) -> None:
     gates, verified, little = Gates.of(config), pose_with(overlap=40), 1e-6
     assert refusal(verified, gates.log_odds + little, None, config) is None
     assert refusal(verified, gates.log_odds - little, None, config) == "below_gate"
-    assert confidence(verified, gates.log_odds, None, config) == pytest.approx(gates.confidence)
+    assert probability(verified, gates.log_odds, None, config) == pytest.approx(gates.confidence)
     # Far beyond chance the lead alone decides.
     sure = gates.log_odds + 1000.0
     needed = gates.lead + 40 * gates.lead_each
@@ -102,7 +110,7 @@ def test_the_gates_named_are_the_gates_in_force(config: Config) -> None:
     assert refusal(verified, sure, lead - little, config) is not None
     close = replace(verified, evidence=lead + 50.0)
     assert refusal(close, sure, lead - little, config) == "runner_up_too_close"
-    assert confidence(verified, sure, lead, config) == pytest.approx(gates.confidence)
+    assert probability(verified, sure, lead, config) == pytest.approx(gates.confidence)
     # Neither is enough where both are just reached: one may be wrong in either way.
     assert refusal(verified, gates.log_odds, lead, config) is not None
 
@@ -123,7 +131,7 @@ def test_a_rival_that_explains_nothing_itself_makes_nothing_ambiguous() -> None:
 def test_confidence_is_a_probability_that_grows_with_odds_and_lead() -> None:
     verified = pose_with(overlap=40)
     leads = [None, *np.linspace(200.0, -200.0, 41).tolist()]
-    table = np.array([[confidence(verified, float(odds), lead, CONFIG) for lead in leads] for odds in ODDS])
+    table = np.array([[probability(verified, float(odds), lead, CONFIG) for lead in leads] for odds in ODDS])
     assert ((table >= 0.0) & (table <= 1.0)).all()
     assert (np.diff(table, axis=0) >= 0.0).all()
     assert (np.diff(table, axis=1) <= 0.0).all()

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from urquhart import SE2, Config, Recognizer, describe
-from urquhart.decide.ranking import Candidate
+from urquhart.decide.candidates import Candidate
 from urquhart.se2 import fit
 from urquhart.uncertainty import Matrix
 from urquhart.verify.distortion import find_distortion

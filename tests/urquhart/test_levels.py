@@ -116,16 +116,16 @@ def test_where_every_submap_can_be_swept_quads_are_not_measured_loosely() -> Non
 
 @pytest.mark.parametrize("level", ["polygons", "sweep"])
 def test_a_level_answers_where_those_before_it_have_nothing_to_say(level: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    def search_only(_query: object, search: Consensus, *_: object) -> list[object]:
+    def search_only(_query: object, _index: object, search: Consensus, *_: object) -> list[object]:
         search.advance()
         return []
 
     def nothing(*_: object) -> list[object]:
         return []
 
-    monkeypatch.setattr("urquhart.levels.propose_by_quads", search_only)
+    monkeypatch.setattr("urquhart.propose.levels.propose_by_quads", search_only)
     if level == "sweep":
-        monkeypatch.setattr("urquhart.levels.propose_by_polygons", nothing)
+        monkeypatch.setattr("urquhart.propose.levels.propose_by_polygons", nothing)
     for count in (20, 36):
         found = recognizer(count=count).recognize(here(sigma=0.1, detection=0.9))
         assert found.verdict == "matched"

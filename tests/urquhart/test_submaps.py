@@ -7,8 +7,9 @@ import pytest
 
 from tests.urquhart.contents import CONFIG, answers, contents, over, place, sightings
 from urquhart import Features, Recognizer
+from urquhart.index.collection import FeatureMemory
 from urquhart.index.collection_index import CollectionIndex
-from urquhart.propose.submaps import Memory, Submaps
+from urquhart.propose.submaps import Submaps
 
 PLACES = {key: place(key) for key in range(36)}
 INDEX = CollectionIndex(CONFIG).with_changes(PLACES.items())
@@ -54,7 +55,7 @@ def test_what_is_not_there_is_a_key_error_and_what_was_read_stays() -> None:
 
 
 def test_memory_keeps_replaces_and_forgets_and_what_was_begun_with_stays() -> None:
-    first = Memory({1: PLACES[1], 2: PLACES[2]})
+    first = FeatureMemory({1: PLACES[1], 2: PLACES[2]})
     second = first.with_changes({2: PLACES[3]}, [])
     assert second.read([2, 1]) == {2: PLACES[3], 1: PLACES[1]}
     third = second.with_changes({}, [1, 77])

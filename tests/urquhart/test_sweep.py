@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from urquhart import SE2, Config, Recognition, Recognizer, describe
-from urquhart.config import REACH
 from urquhart.evaluation.simulation import Observation, bridson, observe, paper_forest, plantation
 from urquhart.propose.correlation import find_peaks, glance, sees_ends, sweep
 from urquhart.propose.quad_consensus import TURN, Consensus
@@ -17,7 +16,7 @@ from urquhart.verify.evidence import pattern, settle_rough
 from urquhart.verify.pairing import Pattern
 
 CONFIG = Config()
-NEAR = REACH * CONFIG.sigma
+NEAR = CONFIG.reach
 
 
 @pytest.fixture(scope="module")
@@ -195,12 +194,12 @@ def test_in_a_dense_forest_hardly_a_polygon_is_whole_but_quads_and_surveys_find_
 
     assert levels().count("quads") >= 16
 
-    def search_only(_query: object, search: Consensus, *_: object) -> list[object]:
+    def search_only(_query: object, _index: object, search: Consensus, *_: object) -> list[object]:
         search.advance()
         return []
 
     # As if no pose of theirs were any good, only the rotations that they agree on.
-    monkeypatch.setattr("urquhart.levels.propose_by_quads", search_only)
+    monkeypatch.setattr("urquhart.propose.levels.propose_by_quads", search_only)
     without = levels()
     assert without.count("sweep") >= 4
     monkeypatch.setattr(recognizer, "config", Config(survey=0))

@@ -5,9 +5,10 @@ import pytest
 
 from tests.urquhart import forests
 from urquhart import SE2, Config, describe
-from urquhart.decide.confidence import log_odds, log_volume
+from urquhart.decide.confidence import log_odds
 from urquhart.decide.rivals import climb, distinct, pose_row, same_place, shift_peaks
 from urquhart.evaluation.simulation import observe, paper_forest, plantation
+from urquhart.propose.query import log_volume
 from urquhart.uncertainty import least_squares
 from urquhart.verify.evidence import LOOSE, best_hypotheses, pattern, settle_rough, verify, weigh_pose, weigh_settled
 from urquhart.verify.pairing import Pattern, lay_out, nearest, pair_up

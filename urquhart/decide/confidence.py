@@ -20,7 +20,7 @@ in either way is being wrong, so the two are added up as 1 / (1 + 1 / chance + 1
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,9 @@ from numpy.typing import NDArray
 from urquhart.config import Config
 from urquhart.verify.evidence import Verified
 from urquhart.verify.pairing import Pattern
+
+Refusal = Literal["verification_failed", "runner_up_too_close", "below_gate", "deadline", "contradicting_maps"]
+"""Why a pose is not reported as matched; the words are stable."""
 
 _CHANCE: Final = (0.7, -1.5)
 """Odds against chance: their logarithm grows so much with the log-odds, and is nought where these are so much."""
@@ -46,16 +49,11 @@ _UNKNOWN: Final = -8.0
 evidence of right poses falls without end."""
 
 
-def log_volume(submaps: int, query: Pattern) -> float:
-    """Logarithm of the volume of all poses, square metres times radians, in `submaps` footprints like the query's."""
-    return math.log(max(submaps, 1)) + math.log(2.0 * math.pi * query.area)
-
-
 def log_odds(verified: Verified, query: Pattern, volume: float) -> float:
     """Log-odds of a verified pose against chance.
 
     Args:
-        volume: logarithm of the volume of all poses, see `log_volume`.
+        volume: logarithm of the volume of all poses, see `propose.query.log_volume`.
 
     With K inliers of noise s, the information on x, y and yaw about the inliers' centroid is K / s^2, K / s^2 and
     S / s^2, where S is the sum of squared distances from the centroid: the pose is left a volume of
@@ -127,6 +125,28 @@ class Gates:
 def together(chance: float, rival: float) -> float:
     """Logarithm of the odds of being right from those against chance and against the best rival."""
     return -float(np.logaddexp(-chance, -rival))
+
+
+def refusal(verified: Verified, odds: float, lead: float | None, config: Config) -> Refusal | None:
+    """Why a verified pose is not to be reported as matched, or None.
+
+    Args:
+        odds: log-odds against chance.
+        lead: evidence over the best distinct pose, where there was one to compare.
+    """
+    if verified.evidence <= 0.0:
+        return "verification_failed"
+    chance, rival = against_chance(odds), against_rival(verified, lead, config.margin)
+    if together(chance, rival) >= config.gate:
+        return None
+    # A rival that explains nothing itself is none: then the match is too weak for what a forest may bring about.
+    close = lead is not None and lead < verified.evidence
+    return "runner_up_too_close" if close and chance >= config.gate else "below_gate"
+
+
+def probability(verified: Verified, odds: float, lead: float | None, config: Config) -> float:
+    """Probability that a pose is right; `odds` and `lead` as in `refusal`."""
+    return 1.0 / (1.0 + math.exp(-together(against_chance(odds), against_rival(verified, lead, config.margin))))
 
 
 def credited(evidence: NDArray[np.float64], overlap: NDArray[np.float64], wanted: int) -> NDArray[np.float64]:

@@ -1,147 +1,90 @@
-"""Candidates in order, and the verdict: `matched` only when chance and every rival have been ruled out."""
+"""How the best proposal compares with everything else that could explain the observation.
+
+Its rivals are looked for unless it is hopeless anyway: in its own submap by shifting it along the pattern, and among
+the proposals in other submaps, unless those are the same place seen twice.
+"""
 
 import math
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
-from typing import Final, Literal
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from urquhart.config import Config
-from urquhart.decide.confidence import against_chance, against_rival, log_odds, surely_behind, together
-from urquhart.features.describe import Features
-from urquhart.propose.proposals import Level, Proposal, Sighting
-from urquhart.se2 import SE2
-from urquhart.uncertainty import PoseUncertainty, least_squares
-from urquhart.verify.distortion import find_distortion
+from urquhart.budget import OutOfTime
+from urquhart.decide.candidates import Finding, make_finding
+from urquhart.decide.confidence import against_chance, comparable, credited, log_odds, refusal, surely_behind
+from urquhart.decide.rivals import climb, same_place
+from urquhart.propose.query import Proposal, Query
 from urquhart.verify.evidence import Verified
 
-Verdict = Literal["matched", "ambiguous", "no_match"]
-_LEAST_NOISE: Final = 0.02
-"""Metres: no tree is located better than this, however well a few of them happen to agree."""
-_RIVALS: Final = 8
-"""Most rivals named: a lattice has one at every planting distance."""
+_HOPELESS: Final = -8.0
+"""Log-odds below which no pose is worth a search for its rivals: hardly one in ten is right."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Candidate:
-    """A submap with a verified transform.
+class Ranking:
+    """How proposals for one query compare with each other.
 
     Attributes:
-        key: the submap, as given to `Recognizer.add`.
-        level: which features proposed the transform.
-        transform: `submap_T_query`, in the frames as posted.
-        uncertainty: of the transform, about the middle of the inliers.
-        query_indices, submap_indices: (K,) int64, the one-to-one inliers, positions as posted.
-        residuals: (K,) float64, metres.
-        votes: features that voted for the submap.
-        inlier_ratio: inliers among the landmarks of the overlap, of the side that has fewer there.
-        rms: metres, root mean square of the residuals.
-        overlap: share of the query's landmarks inside the overlap of the footprints.
-        overlap_count: landmarks inside the overlap, of the side that has more there.
-        evidence: log-likelihood ratio of the same place against chance.
-        log_odds: evidence less the logarithm of the share of all poses that the landmarks leave possible.
-        lead: evidence over that of the best distinct pose; None where it was too weak to be compared.
-        confidence: probability that the transform is right.
-        refused: why this candidate alone would not be reported as matched, else None.
-        warnings: what is wrong with the coordinates of one side, see `urquhart.verify.distortion.WARNINGS`; distortions
-            are looked for where the candidate is not refused.
+        proposals: one for each submap, the best first.
+        lead: evidence by which the first leads its rivals, None where nothing rivals it.
+        rivals: of the first proposal: submap, pose, and the evidence that is credited to it.
+        alike: submaps that turned out to be the same place as the first one's.
+        complete: whether all rivals that matter were looked at; the deadline may have come first.
+        findings: what each level found in each submap, in the order of the levels, the best first.
     """
 
-    key: int
-    level: Level
-    transform: SE2
-    uncertainty: PoseUncertainty
-    query_indices: NDArray[np.int64]
-    submap_indices: NDArray[np.int64]
-    residuals: NDArray[np.float64]
-    votes: int
-    inlier_ratio: float
-    rms: float
-    overlap: float
-    overlap_count: int
-    evidence: float
-    log_odds: float
-    lead: float | None
-    confidence: float
-    refused: str | None
-    warnings: tuple[str, ...] = ()
+    proposals: list[Proposal]
+    lead: float | None = None
+    rivals: tuple[tuple[int, Verified, float], ...] = ()
+    alike: frozenset[int] = frozenset()
+    complete: bool = True
+    findings: tuple[Finding, ...] = ()
 
-    @property
-    def covariance(self) -> NDArray[np.float64]:
-        """(3, 3) over the transform's x, y and yaw: about the query's origin, along the axes of the submap's frame."""
-        return self.uncertainty.origin_covariance(self.transform)
+    def lead_of(self, proposal: Proposal) -> float | None:
+        """Evidence by which a proposal leads its rivals; one at another place than the first has the first as a rival.
 
+        Where nothing rivals the first, the forest does not repeat itself, and only chance is to be ruled out.
+        """
+        first = self.proposals[0]
+        if proposal is first or proposal.key in self.alike or self.lead is None:
+            return self.lead
+        return proposal.verified.evidence - first.verified.evidence
 
-@dataclass(frozen=True, slots=True)
-class Rival:
-    """Another pose that explains the data about as well as the first candidate's: the reason why that is `ambiguous`.
+    def is_certain(self, query: Query) -> bool:
+        """Whether the first proposal is so sure that another level could not change the answer."""
+        if not self.proposals or not self.complete:
+            return False
+        first, config = self.proposals[0].verified, query.config
+        odds = log_odds(first, query.pattern, query.volume)
+        return odds > 2.0 * config.gate and refusal(first, odds, self.lead, config) is None
 
-    Attributes:
-        key: the submap, often the candidate's own.
-        transform: `submap_T_query`, in the frames as posted.
-        evidence: log-likelihood ratio of the same place against chance, made up for trees that do not overlap there.
-        inliers: one-to-one inliers under that pose.
-    """
-
-    key: int
-    transform: SE2
-    evidence: float
-    inliers: int
+    def is_lost(self, query: Query) -> bool:
+        """Whether no proposal is better than chance. Too close a rival is another matter: more poses do not mend it."""
+        if not self.proposals:
+            return True
+        return against_chance(log_odds(self.proposals[0].verified, query.pattern, query.volume)) < query.config.gate
 
 
-@dataclass(frozen=True, slots=True)
-class Finding:
-    """What one level found in one submap, and why that alone would not be reported.
-
-    Attributes:
-        level, key, votes: which features proposed a pose in which submap, and how many voted.
-        inliers, overlap: one-to-one inliers, and the landmarks that could have been, of the side with more of them.
-        evidence, log_odds: see `Candidate`.
-        refused: the reason, None where nothing but a rival could stand against it.
-    """
-
-    level: Level
-    key: int
-    votes: int
-    inliers: int
-    overlap: int
-    evidence: float
-    log_odds: float
-    refused: str | None
+NOTHING: Final = Ranking([])
+"""Before anything is proposed."""
 
 
-def refusal(verified: Verified, odds: float, lead: float | None, config: Config) -> str | None:
-    """Why a verified pose is not to be reported as matched, or None.
-
-    Args:
-        odds: log-odds against chance.
-        lead: evidence over the best distinct pose, where there was one to compare.
-    """
-    if verified.evidence <= 0.0:
-        return "verification_failed"
-    chance, rival = against_chance(odds), against_rival(verified, lead, config.margin)
-    if together(chance, rival) >= config.gate:
-        return None
-    # A rival that explains nothing itself is none: then the match is too weak for what a forest may bring about.
-    close = lead is not None and lead < verified.evidence
-    return "runner_up_too_close" if close and chance >= config.gate else "below_gate"
-
-
-def confidence(verified: Verified, odds: float, lead: float | None, config: Config) -> float:
-    """Probability that a pose is right; see `urquhart.decide.confidence`."""
-    return 1.0 / (1.0 + math.exp(-together(against_chance(odds), against_rival(verified, lead, config.margin))))
-
-
-def decide(candidates: Sequence[Candidate]) -> tuple[Verdict, str]:
-    """Verdict and reason from candidates, best first."""
-    if not candidates:
-        return "no_match", "verification_failed"
-    reason = candidates[0].refused
-    if reason is None:
-        return "matched", "verified"
-    return ("ambiguous" if reason == "runner_up_too_close" else "no_match"), reason
+def rank(query: Query, proposals: list[Proposal], earlier: Ranking = NOTHING) -> Ranking:
+    """Rank what a level proposed together with what `earlier` levels did, and look for rivals of the first."""
+    with query.trace.timed("doubt") as counts:
+        counts["rivals"] = 0
+        findings = (*earlier.findings, *(make_finding(one, query) for one in best_by_submap(proposals)))
+        ranked = best_by_submap([*earlier.proposals, *proposals])
+        if not ranked or log_odds(ranked[0].verified, query.pattern, query.volume) < _HOPELESS:
+            return Ranking(ranked, findings=findings)
+        try:
+            ranking = _against_rivals(query, ranked)
+        except OutOfTime:
+            return Ranking(ranked, complete=False, findings=findings)
+        counts["rivals"] = len(ranking.rivals)
+        return replace(ranking, findings=findings)
 
 
 def best_by_submap(proposals: Iterable[Proposal]) -> list[Proposal]:
@@ -156,101 +99,38 @@ def best_by_submap(proposals: Iterable[Proposal]) -> list[Proposal]:
     return sorted(best.values(), key=lambda p: (-p.verified.evidence, p.key))
 
 
-def make_finding(proposal: Proposal, query: Sighting, config: Config) -> Finding:
-    """A proposal as an explanation shows it."""
-    v = proposal.verified
-    odds = log_odds(v, query.pattern, query.volume)
-    overlap = v.overlap
-    refused = refusal(v, odds, None, config)
-    return Finding(proposal.level, proposal.key, proposal.votes, len(v.residuals), overlap, v.evidence, odds, refused)
+def _against_rivals(query: Query, ranked: list[Proposal]) -> Ranking:
+    """The ranking of `ranked`, whose first is exchanged for its best rival in its own submap, if that is better.
 
-
-def make_rivals(
-    rivals: Iterable[tuple[int, Verified, float]],
-    best: Verified,
-    query: Sighting,
-    origin: Callable[[int], NDArray[np.float64]],
-    config: Config,
-) -> tuple[Rival, ...]:
-    """Those of `rivals` (submap, pose in centred frames, evidence) that `best` does not clearly lead, by strength.
-
-    Args:
-        origin: gives the origin of a submap's centred frame by its key.
+    Raises:
+        OutOfTime: the deadline passed before all rivals were looked at.
     """
-    behind = surely_behind(best, config.gate, config.margin)
-    close = [(key, rival, evidence) for key, rival, evidence in rivals if evidence > max(behind, 0.0)]
-    close.sort(key=lambda found: -found[2])
-    return tuple(
-        Rival(key, _as_posted(rival.transform, origin(key), query), evidence, len(rival.residuals))
-        for key, rival, evidence in close[:_RIVALS]
-    )
+    config, budget = query.config, query.budget
+    here, key = query.submaps.pattern(ranked[0].key), ranked[0].key
+    margin, sure = config.margin, 2.0 * config.gate
+    best, rivals_here = climb(query.pattern, here, ranked[0].verified, query.reach, sure, margin, budget)
+    ranked[0] = replace(ranked[0], verified=best)
+    rivals = [(key, rival, evidence) for rival, evidence in rivals_here]
+    strongest = max((evidence for _, evidence in rivals_here), default=-math.inf)
+    alike = set[int]()
+    # Only what could change the verdict is looked at: overlapping submaps of one place are many.
+    for other, evidence in _comparable(ranked[1:], best):
+        if evidence <= max(strongest, surely_behind(best, sure, margin)):
+            break
+        budget.check()
+        there = query.submaps.pattern(other.key)
+        if same_place(here, best.transform, there, other.verified.transform, query.reach, margin, budget):
+            alike.add(other.key)
+        else:
+            strongest = evidence
+            rivals.append((other.key, other.verified, evidence))
+    return Ranking(ranked, best.evidence - strongest if rivals else None, tuple(rivals), frozenset(alike))
 
 
-def make_candidate(
-    proposal: Proposal, submap: Features, query: Sighting, lead: float | None, config: Config
-) -> Candidate:
-    """A proposal as it is reported: in the frames as posted, with covariance and confidence.
-
-    Args:
-        lead: evidence over the best distinct pose, where there was one to compare.
-    """
-    v, features = proposal.verified, query.features
-    transform = _as_posted(v.transform, submap.origin, query)
-    inliers = len(v.residuals)
-    odds = log_odds(v, query.pattern, query.volume)
-    refused = refusal(v, odds, lead, config)
-    seen, stored = features.landmarks[v.query] + features.origin, submap.landmarks[v.submap] + submap.origin
-    uncertainty, warnings = _uncertainty(seen, stored, transform, v, config, distorted=refused is None)
-    return Candidate(
-        key=proposal.key,
-        level=proposal.level,
-        transform=transform,
-        uncertainty=uncertainty,
-        query_indices=v.query,
-        submap_indices=v.submap,
-        residuals=v.residuals,
-        votes=proposal.votes,
-        inlier_ratio=inliers / min(v.query_overlap, v.submap_overlap),
-        rms=float(np.sqrt((v.residuals**2).mean())),
-        overlap=v.query_overlap / len(features.landmarks),
-        overlap_count=v.overlap,
-        evidence=v.evidence,
-        log_odds=odds,
-        lead=lead,
-        confidence=confidence(v, odds, lead, config),
-        refused=refused,
-        warnings=warnings,
-    )
-
-
-def _uncertainty(
-    seen: NDArray[np.float64],
-    stored: NDArray[np.float64],
-    transform: SE2,
-    verified: Verified,
-    config: Config,
-    *,
-    distorted: bool,
-) -> tuple[PoseUncertainty, tuple[str, ...]]:
-    """How sure a pose is, from residuals, configuration and distortions; and what there is to warn of.
-
-    Args:
-        seen, stored: (K, 2) float64, metres, the inliers of either side, as posted.
-        distorted: whether distortions are looked for.
-    """
-    degrees = max(2 * len(seen) - 3, 1)
-    variance = max(float((verified.residuals**2).sum()) / degrees, _LEAST_NOISE**2)
-    known = least_squares(seen, transform, variance * config.covariance_scale)
-    more = np.diag([config.covariance_floor, config.covariance_floor, config.covariance_floor_yaw]) ** 2
-    words: tuple[str, ...] = ()
-    if distorted:
-        found = find_distortion(seen, stored, transform)
-        more, words = more + found.covariance, found.words
-    if more.any():
-        known = known.widened(transform, more)
-    return known, (*words, "far_origin") if known.is_far(transform) else words
-
-
-def _as_posted(pose: SE2, origin: NDArray[np.float64], query: Sighting) -> SE2:
-    """A pose between centred frames in the frames as posted; `origin` (2,) of the submap's centred frame."""
-    return SE2.shift(origin) @ pose @ SE2.shift(query.features.origin).inverse()
+def _comparable(others: list[Proposal], best: Verified) -> list[tuple[Proposal, float]]:
+    """Those of `others` that could rival `best`, with the evidence they are credited with, the strongest first."""
+    near = [other for other in others if comparable(other.verified, best)]
+    evidence = np.array([other.verified.evidence for other in near])
+    overlap = np.array([other.verified.overlap for other in near], np.float64)
+    given = credited(evidence, overlap, best.overlap).tolist()
+    return sorted(zip(near, given, strict=True), key=lambda pair: -pair[1])

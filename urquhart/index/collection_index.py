@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from urquhart.config import REACH, Config
+from urquhart.config import Config
 from urquhart.features.describe import Features
 from urquhart.index.polygon_index import Hits, search_partitions
 from urquhart.index.quad_search import Lot
@@ -68,11 +68,6 @@ class CollectionIndex:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "_count", sum(part.living for part in self.parts))
-
-    @property
-    def reach(self) -> float:
-        """Metres that a partner may be away in verification."""
-        return REACH * self.config.sigma
 
     def __len__(self) -> int:
         return self._count

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import ConvexHull
 
-from urquhart.decide.ranking import Candidate
+from urquhart.decide.candidates import Candidate
 from urquhart.features.describe import Features
 
 _SIZE: Final = 900.0

@@ -7,12 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from urquhart import Config, Features
-from urquhart.config import REACH
 from urquhart.verify.evidence import pattern
 from urquhart.verify.pairing import Pattern
 
 CONFIG = Config()
-REACHED = REACH * CONFIG.sigma
+REACHED = CONFIG.reach
 """Metres, the reach of partners in verification."""
 TOLERANCE = 2.0 * CONFIG.sigma
 """Metres that a length may be off by, as the method has it."""

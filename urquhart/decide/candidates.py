@@ -1,0 +1,195 @@
+"""Verified poses as an answer reports them: candidates, rivals, and what each level found."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from urquhart.config import Config
+from urquhart.decide.confidence import Refusal, log_odds, probability, refusal, surely_behind
+from urquhart.propose.query import Level, Proposal, Query
+from urquhart.se2 import SE2
+from urquhart.uncertainty import PoseUncertainty, least_squares
+from urquhart.verify.distortion import find_distortion
+from urquhart.verify.evidence import Verified
+
+_LEAST_NOISE: Final = 0.02
+"""Metres: no tree is located better than this, however well a few of them happen to agree."""
+_RIVALS: Final = 8
+"""Most rivals named: a lattice has one at every planting distance."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Candidate:
+    """A submap with a verified transform.
+
+    Attributes:
+        key: the submap, as given to `Recognizer.add`.
+        level: which features proposed the transform.
+        transform: `submap_T_query`, in the frames as posted.
+        uncertainty: of the transform, about the middle of the inliers.
+        query_indices, submap_indices: (K,) int64, the one-to-one inliers, positions as posted.
+        residuals: (K,) float64, metres.
+        votes: features that voted for the submap.
+        inlier_ratio: inliers among the landmarks of the overlap, of the side that has fewer there.
+        rms: metres, root mean square of the residuals.
+        overlap: share of the query's landmarks inside the overlap of the footprints.
+        overlap_count: landmarks inside the overlap, of the side that has more there.
+        evidence: log-likelihood ratio of the same place against chance.
+        log_odds: evidence less the logarithm of the share of all poses that the landmarks leave possible.
+        lead: evidence over that of the best distinct pose; None where it was too weak to be compared.
+        confidence: probability that the transform is right.
+        refused: why this candidate alone would not be reported as matched, else None.
+        warnings: what is wrong with the coordinates of one side, see `urquhart.verify.distortion.WARNINGS`; distortions
+            are looked for where the candidate is not refused.
+    """
+
+    key: int
+    level: Level
+    transform: SE2
+    uncertainty: PoseUncertainty
+    query_indices: NDArray[np.int64]
+    submap_indices: NDArray[np.int64]
+    residuals: NDArray[np.float64]
+    votes: int
+    inlier_ratio: float
+    rms: float
+    overlap: float
+    overlap_count: int
+    evidence: float
+    log_odds: float
+    lead: float | None
+    confidence: float
+    refused: Refusal | None
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def covariance(self) -> NDArray[np.float64]:
+        """(3, 3) over the transform's x, y and yaw: about the query's origin, along the axes of the submap's frame."""
+        return self.uncertainty.origin_covariance(self.transform)
+
+
+@dataclass(frozen=True, slots=True)
+class Rival:
+    """Another pose that explains the data about as well as the first candidate's: the reason why that is `ambiguous`.
+
+    Attributes:
+        key: the submap, often the candidate's own.
+        transform: `submap_T_query`, in the frames as posted.
+        evidence: log-likelihood ratio of the same place against chance, made up for trees that do not overlap there.
+        inliers: one-to-one inliers under that pose.
+    """
+
+    key: int
+    transform: SE2
+    evidence: float
+    inliers: int
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """What one level found in one submap, and why that alone would not be reported.
+
+    Attributes:
+        level, key, votes: which features proposed a pose in which submap, and how many voted.
+        inliers, overlap: one-to-one inliers, and the landmarks that could have been, of the side with more of them.
+        evidence, log_odds: see `Candidate`.
+        refused: the reason, None where nothing but a rival could stand against it.
+    """
+
+    level: Level
+    key: int
+    votes: int
+    inliers: int
+    overlap: int
+    evidence: float
+    log_odds: float
+    refused: Refusal | None
+
+
+def make_finding(proposal: Proposal, query: Query) -> Finding:
+    """A proposal as an explanation shows it."""
+    v = proposal.verified
+    odds = log_odds(v, query.pattern, query.volume)
+    refused = refusal(v, odds, None, query.config)
+    return Finding(proposal.level, proposal.key, proposal.votes, len(v.residuals), v.overlap, v.evidence, odds, refused)
+
+
+def make_rivals(rivals: Iterable[tuple[int, Verified, float]], best: Verified, query: Query) -> tuple[Rival, ...]:
+    """Those of `rivals` (submap, pose in centred frames, evidence) that `best` does not clearly lead, by strength."""
+    behind = surely_behind(best, query.config.gate, query.config.margin)
+    close = [(key, rival, evidence) for key, rival, evidence in rivals if evidence > max(behind, 0.0)]
+    close.sort(key=lambda found: -found[2])
+    return tuple(
+        Rival(key, _as_posted(rival.transform, key, query), evidence, len(rival.residuals))
+        for key, rival, evidence in close[:_RIVALS]
+    )
+
+
+def make_candidate(proposal: Proposal, query: Query, lead: float | None) -> Candidate:
+    """A proposal as it is reported: in the frames as posted, with covariance and confidence.
+
+    Args:
+        lead: evidence over the best distinct pose, where there was one to compare.
+    """
+    v, features, submap = proposal.verified, query.features, query.submaps.features(proposal.key)
+    transform = _as_posted(v.transform, proposal.key, query)
+    odds = log_odds(v, query.pattern, query.volume)
+    refused = refusal(v, odds, lead, query.config)
+    seen, stored = features.landmarks[v.query] + features.origin, submap.landmarks[v.submap] + submap.origin
+    uncertainty, warnings = _uncertainty(seen, stored, transform, v, query.config, distorted=refused is None)
+    return Candidate(
+        key=proposal.key,
+        level=proposal.level,
+        transform=transform,
+        uncertainty=uncertainty,
+        query_indices=v.query,
+        submap_indices=v.submap,
+        residuals=v.residuals,
+        votes=proposal.votes,
+        inlier_ratio=len(v.residuals) / min(v.query_overlap, v.submap_overlap),
+        rms=float(np.sqrt((v.residuals**2).mean())),
+        overlap=v.query_overlap / len(features.landmarks),
+        overlap_count=v.overlap,
+        evidence=v.evidence,
+        log_odds=odds,
+        lead=lead,
+        confidence=probability(v, odds, lead, query.config),
+        refused=refused,
+        warnings=warnings,
+    )
+
+
+def _uncertainty(
+    seen: NDArray[np.float64],
+    stored: NDArray[np.float64],
+    transform: SE2,
+    verified: Verified,
+    config: Config,
+    *,
+    distorted: bool,
+) -> tuple[PoseUncertainty, tuple[str, ...]]:
+    """How sure a pose is, from residuals, configuration and distortions; and what there is to warn of.
+
+    Args:
+        seen, stored: (K, 2) float64, metres, the inliers of either side, as posted.
+        distorted: whether distortions are looked for.
+    """
+    degrees = max(2 * len(seen) - 3, 1)
+    variance = max(float((verified.residuals**2).sum()) / degrees, _LEAST_NOISE**2)
+    known = least_squares(seen, transform, variance * config.covariance_scale)
+    more = np.diag([config.covariance_floor, config.covariance_floor, config.covariance_floor_yaw]) ** 2
+    words: tuple[str, ...] = ()
+    if distorted:
+        found = find_distortion(seen, stored, transform)
+        more, words = more + found.covariance, found.words
+    if more.any():
+        known = known.widened(transform, more)
+    return known, (*words, "far_origin") if known.is_far(transform) else words
+
+
+def _as_posted(pose: SE2, key: int, query: Query) -> SE2:
+    """A pose of the query in submap `key`, between centred frames, in the frames as posted."""
+    return SE2.shift(query.submaps.features(key).origin) @ pose @ SE2.shift(query.features.origin).inverse()

@@ -1,0 +1,83 @@
+"""The verdict: `matched` only when chance and every rival pose are ruled out."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from urquhart.decide.candidates import Candidate, Finding, Rival, make_candidate, make_rivals
+from urquhart.decide.confidence import Refusal
+from urquhart.decide.ranking import Ranking
+from urquhart.propose.query import Query
+from urquhart.trace import SearchEnd, Stage, StoppedBy, Trace
+
+Verdict = Literal["matched", "ambiguous", "no_match"]
+Reason = Literal[
+    "verified",
+    "no_votes",
+    "empty_collection",
+    "nothing_left",
+    "too_few_landmarks",
+    "collinear_landmarks",
+    Refusal,
+]
+"""Why a verdict is what it is; the words are stable."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recognition:
+    """The answer to one observation.
+
+    Attributes:
+        verdict, reason: what to make of it, in one word each.
+        candidates: verified submaps, best first.
+        rivals: other poses that explain the data about as well as the first candidate's, the strongest first.
+        margin: evidence of the best candidate over the best distinct pose; None where it was too weak to be compared.
+        stages: what each stage found and cost, in order.
+        findings: what each level found in each submap it looked at, in the order of the levels, the best first.
+        search: why the search ended, and which limits left something out.
+    """
+
+    verdict: Verdict
+    reason: Reason
+    candidates: tuple[Candidate, ...]
+    rivals: tuple[Rival, ...]
+    margin: float | None
+    stages: tuple[Stage, ...]
+    findings: tuple[Finding, ...]
+    search: SearchEnd
+
+
+def decide(query: Query, ranking: Ranking, limit: int, stopped_by: StoppedBy) -> Recognition:
+    """The answer to a query from its ranked proposals.
+
+    Args:
+        limit: most candidates that are reported.
+        stopped_by: why the search ended. After a deadline nothing is `matched`: rivals may not have been seen.
+    """
+    candidates = tuple(
+        make_candidate(proposal, query, ranking.lead_of(proposal)) for proposal in ranking.proposals[:limit]
+    )
+    verdict, reason = _judge(candidates)
+    if not ranking.findings:
+        reason = "no_votes"
+    if stopped_by == "deadline":
+        verdict, reason = "no_match", "deadline"
+        candidates = tuple(replace(one, refused=one.refused or "deadline") for one in candidates)
+    rivals = make_rivals(ranking.rivals, ranking.proposals[0].verified, query) if ranking.proposals else ()
+    stages, end = query.trace.done(), query.trace.end(stopped_by)
+    return Recognition(verdict, reason, candidates, rivals, ranking.lead, stages, ranking.findings, end)
+
+
+def unsearched(reason: Reason, trace: Trace) -> Recognition:
+    """The answer where there was nothing to search for, or nothing to search in."""
+    return Recognition("no_match", reason, (), (), None, trace.done(), (), trace.end("not_started"))
+
+
+def _judge(candidates: Sequence[Candidate]) -> tuple[Verdict, Reason]:
+    """Verdict and reason from candidates, best first."""
+    if not candidates:
+        return "no_match", "verification_failed"
+    reason = candidates[0].refused
+    if reason is None:
+        return "matched", "verified"
+    return ("ambiguous" if reason == "runner_up_too_close" else "no_match"), reason

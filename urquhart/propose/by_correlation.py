@@ -1,0 +1,100 @@
+"""Poses proposed by correlation: the query turned and shifted over whole submaps, where no feature is intact.
+
+A survey chooses the submaps and rotations to try: in a small collection all of them, in a large one those on which
+loosely measured quads agree. That agreement proves nothing, but it leaves few enough to try.
+"""
+
+import math
+from contextlib import suppress
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from urquhart.budget import OutOfTime
+from urquhart.index.collection_index import CollectionIndex
+from urquhart.propose.by_quads import verify_rough
+from urquhart.propose.correlation import glance
+from urquhart.propose.quad_consensus import TURN, Consensus
+from urquhart.propose.query import Proposal, Query
+
+_PEAKS: Final = 8
+"""Peaks of a correlation over all rotations that are refined."""
+_FEWER_PEAKS: Final = 6
+"""Peaks of a correlation over a few rotations that are refined."""
+_CIRCLE: Final = 12.0
+"""A correlation under every rotation takes as long as so many near a single one."""
+_REACHED: Final = 0.02
+"""Least share of a collection that a survey must reach to be worth its time: in a larger one the right place, where
+neither polygons nor quads find it, is hardly ever among the first few hundred."""
+_BLOCK: Final = 32
+"""Submaps that are read together."""
+_MOST_LANDMARKS: Final = 500_000
+"""Landmarks of submaps after which a correlation reads no more of them: they take 100 MB."""
+
+Place = tuple[int, float, float]
+"""A submap's key, and the rotations to try in it: their middle and how far they go to either side, radians."""
+Peaks = tuple[int, NDArray[np.float64]]
+"""A submap's key, and the poses (P, 4) that stand out in it; see `correlation.glance`."""
+
+
+def is_large(index: CollectionIndex) -> bool:
+    """Whether a survey would reach too few of the submaps."""
+    return len(index) * _REACHED > index.config.survey
+
+
+def is_small(index: CollectionIndex) -> bool:
+    """Whether every submap can be tried under every rotation in the time that a survey may take."""
+    return len(index) * _CIRCLE <= index.config.survey
+
+
+def propose_by_correlation(query: Query, index: CollectionIndex, quads: Consensus | None) -> list[Proposal]:
+    """The submaps in which the query stands out most from chance when it is laid over them as a whole.
+
+    Args:
+        quads: a search for loosely measured quads, which chooses rotations in a large collection.
+    """
+    with query.trace.timed("survey") as counts:
+        places = _survey(query, index, quads)
+        counts["places"] = len(places)
+    with query.trace.timed("sweep") as counts:
+        found = _correlate(query, places)
+        counts["peaks"] = sum(len(peaks) for _, peaks in found)
+    with query.trace.timed("verify sweep") as counts:
+        proposals = []
+        with suppress(OutOfTime):
+            for key, peaks in found[: query.config.sweeps]:
+                verified = verify_rough(query, key, np.ascontiguousarray(peaks[:, :3]))
+                proposals.append(Proposal(key, "sweep", len(peaks), verified))
+        counts["candidates"] = len(proposals)
+    return proposals
+
+
+def _survey(query: Query, index: CollectionIndex, quads: Consensus | None) -> list[Place]:
+    """The submaps and rotations to try, the most promising first."""
+    if quads is None or is_small(index):
+        return [(key, 0.0, math.pi) for key in index]
+    query.trace.skip("exhaustive_rest")
+    slots, rotations = quads.turns(query.config.survey)
+    return [(key, yaw, TURN) for key, yaw in zip(index.keys_of(slots), rotations.tolist(), strict=True)]
+
+
+def _correlate(query: Query, places: list[Place]) -> list[Peaks]:
+    """What stands out at each of `places`, the strongest first, as far as time and memory allow."""
+    found = list[Peaks]()
+    with suppress(OutOfTime):
+        read = 0
+        for begin in range(0, len(places), _BLOCK):
+            if read > _MOST_LANDMARKS:
+                query.trace.skip("exhaustive_rest")
+                break
+            block = places[begin : begin + _BLOCK]
+            query.read(key for key, _, _ in block)
+            for key, yaw, half in block:
+                read += len(query.submaps.features(key).landmarks)
+                count = _PEAKS if half == math.pi else _FEWER_PEAKS
+                peaks = glance(query.pattern, query.submaps.pattern(key), count, yaw, half, query.budget)
+                if len(peaks):
+                    found.append((key, peaks))
+    # What stands out by the landmarks as a whole is judged by itself: the votes of quads no longer count.
+    return sorted(found, key=lambda one: -one[1][0, 3])

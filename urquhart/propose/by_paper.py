@@ -1,0 +1,60 @@
+"""Poses proposed by the paper's own chain: polygons, correspondences, RANSAC."""
+
+from contextlib import suppress
+
+import numpy as np
+
+from urquhart.budget import OutOfTime
+from urquhart.index.collection_index import CollectionIndex
+from urquhart.paper.matching import match_landmarks
+from urquhart.paper.ransac import ransac
+from urquhart.propose.query import Proposal, Query
+from urquhart.verify.evidence import Verified, verify
+
+
+def propose_by_paper(query: Query, index: CollectionIndex, rng: np.random.Generator) -> list[Proposal]:
+    """The paper's chain; its pose is then verified like any other, because a vote never accepts itself."""
+    features, config = query.features, query.config
+    with query.trace.timed("search polygons") as counts:
+        found = index.search_polygons(
+            features.tessellation.vertex_counts(), features.descriptors, config.neighbours, config.vertex_window
+        )
+        near = [hits.keys[hits.distances < config.tau**2] for hits in query.budget.unless_spent(found)]
+        keys, votes = np.unique(np.concatenate([np.empty(0, np.int64), *near]), return_counts=True)
+        counts["submaps"] = len(keys)
+    proposals = []
+    with query.trace.timed("match and verify") as counts:
+        chosen = np.argsort(-votes, kind="stable")[: config.candidates].tolist()
+        counts["candidates"] = len(chosen)
+        with suppress(OutOfTime):
+            query.read(keys[chosen].tolist())
+            for i in chosen:
+                verified = _paper_pose(query, int(keys[i]), rng)
+                if verified is not None:
+                    proposals.append(Proposal(int(keys[i]), "paper", int(votes[i]), verified))
+        counts["poses"] = len(proposals)
+    return proposals
+
+
+def _paper_pose(query: Query, key: int, rng: np.random.Generator) -> Verified | None:
+    """The pose on which correspondences in one submap agree, verified; None where they are too few.
+
+    Raises:
+        OutOfTime: the deadline passed before it was found.
+    """
+    config, submap = query.config, query.submaps.features(key)
+    first, second = match_landmarks(query.features, submap, config, rng, query.budget)
+    if len(first) < config.correspondences:
+        return None
+    consensus = ransac(
+        query.features.landmarks[first],
+        submap.landmarks[second],
+        rng,
+        distance=config.ransac_distance,
+        ratio=config.ransac_ratio,
+        iterations=config.ransac_iterations,
+        budget=query.budget,
+    )
+    if consensus is None:
+        return None
+    return verify(query.pattern, query.submaps.pattern(key), consensus.transform, query.reach, query.budget)

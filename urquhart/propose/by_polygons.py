@@ -1,0 +1,44 @@
+"""Poses proposed by polygons: those with the same number of vertices and a near descriptor, aligned."""
+
+from contextlib import suppress
+
+import numpy as np
+from numpy.typing import NDArray
+
+from urquhart.budget import OutOfTime
+from urquhart.index.collection_index import CollectionIndex
+from urquhart.propose.by_quads import TIGHT
+from urquhart.propose.polygon_votes import Votes, vote_polygons
+from urquhart.propose.query import Proposal, Query
+from urquhart.verify.evidence import best_hypotheses, verify_best
+
+
+def propose_by_polygons(query: Query, index: CollectionIndex) -> list[Proposal]:
+    """The submaps that most polygons vote for, each with the best pose they vote for there."""
+    features, config, trace = query.features, query.config, query.trace
+    with trace.timed("search polygons") as counts:
+        vertex_counts = features.tessellation.vertex_counts()
+        hits_by_count = index.search_polygons(vertex_counts, features.descriptors, config.neighbours)
+        found = list(query.budget.unless_spent(hits_by_count))
+        counts["hits"] = sum(len(hits.keys) for hits in found)
+    with trace.timed("vote polygons") as counts:
+        votes = vote_polygons(features, query.budget.unless_spent(found), TIGHT * config.sigma)
+        counts["submaps"] = len(votes.keys)
+    with trace.timed("verify polygons") as counts:
+        keys: NDArray[np.int64] = votes.keys[: config.candidates]
+        proposals = []
+        with suppress(OutOfTime):
+            query.read(keys.tolist())
+            for i, key in enumerate(keys.tolist()):
+                proposals.append(_best_aligned(query, votes, i, key))
+        counts["candidates"] = len(proposals)
+    return proposals
+
+
+def _best_aligned(query: Query, votes: Votes, i: int, key: int) -> Proposal:
+    """The best of the transforms that polygons voted for in submap `votes.keys[i]`, verified."""
+    submap = query.submaps.pattern(key)
+    hypotheses = votes.hypotheses(i)[: query.config.hypotheses]
+    starts = best_hypotheses(query.pattern, submap, hypotheses, query.reach, 1, query.budget)
+    verified = verify_best(query.pattern, submap, starts, query.reach, query.budget)
+    return Proposal(key, "polygons", int(votes.counts[i]), verified)

@@ -1,0 +1,70 @@
+"""Poses proposed by quads: submaps in which many quads of the query agree on one pose."""
+
+from contextlib import suppress
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from urquhart.budget import OutOfTime
+from urquhart.index.collection_index import CollectionIndex
+from urquhart.propose.quad_consensus import Consensus, Room
+from urquhart.propose.query import Proposal, Query
+from urquhart.verify.evidence import Verified, settle_rough, weigh_settled
+
+TIGHT: Final = 2.0
+"""Lengths of a quad may be off by this many usual errors of a coordinate; so may a polygon's vertex."""
+LOOSE: Final = 3.0
+"""The same where nothing was found with `TIGHT`."""
+_POSES: Final = 8
+"""Distinct poses of a submap that quads propose."""
+_VERIFIED: Final = 4
+"""Rough poses of a submap that are verified, the most promising first."""
+_EACH: Final = 4
+"""Quad hits that are enough for each submap of a collection, in addition to `Config.quad_hits`."""
+
+
+def search_quads(query: Query, index: CollectionIndex, errors: float, room: Room) -> Consensus:
+    """A search for the query's quads whose lengths may be off by so many usual errors of a coordinate.
+
+    It ends every earlier search in the same `room`.
+    """
+    most = query.config.quad_hits + _EACH * len(index)
+    landmarks, quads = query.features.landmarks, query.features.tessellation.quads
+    return Consensus(index.lots(), landmarks, quads, errors * query.config.sigma, most, room, query.budget)
+
+
+def propose_by_quads(
+    query: Query, index: CollectionIndex, search: Consensus, share: float, count: int
+) -> list[Proposal]:
+    """The `count` submaps in which quads agree best on a pose, after a search for `share` of the query's quads."""
+    with query.trace.timed("search quads") as counts:
+        before = search.hits
+        search.advance(share)
+        leaders = search.leaders(count, _POSES)
+        counts["hits"] = search.hits - before
+        if search.is_cut_short:
+            query.trace.skip("quad_hits")
+        if search.passed_over:
+            query.trace.skip("common_quads")
+    with query.trace.timed("verify quads") as counts:
+        keys = index.keys_of(leaders.slots)
+        proposals = []
+        with suppress(OutOfTime):
+            query.read(keys)
+            for key, votes, poses in zip(keys, leaders.votes.tolist(), leaders.poses, strict=True):
+                verified = verify_rough(query, key, poses[~np.isnan(poses[:, 0])])
+                proposals.append(Proposal(key, "quads", votes, verified))
+        counts["candidates"] = len(proposals)
+    return proposals
+
+
+def verify_rough(query: Query, key: int, poses: NDArray[np.float64]) -> Verified:
+    """The best of `poses` (P, 3) in one submap, good to a metre or two, verified.
+
+    Raises:
+        OutOfTime: the deadline passed before all were verified.
+    """
+    submap = query.submaps.pattern(key)
+    settled = settle_rough(query.pattern, submap, poses, query.reach, _VERIFIED, query.budget)
+    return weigh_settled(query.pattern, submap, settled)

@@ -1,0 +1,101 @@
+"""An observation under look-up, and the poses that are proposed for it."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from numpy.typing import ArrayLike
+
+from urquhart.budget import Budget
+from urquhart.config import Config
+from urquhart.features.describe import Features, describe
+from urquhart.index.collection import FeatureSource
+from urquhart.propose.submaps import Submaps
+from urquhart.trace import Trace
+from urquhart.verify.evidence import Verified, pattern
+from urquhart.verify.pairing import Pattern
+
+Level = Literal["polygons", "quads", "sweep", "paper", "given"]
+"""Which search proposed a pose."""
+
+_READ: Final = 32
+"""Submaps that are read together: far cheaper than one by one, and 0.1 s at most for the largest."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Proposal:
+    """A verified pose in one submap: the submap's key, what proposed it, how many features voted for it."""
+
+    key: int
+    level: Level
+    votes: int
+    verified: Verified
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Query:
+    """An observation under look-up, with all that proposing and deciding need but the index.
+
+    Attributes:
+        features: what is known of the observation.
+        pattern: its landmarks, ready for verification.
+        config: of the method.
+        submaps: features of the submaps that poses are proposed in, read when they are first asked for.
+        volume: logarithm of the volume of all poses there are to choose from; see `log_volume`.
+        budget: when the look-up must end, and whether anybody still waits for it.
+        trace: what each stage of the look-up found and cost.
+    """
+
+    features: Features
+    pattern: Pattern
+    config: Config
+    submaps: Submaps
+    volume: float
+    budget: Budget
+    trace: Trace
+
+    @property
+    def reach(self) -> float:
+        """Metres that a partner may be away in verification."""
+        return self.config.reach
+
+    def read(self, keys: Iterable[int]) -> None:
+        """Read submaps, a few at a time. Raises OutOfTime where the deadline passes meanwhile."""
+        wanted = list(keys)
+        for begin in range(0, len(wanted), _READ):
+            self.budget.check()
+            self.submaps.read(wanted[begin : begin + _READ])
+
+
+def make_query(
+    xy: ArrayLike,
+    diameters: ArrayLike | None,
+    config: Config,
+    source: FeatureSource,
+    searched: int,
+    *,
+    trace: Trace,
+    budget: Budget | None = None,
+) -> Query:
+    """Describe an observation, which is looked up among `searched` submaps.
+
+    Args:
+        xy: (N, 2), metres, any rigid frame.
+        diameters: (N,), stem diameters in any unit, NaN where not known.
+        source: where the features of submaps are kept.
+
+    Raises:
+        LandmarkError: for input that cannot be described.
+    """
+    with trace.timed("describe") as counts:
+        features = describe(xy, config, diameters)
+        counts.update(features.counts())
+        laid = pattern(features, config.reach)
+    submaps, volume = Submaps(source, config.reach), log_volume(searched, laid)
+    return Query(features, laid, config, submaps, volume, budget or Budget(), trace)
+
+
+def log_volume(submaps: int, query: Pattern) -> float:
+    """Logarithm of the volume of all poses, square metres times radians, in `submaps` footprints like the query's."""
+    return math.log(max(submaps, 1)) + math.log(2.0 * math.pi * query.area)
