@@ -27,21 +27,21 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from server import registry
 from server.checks.agreement import index_findings
+from server.checks.integrity import findings
+from server.collections import registry
+from server.config.settings import IndexSettings
 from server.errors import NotFound
 from server.index.catalog import Catalog
+from server.index.maintenance import Upkeep
 from server.index.segment_folder import SegmentFolder
-from server.index.upkeep import Upkeep
-from server.intake import bulk, ingest
-from server.metrics.metrics import Metrics
+from server.observability.metrics import Metrics
 from server.schemas.collections import CollectionPut
 from server.schemas.submaps import NamedSubmap
-from server.settings import IndexSettings
-from server.store import schema
-from server.store.database import Database
-from server.store.integrity import findings
-from server.store.submaps import Submaps
+from server.store import migrations_runner
+from server.store.repositories.submaps import Submaps
+from server.store.sqlite.database import Database
+from server.submaps import bulk, ingest
 from urquhart import Recognizer
 
 _FEW: Final = IndexSettings(flush_submaps=8, memory_submaps=30, block_submaps=12, cache_mb=1)
@@ -100,7 +100,7 @@ def run(folder: Path, rounds: int, seed: int = 0) -> Report:
     """Do so many rounds on a new database in `folder`."""
     path, rng, report, expected = folder / "crashes.db", random.Random(seed), Report(), Expected()
     database = Database(path)
-    schema.upgrade(database)
+    migrations_runner.upgrade(database)
     registry.ensure(database, _COLLECTION, CollectionPut())
     database.dispose()
     for number in range(rounds):

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from scipy.spatial import Delaunay
 
 from benchmarks.timing import milliseconds, side_by_side
-from server import registry
-from server.intake import bulk
+from server.collections import registry
 from server.schemas.collections import CollectionPut
 from server.schemas.submaps import NamedSubmap
-from server.store import schema
-from server.store.database import Database
+from server.store import migrations_runner
+from server.store.sqlite.database import Database
+from server.submaps import bulk
 from urquhart import SE2, Config, Features, Recognizer, describe
 from urquhart.evaluation.simulation import observe, paper_forest
 from urquhart.features.describe import local_density
@@ -141,7 +141,7 @@ def ingest_rate(forest: Forest, batch_size: int = 500) -> tuple[float, float]:
         path = Path(folder) / "bench.db"
         database = Database(path)
         try:
-            schema.upgrade(database)
+            migrations_runner.upgrade(database)
             registry.ensure(database, "bench", CollectionPut())
             start = time.perf_counter()
             stored = sum(

@@ -18,12 +18,12 @@ import orjson
 
 from benchmarks.everyday import Forest
 from benchmarks.served import PATIENCE, served
-from server import registry
-from server.intake import bulk
-from server.intake.batches import describers
+from server.collections import registry
 from server.schemas.collections import CollectionPut
-from server.store import schema
-from server.store.database import Database
+from server.store import migrations_runner
+from server.store.sqlite.database import Database
+from server.submaps import bulk
+from server.submaps.batches import describers
 from urquhart import Recognizer
 
 COLLECTION: Final = "bench"
@@ -122,7 +122,7 @@ def _lines(forest: Forest, submaps: int) -> Iterator[bytes]:
 def _database(path: Path) -> Iterator[Database]:
     database = Database(path)
     try:
-        schema.upgrade(database)
+        migrations_runner.upgrade(database)
         registry.ensure(database, COLLECTION, CollectionPut())
         yield database
     finally:

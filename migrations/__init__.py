@@ -1,1 +1,1 @@
-"""The database schema's history, run by `server.store.schema`."""
+"""The database schema's history, run by `server.store.migrations_runner`."""

@@ -11,39 +11,41 @@ from fastapi import FastAPI
 from fastapi.staticfiles import StaticFiles
 
 import urquhart
-from server import configuration, logs
+from server.config import settings_loading
+from server.config.settings import Settings
 from server.errors import DomainError
 from server.http import problems
-from server.http.admission import Shared
-from server.http.browsers import KnownHosts, SafeAnswers
+from server.http.admission.admission import Shared
+from server.http.admission.gate import Gate
+from server.http.admission.job_waits import JobWaits
+from server.http.admission.overload import Overload
+from server.http.admission.readiness import SHUTDOWN, Readiness
+from server.http.admission.repeated_requests import Repetitions
+from server.http.admission.revocation import watch_keys
+from server.http.body_limit import BodyLimit
+from server.http.browser_protection import KnownHosts, SafeAnswers
 from server.http.compression import DeflateAnswers, InflateRequests
-from server.http.dependencies import JobRoom, Service
-from server.http.document import openapi_document
-from server.http.gate import Gate
-from server.http.middleware import BodyLimit, RequestContext
-from server.http.overload import Overload
-from server.http.readiness import SHUTDOWN, Readiness
-from server.http.repetitions import Repetitions
-from server.http.revocation import watch_keys
-from server.http.waits import JobWaits
+from server.http.documentation.openapi_document import openapi_document
+from server.http.request_context import RequestContext
 from server.index.catalog import Catalog
-from server.index.upkeep import Upkeep
+from server.index.maintenance import Upkeep
 from server.jobs.assignment import Tools
 from server.jobs.folder import JobFolder
-from server.jobs.kinds import WORKS
 from server.jobs.runner import Runner
-from server.keys import Doorkeeper, check_exposure
-from server.metrics.exchange import Exchange
-from server.metrics.metrics import Metrics
-from server.rates import Rates
-from server.routes import arrivals, collections, imports, jobs, pages, queries, snapshots, submaps, system
-from server.schemas import strict_json
-from server.settings import Settings
+from server.jobs.types.job_types import WORKS
+from server.observability import logs
+from server.observability.metrics import Metrics
+from server.observability.metrics_exchange import Exchange
+from server.parsing import strict_json
+from server.platform.threads import pin_threads
+from server.platform.version import service_version
+from server.routes import collections, imports, jobs, pages, queries, snapshots, submap_writes, submaps, system
+from server.runtime import JobRoom, Service
+from server.security.authenticator import Doorkeeper, check_exposure
+from server.security.rate_limit import Rates
 from server.snapshots.snapshot_folder import SnapshotFolder
-from server.store.database import Database
-from server.store.renewal import bring_up_to_date
-from server.threads import pin_threads
-from server.version import service_version
+from server.store.feature_backfill import bring_up_to_date
+from server.store.sqlite.database import Database
 
 _SPARE_THREADS = 8
 _WARMING = 1.0
@@ -52,7 +54,7 @@ _log = logging.getLogger(__name__)
 # The framework tries route after route: what is asked most and matters most comes first.
 _ROUTERS = (
     queries.router,
-    arrivals.router,
+    submap_writes.router,
     submaps.router,
     collections.router,
     jobs.router,
@@ -153,7 +155,7 @@ def create_app_from_env() -> FastAPI:
 
     Raises Misconfigured.
     """
-    settings = configuration.load()
+    settings = settings_loading.load()
     logs.configure(settings.log)
     return create_app(settings)
 

@@ -13,11 +13,11 @@ from typer.exceptions import TyperException
 
 from server.commands import config, db, index, jobs, keys, locate, reference, serve, snapshot
 from server.commands.demo import command as demo
-from server.commands.failure import Failure
+from server.commands.support.failure import Failure
+from server.config.settings_sources import Misconfigured
 from server.errors import DomainError
-from server.sources import Misconfigured
+from server.platform.version import service_version
 from server.stem_maps.reader import StemMapError
-from server.version import service_version
 from urquhart import ConfigError, LandmarkError
 
 EXIT_BAD_INPUT: Final = 2

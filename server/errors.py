@@ -1,4 +1,4 @@
-"""What can go wrong, in the words of the domain; `problems.py` alone knows which HTTP status each becomes."""
+"""What can go wrong, in the words of the domain; `problem_types` alone knows which HTTP status each becomes."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Self

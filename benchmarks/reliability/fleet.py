@@ -21,8 +21,8 @@ from benchmarks.scale.asking import is_right
 from benchmarks.scale.job import spread
 from benchmarks.scale.world import World
 from benchmarks.served import served
-from server.intake import batches
 from server.schemas.submaps import NamedSubmap
+from server.submaps import batches
 from urquhart.se2 import SE2
 
 _SESSIONS: Final = 5

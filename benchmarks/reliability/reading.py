@@ -14,19 +14,19 @@ from pydantic import BaseModel, ValidationError
 import server.schemas
 from benchmarks.reliability.mutation import NAMES, changed, damaged, dumped, value
 from benchmarks.reliability.trees import body
-from server import registry
+from server.collections import registry
+from server.config.settings import Limits
 from server.errors import DomainError
-from server.intake import batches
-from server.paging import read_cursor, read_name_cursor
-from server.reading import submap_filter
+from server.parsing.field_errors import field_problems
+from server.platform.threads import pin_threads
+from server.resources.paging import read_cursor, read_name_cursor
 from server.schemas.collections import CollectionPut
 from server.schemas.common import Body
-from server.schemas.pointers import field_problems
-from server.settings import Limits
 from server.stem_maps.reader import StemMapError, read_stem_map
-from server.store import schema
-from server.store.database import Database
-from server.threads import pin_threads
+from server.store import migrations_runner
+from server.store.sqlite.database import Database
+from server.submaps import batches
+from server.submaps.reader import submap_filter
 from urquhart import Config, warm_up
 
 
@@ -75,7 +75,7 @@ _PARAMETERS: Final = ["0,0,100,100", "2026-05-01T00:00:00Z/..", "WyJzdWJtYXBzIiw
 def lines(folder: Path) -> Iterator[Reader]:
     """NDJSON: batches of lines as bulk ingest reads, checks and describes them."""
     database = Database(folder / "lines.db")
-    schema.upgrade(database)
+    migrations_runner.upgrade(database)
     registry.ensure(database, "plots", CollectionPut())
     pin_threads()
     warm_up(Config())

@@ -5,12 +5,12 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from benchmarks.scale.world import World
-from server import registry
-from server.intake import batches, bulk
+from server.collections import registry
 from server.schemas.collections import CollectionPut
 from server.schemas.submaps import NamedSubmap
-from server.store import schema
-from server.store.database import Database
+from server.store import migrations_runner
+from server.store.sqlite.database import Database
+from server.submaps import batches, bulk
 
 
 def lines_of(world: World) -> Iterator[bytes]:
@@ -23,7 +23,7 @@ def store(path: Path, collection: str, lines: Iterable[bytes]) -> tuple[int, flo
     """Store lines of NDJSON in a collection of a new database; how many are new, and the seconds that took."""
     database = Database(path)
     try:
-        schema.upgrade(database)
+        migrations_runner.upgrade(database)
         registry.ensure(database, collection, CollectionPut())
         began = time.perf_counter()
         with batches.describers() as workers:

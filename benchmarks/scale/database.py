@@ -12,16 +12,16 @@ from typing import Final
 import orjson
 
 from benchmarks.scale.observations import Observations
-from server import registry
+from server.collections import registry
 from server.index.catalog import Catalog, View
-from server.index.upkeep import Upkeep
-from server.intake import batches, bulk
-from server.metrics.metrics import Metrics
+from server.index.maintenance import Upkeep
+from server.observability.metrics import Metrics
 from server.schemas.collections import CollectionPut
-from server.store import schema
-from server.store.database import Database
-from server.store.renewal import bring_up_to_date
-from server.store.submaps import Submaps
+from server.store import migrations_runner
+from server.store.feature_backfill import bring_up_to_date
+from server.store.repositories.submaps import Submaps
+from server.store.sqlite.database import Database
+from server.submaps import batches, bulk
 
 COLLECTION: Final = "scale"
 _BATCH: Final = 500
@@ -46,7 +46,7 @@ def store(path: Path, submaps: Observations, workers: int, done: Callable[[int],
 
     database = Database(path)
     try:
-        schema.upgrade(database)
+        migrations_runner.upgrade(database)
         registry.ensure(database, COLLECTION, CollectionPut())
         stored = 0
         with batches.describers(workers) as pool:

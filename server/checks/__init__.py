@@ -1,1 +1,4 @@
-"""What can be proven of a database."""
+"""What `urquhart db check` proves: file, schema, rows, features and index agree.
+
+Reads only. Imports `index`, `submaps` and below.
+"""

@@ -6,14 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 from sqlalchemy.orm import Session
 
-from server.index.derive import config_of
+from server.checks.integrity import Finding
+from server.index.derived import config_of
 from server.index.live_index import lay_out
 from server.index.segment_folder import SegmentFolder
-from server.store.collections import Collections
-from server.store.database import Database
-from server.store.described import Described
-from server.store.integrity import Finding
-from server.store.segments import Listed, Segments, trusted
+from server.store.repositories.collections import Collections
+from server.store.repositories.feature_rows import Described
+from server.store.repositories.segments import Listed, Segments, trusted
+from server.store.sqlite.database import Database
 from server.store.tables import CollectionRow
 from urquhart.index.segment import Segment
 from urquhart.index.segment_file import SegmentDamaged

@@ -7,14 +7,14 @@ import numpy as np
 from sqlalchemy import select
 from sqlalchemy.orm import Session, undefer
 
-from server.intake.prepare import place_from, row_etag
+from server.checks.integrity import Finding
 from server.schemas.common import check_id
 from server.schemas.poses import PlacedPose
 from server.store.codec import unpack_positions
-from server.store.database import Database
-from server.store.integrity import Finding
-from server.store.submaps import Place, stored_place
+from server.store.repositories.submaps import Place, stored_place
+from server.store.sqlite.database import Database
 from server.store.tables import CollectionRow, SubmapRow
+from server.submaps.preparation import place_from, row_etag
 
 _BATCH: Final = 200
 _FOOTPRINT: Final = ("map_min_x", "map_min_y", "map_max_x", "map_max_y")

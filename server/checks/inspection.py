@@ -4,9 +4,9 @@ from collections.abc import Iterator
 
 from server.checks.agreement import index_findings
 from server.checks.contents import content_findings
-from server.store import schema
-from server.store.database import Database
-from server.store.integrity import Finding, findings
+from server.checks.integrity import Finding, findings
+from server.store import migrations_runner
+from server.store.sqlite.database import Database
 
 
 def inspect(database: Database) -> Iterator[Finding]:
@@ -14,7 +14,7 @@ def inspect(database: Database) -> Iterator[Finding]:
 
     Nothing is changed. Raises StorageError.
     """
-    schema.claim(database)
+    migrations_runner.claim(database)
     sound = True
     for finding in findings(database):
         sound = False

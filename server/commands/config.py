@@ -1,20 +1,11 @@
 """`urquhart config`: what is set, and where."""
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from server import configuration
-
-ConfigOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--config",
-        help="The settings file, TOML. (default: URQUHART_CONFIG, or urquhart.toml where it is there)",
-        show_default=False,
-    ),
-]
+from server.commands.support.options import ConfigOption
+from server.config import settings_loading, settings_report
 
 
 def config(
@@ -30,8 +21,8 @@ def config(
     also checks a file before a service is started with it.
     """
     if as_markdown:
-        typer.echo(configuration.as_markdown(), nl=False)
+        typer.echo(settings_report.as_markdown(), nl=False)
         return
-    settings = configuration.load(config=file)
-    told = configuration.told(settings, config=file)
-    typer.echo(configuration.as_json(told) if as_json else configuration.as_text(told))
+    settings = settings_loading.load(config=file)
+    told = settings_report.told(settings, config=file)
+    typer.echo(settings_report.as_json(told) if as_json else settings_report.as_text(told))

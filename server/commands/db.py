@@ -1,7 +1,6 @@
 """`urquhart db`: the database file, apart from the service."""
 
 from functools import partial
-from pathlib import Path
 from typing import Annotated
 
 import orjson
@@ -9,25 +8,19 @@ import typer
 from rich.console import Console
 
 from server.checks.inspection import inspect
-from server.commands.failure import Failure
-from server.commands.index import progress_bar
-from server.commands.serve import settings_with
+from server.collections.registry import known_collections, read
+from server.commands.support.database import _database, existing_database, settings_with
+from server.commands.support.options import DatabaseOption
+from server.commands.support.progress import progress_bar
 from server.index.catalog import Catalog
 from server.index.flushing import rebuild
-from server.index.upkeep import Upkeep
-from server.metrics.metrics import Metrics
-from server.registry import known_collections, read
-from server.settings import Settings
-from server.store.database import Database
-from server.store.renewal import bring_up_to_date, renew
-from server.store.schema import expected_revision, upgrade
+from server.index.maintenance import Upkeep
+from server.observability.metrics import Metrics
+from server.store.feature_backfill import bring_up_to_date, renew
+from server.store.migrations_runner import expected_revision, upgrade
+from server.store.sqlite.database import Database
 
 app = typer.Typer(help="Look after the database file.")
-
-DatabaseOption = Annotated[
-    Path | None,
-    typer.Option("--database", help="The SQLite file. (default: URQUHART_DATABASE or urquhart.db)", show_default=False),
-]
 
 
 @app.command("upgrade")
@@ -100,23 +93,3 @@ def reindex_database(
             typer.echo(f"{collection_id}: {written} submaps indexed anew")
     finally:
         store.dispose()
-
-
-def existing_database(settings: Settings) -> Database:
-    """The database of `settings`, as it is.
-
-    Raises:
-        Failure: there is no such file.
-    """
-    check_there(settings)
-    return _database(settings)
-
-
-def check_there(settings: Settings) -> None:
-    """Who mistypes a path is told so, and does not get an empty database. Raises Failure."""
-    if not settings.database_path.is_file():
-        raise Failure(f"{settings.database_path}: no such database; make one with urquhart index or urquhart serve")
-
-
-def _database(settings: Settings) -> Database:
-    return Database(settings.database_path, busy_timeout=settings.busy_timeout, read_only=settings.database_read_only)

@@ -8,34 +8,25 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    ProgressColumn,
-    Task,
-    TextColumn,
-    TimeRemainingColumn,
-)
-from rich.text import Text
 
 import urquhart
-from server.commands.columns import DbhUnit, Ignored
-from server.commands.failure import Failure
-from server.commands.serve import open_database, settings_with
+from server.collections.registry import ensure
+from server.commands.support.database import open_database, settings_with
+from server.commands.support.failure import Failure
+from server.commands.support.options import DbhUnit, Ignored
+from server.commands.support.progress import progress_bar
+from server.config.settings import IndexSettings
 from server.errors import StorageError
 from server.index.catalog import Catalog
-from server.index.upkeep import Upkeep
-from server.intake.batches import describers
-from server.metrics.metrics import Metrics
-from server.registry import ensure
+from server.index.maintenance import Upkeep
+from server.observability.metrics import Metrics
 from server.schemas.collections import CollectionPut
 from server.schemas.common import check_id
-from server.settings import IndexSettings
-from server.stem_maps.discs import MINIMUM_TREES, CuttingError
 from server.stem_maps.reader import read_stem_map
 from server.stem_maps.stands import StandError, StandReport, cut_stand, store_stand
-from server.store.database import Database
+from server.stem_maps.tiling import MINIMUM_TREES, CuttingError
+from server.store.sqlite.database import Database
+from server.submaps.batches import describers
 
 
 def index(
@@ -163,23 +154,3 @@ def sentence(report: StandReport) -> str:
     if outcome.refused:
         parts.append(f"{len(outcome.refused)} submaps refused, the first: {outcome.refused[0].error}")
     return "; ".join(parts)
-
-
-class _Rate(ProgressColumn):
-    def render(self, task: Task) -> Text:
-        speed = task.finished_speed or task.speed
-        return Text("" if speed is None else f"{speed:.0f} submaps/s")
-
-
-def progress_bar(console: Console) -> Progress:
-    """A bar that counts submaps and tells the rate and the time left; it is gone when it is done."""
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        _Rate(),
-        TimeRemainingColumn(),
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,  # else it leaves an empty line in every log
-    )

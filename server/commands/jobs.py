@@ -6,12 +6,12 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from server.commands.console import wide_console
-from server.commands.db import DatabaseOption, check_there
-from server.commands.failure import Failure
-from server.commands.serve import open_database, settings_with
+from server.commands.support.console import wide_console
+from server.commands.support.database import check_there, open_database, settings_with
+from server.commands.support.failure import Failure
+from server.commands.support.options import DatabaseOption
 from server.jobs import operator
-from server.store.database import Database
+from server.store.sqlite.database import Database
 
 app = typer.Typer(help="List the jobs of a database, and cancel them.")
 

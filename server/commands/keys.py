@@ -8,13 +8,13 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from server import keys
-from server.access import Scope
-from server.commands.console import wide_console
-from server.commands.db import DatabaseOption, check_there
-from server.commands.failure import Failure
-from server.commands.serve import open_database, settings_with
-from server.store.database import Database
+from server.commands.support.console import wide_console
+from server.commands.support.database import check_there, open_database, settings_with
+from server.commands.support.failure import Failure
+from server.commands.support.options import DatabaseOption
+from server.security import api_keys
+from server.security.principal import Scope
+from server.store.sqlite.database import Database
 
 app = typer.Typer(help="Make, list and revoke API keys.")
 _UNITS = {"h": 1, "d": 24, "w": 24 * 7}
@@ -40,7 +40,7 @@ def create(
         raise Failure("a name has 1 to 128 printable characters")
     store = open_database(settings_with(database=database))
     try:
-        secret, info = keys.make(store, name.strip(), scope, collections, _moment(expires))
+        secret, info = api_keys.make(store, name.strip(), scope, collections, _moment(expires))
     finally:
         store.dispose()
     typer.echo(secret)
@@ -52,7 +52,7 @@ def list_keys(database: DatabaseOption = None) -> None:
     """List all keys, without their secrets."""
     store = _existing(database)
     try:
-        found = keys.listed(store)
+        found = api_keys.listed(store)
     finally:
         store.dispose()
     if not found:
@@ -75,7 +75,7 @@ def revoke(
     """Make a key useless, for running services within a second."""
     store = _existing(database)
     try:
-        keys.revoke(store, key)
+        api_keys.revoke(store, key)
     finally:
         store.dispose()
     typer.echo(f"key {key} revoked")

@@ -9,20 +9,19 @@ from pydantic import ValidationError
 from rich.console import Console
 from rich.table import Table
 
-from server.commands.columns import DbhUnit, Ignored
-from server.commands.console import wide_console
-from server.commands.db import existing_database
-from server.commands.explanation import print_explanation
-from server.commands.failure import Failure
-from server.commands.serve import settings_with
+from server.commands.support.console import wide_console
+from server.commands.support.database import existing_database, settings_with
+from server.commands.support.explanation_tables import print_explanation
+from server.commands.support.failure import Failure
+from server.commands.support.options import DbhUnit, Ignored
 from server.index.catalog import Catalog
-from server.metrics.metrics import Metrics
+from server.observability.metrics import Metrics
 from server.queries.lookup import look_up
 from server.schemas.queries import QueryAnswer, QueryInput
-from server.stem_maps.discs import without_twins
 from server.stem_maps.reader import StemMap, read_stem_map
 from server.stem_maps.stands import landmarks_of
-from server.store.renewal import bring_up_to_date
+from server.stem_maps.tiling import without_twins
+from server.store.feature_backfill import bring_up_to_date
 from urquhart.verify.distortion import WARNINGS
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import typer
 
 from server.app import create_app
-from server.http.reference import reference
-from server.settings import Settings
+from server.config.settings import Settings
+from server.http.documentation.reference import reference
 
 
 def reference_page() -> None:

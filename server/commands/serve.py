@@ -3,21 +3,19 @@
 import errno
 import socket
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-from server import configuration, logs
 from server.app import create_app
-from server.commands.config import ConfigOption
-from server.commands.failure import Failure
-from server.commands.supervisor import supervise
-from server.http.descriptors import reserve_files
-from server.http.serving import BACKLOG, serve_app
-from server.keys import check_exposure
-from server.settings import Settings
-from server.store.database import Database
-from server.store.renewal import bring_up_to_date
+from server.commands.support.database import open_database, settings_with
+from server.commands.support.failure import Failure
+from server.commands.support.options import ConfigOption
+from server.commands.support.supervisor import supervise
+from server.http.serving.file_descriptors import reserve_files
+from server.http.serving.lifecycle import BACKLOG, serve_app
+from server.observability import logs
+from server.security.authenticator import check_exposure
 
 
 def serve(
@@ -76,32 +74,6 @@ def serve(
             code = supervise(workers, settings, listener)
             if code:
                 raise typer.Exit(code)
-
-
-def settings_with(**given: Any) -> Settings:
-    """The settings, with those that are `given` (not None) before those of file and environment.
-
-    Raises:
-        Misconfigured: in a sentence, which cannot be used and why.
-    """
-    return configuration.load(**given)
-
-
-def open_database(settings: Settings) -> Database:
-    """The database of `settings`, brought to this version's schema and features.
-
-    Raises:
-        DomainError: it is not a database of this service, of a newer version, cannot be read or written ...
-    """
-    database = Database(
-        settings.database_path, busy_timeout=settings.busy_timeout, read_only=settings.database_read_only
-    )
-    try:
-        bring_up_to_date(database)
-    except BaseException:
-        database.dispose()
-        raise
-    return database
 
 
 def bind(host: str, port: int) -> socket.socket:

@@ -7,13 +7,14 @@ import orjson
 import typer
 from rich.table import Column, Table
 
-from server import keys
-from server.commands.console import wide_console
-from server.commands.db import DatabaseOption, existing_database, tell_findings
-from server.commands.serve import settings_with
+from server.commands.db import tell_findings
+from server.commands.support.console import wide_console
+from server.commands.support.database import existing_database, settings_with
+from server.commands.support.options import DatabaseOption
+from server.security import api_keys
 from server.snapshots import restoring, snapshots
 from server.snapshots.snapshot_folder import SnapshotFolder
-from server.store import schema
+from server.store import migrations_runner
 
 app = typer.Typer(help="Make, list, prove, remove and restore snapshots of the whole database.")
 
@@ -35,7 +36,7 @@ def create(
     settings = settings_with(database=database)
     store = existing_database(settings)
     try:
-        schema.claim(store)
+        migrations_runner.claim(store)
         made = snapshots.make(store, SnapshotFolder(store.path), name, settings.snapshots.keep)
     finally:
         store.dispose()
@@ -116,12 +117,12 @@ def restore(
         typer.echo(f"{restored.jobs_ended} jobs that were under way do not go on")
     store = existing_database(settings)
     try:
-        schema.claim(store)
+        migrations_runner.claim(store)
         lost = restoring.forget_unusable(store)
         if lost:
             typer.echo(f"{lost} segments of the index are not here and will be written anew")
         now = datetime.now(UTC)
-        usable = sum(key.state(now) == "usable" for key in keys.listed(store))
+        usable = sum(key.state(now) == "usable" for key in api_keys.listed(store))
         if usable:
             typer.echo(f"{usable} API keys can be used, as when the snapshot was made: revoke those that must not")
         if tell_findings(store):

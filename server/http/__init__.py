@@ -1,1 +1,4 @@
-"""The edge to HTTP: everything that knows requests, responses and media types, but no route."""
+"""HTTP without routes: authorization, bodies, media types, headers, problem documents, middleware.
+
+Imports `security`, `resources`, `schemas`, `observability` and below.
+"""

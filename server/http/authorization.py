@@ -7,12 +7,12 @@ import anyio.to_thread
 from fastapi import Request, Response
 from fastapi.routing import APIRoute
 
-from server.access import NOBODY, Caller
 from server.errors import InvalidField, NotFound, TooManyRequests, Unauthorized
-from server.http.middleware import is_streamed
-from server.http.scopes import ALSO, SCOPES
-from server.keys import Doorkeeper
-from server.rates import Rates
+from server.http.body_limit import is_streamed
+from server.security.authenticator import Doorkeeper
+from server.security.principal import NOBODY, Caller
+from server.security.rate_limit import Rates
+from server.security.scopes import ALSO, SCOPES
 
 
 class GuardedRoute(APIRoute):

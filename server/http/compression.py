@@ -10,7 +10,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from server.errors import MalformedBody, TooLarge, UnsupportedMediaType
-from server.http.middleware import is_streamed
+from server.http.body_limit import is_streamed
 from server.http.negotiation import accepts_coding
 from server.http.problems import domain_problem
 

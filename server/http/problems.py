@@ -15,8 +15,8 @@ from starlette.types import Scope
 
 from server import errors
 from server.http.routing import allowed_methods
-from server.kinds import INTERNAL, METHOD, NO_ROUTE, OTHER, VALIDATION, Kind, document, kind_of, plain
-from server.schemas.pointers import field_problems, told
+from server.parsing.field_errors import field_problems, told
+from server.problem_types import INTERNAL, METHOD, NO_ROUTE, OTHER, VALIDATION, Kind, document, kind_of, plain
 
 MEDIA_TYPE = "application/problem+json"
 _log = logging.getLogger("server")

@@ -15,16 +15,16 @@ from typing import Final, TypeVar
 
 from sqlalchemy.orm import Session
 
+from server.config.settings import IndexSettings
 from server.errors import DomainError, NotFound, StorageError
 from server.index.feature_cache import FeatureCache, FeatureReader
 from server.index.flushing import Shop, Stopped, flush
 from server.index.live_index import LiveIndex, Obstacle, State, TooMany, Unusable
 from server.index.segment_folder import SegmentFolder
-from server.metrics.metrics import Metrics
-from server.settings import IndexSettings
-from server.store.collections import Collections
-from server.store.database import Database
-from server.store.segments import Listed, Segments
+from server.observability.metrics import Metrics
+from server.store.repositories.collections import Collections
+from server.store.repositories.segments import Listed, Segments
+from server.store.sqlite.database import Database
 from server.store.tables import CollectionRow
 from urquhart import Abandoned, Recognizer
 from urquhart.index.collection_index import Part

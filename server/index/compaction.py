@@ -9,7 +9,7 @@ from typing import Final
 
 from server.index.flushing import Shop, register, write
 from server.index.live_index import State, Unusable
-from server.store.segments import Listed
+from server.store.repositories.segments import Listed
 from urquhart.index.collection_index import Part
 from urquhart.index.quad_table import MOST_SLOTS
 from urquhart.index.segment_file import SegmentDamaged

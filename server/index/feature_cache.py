@@ -6,8 +6,8 @@ from collections.abc import Collection, Iterable, Mapping
 
 from sqlalchemy.orm import Session
 
-from server.index.derive import features_of
-from server.store.described import Described
+from server.index.derived import features_of
+from server.store.repositories.feature_rows import Described
 from urquhart import Config, Features, FeaturesError
 
 _OVERHEAD = 2_000

@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 from sqlalchemy.orm import Session
 
-from server.index.derive import config_of, features_of
+from server.index.derived import config_of, features_of
 from server.index.live_index import State
 from server.index.segment_folder import SegmentFolder, about
-from server.store.collections import Collections
-from server.store.database import Database
-from server.store.described import Described
-from server.store.segments import Listed, Segments, trusted
+from server.store.repositories.collections import Collections
+from server.store.repositories.feature_rows import Described
+from server.store.repositories.segments import Listed, Segments, trusted
+from server.store.sqlite.database import Database
 from server.store.tables import CollectionRow
 from urquhart import Config
 from urquhart.index.collection_index import Part

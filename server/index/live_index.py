@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 from sqlalchemy.orm import Session
 
-from server.index.derive import config_of, features_of
+from server.index.derived import config_of, features_of
 from server.index.feature_cache import FeatureCache
 from server.index.segment_folder import SegmentFolder
-from server.store.described import Described, StoredFeatures
-from server.store.segments import Listed, Segments, trusted
+from server.store.repositories.feature_rows import Described, StoredFeatures
+from server.store.repositories.segments import Listed, Segments, trusted
 from server.store.tables import CollectionRow
 from urquhart import Config, Features
 from urquhart.index.collection_index import CollectionIndex, Part

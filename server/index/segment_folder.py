@@ -11,9 +11,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Final, Literal
 
-from server.locks import try_lock
-from server.store.database import Database
-from server.store.segments import Listed, all_names
+from server.platform.file_locks import try_lock
+from server.store.repositories.segments import Listed, all_names
+from server.store.sqlite.database import Database
 from urquhart import Config
 from urquhart.index.segment import Segment
 from urquhart.index.segment_file import SegmentDamaged

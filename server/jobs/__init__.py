@@ -1,1 +1,4 @@
-"""Long work: rows that outlive processes, files beside the database, and a thread that does it."""
+"""Long work: accepted, queued, run by any process, followed and dismissed.
+
+What the jobs do is in `types/`. Imports `constraints`, `submaps` and below.
+"""

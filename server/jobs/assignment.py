@@ -8,14 +8,14 @@ from typing import Any, Final, Protocol
 
 from sqlalchemy.orm import Session
 
+from server.config.settings import Settings
 from server.errors import NotFound
 from server.index.catalog import Catalog
 from server.jobs.folder import JobFolder
-from server.metrics.metrics import Metrics
-from server.settings import Settings
-from server.store.collections import Collections
-from server.store.database import Database
-from server.store.jobs import Jobs, Queue
+from server.observability.metrics import Metrics
+from server.store.repositories.collections import Collections
+from server.store.repositories.jobs import Jobs, Queue
+from server.store.sqlite.database import Database
 from server.store.tables import CollectionRow, JobRow
 from urquhart import Budget
 

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import IO, Any, BinaryIO, Final
 
 from server.errors import StorageUnavailable
-from server.locks import try_lock
-from server.store.database import Database
+from server.platform.file_locks import try_lock
+from server.store.sqlite.database import Database
 from urquhart.index.segment_file import sync
 
 ARRIVING: Final = ".part"

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from datetime import datetime
 
 from server.errors import Conflict, NotFound
-from server.kinds import kind_of, plain
-from server.store.database import Database
-from server.store.jobs import UNFINISHED, Jobs
+from server.problem_types import kind_of, plain
+from server.store.repositories.jobs import UNFINISHED, Jobs
+from server.store.sqlite.database import Database
 from server.store.tables import JobRow
 
 _CANCELLED = plain(kind_of(Conflict("")), "The operator of the service cancelled this job.")

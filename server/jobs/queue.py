@@ -8,25 +8,25 @@ from typing import Any, BinaryIO, Literal
 import orjson
 from sqlalchemy.orm import Session
 
-from server import links
-from server.access import Caller, Scope
-from server.constraint_formats import Known, is_stale, write_out
+from server.collections.registry import get_collection
+from server.config.settings import Limits
+from server.constraints.formats import Known, is_stale, write_out
 from server.errors import Conflict, Forbidden, Gone, NotFound, StorageReadOnly
-from server.idempotency import NO_CONTENT, Kept, Once, keep, recall
-from server.identifiers import new_id
 from server.jobs.folder import JobFolder
 from server.jobs.quota import check_key, check_quota
 from server.jobs.refusals import summary
-from server.paging import page_size, read_cursor, write_cursor
-from server.registry import get_collection
+from server.platform.ids import new_id
+from server.resources import links
+from server.resources.idempotency import NO_CONTENT, Kept, Once, keep, recall
+from server.resources.paging import page_size, read_cursor, write_cursor
 from server.schemas.common import to_json
 from server.schemas.constraints import ConstraintFormat
 from server.schemas.jobs import JobAnswer, JobLinks, JobPage, JobState
-from server.settings import Limits
-from server.store.database import Database
-from server.store.jobs import UNFINISHED, Jobs
-from server.store.sqlite_errors import storage_errors
-from server.store.submaps import Submaps, stored_place
+from server.security.principal import Caller, Scope
+from server.store.repositories.jobs import UNFINISHED, Jobs
+from server.store.repositories.submaps import Submaps, stored_place
+from server.store.sqlite.database import Database
+from server.store.sqlite.sqlite_errors import storage_errors
 from server.store.tables import JobRow
 
 Kind = Literal["import", "reindex", "constraints"]

@@ -2,12 +2,12 @@
 
 from sqlalchemy.orm import Session
 
-from server.access import Caller
+from server.config.settings import Limits
 from server.errors import TooManyJobs, Unauthorized
-from server.settings import Limits
-from server.store.database import Database
-from server.store.jobs import Jobs
-from server.store.keys import Keys
+from server.security.principal import Caller
+from server.store.repositories.api_keys import Keys
+from server.store.repositories.jobs import Jobs
+from server.store.sqlite.database import Database
 
 
 def check_quota(session: Session, caller: Caller, limits: Limits) -> None:

@@ -9,8 +9,8 @@ from typing import Any, Final
 
 import orjson
 
-from server.intake.bulk import Line
-from server.kinds import document
+from server.problem_types import document
+from server.submaps.bulk import Line
 
 _IN_FULL: Final = 0.5
 """Share of the bytes for refusals in full; the rest is for short ones."""

@@ -17,9 +17,9 @@ from typing import Any, Final
 from server.errors import DomainError, StorageBusy, StorageError, StorageFull, WorkerLost
 from server.jobs.assignment import Assignment, Dismissed, GaveWay, Interrupted, Tools, Work
 from server.jobs.folder import ARRIVING, FOUND, INPUT, RESULTS
-from server.kinds import INTERNAL, document
-from server.store.jobs import Jobs, Queue
-from server.threads import pin_threads
+from server.platform.threads import pin_threads
+from server.problem_types import INTERNAL, document
+from server.store.repositories.jobs import Jobs, Queue
 from urquhart import Abandoned, Budget
 
 _LOOK: Final = 0.5

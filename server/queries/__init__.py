@@ -1,1 +1,4 @@
-"""Where is this? A question narrowed, looked up, answered, kept."""
+"""Where is this? Filters, search, answer, explanation, and answers that are kept.
+
+Imports `submaps`, `index` and below.
+"""

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from server.queries.poses import place_pose
-from server.store.submaps import Place
+from server.store.repositories.submaps import Place
 from urquhart import SE2, Candidate, Recognition, Rival
 from urquhart.se2 import wrap
 from urquhart.uncertainty import compose

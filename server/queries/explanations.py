@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from server import links
+from server.resources import links
 from server.schemas.poses import Transform
 from server.schemas.queries import ExplanationAnswer, ExplanationLinks, QueryAnswer
 from urquhart import SE2, Stage

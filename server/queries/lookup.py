@@ -10,13 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 import urquhart
-from server import links
+from server.config.settings import Limits
 from server.errors import InvalidField, NotFound, TooLarge
-from server.idempotency import Once
 from server.index.catalog import Catalog, View
-from server.intake.prepare import check_landmark_count, invalid_landmarks
-from server.metrics.metrics import Metrics
-from server.notes import note_query
+from server.observability.metrics import Metrics
+from server.observability.request_log import note_query
+from server.platform.threads import pin_threads
 from server.queries.answers import (
     candidate_answers,
     finding_answers,
@@ -25,22 +24,23 @@ from server.queries.answers import (
     search_answer,
     stage_answers,
     strongest,
+    within,
 )
 from server.queries.explanations import Explained, sentences
-from server.queries.narrowing import keys_excluded, keys_near
-from server.queries.pairs import within
-from server.queries.searching import search_in, try_mirrored
-from server.queries.stored_queries import keep
-from server.queries.visits import by_session
+from server.queries.filters import keys_excluded, keys_near
+from server.queries.per_session import by_session
+from server.queries.search import search_in, try_mirrored
+from server.queries.stored import keep
+from server.resources import links
+from server.resources.idempotency import Once
 from server.schemas.queries import QueryAnswer, QueryInput, QueryLinks
-from server.settings import Limits
 from server.store.codec import position_names, unpack_diameters, unpack_ids, unpack_positions
-from server.store.database import Database
-from server.store.found import FoundSubmap, found_submaps
-from server.store.sessions import Sessions
-from server.store.submaps import Submaps
+from server.store.repositories.candidate_rows import FoundSubmap, found_submaps
+from server.store.repositories.sessions import Sessions
+from server.store.repositories.submaps import Submaps
+from server.store.sqlite.database import Database
 from server.store.tables import CollectionRow, SubmapRow
-from server.threads import pin_threads
+from server.submaps.preparation import check_landmark_count, invalid_landmarks
 from urquhart import Budget, Candidate, LandmarkError, Recognition
 
 _TO_ANSWER: Final = 0.2

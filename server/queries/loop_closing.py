@@ -8,18 +8,18 @@ from typing import Final
 
 from sqlalchemy.orm import Session
 
+from server.config.settings import Limits
 from server.errors import InvalidField
 from server.index.catalog import Catalog
-from server.index.derive import config_of, features_of
-from server.intake.ingest import AskAgain
-from server.metrics.metrics import Metrics
+from server.index.derived import config_of, features_of
+from server.observability.metrics import Metrics
+from server.queries.filters import keys_excluded, keys_near
 from server.queries.lookup import look_up, share_of, shown
-from server.queries.narrowing import keys_excluded, keys_near
 from server.schemas.queries import QueryAnswer, QueryInput
-from server.settings import Limits
-from server.store.described import Described
-from server.store.submaps import Submaps
+from server.store.repositories.feature_rows import Described
+from server.store.repositories.submaps import Submaps
 from server.store.tables import CollectionRow
+from server.submaps.ingest import AskAgain
 from urquhart import Budget, Recognizer
 
 _AT_LEISURE: Final = 2

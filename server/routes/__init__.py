@@ -1,1 +1,4 @@
-"""One resource each: what is asked, who does it, how it is answered. No SQL, no numpy."""
+"""HTTP routes, one module per resource: parameters in, one call of a service room, an answer out.
+
+Imports everything below `app`, but neither SQL nor numpy.
+"""

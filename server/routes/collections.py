@@ -2,8 +2,12 @@
 
 from fastapi import APIRouter, Request, Response
 
-from server import links, registry
-from server.http.dependencies import (
+from server.collections import registry
+from server.http.json_body import JsonRoute
+from server.http.responses import etag_header, json_response, kept_response, next_link, not_modified, problems
+from server.resources import links
+from server.resources.idempotency import Kept, do_once, done
+from server.routes.dependencies import (
     CallerDep,
     CollectionId,
     IfNoneMatch,
@@ -12,15 +16,7 @@ from server.http.dependencies import (
     PageLimit,
     PreconditionsDep,
     ServiceDep,
-    etag_header,
-    json_response,
-    kept_response,
-    next_link,
-    not_modified,
-    problems,
 )
-from server.http.json_bodies import JsonRoute
-from server.idempotency import Kept, do_once, done
 from server.schemas.collections import (
     COLLECTION_EXAMPLE,
     Collection,

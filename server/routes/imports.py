@@ -7,25 +7,18 @@ from fastapi import APIRouter, Query, Request, Response
 
 from server.errors import TooLarge, UnsupportedMediaType
 from server.http.authorization import GuardedRoute
+from server.http.body_limit import declared_length
 from server.http.compression import Inflater
-from server.http.dependencies import (
-    CallerDep,
-    CollectionId,
-    IdempotencyKey,
-    ServiceDep,
-    kept_response,
-    once_of,
-    problems,
-)
-from server.http.middleware import declared_length
 from server.http.negotiation import NDJSON
-from server.identifiers import new_id
-from server.intake.bulk import OnConflict
+from server.http.responses import kept_response, problems
 from server.jobs import queue
 from server.jobs.quota import check_room
-from server.jobs.spool import spooled
+from server.jobs.upload import spooled
+from server.platform.ids import new_id
+from server.routes.dependencies import CallerDep, CollectionId, IdempotencyKey, ServiceDep, once_of
 from server.routes.jobs import ACCEPTED
 from server.schemas.jobs import JobAnswer
+from server.submaps.bulk import OnConflict
 
 router = APIRouter(route_class=GuardedRoute, tags=["jobs"])
 _INPUT = '{"id": "p7", "xy": [[1.2, 3.4], [4.9, -2.2], [-3.1, 0.7]]}\n'

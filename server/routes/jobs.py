@@ -8,23 +8,13 @@ import anyio.to_thread
 from fastapi import APIRouter, Path, Query, Request, Response
 from starlette.responses import StreamingResponse
 
-from server.constraints import check_ids, chosen_submaps
-from server.http.admission import AdmissionDep
-from server.http.dependencies import (
-    CallerDep,
-    CollectionId,
-    OnceDep,
-    PageCursor,
-    PageLimit,
-    ServiceDep,
-    json_response,
-    kept_response,
-    next_link,
-    problems,
-)
-from server.http.json_bodies import JsonRoute
+from server.constraints.extraction import check_ids, chosen_submaps
+from server.http.admission.admission import AdmissionDep
+from server.http.json_body import JsonRoute
 from server.http.negotiation import JSON, NDJSON
+from server.http.responses import json_response, kept_response, next_link, problems
 from server.jobs import queue
+from server.routes.dependencies import CallerDep, CollectionId, OnceDep, PageCursor, PageLimit, ServiceDep
 from server.schemas.constraints import CONSTRAINT_EXAMPLE, ConstraintFormat, ConstraintsInput
 from server.schemas.jobs import JOB_EXAMPLE, JobAnswer, JobPage, JobState
 

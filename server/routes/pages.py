@@ -5,14 +5,15 @@ from typing import Annotated
 from fastapi import APIRouter, Path, Request, Response
 from fastapi.openapi.docs import get_swagger_ui_html
 
-from server import registry
+from server.collections import registry
 from server.errors import NotFound
-from server.http import pages
 from server.http.authorization import GuardedRoute
-from server.http.browsers import page_policy
-from server.http.dependencies import Accept, ServiceDep, VisitorDep, json_response, problems
+from server.http.browser_protection import page_policy
+from server.http.documentation import pages
 from server.http.negotiation import HTML, JSON, choose
-from server.kinds import KINDS
+from server.http.responses import json_response, problems
+from server.problem_types import KINDS
+from server.routes.dependencies import Accept, ServiceDep, VisitorDep
 
 router = APIRouter(route_class=GuardedRoute, tags=["pages"])
 

@@ -4,24 +4,16 @@ from typing import Annotated
 
 from fastapi import APIRouter, Path, Response
 
-from server.access import Scope
-from server.http.admission import BudgetDep
-from server.http.dependencies import (
-    Accept,
-    CallerDep,
-    CollectionId,
-    OnceDep,
-    ServiceDep,
-    json_response,
-    problems,
-)
-from server.http.json_bodies import JsonRoute
+from server.http.admission.admission import BudgetDep
+from server.http.json_body import JsonRoute
 from server.http.negotiation import JSON, SVG, choose
-from server.queries import lookup, stored_queries
-from server.queries.batch_queries import answer_batch
+from server.http.responses import json_response, problems
+from server.queries import lookup, stored
+from server.queries.batch import answer_batch
+from server.routes.dependencies import Accept, CallerDep, CollectionId, OnceDep, ServiceDep
 from server.schemas import examples
-from server.schemas.batches import BatchAnswer, BatchInput
-from server.schemas.queries import ExplanationAnswer, MatchAnswer, QueryAnswer, QueryInput
+from server.schemas.queries import BatchAnswer, BatchInput, ExplanationAnswer, MatchAnswer, QueryAnswer, QueryInput
+from server.security.principal import Scope
 
 router = APIRouter(route_class=JsonRoute, tags=["queries"])
 _ALL = "/v1/collections/{collection}/queries"
@@ -62,7 +54,7 @@ def query(
     headers = {}
     if body.store:
         caller.require(Scope.WRITE)
-    answer = stored_queries.kept_answer(service.database, collection, once) if body.store else None
+    answer = stored.kept_answer(service.database, collection, once) if body.store else None
     if answer is not None:
         answer, headers = lookup.shown(answer, body), {"Idempotency-Replayed": "true"}
     else:
@@ -112,7 +104,7 @@ def query_batch(
 )
 def get_query(collection: CollectionId, query: QueryId, service: ServiceDep) -> Response:
     """Of a query that was asked with `store`. 410 when it is no longer kept."""
-    return json_response(stored_queries.stored_answer(service.database, collection, query))
+    return json_response(stored.stored_answer(service.database, collection, query))
 
 
 @router.get(
@@ -142,7 +134,7 @@ def get_match(
     410 when the submap's landmarks are no longer those that were matched.
     """
     media_type = choose(accept, [SVG, JSON])
-    match = stored_queries.stored_match(service.database, collection, query, rank)
+    match = stored.stored_match(service.database, collection, query, rank)
     if media_type == SVG:
         return Response(match.to_svg(), media_type=SVG, headers={"Vary": "Accept"})
     return json_response(match.to_answer(), headers={"Vary": "Accept"})
@@ -164,7 +156,7 @@ def get_explanation(collection: CollectionId, query: QueryId, service: ServiceDe
     The drawing lays the query over the best candidate, and over its strongest rival. 410 when it is no longer kept.
     """
     media_type = choose(accept, [SVG, JSON])
-    explained = stored_queries.stored_explanation(service.database, collection, query)
+    explained = stored.stored_explanation(service.database, collection, query)
     if media_type == SVG:
         return Response(explained.to_svg(), media_type=SVG, headers={"Vary": "Accept"})
     return json_response(explained.to_answer(), headers={"Vary": "Accept"})

@@ -7,24 +7,11 @@ from starlette.exceptions import HTTPException
 from starlette.responses import FileResponse
 from starlette.types import Message, Receive, Scope, Send
 
-from server import links
-from server.http.dependencies import (
-    Accept,
-    CallerDep,
-    IfNoneMatch,
-    OnceDep,
-    PageCursor,
-    PageLimit,
-    ServiceDep,
-    etag_header,
-    json_response,
-    kept_response,
-    next_link,
-    not_modified,
-    problems,
-)
-from server.http.json_bodies import JsonRoute
+from server.http.json_body import JsonRoute
 from server.http.negotiation import JSON, SQLITE, choose
+from server.http.responses import etag_header, json_response, kept_response, next_link, not_modified, problems
+from server.resources import links
+from server.routes.dependencies import Accept, CallerDep, IfNoneMatch, OnceDep, PageCursor, PageLimit, ServiceDep
 from server.schemas.common import ResourceId
 from server.schemas.snapshots import SNAPSHOT_EXAMPLE, Snapshot, SnapshotInput, SnapshotPage
 from server.snapshots import snapshots

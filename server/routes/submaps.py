@@ -1,40 +1,30 @@
-"""Submaps of a collection."""
+"""Submaps of a collection, read: listings, one submap, its tessellation, sessions."""
 
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
 
-from server import links, reading
-from server.access import Scope
-from server.http.dependencies import (
+from server.http.json_body import JsonRoute
+from server.http.negotiation import GEOJSON, JSON, SVG, choose
+from server.http.responses import etag_header, json_response, next_link, not_modified, problems
+from server.resources import links
+from server.routes.dependencies import (
     Accept,
-    CallerDep,
     CollectionId,
     IfNoneMatch,
-    OnceDep,
     PageCursor,
     PageLimit,
-    PreconditionsDep,
     ServiceDep,
     SubmapId,
-    etag_header,
-    json_response,
-    kept_response,
-    next_link,
-    not_modified,
-    problems,
 )
-from server.http.json_bodies import JsonRoute
-from server.http.negotiation import GEOJSON, JSON, SVG, choose
-from server.intake import ingest
 from server.schemas import examples
 from server.schemas.submaps import (
     SessionPage,
     Submap,
     SubmapPage,
-    SubmapPatch,
     TessellationAnswer,
 )
+from server.submaps import reader
 
 router = APIRouter(route_class=JsonRoute, tags=["submaps"])
 _ALL = "/v1/collections/{collection}/submaps"
@@ -99,13 +89,13 @@ def list_submaps(
     As GeoJSON (Accept: application/geo+json) with footprints in longitude and latitude, when the collection has a crs.
     """
     media_type = choose(accept, [JSON, GEOJSON])
-    chosen = reading.submap_filter(session=session, bbox=bbox, frame_id=frame_id, datetime_range=datetime)
+    chosen = reader.submap_filter(session=session, bbox=bbox, frame_id=frame_id, datetime_range=datetime)
     arguments = (service.database, service.settings.limits, collection, chosen, limit, cursor)
     content: Any
     if media_type == GEOJSON:
-        content, following = reading.geojson_page(*arguments)
+        content, following = reader.geojson_page(*arguments)
     else:
-        content = reading.page(*arguments)
+        content = reader.page(*arguments)
         following = content.next
     headers = {"Vary": "Accept"}
     if following is not None:
@@ -124,49 +114,8 @@ def get_submap(
     collection: CollectionId, submap: SubmapId, service: ServiceDep, if_none_match: IfNoneMatch = None
 ) -> Response:
     """With its landmarks."""
-    found = reading.read(service.database, collection, submap)
+    found = reader.read(service.database, collection, submap)
     return not_modified(if_none_match, found.etag) or json_response(found, headers=etag_header(found.etag))
-
-
-@router.patch(
-    _PATH,
-    operation_id="patchSubmap",
-    summary="Change a submap",
-    response_model=Submap,
-    responses={200: _SUBMAP, **problems(400, 404, 412, 413, 415, 422, 503, 507)},
-)
-def patch_submap(
-    collection: CollectionId,
-    submap: SubmapId,
-    body: SubmapPatch,
-    service: ServiceDep,
-    caller: CallerDep,
-    preconditions: PreconditionsDep,
-    once: OnceDep,
-) -> Response:
-    """What is given replaces what was there, null clears it, what is left out stays. Landmarks, given as `xy` or as
-    `landmarks`, are replaced as a whole and indexed again; nothing else is.
-
-    The answer has the landmarks, so the key needs the scope `read`, too.
-    """
-    caller.require(Scope.READ)
-    limits = service.settings.limits
-    return kept_response(ingest.patch(service.database, collection, submap, body, limits, preconditions, once=once))
-
-
-@router.delete(
-    _PATH,
-    operation_id="deleteSubmap",
-    summary="Delete a submap",
-    status_code=204,
-    response_class=Response,
-    responses=problems(404, 412, 422, 503, 507),
-)
-def delete_submap(
-    collection: CollectionId, submap: SubmapId, service: ServiceDep, preconditions: PreconditionsDep, once: OnceDep
-) -> Response:
-    """The next query does not find it."""
-    return kept_response(ingest.delete(service.database, collection, submap, preconditions, once=once))
 
 
 @router.get(
@@ -189,7 +138,7 @@ def get_tessellation(
 ) -> Response:
     """Triangles, Urquhart polygons and their descriptors; as JSON, as GeoJSON, or drawn as SVG."""
     media_type = choose(accept, [JSON, GEOJSON, SVG])
-    seen = reading.Tessellated(service.database, collection, submap)
+    seen = reader.Tessellated(service.database, collection, submap)
     etag = f"{seen.etag}-{media_type.split('/')[1].split('+')[0]}"
     unmodified = not_modified(if_none_match, etag, vary="Accept")
     if unmodified is not None:
@@ -217,6 +166,6 @@ def list_sessions(
     cursor: PageCursor = None,
 ) -> Response:
     """By name, with how many submaps each has and when they were seen. Submaps without a session are left out."""
-    page = reading.sessions(service.database, service.settings.limits, collection, limit, cursor)
+    page = reader.sessions(service.database, service.settings.limits, collection, limit, cursor)
     headers = {} if page.next is None else {"Link": next_link(links.sessions(collection), request, page.next)}
     return json_response(page, headers=headers)

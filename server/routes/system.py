@@ -2,11 +2,12 @@
 
 from fastapi import APIRouter, Response
 
-from server.http import published
 from server.http.authorization import GuardedRoute
-from server.http.dependencies import CallerDep, ServiceDep, json_response, problems
-from server.metrics import gauges
-from server.metrics.metrics import Metrics
+from server.http.documentation import published_limits
+from server.http.responses import json_response, problems
+from server.observability import database_gauges
+from server.observability.metrics import Metrics
+from server.routes.dependencies import CallerDep, ServiceDep
 from server.schemas.system import LIMITS_EXAMPLE, READINESS_EXAMPLE, LimitsAnswer, Liveness, Load, Readiness
 
 router = APIRouter(route_class=GuardedRoute, tags=["system"])
@@ -68,7 +69,7 @@ async def readyz(service: ServiceDep) -> Response:
 def metrics(service: ServiceDep, caller: CallerDep) -> Response:
     """Of all processes of this service. They name collections, so a key must see them all."""
     caller.require_all()
-    told = gauges.exposition(service.database, service.metrics, service.exchange)
+    told = database_gauges.exposition(service.database, service.metrics, service.exchange)
     return Response(told, headers={"Content-Type": Metrics.content_type})
 
 
@@ -81,5 +82,5 @@ def metrics(service: ServiceDep, caller: CallerDep) -> Response:
 )
 def limits(service: ServiceDep) -> Response:
     """Sizes, times, rates, retention and versions; a refusal names the limit as it is named here."""
-    answer = published.limits(service.settings)
+    answer = published_limits.limits(service.settings)
     return Response(answer.model_dump_json(by_alias=True), media_type="application/json")

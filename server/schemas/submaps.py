@@ -1,144 +1,18 @@
-"""Bodies of the submap routes, and the landmarks that queries share with them."""
+"""Bodies of the submap routes."""
 
 from datetime import datetime
-from itertools import chain
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
-import numpy as np
-from numpy.typing import NDArray
-from pydantic import AfterValidator, ConfigDict, Field, PlainSerializer, model_validator
+from pydantic import ConfigDict, Field, PlainSerializer, model_validator
 from pydantic_core import PydanticCustomError
 
-from server.schemas.common import Answer, Body, Free, Label, Number, Points, ResourceId, Stamp, write_stamp
+from server.schemas.common import Answer, Free, Label, ResourceId, Stamp, write_stamp
+from server.schemas.landmarks import _XY, LandmarkBody
 from server.schemas.poses import MapPose, PlacedPose
+from server.schemas.queries import QueryAnswer, QueryInput, QueryOptions
 
 _Written = Annotated[datetime, PlainSerializer(write_stamp, return_type=str, when_used="json")]
-_XY: Any = [[1.2, 3.4], [4.9, -2.2], [-3.1, 0.7], [2.2, -6.5], [-5.8, -4.1], [7.4, 5.3]]
 _POSE: Any = {"frame_id": "map", "x": 120.5, "y": 88.25, "yaw": 0.31}
-
-
-THINNEST, THICKEST, TALLEST = 0.005, 5.0, 150.0
-"""Metres. What a diameter at breast height and a height can be; beyond, the unit is another one than metres."""
-
-
-def _check_diameter(value: float) -> float:
-    if not THINNEST <= value <= THICKEST:
-        raise PydanticCustomError(
-            "diameter_range",
-            "a diameter is given in metres, from {thinnest} to {thickest}, and {value} is not: is it in centimetres "
-            "or millimetres?",
-            {"thinnest": THINNEST, "thickest": THICKEST, "value": value},
-        )
-    return value
-
-
-def _check_height(value: float) -> float:
-    if value > TALLEST:
-        raise PydanticCustomError(
-            "height_range",
-            "a height is given in metres, up to {tallest}, and {value} is not: is it in centimetres or feet?",
-            {"tallest": TALLEST, "value": value},
-        )
-    return value
-
-
-class Landmark(Body):
-    """A tree."""
-
-    id: Label | None = Field(None, description="Unique in the submap; its position in the list when left out.")
-    x: Number = Field(description="Metres in the submap's frame.")
-    y: Number = Field(description="Metres in the submap's frame.")
-    dbh: Annotated[Number, Field(gt=0), AfterValidator(_check_diameter)] | None = Field(
-        None,
-        description="Diameter at breast height, in metres: 0.31 for a stem of 31 cm; from 0.005 to 5. "
-        "Evidence where both sides have it; never a condition.",
-    )
-    height: Annotated[Number, Field(gt=0), AfterValidator(_check_height)] | None = Field(
-        None, description="Height of the tree, in metres, up to 150."
-    )
-    species: Label | None = Field(None, description="Any name or code.")
-
-
-def _unique(ids: list[str]) -> list[str]:
-    seen: dict[str, int] = {}
-    for position, name in enumerate(ids):
-        first = seen.setdefault(name, position)
-        if first != position:
-            raise PydanticCustomError(
-                "duplicate_id",
-                "{name} stands at positions {first} and {position}; landmark ids are unique in a submap",
-                {"name": repr(name), "first": first, "position": position},
-            )
-    return ids
-
-
-def _unique_trees(trees: list[Landmark]) -> list[Landmark]:
-    _unique(_ids_of(trees))
-    return trees
-
-
-def _ids_of(trees: list[Landmark]) -> list[str]:
-    return [str(i) if tree.id is None else tree.id for i, tree in enumerate(trees)]
-
-
-class LandmarkBody(Body):
-    """Landmarks in one of two forms: `xy` with optional `ids`, or `landmarks`."""
-
-    xy: Points | None = Field(None, description="Tree positions [x, y], metres.")
-    ids: Annotated[list[Label], Field(fail_fast=True), AfterValidator(_unique)] | None = Field(
-        None, description="An id for each point of `xy`; their positions when left out."
-    )
-    landmarks: Annotated[list[Landmark], Field(fail_fast=True), AfterValidator(_unique_trees)] | None = Field(
-        None, description="Trees with what is known of them."
-    )
-
-    @model_validator(mode="after")
-    def _one_form(self) -> "LandmarkBody":
-        if self.xy is not None and self.landmarks is not None:
-            raise PydanticCustomError("two_forms", "give either `xy` or `landmarks`, not both")
-        if self.ids is not None and self.xy is None:
-            raise PydanticCustomError(
-                "ids_without_xy", "`ids` goes with `xy`; in `landmarks` each carries its own `id`"
-            )
-        if self.ids is not None and self.xy is not None and len(self.ids) != len(self.xy):
-            raise PydanticCustomError(
-                "ids_length",
-                "`ids` has {ids} entries for {xy} points of `xy`; give one each",
-                {"ids": len(self.ids), "xy": len(self.xy)},
-            )
-        return self
-
-    @property
-    def landmark_count(self) -> int:
-        """How many landmarks were given."""
-        return len(self.xy if self.xy is not None else self.landmarks or [])
-
-    @property
-    def landmark_pointer(self) -> str:
-        """JSON pointer to the field that holds the landmarks."""
-        return "/landmarks" if self.landmarks is not None else "/xy"
-
-    def positions(self) -> NDArray[np.float64]:
-        """(N, 2) float64, metres, as posted."""
-        points = self.xy if self.xy is not None else [(tree.x, tree.y) for tree in self.landmarks or []]
-        return np.fromiter(chain.from_iterable(points), np.float64, 2 * len(points)).reshape(-1, 2)
-
-    def diameters(self) -> NDArray[np.float64] | None:
-        """Stem diameters (N,) float64, metres, NaN where one is not known; None when none is."""
-        known = [tree.dbh for tree in self.landmarks or []]
-        return np.array(known, dtype=np.float64) if any(dbh is not None for dbh in known) else None
-
-    def landmark_ids(self) -> list[str] | None:
-        """Ids by position; None when all are the default, their position."""
-        ids = _ids_of(self.landmarks) if self.landmarks is not None else self.ids or []
-        return ids if any(name != str(i) for i, name in enumerate(ids)) else None
-
-    def attributes(self) -> dict[str, list[Any]] | None:
-        """What is known of the trees besides id and position, a list by position for each; None when nothing is."""
-        columns = {
-            name: [getattr(tree, name) for tree in self.landmarks or []] for name in ("dbh", "height", "species")
-        }
-        return {name: values for name, values in columns.items() if any(v is not None for v in values)} or None
 
 
 class SubmapInput(LandmarkBody):
@@ -293,3 +167,60 @@ class TessellationAnswer(Answer):
     landmarks: list[StoredLandmark]
     triangles: list[tuple[int, int, int]] = Field(description="Landmark positions, counter-clockwise.")
     polygons: list[TessellationPolygon]
+
+
+_EXAMPLES: list[Any] = SubmapInput.model_config["json_schema_extra"]["examples"]  # type: ignore[index,assignment]
+
+
+class ArrivingSubmap(SubmapInput):
+    """A submap to store."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [*_EXAMPLES, {**_EXAMPLES[0], "session": "monday", "query": {"exclude": {"session": "monday"}}}]
+        }
+    )
+
+    query: QueryOptions | None = Field(
+        None, description="Ask first where else it was seen, and how: {} as usual. It does not find itself."
+    )
+
+    def question(self) -> QueryInput:
+        """The query to ask before this is stored."""
+        options = self.query or QueryOptions()
+        members = {name: getattr(self, name) for name in ("xy", "ids", "landmarks", "frame_id", "stamp")}
+        # What is checked already is not checked again.
+        return QueryInput.model_construct(
+            _fields_set=set(options.model_fields_set),
+            **members,
+            **{name: getattr(options, name) for name in QueryOptions.model_fields},
+            submap_id=None,
+            store=False,
+        )
+
+
+class SubmapReceipt(Answer):
+    """What became of a submap that was sent."""
+
+    id: str | None = Field(description="The submap's id; null where a POST stored nothing.")
+    collection: str
+    outcome: Literal["created", "replaced", "unchanged", "not_stored"] = Field(
+        description="`not_stored`: the submap was asked about, and too few trees, or trees on one line, make no submap."
+    )
+    reason: str | None = Field(None, description="Why nothing was stored: the `reason` of `query`; null otherwise.")
+    detail: str | None = Field(None, description="Why nothing was stored, in a sentence; null otherwise.")
+    counts: dict[str, int] = Field(description="Landmarks, triangles, polygons kept and discarded of what is stored.")
+    etag: str | None = Field(description="Entity tag of what is stored under the id now; null where nothing is.")
+    revision: int = Field(
+        description="The collection's revision at the submap's last write; where there is none, its revision now."
+    )
+    cleared: list[str] = Field(
+        default_factory=list,
+        description="Optional members that the submap had before this write and has no more, e.g. `session`, "
+        "`map_pose`, or `dbh` of its landmarks: a PUT replaces the whole submap. PATCH keeps what it does not name.",
+    )
+    links: SubmapLinks | None = Field(description="Where to go from the submap; null where there is none.")
+    query: QueryAnswer | None = Field(
+        None,
+        description="Where else the submap was seen, among all that was stored before it; not there unless asked for.",
+    )

@@ -1,1 +1,4 @@
-"""Copies of the whole database: made, kept, put back."""
+"""Copies of the whole database: made while the service runs, listed, proven, restored.
+
+Imports `checks`, `collections`, `resources` and below.
+"""

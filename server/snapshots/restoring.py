@@ -15,23 +15,23 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
+from server.checks.integrity import file_findings
+from server.collections.registry import get_collection
 from server.errors import Conflict, NotADatabase, NotFound, StorageDamaged, StorageUnavailable
-from server.index.derive import config_of
+from server.index.derived import config_of
 from server.index.segment_folder import SegmentFolder
-from server.kinds import document
-from server.registry import get_collection
+from server.problem_types import document
 from server.schemas.snapshots import Snapshot
 from server.snapshots.snapshot_folder import SnapshotFolder, is_name, read_manifest, sha256
 from server.snapshots.snapshots import moment_name
-from server.store import schema
-from server.store.collections import Collections
-from server.store.database import Database
-from server.store.integrity import file_findings
-from server.store.jobs import Jobs
-from server.store.occupancy import alone
-from server.store.renewal import bring_up_to_date
-from server.store.segments import Segments
-from server.store.sqlite_errors import storage_errors
+from server.store import migrations_runner
+from server.store.feature_backfill import bring_up_to_date
+from server.store.repositories.collections import Collections
+from server.store.repositories.jobs import Jobs
+from server.store.repositories.segments import Segments
+from server.store.sqlite.database import Database
+from server.store.sqlite.database_lock import alone
+from server.store.sqlite.sqlite_errors import storage_errors
 from urquhart.index.segment_file import SegmentDamaged, sync
 
 _BESIDE: Final = ("-wal", "-journal", "-shm")
@@ -149,7 +149,7 @@ def _prove(source: Source, file: Path) -> None:
     """Raise StorageError unless a file is a sound database of ours that holds what its manifest says."""
     copy = Database(file, read_only=True)
     try:
-        revision = schema.current_revision(copy)
+        revision = migrations_runner.current_revision(copy)
         if revision is None:
             raise NotADatabase(f"{source.file} is an empty database, and none of this service.")
         for finding in file_findings(copy):

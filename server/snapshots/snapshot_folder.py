@@ -15,9 +15,9 @@ from typing import Final
 from pydantic import ValidationError
 
 from server.errors import Conflict, InvalidField, NotFound, StorageDamaged
-from server.locks import try_lock
+from server.platform.file_locks import try_lock
 from server.schemas.snapshots import Snapshot
-from server.store.sqlite_errors import storage_errors
+from server.store.sqlite.sqlite_errors import storage_errors
 from urquhart.index.segment_file import sync
 
 _FILE: Final = ".db"

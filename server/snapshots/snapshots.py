@@ -12,19 +12,19 @@ from typing import Final
 
 from sqlalchemy.orm import Session
 
-from server import links
+from server.checks.integrity import file_findings
+from server.config.settings import Limits
 from server.errors import Conflict, StorageDamaged, StorageFull, StorageReadOnly
-from server.idempotency import NO_CONTENT, Kept, Once, do_once, keep, recall
-from server.paging import page_size, read_name_cursor, write_cursor
+from server.platform.version import service_version
+from server.resources import links
+from server.resources.idempotency import NO_CONTENT, Kept, Once, do_once, keep, recall
+from server.resources.paging import page_size, read_name_cursor, write_cursor
 from server.schemas.snapshots import Snapshot, SnapshotCollection, SnapshotPage
-from server.settings import Limits
 from server.snapshots.snapshot_folder import SnapshotFolder, check_name, sha256
-from server.store import schema
-from server.store.collections import Collections
-from server.store.database import Database
-from server.store.integrity import file_findings
-from server.store.sqlite_errors import storage_errors
-from server.version import service_version
+from server.store import migrations_runner
+from server.store.repositories.collections import Collections
+from server.store.sqlite.database import Database
+from server.store.sqlite.sqlite_errors import storage_errors
 from urquhart.index.segment_file import sync
 
 _OPERATION: Final = "postSnapshot"
@@ -133,7 +133,7 @@ def _described(file: Path, *, name: str, created: datetime) -> Snapshot:
                 f"The database is damaged, and so is its copy, which was not kept: {finding.what}. Restore a snapshot "
                 "that is sound."
             )
-        revision = schema.current_revision(copy)
+        revision = migrations_runner.current_revision(copy)
         with copy.read() as session:
             contents = Collections(session).contents()
     finally:

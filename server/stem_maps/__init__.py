@@ -1,1 +1,4 @@
-"""Stem maps: read from CSV, cut into overlapping discs, stored as submaps."""
+"""Stem maps: read from CSV, cut into overlapping discs, stored as submaps.
+
+Imports `submaps` and below; only commands use it.
+"""

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from server.stem_maps.columns import DBH_UNITS, Columns, find_columns
-from server.stem_maps.plausible import check_centres, check_cut_decimals, check_diameters, check_plots
+from server.stem_maps.plausibility import check_centres, check_cut_decimals, check_diameters, check_plots
 from server.stem_maps.rows import SEPARATORS, Rows, StemMapError, decode, read_bytes
 from server.store.codec import digest
 

@@ -11,19 +11,19 @@ import orjson
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from server.intake.batches import Described
-from server.intake.bulk import describe_lines
-from server.intake.workers import Workers
+from server.config.settings import Limits
+from server.platform.process_pool import Workers
 from server.schemas.common import check_id
+from server.schemas.landmarks import Landmark
 from server.schemas.poses import MapPose
-from server.schemas.submaps import Landmark
-from server.settings import Limits
-from server.stem_maps.discs import Cut, cut
 from server.stem_maps.reader import StemMap
-from server.stem_maps.replacing import Replaced, StandError, replace_stand, spooled
+from server.stem_maps.replacement import Replaced, StandError, replace_stand, spooled
+from server.stem_maps.tiling import Cut, cut
 from server.store.codec import digest, pack_positions
-from server.store.database import Database
-from server.store.stands import StandRecord
+from server.store.repositories.stands import StandRecord
+from server.store.sqlite.database import Database
+from server.submaps.batches import Described
+from server.submaps.bulk import describe_lines
 
 BATCH = 200
 

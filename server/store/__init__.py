@@ -1,1 +1,4 @@
-"""All SQL: the tables, the database and its transactions, the repositories, the schema's versions."""
+"""The tables of the database, how columns are encoded, and the versions of the schema.
+
+`sqlite/` holds the file, `repositories/` the queries. Imports `store.sqlite`, `platform` and `errors`.
+"""

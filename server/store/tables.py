@@ -23,7 +23,7 @@ from sqlalchemy import (
 )
 from sqlalchemy.orm import InstrumentedAttribute, Mapped, mapped_column
 
-from server.store.base import Instant, Table
+from server.store.columns import Instant, Table
 
 
 class CollectionRow(Table):

@@ -13,7 +13,7 @@ from anyio.from_thread import BlockingPortal, start_blocking_portal
 from fastapi import FastAPI
 
 from server.app import create_app
-from server.settings import Settings
+from server.config.settings import Settings
 from urquhart_client import Client
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from tests.server.world import forest, observed, points
 from urquhart_client import Client, ProblemError, Progress
-from urquhart_client._files import read_csv
+from urquhart_client._protocol.files import read_csv
 from urquhart_client.cli import run
 
 

@@ -8,10 +8,10 @@ import pytest
 from fastapi import FastAPI
 
 from server.app import create_app
-from server.http.dependencies import Service
-from server.settings import Limits, Settings
-from server.store import schema
-from server.store.database import Database
+from server.config.settings import Limits, Settings
+from server.runtime import Service
+from server.store import migrations_runner
+from server.store.sqlite.database import Database
 from tests.server.processes import Server
 from tests.server.world import TestClient
 
@@ -48,7 +48,7 @@ def service(app: FastAPI) -> Service:
 def database(tmp_path: Path) -> Iterator[Database]:
     """An upgraded, empty database without a service."""
     made = Database(tmp_path / "bare.db", busy_timeout=2.0)
-    schema.upgrade(made)
+    migrations_runner.upgrade(made)
     yield made
     made.dispose()
 

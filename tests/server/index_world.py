@@ -9,17 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from server.checks.agreement import index_findings
+from server.checks.integrity import findings
+from server.config.settings import IndexSettings, Limits
 from server.index.catalog import Catalog
-from server.index.upkeep import Upkeep
-from server.intake import bulk, ingest
-from server.metrics.metrics import Metrics
+from server.index.maintenance import Upkeep
+from server.observability.metrics import Metrics
 from server.queries import lookup
 from server.schemas.queries import QueryAnswer, QueryInput
 from server.schemas.submaps import NamedSubmap, SubmapInput
-from server.settings import IndexSettings, Limits
-from server.store.database import Database
-from server.store.integrity import findings
-from server.store.segments import Listed, Segments
+from server.store.repositories.segments import Listed, Segments
+from server.store.sqlite.database import Database
+from server.submaps import bulk, ingest
 from tests.server.world import forest, points
 from urquhart import Features
 from urquhart.index.collection_index import CollectionIndex

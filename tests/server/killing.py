@@ -20,21 +20,22 @@ from sqlalchemy import event
 from sqlalchemy.orm import Session
 
 import urquhart
-from server import registry
-from server.access import ANYBODY
+from server.collections import registry
+from server.config.settings import JobSettings, Limits, Settings
 from server.index.catalog import Catalog
-from server.intake import bulk
 from server.jobs import folder as job_folder
-from server.jobs import imports, queue
+from server.jobs import queue
 from server.jobs.assignment import Tools
 from server.jobs.folder import JobFolder
-from server.jobs.kinds import WORKS
 from server.jobs.runner import Runner
-from server.metrics.metrics import Metrics
+from server.jobs.types import import_submaps
+from server.jobs.types.job_types import WORKS
+from server.observability.metrics import Metrics
 from server.schemas.collections import CollectionPut
-from server.settings import JobSettings, Limits, Settings
-from server.store import schema
-from server.store.database import Database
+from server.security.principal import ANYBODY
+from server.store import migrations_runner
+from server.store.sqlite.database import Database
+from server.submaps import bulk
 
 _JOB = "job"
 _POINTS = 12
@@ -78,7 +79,7 @@ def _in_a_process(work: Callable[[], None]) -> int:
 def _prepare(path: Path, mode: str, content: bytes) -> None:
     path.parent.mkdir()
     database = Database(path)
-    schema.upgrade(database)
+    migrations_runner.upgrade(database)
     registry.ensure(database, "plots", CollectionPut())
     folder = JobFolder(database)
     folder.make()
@@ -131,8 +132,8 @@ def _work(path: Path, point: int) -> None:
         results.truncate(before)
         write(results, lines)
 
-    write, describe = imports._write_results, bulk.describe_lines
-    imports._write_results = write_half
+    write, describe = import_submaps._write_results, bulk.describe_lines
+    import_submaps._write_results = write_half
     bulk.describe_lines = lambda *a, **named: describe(*a, **(named | {"batch_size": 2}))
     os.fsync, os.unlink = around(os.fsync), around(os.unlink)
     event.listen(Session, "before_commit", reached)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from server.errors import TooLarge
-from server.intake.workers import Apart, Work, Workers
+from server.platform.process_pool import Apart, Work, Workers
 
 
 class Unsendable(Exception):

@@ -5,7 +5,7 @@ import signal
 import time
 from typing import Any
 
-from server.intake import batches
+from server.submaps import batches
 
 
 def poisoned(task: Any) -> Any:

@@ -19,9 +19,9 @@ from uvicorn.server import Server
 
 from server.app import create_app
 from server.commands.serve import bind
-from server.http.dependencies import Service
-from server.http.protocol import Connection, ServerConfig
-from server.settings import Limits, Settings
+from server.config.settings import Limits, Settings
+from server.http.serving.connections import Connection, ServerConfig
+from server.runtime import Service
 from tests.server.processes import spawned
 
 _ROOT = Path(__file__).parents[2]

@@ -8,7 +8,7 @@ import httpx
 import pytest
 
 from server.app import create_app
-from server.settings import Limits, Settings
+from server.config.settings import Limits, Settings
 from tests.server.world import TestClient, forest, observed, points
 from urquhart.propose import levels
 from urquhart.report.explanation import SKIPS, STOPS

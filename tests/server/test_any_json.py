@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from server.app import create_app
-from server.settings import Settings
+from server.config.settings import Settings
 from tests.server.world import TestClient, put_submap
 
 ROUTES = [

@@ -17,16 +17,16 @@ import httpx
 import pytest
 from sqlalchemy import update
 
-from server import keys
-from server.access import Caller, Scope
 from server.app import create_app
-from server.commands.serve import open_database
+from server.commands.support.database import open_database
+from server.config.settings import Limits, Settings
 from server.errors import InvalidField, Unauthorized
-from server.http.dependencies import Service
-from server.settings import Limits, Settings
+from server.runtime import Service
+from server.security import api_keys, authenticator
+from server.security.principal import Caller, Scope
 from server.snapshots import restoring
-from server.store.collections import Collections
-from server.store.database import Database
+from server.store.repositories.collections import Collections
+from server.store.sqlite.database import Database
 from server.store.tables import KeyRow
 from tests.server.served import Served, Threaded, read_all, wait_until
 from tests.server.world import TestClient, forest, points, put_submap
@@ -97,9 +97,9 @@ class House:
 def house(tmp_path_factory: pytest.TempPathFactory) -> Iterator[House]:
     folder = tmp_path_factory.mktemp("house")
     database = open_database(Settings(database=str(folder / "urquhart.db")))
-    made = {name: keys.make(database, name, scopes, patterns) for name, (scopes, patterns) in SCOPES.items()}
-    late, _ = keys.make(database, "late", list(Scope), ["*"], datetime.now(UTC) - timedelta(seconds=1))
-    keys.revoke(database, made["revoked"][1].id)
+    made = {name: api_keys.make(database, name, scopes, patterns) for name, (scopes, patterns) in SCOPES.items()}
+    late, _ = api_keys.make(database, "late", list(Scope), ["*"], datetime.now(UTC) - timedelta(seconds=1))
+    api_keys.revoke(database, made["revoked"][1].id)
     secrets = {name: secret for name, (secret, _) in made.items()} | {"late": late}
     served = Served(folder, URQUHART_LOG__LEVEL="debug")
     house = House(served, database, secrets)
@@ -225,14 +225,14 @@ def test_lists_and_the_door_read_patterns_alike(database: Database) -> None:
             Collections(session).create(name, title=None, config={}, fingerprint="", crs=None, origin=None)
     patterns = ["*", "?", "a*", "*a", "a?", "??", "a-*", "a.*", "?*", "*?*?", "_", "é*", "日?", "A*", "a*" * 30]
     for pattern in patterns:
-        keys.make(database, "one", [Scope.READ], [pattern])
+        api_keys.make(database, "one", [Scope.READ], [pattern])
         caller = Caller("", frozenset(), (pattern,))
         with database.read() as session:
             listed = [row.id for row in Collections(session).page([pattern], limit=100)]
         assert listed == [name for name in ids if caller.sees(name)], pattern
     for pattern in ("[ab]", "[!a]", "a/b", "%", "a b", "", "a\n", "a\0", "{a,b}", "(a)", "a|b", "a\\*", "a" * 129):
         with pytest.raises(InvalidField):
-            keys.make(database, "one", [Scope.READ], [pattern])
+            api_keys.make(database, "one", [Scope.READ], [pattern])
 
 
 # ------------------------------------------------------------------ the header
@@ -722,7 +722,7 @@ def test_a_key_that_is_revoked_is_nothing_on_an_open_connection(house: House) ->
     who = "leaving"
     job = house.ask(who, "POST", f"{A}/constraints", json={}).raise_for_status().json()["id"]
     cursor = house.ask(who, "GET", "/v1/collections?limit=1").json()["next"]
-    keys.revoke(house.database, house.secrets[who].split("_")[1])
+    api_keys.revoke(house.database, house.secrets[who].split("_")[1])
     wait_until(lambda: house.ask(who, "GET", A).status_code == 401)
     for path in (f"/v1/jobs/{job}", f"/v1/jobs/{job}/results", f"/v1/collections?cursor={cursor}", "/v1/limits"):
         assert house.ask(who, "GET", path).status_code == 401
@@ -733,14 +733,14 @@ def test_a_key_that_is_revoked_is_nothing_on_an_open_connection(house: House) ->
 
 def test_a_key_is_changed_for_another_without_a_gap(house: House) -> None:
     """But what was sent under the old one is sent for the first time under the new one."""
-    old, first = keys.make(house.database, "robot", [Scope.READ, Scope.WRITE], ["a-*"])
+    old, first = api_keys.make(house.database, "robot", [Scope.READ, Scope.WRITE], ["a-*"])
     house.secrets["old"] = old
     body, once = {"xy": points(forest(50))}, {"Idempotency-Key": "rotated"}
     begun = house.ask("old", "POST", f"{A}/submaps", json=body, headers=once).raise_for_status()
-    house.secrets["new"], _ = keys.make(house.database, "robot", [Scope.READ, Scope.WRITE], ["a-*"])
+    house.secrets["new"], _ = api_keys.make(house.database, "robot", [Scope.READ, Scope.WRITE], ["a-*"])
     for who in ("old", "new"):
         assert house.ask(who, "GET", A).status_code == 200
-    keys.revoke(house.database, first.id)
+    api_keys.revoke(house.database, first.id)
     wait_until(lambda: house.ask("old", "GET", A).status_code == 401)
     again = house.ask("new", "POST", f"{A}/submaps", json=body, headers=once).raise_for_status()
     assert again.json()["id"] != begun.json()["id"]
@@ -753,9 +753,9 @@ def test_a_key_is_changed_for_another_without_a_gap(house: House) -> None:
 
 @pytest.mark.parametrize("header", ["known", "unknown", "revoked"])
 def test_a_secret_is_compared_in_any_case(database: Database, monkeypatch: pytest.MonkeyPatch, header: str) -> None:
-    secret, info = keys.make(database, "robot", [Scope.READ], ["*"])
+    secret, info = api_keys.make(database, "robot", [Scope.READ], ["*"])
     if header == "revoked":
-        keys.revoke(database, info.id)
+        api_keys.revoke(database, info.id)
     compared: list[tuple[int, int]] = []
 
     def compare(left: bytes, right: bytes) -> bool:
@@ -765,7 +765,7 @@ def test_a_secret_is_compared_in_any_case(database: Database, monkeypatch: pytes
     monkeypatch.setattr(hmac, "compare_digest", compare)
     given = f"urq_{'z' * 8 if header == 'unknown' else info.id}_{'z' * 43}"
     with pytest.raises(Unauthorized, match="no such key"):
-        keys.Doorkeeper(Settings(database=str(database.path)), database).ask(f"Bearer {given}")
+        authenticator.Doorkeeper(Settings(database=str(database.path)), database).ask(f"Bearer {given}")
     assert compared == [(32, 32)]
     assert secret != given
 

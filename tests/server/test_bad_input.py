@@ -10,9 +10,9 @@ import orjson
 import pytest
 from pydantic import ValidationError
 
+from server.config.settings import Limits
 from server.errors import InvalidField, TooLarge
-from server.intake.batches import read_line
-from server.settings import Limits
+from server.submaps.batches import read_line
 from tests.server.world import forest, points, put_submap
 
 PLOTS = "/v1/collections/plots"

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from server.app import create_app
-from server.settings import Limits, Settings
+from server.config.settings import Limits, Settings
 from tests.server.world import TestClient, forest, observed, points, put_submap
 
 BATCH = "/v1/collections/plots/queries/batch"

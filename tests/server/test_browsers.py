@@ -9,11 +9,11 @@ import httpx
 import pytest
 from fastapi import FastAPI
 
-from server import keys
-from server.access import Scope
 from server.app import create_app
-from server.http.dependencies import Service
-from server.settings import Settings
+from server.config.settings import Settings
+from server.runtime import Service
+from server.security import api_keys
+from server.security.principal import Scope
 from tests.server.world import TestClient, forest, points, put_submap
 
 QUERY = {"xy": points(forest(1))}
@@ -68,7 +68,7 @@ def test_the_services_own_page_may_ask(client: httpx.Client, origin: str) -> Non
 
 
 def test_a_service_with_keys_answers_under_any_name(client: httpx.Client, service: Service) -> None:
-    secret, _ = keys.make(service.database, "robot", [Scope.READ], ["*"])
+    secret, _ = api_keys.make(service.database, "robot", [Scope.READ], ["*"])
     client.app.state.doorkeeper._locked = None  # type: ignore[attr-defined]
     headers = {"Authorization": f"Bearer {secret}"}
     assert asked(client, Host="forest.example", **headers).status_code == 200
@@ -78,7 +78,7 @@ def test_a_service_with_keys_answers_under_any_name(client: httpx.Client, servic
 def test_names_can_be_allowed(tmp_path: Path) -> None:
     app = create_app(Settings(database=str(tmp_path / "a.db"), allowed_hosts="forest.example, plots.example"))
     with TestClient(app, base_url="http://plots.example") as client:
-        keys.make(app.state.service.database, "robot", [Scope.READ], ["*"])
+        api_keys.make(app.state.service.database, "robot", [Scope.READ], ["*"])
         assert asked(client).status_code == 401
         assert asked(client, Origin="https://forest.example").status_code == 401
         assert asked(client, Origin="https://evil.example").status_code == 403

@@ -8,21 +8,21 @@ from typing import Any
 import pytest
 from sqlalchemy.orm import Session
 
-from server import registry
+from server.checks.integrity import findings
+from server.collections import registry
+from server.config.settings import Limits
 from server.errors import NotFound
 from server.index.catalog import Catalog
 from server.index.live_index import LiveIndex, State
-from server.intake import bulk, ingest
-from server.metrics.metrics import Metrics
+from server.observability.metrics import Metrics
 from server.queries import lookup
 from server.schemas.collections import CollectionPut
 from server.schemas.queries import QueryAnswer, QueryInput
 from server.schemas.submaps import NamedSubmap, SubmapInput
-from server.settings import Limits
-from server.store.database import Database
-from server.store.described import Described, StoredFeatures
-from server.store.integrity import findings
+from server.store.repositories.feature_rows import Described, StoredFeatures
+from server.store.sqlite.database import Database
 from server.store.tables import CollectionRow
+from server.submaps import bulk, ingest
 from tests.server import index_world
 from tests.server.world import forest, points
 

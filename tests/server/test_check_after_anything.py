@@ -12,13 +12,13 @@ import httpx
 import orjson
 import pytest
 
-from server import keys
-from server.access import Scope
 from server.app import create_app
 from server.checks.inspection import inspect
-from server.http.dependencies import Service
-from server.settings import IndexSettings, JobSettings, Limits, Settings
-from server.store.database import Database
+from server.config.settings import IndexSettings, JobSettings, Limits, Settings
+from server.runtime import Service
+from server.security import api_keys
+from server.security.principal import Scope
+from server.store.sqlite.database import Database
 from tests.server.processes import Server
 from tests.server.world import TestClient, forest, observed, points
 
@@ -174,15 +174,15 @@ def test_a_service_that_is_asked_for_anything(tmp_path: Path, seed: int) -> None
     app = create_app(settings)
     with TestClient(app) as client:
         service: Service = app.state.service
-        secret, _ = keys.make(service.database, "all", list(Scope), ["*"])
+        secret, _ = api_keys.make(service.database, "all", list(Scope), ["*"])
         client.headers["Authorization"] = f"Bearer {secret}"
         for name in ("plots", "stands"):
             client.put(f"/v1/collections/{name}", json={}).raise_for_status()
         callers = [Caller(client, 10 * seed + i) for i in range(3)]
         for _ in range(3):
             together(callers, 25)
-            made = keys.make(service.database, f"key {seed}", list(Scope), ["plots*"])[1]
-            keys.revoke(service.database, made.id)
+            made = api_keys.make(service.database, f"key {seed}", list(Scope), ["plots*"])[1]
+            api_keys.revoke(service.database, made.id)
             # With jobs at work, segments being merged, and everything half done.
             assert [*inspect(service.database)] == [], callers[0].done
         finish(client)

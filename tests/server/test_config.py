@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel, Field, SecretStr
 
-from server import configuration
 from server.cli import run
-from server.settings import Settings
-from server.sources import Misconfigured, fields, variable
+from server.config import settings_loading, settings_report
+from server.config.settings import Settings
+from server.config.settings_sources import Misconfigured, fields, variable
 from tests.server.cli.world import Said, Urquhart, refused
 
 ROOT = Path(__file__).parents[2]
@@ -46,12 +46,12 @@ def test_option_before_environment_before_file(file: Path, monkeypatch: pytest.M
     monkeypatch.setenv("URQUHART_PORT", "2222")
     monkeypatch.setenv("urquhart_limits__page", "7")
     monkeypatch.setenv("URQUHART_BUSY_TIMEOUT", "2")
-    settings = configuration.load(port=3333, database=None)
+    settings = settings_loading.load(port=3333, database=None)
     assert (settings.port, settings.busy_timeout, settings.host) == (3333, 2.0, "::1")
     # A group is put together from all of them.
     assert (settings.limits.page, settings.limits.page_max, settings.limits.landmarks) == (7, 12, 13)
     assert settings.limits.candidates == 100
-    told = {one.name: one for one in configuration.told(settings, port=3333, database=None)}
+    told = {one.name: one for one in settings_report.told(settings, port=3333, database=None)}
     assert told["port"].source == "option"
     assert told["busy_timeout"].source == "URQUHART_BUSY_TIMEOUT"
     assert told["limits.page"].source == "urquhart_limits__page"
@@ -68,14 +68,14 @@ def test_the_file_is_named_by_the_environment_or_an_option(
     assert Settings().port == 1111
     monkeypatch.setenv("URQUHART_CONFIG", "one.toml")
     assert Settings().port == 1
-    assert configuration.load(config=Path("two.toml")).port == 2
+    assert settings_loading.load(config=Path("two.toml")).port == 2
     with pytest.raises(Misconfigured, match=r"none.toml: no such settings file"):
-        configuration.load(config="none.toml")
+        settings_loading.load(config="none.toml")
 
 
 def test_nothing_is_read_where_there_is_no_file() -> None:
-    assert Settings() == configuration.load()
-    assert {one.source for one in configuration.told(Settings())} == {"default"}
+    assert Settings() == settings_loading.load()
+    assert {one.source for one in settings_report.told(Settings())} == {"default"}
 
 
 @pytest.mark.parametrize(
@@ -97,14 +97,14 @@ def test_nothing_is_read_where_there_is_no_file() -> None:
 def test_a_file_that_makes_no_sense_is_refused_by_name(file: Path, text: str, message: str) -> None:
     file.write_text(text)
     with pytest.raises(Misconfigured, match=message) as refusal:
-        configuration.load()
+        settings_loading.load()
     assert "must not exceed" in message or str(refusal.value).startswith("urquhart.toml: ")
 
 
 def test_a_file_that_is_no_text_is_refused(file: Path) -> None:
     file.write_bytes(b"port = '\xff'\n")
     with pytest.raises(Misconfigured, match=r"urquhart.toml: not TOML"):
-        configuration.load()
+        settings_loading.load()
 
 
 @pytest.mark.parametrize(
@@ -130,10 +130,10 @@ def test_a_variable_that_is_no_setting_is_refused(monkeypatch: pytest.MonkeyPatc
 def test_a_value_that_makes_no_sense_is_told_where_it_stands(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("URQUHART_LIMITS__PAGE", "none")
     with pytest.raises(Misconfigured, match=r"^setting URQUHART_LIMITS__PAGE: "):
-        configuration.load()
+        settings_loading.load()
     monkeypatch.delenv("URQUHART_LIMITS__PAGE")
     with pytest.raises(Misconfigured, match=r"^option --port: "):
-        configuration.load(port=-1)
+        settings_loading.load(port=-1)
 
 
 def test_the_command_prints_all_of_them(urquhart: Urquhart, file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -157,11 +157,12 @@ def test_secrets_are_never_told(monkeypatch: pytest.MonkeyPatch) -> None:
     class WithSecret(Settings):
         password: SecretStr = Field(SecretStr("changeme"), description="A word.")
 
-    monkeypatch.setattr(configuration, "Settings", WithSecret)
+    for module in (settings_loading, settings_report):
+        monkeypatch.setattr(module, "Settings", WithSecret)
     monkeypatch.setenv("URQUHART_PASSWORD", "open sesame")
-    told = configuration.told(configuration.load())
-    assert next(one for one in told if one.name == "password").value == configuration.HIDDEN
-    for text in (configuration.as_text(told), configuration.as_json(told), configuration.as_markdown(WithSecret)):
+    told = settings_report.told(settings_loading.load())
+    assert next(one for one in told if one.name == "password").value == settings_report.HIDDEN
+    for text in (settings_report.as_text(told), settings_report.as_json(told), settings_report.as_markdown(WithSecret)):
         assert "password" in text
         assert "sesame" not in text
         assert "changeme" not in text
@@ -169,7 +170,7 @@ def test_secrets_are_never_told(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_the_documentation_is_that_of_the_model() -> None:
     """Written by `urquhart config --markdown > docs/settings.md`."""
-    assert (ROOT / "docs/settings.md").read_text(encoding="utf-8") == configuration.as_markdown()
+    assert (ROOT / "docs/settings.md").read_text(encoding="utf-8") == settings_report.as_markdown()
 
 
 def test_every_setting_is_documented_with_its_variable_default_and_bounds() -> None:
@@ -180,7 +181,7 @@ def test_every_setting_is_documented_with_its_variable_default_and_bounds() -> N
         name: str = Field("x", description="What it is called.")
         group: Group = Field(default_factory=Group, description="A group.")
 
-    text = configuration.as_markdown(Few)
+    text = settings_report.as_markdown(Few)
     assert '| `name` | `URQUHART_NAME` | `"x"` | text | What it is called. |' in text
     assert "## `[group]`\n\nA group.\n" in text
     assert "| `share` | `URQUHART_GROUP__SHARE` | `0.5` | more than 0, less than 1 | How much. |" in text
@@ -193,4 +194,4 @@ def test_the_clients_variables_are_none_of_ours(monkeypatch: pytest.MonkeyPatch)
     """Who has both at hand in one shell can use both."""
     monkeypatch.setenv("URQUHART_URL", "http://127.0.0.1:8420")
     monkeypatch.setenv("URQUHART_API_KEY", "urq_secret")
-    assert "secret" not in configuration.as_json(configuration.told(configuration.load()))
+    assert "secret" not in settings_report.as_json(settings_report.told(settings_loading.load()))

@@ -9,16 +9,16 @@ import numpy as np
 import orjson
 import pytest
 
-from server.constraint_formats import Known, write_out
-from server.constraints import agree
+from server.constraints.extraction import agree
+from server.constraints.formats import Known, write_out
 from server.errors import StorageBusy
 from server.jobs import assignment, runner
-from server.jobs import constraints as constraints_job
 from server.jobs.assignment import Assignment
 from server.jobs.folder import JobFolder
+from server.jobs.types import find_constraints as constraints_job
 from server.queries.lookup import look_up
 from server.queries.poses import transform_answer
-from server.store.submaps import Place
+from server.store.repositories.submaps import Place
 from tests.server.test_jobs import finished
 from tests.server.world import forest, observed
 from urquhart import SE2
@@ -142,7 +142,7 @@ def test_a_search_that_is_stopped_at_any_point_finds_the_same(
     """Also where more was written than was noted, or the end was noted and nothing after it."""
     assert truth
     expected = found(client, {})
-    monkeypatch.setattr("server.jobs.constraints._PAGE", 2)
+    monkeypatch.setattr("server.jobs.types.find_constraints._PAGE", 2)
     monkeypatch.setattr(runner, "_LOOK", 0.01)
     real, runs = Assignment.report, 0
     folder: JobFolder = client.app.state.service.jobs.folder  # type: ignore[attr-defined]

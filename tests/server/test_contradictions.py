@@ -5,7 +5,7 @@ from typing import Any
 import httpx
 import pytest
 
-from server.jobs.constraints import CONTRADICTING
+from server.jobs.types.find_constraints import CONTRADICTING
 from tests.server.test_jobs import finished
 from tests.server.world import forest, observed
 from urquhart import SE2

@@ -8,9 +8,9 @@ import httpx
 import pytest
 
 from server.app import create_app
+from server.config.settings import Limits, Settings
 from server.http import compression
 from server.http.negotiation import accepts_coding
-from server.settings import Limits, Settings
 from tests.server.test_jobs import finished
 from tests.server.world import TestClient, forest, points, put_submap
 

@@ -10,8 +10,10 @@ import pytest
 from fastapi import FastAPI
 from sqlalchemy import event
 
-from server import registry
 from server.app import create_app
+from server.checks.integrity import findings
+from server.collections import registry
+from server.config.settings import Limits, Settings
 from server.errors import (
     DatabaseNotUpgraded,
     DatabaseTooNew,
@@ -22,28 +24,26 @@ from server.errors import (
     StorageReadOnly,
     StorageUnavailable,
 )
-from server.http.dependencies import Service
-from server.intake import bulk, ingest
+from server.runtime import Service
 from server.schemas.collections import CollectionPut
 from server.schemas.submaps import NamedSubmap, SubmapInput
-from server.settings import Limits, Settings
-from server.store import schema
-from server.store.database import Database
-from server.store.integrity import findings
+from server.store import migrations_runner
+from server.store.sqlite.database import Database
+from server.submaps import bulk, ingest
 from tests.server.world import Client, TestClient, forest, points, put_submap
 
 
 def test_migrations_make_what_the_tables_declare(tmp_path: Path) -> None:
     database = Database(tmp_path / "new.db")
-    assert schema.upgrade(database) is True
-    assert schema.upgrade(database) is False
-    assert schema.current_revision(database) == schema.expected_revision()
-    assert schema.drift(database) == []
-    schema.downgrade(database, "base")
-    assert schema.current_revision(database) is None
-    assert schema.drift(database) != []
-    assert schema.upgrade(database) is True
-    assert schema.drift(database) == []
+    assert migrations_runner.upgrade(database) is True
+    assert migrations_runner.upgrade(database) is False
+    assert migrations_runner.current_revision(database) == migrations_runner.expected_revision()
+    assert migrations_runner.drift(database) == []
+    migrations_runner.downgrade(database, "base")
+    assert migrations_runner.current_revision(database) is None
+    assert migrations_runner.drift(database) != []
+    assert migrations_runner.upgrade(database) is True
+    assert migrations_runner.drift(database) == []
     assert list(findings(database)) == []
     database.dispose()
 
@@ -52,19 +52,21 @@ def test_a_failed_upgrade_leaves_nothing(tmp_path: Path, monkeypatch: pytest.Mon
     database = Database(tmp_path / "new.db")
     monkeypatch.setattr("alembic.op.create_index", lambda *_, **__: 1 / 0)
     with pytest.raises(ZeroDivisionError):
-        schema.upgrade(database)
+        migrations_runner.upgrade(database)
     monkeypatch.undo()
     with closing(sqlite3.connect(database.path)) as connection, connection:
         assert connection.execute("SELECT count(*) FROM sqlite_master").fetchone() == (0,)
     connection.close()
-    assert schema.upgrade(database) is True
+    assert migrations_runner.upgrade(database) is True
     database.dispose()
 
 
 def test_several_processes_may_upgrade_at_once(tmp_path: Path) -> None:
     databases = [Database(tmp_path / "new.db") for _ in range(4)]
     done: list[bool] = []
-    threads = [threading.Thread(target=lambda one=one: done.append(schema.upgrade(one))) for one in databases]
+    threads = [
+        threading.Thread(target=lambda one=one: done.append(migrations_runner.upgrade(one))) for one in databases
+    ]
     for thread in threads:
         thread.start()
     for thread in threads:
@@ -90,7 +92,7 @@ def test_a_newer_database_is_refused_and_left_alone(database: Database) -> None:
     database.dispose()
     before = database.path.read_bytes()
     with pytest.raises(DatabaseTooNew, match="newer version"):
-        schema.upgrade(database)
+        migrations_runner.upgrade(database)
     with pytest.raises(DatabaseTooNew), TestClient(create_app(Settings(database=str(database.path)))):
         raise AssertionError("started")
     database.dispose()
@@ -103,7 +105,7 @@ def test_what_is_not_a_database_is_refused_and_left_alone(tmp_path: Path, conten
     path.write_bytes(content)
     database = Database(path)
     with pytest.raises(NotADatabase, match="not a SQLite database"):
-        schema.upgrade(database)
+        migrations_runner.upgrade(database)
     database.dispose()
     assert path.read_bytes() == content
 
@@ -115,7 +117,7 @@ def test_a_database_of_something_else_is_refused(tmp_path: Path) -> None:
     before = (tmp_path / "other.db").read_bytes()
     database = Database(tmp_path / "other.db")
     with pytest.raises(NotADatabase, match="birds"):
-        schema.upgrade(database)
+        migrations_runner.upgrade(database)
     database.dispose()
     assert (tmp_path / "other.db").read_bytes() == before
 
@@ -124,7 +126,7 @@ def test_a_copy_that_lost_its_journal_mode_gets_it_back(database: Database, tmp_
     with closing(sqlite3.connect(database.path)) as connection:
         connection.execute("VACUUM INTO ?", [str(tmp_path / "copy.db")])
     copy = Database(tmp_path / "copy.db")
-    assert schema.upgrade(copy) is False
+    assert migrations_runner.upgrade(copy) is False
     copy.dispose()
     with closing(sqlite3.connect(copy.path)) as connection:
         assert connection.execute("PRAGMA journal_mode").fetchone() == ("wal",)
@@ -132,9 +134,9 @@ def test_a_copy_that_lost_its_journal_mode_gets_it_back(database: Database, tmp_
 
 def test_a_folder_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(StorageUnavailable, match="folder"):
-        schema.upgrade(Database(tmp_path / "no" / "such" / "file.db"))
+        migrations_runner.upgrade(Database(tmp_path / "no" / "such" / "file.db"))
     with pytest.raises(StorageUnavailable):
-        schema.upgrade(Database(tmp_path))
+        migrations_runner.upgrade(Database(tmp_path))
 
 
 def test_read_only_reads_and_asks_but_does_not_write(client: Client, settings: Settings) -> None:
@@ -162,7 +164,7 @@ def test_read_only_and_old_cannot_be_upgraded(tmp_path: Path) -> None:
     connection.close()
     database = Database(tmp_path / "empty.db", read_only=True)
     with pytest.raises((DatabaseNotUpgraded, StorageReadOnly)):
-        schema.upgrade(database)
+        migrations_runner.upgrade(database)
     database.dispose()
 
 

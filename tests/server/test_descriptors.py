@@ -10,10 +10,10 @@ from pathlib import Path
 import httpx
 import pytest
 
+from server.config.settings import Limits
 from server.errors import Conflict
-from server.http import descriptors
-from server.http.descriptors import Complaints, reserve_files
-from server.settings import Limits
+from server.http.serving import file_descriptors
+from server.http.serving.file_descriptors import Complaints, reserve_files
 from tests.server.served import PATIENCE, Served
 from tests.server.world import put_submap
 
@@ -45,13 +45,13 @@ def test_the_limit_is_raised_or_respected(
     monkeypatch: pytest.MonkeyPatch, soft: int, hard: int, raised: int, connections: int
 ) -> None:
     files = Files(soft, hard)
-    monkeypatch.setattr(descriptors, "resource", files)
+    monkeypatch.setattr(file_descriptors, "resource", files)
     assert reserve_files(Limits(connections=1000)).connections == connections
     assert files.soft == raised
 
 
 def test_too_few_files_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(descriptors, "resource", Files(100, 100))
+    monkeypatch.setattr(file_descriptors, "resource", Files(100, 100))
     with pytest.raises(Conflict, match="LimitNOFILE"):
         reserve_files(Limits())
 
@@ -63,7 +63,7 @@ def test_what_cannot_be_accepted_is_one_line(caplog: pytest.LogCaptureFixture) -
         for _ in range(1000):
             complaints(loop, context)
     loop.close()
-    assert [record.name for record in caplog.records] == [descriptors.__name__]
+    assert [record.name for record in caplog.records] == [file_descriptors.__name__]
 
 
 def test_more_connections_than_files(tmp_path: Path) -> None:

@@ -10,11 +10,11 @@ from fastapi import FastAPI
 from numpy.typing import NDArray
 
 from server.app import create_app
-from server.http.dependencies import Service
-from server.settings import Settings
+from server.checks.integrity import findings
+from server.config.settings import Settings
+from server.runtime import Service
 from server.stem_maps.reader import read_stem_map
 from server.stem_maps.stands import cut_stand, store_stand
-from server.store.integrity import findings
 from tests.server.world import TestClient, points
 from urquhart import SE2
 from urquhart.evaluation.simulation import observe, plantation

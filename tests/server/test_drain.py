@@ -15,9 +15,9 @@ from pathlib import Path
 import httpx
 import pytest
 
-from server.settings import STOP_SPARE, Settings
-from server.store.database import Database
-from server.store.integrity import findings
+from server.checks.integrity import findings
+from server.config.settings import STOP_SPARE, Settings
+from server.store.sqlite.database import Database
 from tests.server.processes import Server
 from tests.server.served import PATIENCE, Served, wait_until
 from tests.server.world import forest, points, put_submap
@@ -250,7 +250,7 @@ def test_every_process_of_a_group_may_get_the_signal(start: Start) -> None:
 
 
 def test_what_is_loaded_is_spared_from_the_collector() -> None:
-    script = "import gc\nfrom server.http.serving import _settle\n_settle()\nprint(gc.get_freeze_count())"
+    script = "import gc\nfrom server.http.serving.lifecycle import _settle\n_settle()\nprint(gc.get_freeze_count())"
     said = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
     assert int(said) > 10_000
 

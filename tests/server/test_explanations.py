@@ -12,10 +12,10 @@ import pytest
 from fastapi import FastAPI
 
 from server.app import create_app
-from server.http.dependencies import Service
+from server.config.settings import Limits, Settings
 from server.queries.answers import strongest
+from server.runtime import Service
 from server.schemas.queries import FINDINGS
-from server.settings import Limits, Settings
 from tests.server.world import TestClient, forest, observed, points, put_submap
 from urquhart import SE2, Config, Finding, Gates
 from urquhart.evaluation.simulation import observe, plantation

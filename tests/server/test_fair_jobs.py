@@ -10,14 +10,16 @@ import httpx
 import pytest
 from fastapi import FastAPI
 
-from server import cli, keys
-from server.access import ANYBODY, Scope
+from server import cli
 from server.app import create_app
-from server.http.dependencies import Service
-from server.jobs import constraints, operator, queue
+from server.config.settings import JobSettings, Limits, Settings
+from server.jobs import operator, queue
 from server.jobs.assignment import Assignment, Tools
-from server.settings import JobSettings, Limits, Settings
-from server.store.jobs import Jobs
+from server.jobs.types import find_constraints
+from server.runtime import Service
+from server.security import api_keys
+from server.security.principal import ANYBODY, Scope
+from server.store.repositories.jobs import Jobs
 from tests.server.test_jobs import finished, line, upload
 from tests.server.world import TestClient, put_submap
 
@@ -49,21 +51,21 @@ def client(app: FastAPI) -> Iterator[httpx.Client]:
 def slow(monkeypatch: pytest.MonkeyPatch) -> Iterator[threading.Event]:
     """Look-ups of constraints jobs report after each submap, and take long until the event is set."""
     let_go = threading.Event()
-    real = constraints._look_up
+    real = find_constraints._look_up
 
     def look_up(*arguments: Any) -> Any:
         let_go.wait(0.5)
         return real(*arguments)
 
-    monkeypatch.setattr(constraints, "_SILENCE", -1.0)
-    monkeypatch.setattr(constraints, "_look_up", look_up)
+    monkeypatch.setattr(find_constraints, "_SILENCE", -1.0)
+    monkeypatch.setattr(find_constraints, "_look_up", look_up)
     yield let_go
     let_go.set()
 
 
 def key(app: FastAPI, *scopes: Scope) -> tuple[str, dict[str, str]]:
     """A new key: its id, and the header that shows it."""
-    secret, info = keys.make(app.state.service.database, "robot", scopes or [Scope.READ, Scope.WRITE], ["*"])
+    secret, info = api_keys.make(app.state.service.database, "robot", scopes or [Scope.READ, Scope.WRITE], ["*"])
     app.state.doorkeeper._locked = None
     return info.id, {"Authorization": f"Bearer {secret}"}
 
@@ -174,7 +176,7 @@ def test_jobs_of_a_revoked_key_end(client: httpx.Client, app: FastAPI, service: 
     _, other = key(app)
     for _ in range(QUOTA):
         client.post(CONSTRAINTS, json={}, headers=busy).raise_for_status()
-    keys.revoke(service.database, name)
+    api_keys.revoke(service.database, name)
     for _ in range(600):
         if set(states(client, other)) == {"dismissed"}:
             break
@@ -189,7 +191,7 @@ def test_jobs_of_a_revoked_key_end(client: httpx.Client, app: FastAPI, service: 
 def test_a_key_that_was_just_revoked_begins_nothing(client: httpx.Client, app: FastAPI, service: Service) -> None:
     name, busy = key(app, Scope.READ)
     assert client.get("/v1/jobs", headers=busy).status_code == 200, "the service remembers the key for a second"
-    keys.revoke(service.database, name)
+    api_keys.revoke(service.database, name)
     assert client.post(CONSTRAINTS, json={}, headers=busy).status_code == 401
     assert not operator.listed(service.database)
 

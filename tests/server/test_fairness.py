@@ -10,11 +10,11 @@ from typing import Any
 import httpx
 import pytest
 
-from server import keys
-from server.access import Scope
+from server.config.settings import Limits
 from server.errors import Overloaded
-from server.http.gate import Gate
-from server.settings import Limits
+from server.http.admission.gate import Gate
+from server.security import api_keys
+from server.security.principal import Scope
 from tests.server.served import PATIENCE, Start, Threaded, starting, wait_until
 from tests.server.test_disconnect import ASK, BATCH, QUERY, Searches
 from tests.server.world import put_submap
@@ -144,7 +144,7 @@ def start(tmp_path: Path) -> Iterator[Start]:
 
 def key_of(server: Threaded, name: str) -> tuple[str, dict[str, str]]:
     """A new key: its id, and the header that carries it."""
-    made, info = keys.make(server.service.database, name, [Scope.READ], ["*"])
+    made, info = api_keys.make(server.service.database, name, [Scope.READ], ["*"])
     return info.id, {"Authorization": f"Bearer {made}"}
 
 
@@ -189,7 +189,7 @@ def test_others_are_answered_beside_many_requests_of_one_key_which_end_when_it_i
     load = httpx.get(f"{server.url}/readyz").json()["load"]
     assert load["running"] <= 6
     assert (load["running"] + load["waiting"], load["saturated"]) == (40, False)
-    keys.revoke(server.service.database, greedy_id)
+    api_keys.revoke(server.service.database, greedy_id)
     for thread in flood:
         thread.join(PATIENCE)
     assert statuses == [401] * 40

@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import urquhart
-from server import registry
+from server.collections import registry
 from server.index.feature_cache import Entry, FeatureCache, FeatureReader
 from server.schemas.collections import CollectionPut
-from server.store.database import Database
+from server.store.sqlite.database import Database
 from tests.server.index_world import Process, trees
 from urquhart import Config, Features
 

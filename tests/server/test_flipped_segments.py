@@ -12,9 +12,9 @@ import pytest
 
 from server.app import create_app
 from server.checks.agreement import index_findings
-from server.http.dependencies import Service
-from server.index import upkeep
-from server.settings import IndexSettings, Settings
+from server.config.settings import IndexSettings, Settings
+from server.index import maintenance
+from server.runtime import Service
 from tests.server.world import TestClient, forest, observed, points
 from urquhart.index.segment_file import SegmentFile
 
@@ -106,7 +106,7 @@ def test_bytes_that_flip_anywhere(running: tuple[httpx.Client, Service], count: 
                 assert verdict != "matched"
     if silently:
         for name in service.upkeep._checked:
-            service.upkeep._checked[name] = -upkeep._AGAIN
+            service.upkeep._checked[name] = -maintenance._AGAIN
         until_sound(client, service)
     settled(client, service)
     for seed in range(COUNT):
@@ -119,7 +119,7 @@ def until_sound(client: httpx.Client, service: Service) -> None:
     deadline = time.monotonic() + 60.0
     while list(index_findings(service.database)):
         for name in service.upkeep._checked:
-            service.upkeep._checked[name] = -upkeep._AGAIN
+            service.upkeep._checked[name] = -maintenance._AGAIN
         ask(client, 0)
         assert time.monotonic() < deadline
         time.sleep(0.05)

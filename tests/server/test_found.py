@@ -2,14 +2,14 @@
 
 from typing import Any
 
-from server import registry
-from server.intake import ingest
+from server.collections import registry
+from server.config.settings import Limits
 from server.schemas.collections import CollectionPut
 from server.schemas.submaps import SubmapInput
-from server.settings import Limits
-from server.store.database import Database
-from server.store.found import FoundSubmap, found_submaps
-from server.store.submaps import Submaps, stored_place
+from server.store.repositories.candidate_rows import FoundSubmap, found_submaps
+from server.store.repositories.submaps import Submaps, stored_place
+from server.store.sqlite.database import Database
+from server.submaps import ingest
 from tests.server.world import forest, points
 
 

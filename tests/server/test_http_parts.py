@@ -7,10 +7,10 @@ import pytest
 
 from server.errors import InvalidField, NotAcceptable
 from server.http.negotiation import choose
-from server.paging import read_cursor, write_cursor
-from server.preconditions import Preconditions
-from server.schemas.pointers import pointer
-from server.threads import pin_threads
+from server.parsing.field_errors import pointer
+from server.platform.threads import pin_threads
+from server.resources.paging import read_cursor, write_cursor
+from server.resources.preconditions import Preconditions
 
 OFFERED = ["application/json", "application/geo+json", "image/svg+xml"]
 

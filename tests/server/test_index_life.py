@@ -11,10 +11,10 @@ from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
-from server import registry
+from server.collections import registry
 from server.schemas.collections import CollectionPut
-from server.store import schema
-from server.store.database import Database
+from server.store import migrations_runner
+from server.store.sqlite.database import Database
 from tests.server.index_world import Process, damage
 
 NAMES = st.sampled_from([f"s{i}" for i in range(4)])
@@ -38,7 +38,7 @@ class Life(RuleBasedStateMachine):
     @initialize()
     def begin(self) -> None:
         database = Database(self.path)
-        schema.upgrade(database)
+        migrations_runner.upgrade(database)
         registry.ensure(database, "plots", CollectionPut())
         database.dispose()
         self.processes = [Process(self.path), Process(self.path)]

@@ -16,20 +16,20 @@ from pydantic import ValidationError
 from sqlalchemy import select
 from sqlalchemy.orm import undefer
 
-from server import registry
+from server.checks.integrity import findings
+from server.collections import registry
+from server.config.settings import Limits
 from server.errors import InvalidBody, InvalidLandmarks, MalformedBody, NotFound, TooLarge
-from server.intake import ingest
-from server.intake.batches import cut, describers, line_of, read_line
-from server.intake.bulk import BatchResult, ingest_lines, ingest_many
-from server.intake.prepare import Prepared, settle
-from server.intake.workers import Workers
+from server.platform.process_pool import Workers
 from server.schemas.collections import CollectionPut
 from server.schemas.submaps import NamedSubmap, SubmapInput
-from server.settings import Limits
-from server.store.database import Database
-from server.store.integrity import findings
-from server.store.submaps import Submaps
+from server.store.repositories.submaps import Submaps
+from server.store.sqlite.database import Database
 from server.store.tables import SubmapRow
+from server.submaps import ingest
+from server.submaps.batches import cut, describers, line_of, read_line
+from server.submaps.bulk import BatchResult, ingest_lines, ingest_many
+from server.submaps.preparation import Prepared, settle
 from tests.server import labour
 from tests.server.world import forest, points
 from urquhart import Config
@@ -226,9 +226,9 @@ def test_batches_end_by_number_and_by_weight() -> None:
 SCRIPT = """
 import sys
 from pathlib import Path
-from server.intake.batches import describers, line_of
-from server.intake.bulk import ingest_lines
-from server.store.database import Database
+from server.submaps.batches import describers, line_of
+from server.submaps.bulk import ingest_lines
+from server.store.sqlite.database import Database
 from tests.server import labour
 from tests.server.test_ingest import body
 import itertools, orjson

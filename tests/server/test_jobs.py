@@ -12,21 +12,22 @@ import orjson
 import pytest
 from fastapi import FastAPI
 
-from server import keys
-from server.access import ANYBODY, Scope
 from server.app import create_app
+from server.config.settings import IndexSettings, Limits, Settings
 from server.errors import StorageBusy, StorageFull, WorkerLost
-from server.http.dependencies import Service
 from server.index.flushing import count_uncovered
-from server.intake import bulk
-from server.jobs import assignment, imports, queue, runner
+from server.jobs import assignment, queue, runner
 from server.jobs.assignment import Assignment
 from server.jobs.folder import JobFolder
-from server.keys import Doorkeeper
-from server.locks import try_lock
-from server.settings import IndexSettings, Limits, Settings
-from server.store.jobs import Jobs, Queue
-from server.store.sqlite_errors import storage_errors
+from server.jobs.types import import_submaps
+from server.platform.file_locks import try_lock
+from server.runtime import Service
+from server.security import api_keys
+from server.security.authenticator import Doorkeeper
+from server.security.principal import ANYBODY, Scope
+from server.store.repositories.jobs import Jobs, Queue
+from server.store.sqlite.sqlite_errors import storage_errors
+from server.submaps import bulk
 from tests.server.world import TestClient, forest, points, put_submap
 
 IMPORTS = "/v1/collections/plots/imports"
@@ -94,7 +95,7 @@ def test_an_index_that_cannot_be_written_is_no_failure(
     def full(*arguments: object, **named: object) -> int:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(imports, "flush", full)
+    monkeypatch.setattr(import_submaps, "flush", full)
     with TestClient(create_app(settings)) as client:
         client.put("/v1/collections/plots", json={}).raise_for_status()
         job = finished(client, upload(client, [line("p", 1)]))
@@ -336,13 +337,13 @@ def test_a_full_disk_takes_nothing_on(
         raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as patched:
-        patched.setattr("server.jobs.spool.os.fsync", full)
+        patched.setattr("server.jobs.upload.os.fsync", full)
         response = upload(client, [line("a", 1)])
     assert (response.status_code, response.json()["type"]) == (507, "/problems/storage-full")
     assert left(client, settings) == []
     assert client.get("/v1/jobs").json()["jobs"] == []
     with monkeypatch.context() as patched:
-        patched.setattr(imports, "_write_results", full)
+        patched.setattr(import_submaps, "_write_results", full)
         job = finished(client, upload(client, [line("a", 1)]))
     assert (job["state"], job["problem"]["status"]) == ("failed", 507)
     assert count(client) == 0
@@ -533,7 +534,7 @@ def test_a_defect_fails_the_job_and_not_the_service(
     client: httpx.Client, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     with monkeypatch.context() as patched:
-        patched.setattr(imports, "_write_results", lambda *_: 1 / 0)
+        patched.setattr(import_submaps, "_write_results", lambda *_: 1 / 0)
         job = finished(client, upload(client, [line("a", 1)]))
     assert (job["state"], job["problem"]["type"]) == ("failed", "/problems/internal-error")
     assert "ZeroDivisionError" in caplog.text
@@ -564,7 +565,7 @@ def test_a_collection_that_goes_in_the_middle_of_an_import(
     client: httpx.Client, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(bulk, "describe_lines", _small_batches(bulk.describe_lines))
-    real, gone = imports._observe, list[int]()
+    real, gone = import_submaps._observe, list[int]()
 
     def observe(*arguments: Any) -> None:
         real(*arguments)
@@ -572,7 +573,7 @@ def test_a_collection_that_goes_in_the_middle_of_an_import(
         if len(gone) == 2:
             client.delete("/v1/collections/plots").raise_for_status()
 
-    monkeypatch.setattr(imports, "_observe", observe)
+    monkeypatch.setattr(import_submaps, "_observe", observe)
     job = finished(client, upload(client, [line(f"p{i}", i) for i in range(10)]))
     assert (job["state"], job["problem"]["type"], job["done"]) == ("failed", "/problems/not-found", 4)
     assert client.get(job["links"]["results"]).status_code == 410
@@ -682,7 +683,7 @@ def test_what_was_never_taken_on_is_swept(client: httpx.Client, service: Service
 def test_jobs_of_others_are_not_there(client: httpx.Client, app: FastAPI) -> None:
     job = finished(client, upload(client, [line("a", 1)]))
     store = app.state.service.database
-    foreign = {"Authorization": f"Bearer {keys.make(store, 'foreign', list(Scope), ['theirs'])[0]}"}
+    foreign = {"Authorization": f"Bearer {api_keys.make(store, 'foreign', list(Scope), ['theirs'])[0]}"}
     app.state.doorkeeper = Doorkeeper(app.state.service.settings, store)
     url = job["links"]["self"]
     for method, path in (("GET", url), ("DELETE", url), ("GET", f"{url}/results"), ("GET", f"{url}/errors")):

@@ -7,17 +7,18 @@ import orjson
 import pytest
 from fastapi import FastAPI
 
-from server import keys, registry
-from server.access import Scope
 from server.checks.inspection import inspect
-from server.http.dependencies import Service
+from server.collections import registry
 from server.index import flushing
 from server.jobs import assignment
 from server.jobs.folder import JobFolder
-from server.keys import Doorkeeper
+from server.runtime import Service
 from server.schemas.collections import CollectionPut
-from server.store.database import Database
-from server.store.jobs import Jobs
+from server.security import api_keys
+from server.security.authenticator import Doorkeeper
+from server.security.principal import Scope
+from server.store.repositories.jobs import Jobs
+from server.store.sqlite.database import Database
 from tests.server.test_jobs import finished, left, line, upload
 from tests.server.world import put_submap
 
@@ -28,7 +29,7 @@ URL = "/v1/collections/plots"
 def as_caller(client: httpx.Client, app: FastAPI, service: Service) -> dict[str, dict[str, str]]:
     """Headers of the robots of two tenants, who both may see `plots`, and of the operator."""
     patterns = {"first": ["plots*"], "second": ["plots*"], "operator": ["*"]}
-    made = {name: keys.make(service.database, name, list(Scope), seen)[0] for name, seen in patterns.items()}
+    made = {name: api_keys.make(service.database, name, list(Scope), seen)[0] for name, seen in patterns.items()}
     app.state.doorkeeper = Doorkeeper(service.settings, service.database)
     return {name: {"Authorization": f"Bearer {secret}"} for name, secret in made.items()}
 
@@ -113,7 +114,7 @@ def test_reindexing_beside_writers_leaves_a_sound_database(
         put_submap(client, "plots", "late", 7).raise_for_status()
         return real(*arguments, **named)
 
-    monkeypatch.setattr("server.jobs.reindex.rebuild", rebuild)
+    monkeypatch.setattr("server.jobs.types.reindex.rebuild", rebuild)
     job = finished(client, client.post(f"{URL}/reindex"))
     assert (job["state"], job["done"], job["total"]) == ("successful", 6, 6)
     assert list(inspect(service.database)) == []

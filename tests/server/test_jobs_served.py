@@ -13,7 +13,7 @@ import orjson
 import pytest
 
 from server.jobs.folder import JobFolder
-from server.store.database import Database
+from server.store.sqlite.database import Database
 from tests.server.processes import Server
 from tests.server.world import forest, points
 

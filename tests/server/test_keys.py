@@ -11,15 +11,15 @@ import pytest
 from fastapi import FastAPI
 from fastapi.routing import APIRoute
 
-from server import keys
-from server.access import ANYBODY, NOBODY, Caller, Scope
 from server.app import create_app
+from server.config.settings import Settings
 from server.errors import Conflict, InvalidField, NotFound, Unauthorized
 from server.http.authorization import GuardedRoute
-from server.http.scopes import SCOPES
-from server.keys import Doorkeeper, check_exposure
-from server.settings import Settings
-from server.store.database import Database
+from server.security import api_keys
+from server.security.authenticator import Doorkeeper, check_exposure
+from server.security.principal import ANYBODY, NOBODY, Caller, Scope
+from server.security.scopes import SCOPES
+from server.store.sqlite.database import Database
 from tests.server.processes import Server
 from tests.server.world import TestClient, forest, points, put_submap
 
@@ -34,7 +34,7 @@ def bearer(secret: str) -> dict[str, str]:
 def guarded(client: httpx.Client, settings: Settings, app: FastAPI) -> httpx.Client:
     """The service with a submap `p` in `plots`, and keys asked for from now on."""
     put_submap(client, "plots", "p", 1).raise_for_status()
-    made, _ = keys.make(app.state.service.database, "owner", ALL, ["*"])
+    made, _ = api_keys.make(app.state.service.database, "owner", ALL, ["*"])
     client.headers.update(bearer(made))
     forgetful(app)
     return client
@@ -49,8 +49,8 @@ def forgetful(app: FastAPI) -> None:
 
 
 def test_a_key_is_told_once_and_only_its_hash_is_kept(database: Database) -> None:
-    secret, info = keys.make(database, "robot", [Scope.WRITE, Scope.READ], ["plots-*"])
-    assert keys.listed(database) == [info]
+    secret, info = api_keys.make(database, "robot", [Scope.WRITE, Scope.READ], ["plots-*"])
+    assert api_keys.listed(database) == [info]
     assert (info.scopes, info.patterns, info.state(datetime.now(UTC))) == (("read", "write"), ("plots-*",), "usable")
     database.dispose()
     kept = database.path.read_bytes() + b"".join(p.read_bytes() for p in database.path.parent.glob("*.db-wal"))
@@ -61,7 +61,7 @@ def test_a_key_is_told_once_and_only_its_hash_is_kept(database: Database) -> Non
 def test_who_asks(database: Database) -> None:
     settings = Settings(database=str(database.path))
     assert Doorkeeper(settings, database).ask(None) == ANYBODY
-    secret, info = keys.make(database, "robot", [Scope.READ], ["plots-*", "b?"])
+    secret, info = api_keys.make(database, "robot", [Scope.READ], ["plots-*", "b?"])
     keeper = Doorkeeper(settings, database)
     assert keeper.recall(f"Bearer {secret}") is None
     caller = keeper.ask(f"Bearer {secret}")
@@ -73,7 +73,7 @@ def test_who_asks(database: Database) -> None:
         False,
         False,
     ]
-    late, _ = keys.make(database, "late", ALL, ["*"], datetime.now(UTC) - timedelta(seconds=1))
+    late, _ = api_keys.make(database, "late", ALL, ["*"], datetime.now(UTC) - timedelta(seconds=1))
     wrong = secret[:-1] + ("a" if secret[-1] != "a" else "b")
     for header in (None, "", "Bearer", "Bearer x", f"Basic {secret}", f"Bearer {wrong}", f"Bearer {late}"):
         with pytest.raises(Unauthorized):
@@ -81,23 +81,23 @@ def test_who_asks(database: Database) -> None:
 
 
 def test_revoking_is_for_good_and_the_last_key_leaves_the_door_shut(database: Database) -> None:
-    secret, info = keys.make(database, "robot", ALL, ["*"])
+    secret, info = api_keys.make(database, "robot", ALL, ["*"])
     settings = Settings(database=str(database.path))
-    keys.revoke(database, info.id)
+    api_keys.revoke(database, info.id)
     with pytest.raises(Conflict, match="revoked"):
-        keys.revoke(database, info.id)
+        api_keys.revoke(database, info.id)
     with pytest.raises(NotFound):
-        keys.revoke(database, "nobody00")
+        api_keys.revoke(database, "nobody00")
     for header in (None, f"Bearer {secret}"):
         with pytest.raises(Unauthorized):
             Doorkeeper(settings, database).ask(header)
 
 
 def test_what_is_remembered_gets_old(database: Database, monkeypatch: pytest.MonkeyPatch) -> None:
-    secret, info = keys.make(database, "robot", ALL, ["*"])
+    secret, info = api_keys.make(database, "robot", ALL, ["*"])
     keeper = Doorkeeper(Settings(database=str(database.path)), database)
     keeper.ask(f"Bearer {secret}")
-    keys.revoke(database, info.id)
+    api_keys.revoke(database, info.id)
     assert keeper.recall(f"Bearer {secret}") is not None
     now = time.monotonic()
     monkeypatch.setattr(time, "monotonic", lambda: now + 1.1)
@@ -109,8 +109,8 @@ def test_what_is_remembered_gets_old(database: Database, monkeypatch: pytest.Mon
 @pytest.mark.parametrize(("scopes", "patterns"), [([], ["*"]), (ALL, []), (ALL, [""]), (ALL, ["a/b"]), (ALL, ["[a]"])])
 def test_keys_that_would_open_nothing_are_refused(database: Database, scopes: list[Scope], patterns: list[str]) -> None:
     with pytest.raises(InvalidField):
-        keys.make(database, "robot", scopes, patterns)
-    assert not keys.listed(database)
+        api_keys.make(database, "robot", scopes, patterns)
+    assert not api_keys.listed(database)
 
 
 def test_other_machines_are_served_with_a_key_or_on_purpose_only(database: Database) -> None:
@@ -122,12 +122,12 @@ def test_other_machines_are_served_with_a_key_or_on_purpose_only(database: Datab
     for settings in exposed:
         with pytest.raises(Conflict, match="keys create"):
             check_exposure(settings, database)
-    _, info = keys.make(database, "robot", ALL, ["*"])
+    _, info = api_keys.make(database, "robot", ALL, ["*"])
     for settings in exposed:
         check_exposure(settings, database)
         with pytest.raises(Unauthorized):
             Doorkeeper(settings, database).ask(None)
-    keys.revoke(database, info.id)
+    api_keys.revoke(database, info.id)
     with pytest.raises(Conflict, match="keys create"):
         check_exposure(exposed[0], database)
 
@@ -145,7 +145,9 @@ def test_every_route_is_guarded_and_has_its_scope(app: FastAPI) -> None:
 
 
 def test_scopes(guarded: httpx.Client, app: FastAPI) -> None:
-    made = {scope: bearer(keys.make(app.state.service.database, scope.value, [scope], ["plots"])[0]) for scope in Scope}
+    made = {
+        scope: bearer(api_keys.make(app.state.service.database, scope.value, [scope], ["plots"])[0]) for scope in Scope
+    }
     body = {"xy": points(forest(2))}
     asked: list[tuple[Scope, str, str, Any]] = [
         (Scope.READ, "GET", "/v1/collections/plots", None),
@@ -165,7 +167,7 @@ def test_scopes(guarded: httpx.Client, app: FastAPI) -> None:
 
 
 def test_keeping_an_answer_is_a_write(guarded: httpx.Client, app: FastAPI) -> None:
-    reader = bearer(keys.make(app.state.service.database, "reader", [Scope.READ], ["*"])[0])
+    reader = bearer(api_keys.make(app.state.service.database, "reader", [Scope.READ], ["*"])[0])
     body = {"xy": points(forest(1)), "store": True}
     assert guarded.post("/v1/collections/plots/queries", json=body, headers=reader).status_code == 403
     assert guarded.post("/v1/collections/plots/queries", json=body).json()["id"] == "1"
@@ -192,7 +194,7 @@ def test_lists_show_what_the_key_sees(guarded: httpx.Client, app: FastAPI) -> No
     for i in range(7):
         guarded.put(f"/v1/collections/a{i}", json={}).raise_for_status()
         guarded.put(f"/v1/collections/b-{i}", json={}).raise_for_status()
-    some = bearer(keys.make(app.state.service.database, "some", ALL, ["b-*", "a3"])[0])
+    some = bearer(api_keys.make(app.state.service.database, "some", ALL, ["b-*", "a3"])[0])
     seen, cursor = [], None
     while True:
         parameters = {"limit": "3"} | ({"cursor": cursor} if cursor else {})
@@ -252,8 +254,8 @@ OWN_RULES = {
 
 def test_what_is_anothers_is_not_there(guarded: httpx.Client, app: FastAPI) -> None:
     ring = app.state.service.database
-    foreign = bearer(keys.make(ring, "foreign", ALL, ["theirs-*"])[0])
-    weak = bearer(keys.make(ring, "weak", [Scope.READ], ["theirs-*"])[0])
+    foreign = bearer(api_keys.make(ring, "foreign", ALL, ["theirs-*"])[0])
+    weak = bearer(api_keys.make(ring, "weak", [Scope.READ], ["theirs-*"])[0])
     guarded.post("/v1/collections/plots/queries", json={"xy": points(forest(1)), "store": True}).raise_for_status()
     before = guarded.get("/v1/collections/plots").json()
     walked = 0
@@ -300,11 +302,11 @@ def test_keys_are_made_and_revoked_while_two_processes_serve(serve: Callable[...
     for server in servers:
         assert server.client.put("/v1/collections/plots", json={}).is_success
     database = Database(path)
-    secret, info = keys.make(database, "robot", ALL, ["plots"])
+    secret, info = api_keys.make(database, "robot", ALL, ["plots"])
     for server in servers:
         _until(lambda server=server: server.client.get("/v1/collections").status_code == 401)  # type: ignore[misc]
         assert server.client.get("/v1/collections", headers=bearer(secret)).json()["collections"][0]["id"] == "plots"
-    keys.revoke(database, info.id)
+    api_keys.revoke(database, info.id)
     database.dispose()
     for server in servers:
         _until(

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from sqlalchemy import event
 
-from server.store import schema
-from server.store import submaps as store
-from server.store.collections import Collections
-from server.store.database import Database
-from server.store.sessions import Sessions
+from server.store import migrations_runner
+from server.store.repositories import submaps as store
+from server.store.repositories.collections import Collections
+from server.store.repositories.sessions import Sessions
+from server.store.repositories.submaps import Place, SubmapRecord, Submaps
+from server.store.sqlite.database import Database
 from server.store.submap_filter import SubmapFilter
-from server.store.submaps import Place, SubmapRecord, Submaps
 from tests.server.world import put_submap
 
 PLOTS = "/v1/collections/plots"
@@ -52,7 +52,7 @@ def record(i: int, rng: np.random.Generator) -> SubmapRecord:
 def filled(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Database, list[SubmapRecord]]]:
     """400 submaps of one collection among those of another; the records are by key, less one."""
     database = Database(tmp_path_factory.mktemp("pages") / "pages.db")
-    schema.upgrade(database)
+    migrations_runner.upgrade(database)
     rng = np.random.default_rng(5)
     records = [record(i, rng) for i in range(400)]
     with database.write() as session:
@@ -140,7 +140,7 @@ def test_pages_hold_what_is_chosen_in_order(
 )
 def test_filters_are_answered_by_their_index(tmp_path: Path, by: SubmapFilter, index: str) -> None:
     database = Database(tmp_path / "plans.db")
-    schema.upgrade(database)
+    migrations_runner.upgrade(database)
     database.dispose()
     said: list[str] = []
     event.listen(database.engine, "connect", lambda connection, _: connection.set_trace_callback(said.append))

@@ -13,11 +13,12 @@ import httpx
 import pytest
 from fastapi import FastAPI
 
-from server import keys, logs, notes
-from server.access import Scope
-from server.http.dependencies import Service
-from server.keys import Doorkeeper
-from server.settings import LogSettings
+from server.config.settings import LogSettings
+from server.observability import logs, request_log
+from server.runtime import Service
+from server.security import api_keys
+from server.security.authenticator import Doorkeeper
+from server.security.principal import Scope
 from tests.server.served import Served
 from tests.server.world import forest, points, put_submap
 
@@ -90,16 +91,16 @@ def test_lines_are_the_requests_own(client: httpx.Client) -> None:
 
 
 def test_several_queries_of_a_request_are_summed() -> None:
-    noted = notes.begin()
+    noted = request_log.begin()
     assert noted.told() == {}
-    notes.note_query("matched", [("vote", 1.0), ("verify", 2.0)])
+    request_log.note_query("matched", [("vote", 1.0), ("verify", 2.0)])
     assert noted.told() == {"verdict": "matched", "stages": {"vote": 1.0, "verify": 2.0}}
-    notes.note_query("no_match", [("vote", 0.5)])
+    request_log.note_query("no_match", [("vote", 0.5)])
     assert noted.told() == {"verdicts": {"matched": 1, "no_match": 1}, "stages": {"vote": 1.5, "verify": 2.0}}
 
 
 def test_keys_are_told_by_id_and_secrets_not_at_all(client: httpx.Client, app: FastAPI, service: Service) -> None:
-    secret, info = keys.make(service.database, "robot", [Scope.READ], ["*"])
+    secret, info = api_keys.make(service.database, "robot", [Scope.READ], ["*"])
     # What was known of keys a moment ago is forgotten.
     app.state.doorkeeper = Doorkeeper(service.settings, service.database)
     stream = written("json", "debug")

@@ -10,12 +10,12 @@ import pytest
 from pyproj import Transformer
 
 from server.app import create_app
-from server.geo import Georeference
-from server.settings import Settings
-from server.store import schema
-from server.store.database import Database
-from server.store.frames import FrameReference
-from server.store.submaps import Place
+from server.collections.georeference import Georeference
+from server.config.settings import Settings
+from server.store import migrations_runner
+from server.store.repositories.map_frames import FrameReference
+from server.store.repositories.submaps import Place
+from server.store.sqlite.database import Database
 from tests.server.world import TestClient, forest, points, put_submap
 
 PLOTS = "/v1/collections/plots"
@@ -213,7 +213,7 @@ def test_an_older_collection_keeps_its_crs_for_its_only_frame(
             pose = None if frame_id is None else {"frame_id": frame_id, "x": 0.0, "y": 0.0, "yaw": 0.0}
             put_submap(client, "plots", f"p{i}", i, map_pose=pose).raise_for_status()
     database = Database(path)
-    schema.downgrade(database, "0008")
+    migrations_runner.downgrade(database, "0008")
     database.dispose()
     with TestClient(create_app(Settings(database=str(path)))) as client:
         assert client.get(PLOTS).json()["frames"] == kept

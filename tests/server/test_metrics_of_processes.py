@@ -11,17 +11,17 @@ import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
 from server.app import create_app
+from server.collections.registry import ensure
+from server.config.settings import Settings
 from server.errors import StorageBusy
-from server.metrics import gauges
-from server.metrics.exchange import Exchange
-from server.metrics.metrics import Metrics
-from server.metrics.samples import from_words, lasting, merged, to_words
-from server.registry import ensure
+from server.observability import database_gauges
+from server.observability.metric_samples import from_words, lasting, merged, to_words
+from server.observability.metrics import Metrics
+from server.observability.metrics_exchange import Exchange
 from server.schemas.collections import CollectionPut
-from server.settings import Settings
-from server.store.collections import Collections
-from server.store.database import Database
-from server.store.jobs import Jobs
+from server.store.repositories.collections import Collections
+from server.store.repositories.jobs import Jobs
+from server.store.sqlite.database import Database
 from tests.server.served import Served, wait_until
 from tests.server.world import TestClient, forest, points, put_submap
 
@@ -162,13 +162,13 @@ def test_many_collections_are_few_labels(database: Database) -> None:
     for number in range(30):
         metrics.observe_index(f"c{number:02}", revision=1, submaps=number)
     metrics.observe_index("other", revision=1, submaps=1000)
-    samples = parsed(gauges.exposition(database, metrics, None).decode())
+    samples = parsed(database_gauges.exposition(database, metrics, None).decode())
     rest = sum(range(27))
     assert named(samples, "urquhart_submaps") == {"c29": 29, "c28": 28, "c27": 27, "other": rest + 1000}
     assert named(samples, "urquhart_landmarks") == {"c29": 290, "c28": 280, "c27": 270, "other": 10 * rest + 5}
     assert set(named(samples, "urquhart_index_revision")) == {"c29", "c28", "c27"}
     assert samples[("urquhart_collections", ())] == 31.0
-    none = parsed(gauges.exposition(database, Metrics(collections=0), None).decode())
+    none = parsed(database_gauges.exposition(database, Metrics(collections=0), None).decode())
     assert set(named(none, "urquhart_submaps")) == {"other"}
 
 
@@ -191,20 +191,20 @@ def test_jobs_are_told_by_state(database: Database) -> None:
             for number in range(4)
         ]
         made[0].state, made[1].state = "running", "failed"
-    samples = parsed(gauges.exposition(database, Metrics(), None).decode())
+    samples = parsed(database_gauges.exposition(database, Metrics(), None).decode())
     told = {labels: value for (name, labels), value in samples.items() if name == "urquhart_jobs"}
     assert told == {(("state", "accepted"),): 2.0, (("state", "running"),): 1.0}
 
 
 def test_metrics_are_told_without_the_database(database: Database, monkeypatch: pytest.MonkeyPatch) -> None:
-    samples = parsed(gauges.exposition(database, Metrics(), None).decode())
+    samples = parsed(database_gauges.exposition(database, Metrics(), None).decode())
     assert samples[("urquhart_database_readable", ())] == 1.0
 
     def busy(*arguments: object) -> None:
         raise StorageBusy("busy")
 
-    monkeypatch.setattr(gauges, "read_sizes", busy)
-    samples = parsed(gauges.exposition(database, Metrics(), None).decode())
+    monkeypatch.setattr(database_gauges, "read_sizes", busy)
+    samples = parsed(database_gauges.exposition(database, Metrics(), None).decode())
     assert samples[("urquhart_database_readable", ())] == 0.0
     assert ("urquhart_processes", ()) in samples
 

@@ -8,11 +8,11 @@ import pytest
 
 import urquhart as method
 from server.app import create_app
-from server.settings import Settings
-from server.store import renewal, schema
-from server.store.database import Database
-from server.store.integrity import findings
-from server.store.renewal import Renewal, bring_up_to_date, renew
+from server.checks.integrity import findings
+from server.config.settings import Settings
+from server.store import feature_backfill, migrations_runner
+from server.store.feature_backfill import Renewal, bring_up_to_date, renew
+from server.store.sqlite.database import Database
 from server.store.tables import SubmapRow
 from tests.server.cli.conftest import urquhart
 from tests.server.cli.world import Urquhart
@@ -66,7 +66,7 @@ def make_old(path: Path, config: dict[str, Any], submaps: int = 3) -> Database:
         for i in range(submaps):
             put_submap(client, "plots", f"p{i}", i).raise_for_status()
     database = Database(path)
-    schema.downgrade(database, "0001")
+    migrations_runner.downgrade(database, "0001")
     execute(database, "UPDATE collections SET config = ?", json.dumps(config))
     execute(database, TO_FORMAT_1)
     return database
@@ -74,7 +74,7 @@ def make_old(path: Path, config: dict[str, Any], submaps: int = 3) -> Database:
 
 def test_a_database_of_the_first_revision_opens_and_answers(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     database = make_old(tmp_path / "old.db", OLD)
-    assert schema.current_revision(database) == "0001"
+    assert migrations_runner.current_revision(database) == "0001"
     database.dispose()
     xy, truth = observed(forest(1), 5)
     with TestClient(create_app(Settings(database=str(tmp_path / "old.db")))) as client:
@@ -92,7 +92,7 @@ def test_a_database_of_the_first_revision_opens_and_answers(tmp_path: Path, capl
         assert client.get(PLOTS).json()["config"] == Config().to_dict()
         assert put_submap(client, "plots", "p1", 1).json()["outcome"] == "unchanged"
     assert "describing the landmarks again" not in caplog.text
-    assert (formats(database), list(findings(database)), schema.drift(database)) == ({2}, [], [])
+    assert (formats(database), list(findings(database)), migrations_runner.drift(database)) == ({2}, [], [])
     database.dispose()
 
 
@@ -109,14 +109,14 @@ def test_a_database_of_the_first_revision_opens_and_answers(tmp_path: Path, capl
 )
 def test_configurations_up_and_down(tmp_path: Path, old: dict[str, Any], new: dict[str, Any]) -> None:
     database = make_old(tmp_path / "old.db", old, submaps=0)
-    assert schema.upgrade(database) is True
+    assert migrations_runner.upgrade(database) is True
     assert config_in(database) == new
     assert Config.from_dict(config_in(database)) == Config.from_dict(new)
-    assert schema.drift(database) == []
-    schema.downgrade(database, "0001")
+    assert migrations_runner.drift(database) == []
+    migrations_runner.downgrade(database, "0001")
     assert config_in(database) == {"sweeps": 16} | new | {"share": 0.4, "margin": 0.35}
-    assert schema.current_revision(database) == "0001"
-    assert schema.upgrade(database) is True
+    assert migrations_runner.current_revision(database) == "0001"
+    assert migrations_runner.upgrade(database) is True
     assert config_in(database) == {name: value for name, value in new.items() if name != "margin"}
     database.dispose()
 
@@ -126,7 +126,7 @@ def test_what_the_older_version_does_not_know_goes_with_the_downgrade(database: 
     with TestClient(create_app(Settings(database=str(database.path)))) as client:
         client.put(PLOTS, json={"config": {"margin": 1.0, "sweeps": 5000}}).raise_for_status()
     assert marked(database)
-    schema.downgrade(database, "0001")
+    migrations_runner.downgrade(database, "0001")
     assert set(config_in(database)) == set(OLD)
     assert config_in(database)["sweeps"] == 1000
     assert not marked(database)
@@ -134,8 +134,8 @@ def test_what_the_older_version_does_not_know_goes_with_the_downgrade(database: 
 
 def test_features_are_made_anew_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     database = make_old(tmp_path / "old.db", OLD, submaps=5)
-    monkeypatch.setattr(renewal, "_BATCH", 2)
-    schema.upgrade(database)
+    monkeypatch.setattr(feature_backfill, "_BATCH", 2)
+    migrations_runner.upgrade(database)
     assert list(renew(database)) == [Renewal(2, 5, 2), Renewal(4, 5, 4), Renewal(5, 5, 5)]
     assert list(findings(database)) == []
     assert marked(database)
@@ -150,8 +150,8 @@ def test_features_are_made_anew_once(tmp_path: Path, monkeypatch: pytest.MonkeyP
 
 def test_ended_half_way_it_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     database = make_old(tmp_path / "old.db", OLD, submaps=5)
-    monkeypatch.setattr(renewal, "_BATCH", 2)
-    schema.upgrade(database)
+    monkeypatch.setattr(feature_backfill, "_BATCH", 2)
+    migrations_runner.upgrade(database)
     assert next(renew(database)) == Renewal(2, 5, 2)
     assert not marked(database)
     assert formats(database) == {1, 2}
@@ -162,7 +162,7 @@ def test_ended_half_way_it_goes_on_where_it_was(tmp_path: Path, monkeypatch: pyt
 
 def test_what_was_replaced_meanwhile_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     database = make_old(tmp_path / "old.db", OLD, submaps=2)
-    schema.upgrade(database)
+    migrations_runner.upgrade(database)
     describe = method.describe
 
     def replaced_while_described(*arguments: Any) -> Any:
@@ -182,7 +182,7 @@ def test_what_was_replaced_meanwhile_stays(tmp_path: Path, monkeypatch: pytest.M
 
 def test_what_cannot_be_described_or_written_is_left(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     database = make_old(tmp_path / "old.db", OLD, submaps=2)
-    schema.upgrade(database)
+    migrations_runner.upgrade(database)
     execute(database, "UPDATE submaps SET landmarks = zeroblob(160) WHERE id = 'p0'")
     reader = Database(database.path, read_only=True)
     assert list(renew(reader)) == []
@@ -211,6 +211,9 @@ def test_the_command_tells_what_it_did(urquhart: Urquhart, tmp_path: Path) -> No
     make_old(tmp_path / "old.db", OLD).dispose()
     said = urquhart("db", "upgrade", "--database", tmp_path / "old.db")
     assert (said.code, said.err) == (0, "")
-    assert said.out == f"{tmp_path / 'old.db'}: schema {schema.expected_revision()}, features of 3 submaps made anew\n"
+    assert (
+        said.out
+        == f"{tmp_path / 'old.db'}: schema {migrations_runner.expected_revision()}, features of 3 submaps made anew\n"
+    )
     assert "nothing to do" in urquhart("db", "upgrade", "--database", tmp_path / "old.db").out
     assert urquhart("db", "check", "--database", tmp_path / "old.db").out.endswith("clean\n")

@@ -16,8 +16,8 @@ import pytest
 
 from server.checks.inspection import inspect
 from server.errors import StorageAltered
-from server.store import schema
-from server.store.database import Database
+from server.store import migrations_runner
+from server.store.sqlite.database import Database
 from tests.server.processes import Server
 from tests.server.world import forest, points
 
@@ -237,7 +237,7 @@ def test_a_file_that_is_written_to_in_place(serve: Callable[..., Server], path: 
 def test_a_log_that_is_cut_off_and_grows_again(path: Path, kept: float) -> None:
     """A commit at that moment writes behind the end, and the log is as long as its index says, with a hole in it."""
     database = Database(path)
-    schema.upgrade(database)
+    migrations_runner.upgrade(database)
     log = path.with_name(f"{path.name}-wal")
     size = log.stat().st_size
     assert database.trouble() is None
@@ -262,7 +262,7 @@ def test_a_memory_of_the_log_that_is_cut_off(serve: Callable[..., Server], path:
 def test_a_log_is_not_thrown_away_for_want_of_its_database(path: Path) -> None:
     """SQLite would delete it when it makes the file that is not there."""
     database = Database(path)
-    schema.upgrade(database)
+    migrations_runner.upgrade(database)
     copy = path.with_name("copy.db")
     shutil.copy(path, copy)
     shutil.copy(f"{path}-wal", f"{copy}-wal")
@@ -271,7 +271,7 @@ def test_a_log_is_not_thrown_away_for_want_of_its_database(path: Path) -> None:
     kept = path.with_name("copy.db-wal").read_bytes()
     assert kept
     with pytest.raises(StorageAltered, match="Put the database back beside it"):
-        schema.upgrade(Database(copy))
+        migrations_runner.upgrade(Database(copy))
     assert path.with_name("copy.db-wal").read_bytes() == kept and not copy.exists()
 
 
@@ -279,8 +279,8 @@ def test_what_sqlite_does_is_no_alarm(tmp_path: Path) -> None:
     """Checkpoints of every kind, by this process and by others, and files that grow and shrink."""
     path = tmp_path / "busy.db"
     database, reader = Database(path), Database(path, read_only=True)
-    schema.upgrade(database)
-    schema.upgrade(reader)
+    migrations_runner.upgrade(database)
+    migrations_runner.upgrade(reader)
     script = (
         "import sqlite3,sys\n"
         "c = sqlite3.connect(sys.argv[1], timeout=60, isolation_level=None)\n"

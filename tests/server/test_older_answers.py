@@ -8,8 +8,8 @@ import httpx
 import orjson
 import pytest
 
-from server.http.dependencies import Service
 from server.queries.older_answers import completed
+from server.runtime import Service
 from server.schemas.queries import QueryAnswer
 from tests.server.world import forest, observed, points, put_submap
 

@@ -12,14 +12,14 @@ from pathlib import Path
 import httpx
 import pytest
 
-from server import keys
-from server.access import Scope
+from server.config.settings import Limits
 from server.errors import Overloaded, TooManyRequests
-from server.http.gate import Gate
+from server.http.admission.gate import Gate
 from server.queries import lookup
-from server.rates import Rates
 from server.schemas.queries import QueryAnswer
-from server.settings import Limits
+from server.security import api_keys
+from server.security.principal import Scope
+from server.security.rate_limit import Rates
 from tests.server.served import PATIENCE, Start, Threaded, read_all, starting, together, wait_until
 from tests.server.world import forest, points
 
@@ -169,7 +169,7 @@ def test_who_asks_too_often_is_told_when_to_come_back(start: Start) -> None:
 
 def test_each_key_has_a_rate_of_its_own_and_forgers_have_that_of_their_address(start: Start) -> None:
     server = start(requests_per_second=0.01)
-    made = [keys.make(server.service.database, name, [Scope.READ], ["*"])[0] for name in ("a", "b")]
+    made = [api_keys.make(server.service.database, name, [Scope.READ], ["*"])[0] for name in ("a", "b")]
     time.sleep(1.1)  # until it is known that there are keys
     bearers = [{"Authorization": f"Bearer {key}"} for key in made]
     asked = [server.client.get("/v1/collections", headers=one).status_code for one in (*bearers, *bearers)]

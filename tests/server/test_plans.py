@@ -6,11 +6,11 @@ from typing import Any
 import pytest
 from sqlalchemy import event
 
-from server.store import schema
-from server.store.database import Database
-from server.store.described import Described
-from server.store.found import found_submaps
-from server.store.submaps import Submaps
+from server.store import migrations_runner
+from server.store.repositories.candidate_rows import found_submaps
+from server.store.repositories.feature_rows import Described
+from server.store.repositories.submaps import Submaps
+from server.store.sqlite.database import Database
 
 
 @pytest.mark.parametrize(
@@ -25,7 +25,7 @@ from server.store.submaps import Submaps
 )
 def test_submaps_asked_for_by_key_are_found_by_key(tmp_path: Path, read: Any) -> None:
     database = Database(tmp_path / "plans.sqlite")
-    schema.upgrade(database)
+    migrations_runner.upgrade(database)
     database.dispose()
     said: list[str] = []
     event.listen(database.engine, "connect", lambda connection, _: connection.set_trace_callback(said.append))

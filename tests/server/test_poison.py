@@ -11,13 +11,13 @@ import httpx
 import pytest
 
 from server.app import create_app
+from server.config.settings import JobSettings, Limits, Settings
 from server.errors import WorkerLost
-from server.intake import batches
-from server.intake.isolation import Isolated
-from server.intake.workers import Workers
 from server.jobs.assignment import Assignment
-from server.settings import JobSettings, Limits, Settings
-from server.store.jobs import Jobs
+from server.platform.isolated_process import Isolated
+from server.platform.process_pool import Workers
+from server.store.repositories.jobs import Jobs
+from server.submaps import batches
 from tests.server import labour
 from tests.server.poisoning import poisoned
 from tests.server.test_jobs import finished, line, results, upload

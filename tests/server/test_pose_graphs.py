@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from server.constraint_formats import write_out
-from server.constraints import measured
+from server.constraints.extraction import measured
+from server.constraints.formats import write_out
 from urquhart import SE2, Config, Recognizer, describe
 
 gtsam = pytest.importorskip("gtsam", reason="there is no wheel of GTSAM for this platform")

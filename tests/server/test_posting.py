@@ -10,11 +10,12 @@ import httpx
 import pytest
 from fastapi import FastAPI
 
-from server import idempotency, keys
-from server.access import Scope
-from server.identifiers import new_id
-from server.keys import Doorkeeper
-from server.store.idempotency import Answers
+from server.platform.ids import new_id
+from server.resources import idempotency
+from server.security import api_keys
+from server.security.authenticator import Doorkeeper
+from server.security.principal import Scope
+from server.store.repositories.stored_responses import Answers
 from tests.server.world import forest, observed, points, put_submap
 
 SUBMAPS = "/v1/collections/plots/submaps"
@@ -124,7 +125,7 @@ def test_answers_are_forgotten_in_time_and_with_the_collection(
 
 def test_keys_of_callers_are_their_own(client: httpx.Client, app: FastAPI) -> None:
     store = app.state.service.database
-    secrets = [keys.make(store, name, list(Scope), ["*"])[0] for name in "ab"]
+    secrets = [api_keys.make(store, name, list(Scope), ["*"])[0] for name in "ab"]
     app.state.doorkeeper = Doorkeeper(app.state.service.settings, store)
     for secret in secrets:
         headers = {"Idempotency-Key": "k", "Authorization": f"Bearer {secret}"}

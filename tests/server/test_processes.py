@@ -8,8 +8,8 @@ from pathlib import Path
 
 import httpx
 
-from server.store.database import Database
-from server.store.integrity import findings
+from server.checks.integrity import findings
+from server.store.sqlite.database import Database
 from tests.server.processes import Server
 from tests.server.world import forest, observed, points, put_submap
 

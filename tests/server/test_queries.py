@@ -9,7 +9,7 @@ from fastapi import FastAPI
 from sqlalchemy import update
 
 from server.app import create_app
-from server.settings import Limits, Settings
+from server.config.settings import Limits, Settings
 from server.store.tables import SubmapRow
 from tests.server.served import together
 from tests.server.world import TestClient, forest, observed, points, put_submap

@@ -5,8 +5,8 @@ from pathlib import Path
 
 from fastapi import FastAPI
 
-from server.http.reference import reference
-from server.kinds import KINDS
+from server.http.documentation.reference import reference
+from server.problem_types import KINDS
 
 DOCS = Path(__file__).parents[2] / "docs"
 

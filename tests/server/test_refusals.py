@@ -9,8 +9,8 @@ import httpx
 import pytest
 
 from server.app import create_app
-from server.intake import bulk
-from server.settings import Limits, Settings
+from server.config.settings import Limits, Settings
+from server.submaps import bulk
 from tests.server.test_jobs import finished, line, results, upload
 from tests.server.world import TestClient
 

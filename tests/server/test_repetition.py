@@ -11,12 +11,12 @@ import pytest
 from fastapi import FastAPI
 from sqlalchemy import func, select, update
 
-from server import keys
-from server.access import Scope
-from server.keys import Doorkeeper
-from server.store import idempotency
-from server.store.database import Database
-from server.store.idempotency import Answers
+from server.security import api_keys
+from server.security.authenticator import Doorkeeper
+from server.security.principal import Scope
+from server.store.repositories import stored_responses
+from server.store.repositories.stored_responses import Answers
+from server.store.sqlite.database import Database
 from server.store.tables import IdempotencyRow
 from tests.server.processes import Server
 from tests.server.world import forest, points
@@ -82,7 +82,7 @@ def test_old_answers_are_swept_some_at_a_time(database: Database) -> None:
 
 
 def test_only_the_newest_answers_are_kept(database: Database, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(idempotency, "_MOST", 10)
+    monkeypatch.setattr(stored_responses, "_MOST", 10)
     since = datetime.now(UTC) - timedelta(hours=24)
     for i in range(30):
         with database.write() as session:
@@ -94,7 +94,9 @@ def test_only_the_newest_answers_are_kept(database: Database, monkeypatch: pytes
 
 def test_a_question_on_the_way_needs_leave_to_read(client: httpx.Client, app: FastAPI) -> None:
     store = app.state.service.database
-    writer, both = (keys.make(store, "a", scopes, ["*"])[0] for scopes in ([Scope.WRITE], [Scope.WRITE, Scope.READ]))
+    writer, both = (
+        api_keys.make(store, "a", scopes, ["*"])[0] for scopes in ([Scope.WRITE], [Scope.WRITE, Scope.READ])
+    )
     app.state.doorkeeper = Doorkeeper(app.state.service.settings, store)
     for secret, wanted, status in ((writer, False, 201), (writer, True, 403), (both, True, 201)):
         sent: dict[str, Any] = {"xy": points(forest(1))} | ({"query": {}} if wanted else {})

@@ -12,23 +12,25 @@ from pathlib import Path
 
 import pytest
 
-from server import keys, registry
-from server.access import Scope
 from server.checks.inspection import inspect
+from server.collections import registry
+from server.config.settings import Limits
 from server.errors import Conflict, DatabaseTooNew, DomainError, NotADatabase, NotFound, StorageDamaged, StorageFull
 from server.index.catalog import Catalog
-from server.intake import ingest
-from server.metrics.metrics import Metrics
-from server.preconditions import Preconditions
+from server.observability.metrics import Metrics
+from server.resources.preconditions import Preconditions
 from server.schemas.collections import CollectionPatch, CollectionPut
 from server.schemas.submaps import SubmapInput
-from server.settings import Limits
+from server.security import api_keys
+from server.security.principal import Scope
 from server.snapshots import restoring, snapshots
 from server.snapshots.restoring import Source, find, restore, verify
 from server.snapshots.snapshot_folder import SnapshotFolder
-from server.store import occupancy, schema
-from server.store.database import Database
-from server.store.jobs import Jobs
+from server.store import migrations_runner
+from server.store.repositories.jobs import Jobs
+from server.store.sqlite import database_lock
+from server.store.sqlite.database import Database
+from server.submaps import ingest
 from tests.server.index_world import Process, trees
 from tests.server.processes import Server
 from tests.server.steps import killed_at_every_step
@@ -39,7 +41,7 @@ from tests.server.world import forest, points, put_submap
 def process(tmp_path: Path) -> Iterator[Process]:
     """A database with the collection `plots` and an index with small segments."""
     made = Process(tmp_path / "stand.db")
-    schema.upgrade(made.database)
+    migrations_runner.upgrade(made.database)
     registry.ensure(made.database, "plots", CollectionPut())
     yield made
     made.close()
@@ -67,7 +69,7 @@ def beside(path: Path) -> list[str]:
 def agreed(path: Path) -> None:
     """Everything agrees in a database, segments that are not there apart."""
     store = Database(path)
-    schema.claim(store)
+    migrations_runner.claim(store)
     restoring.forget_unusable(store)
     assert list(inspect(store)) == []
     store.dispose()
@@ -217,13 +219,13 @@ def process_time(process: Process) -> object:
 
 
 def test_keys_are_those_of_then(process: Process) -> None:
-    _, info = keys.make(process.database, "robot", [Scope.READ], ["*"])
+    _, info = api_keys.make(process.database, "robot", [Scope.READ], ["*"])
     source = snapshot(process)
-    keys.revoke(process.database, info.id)
+    api_keys.revoke(process.database, info.id)
     process.close()
     restore(source, process.database.path, force=True)
     store = Database(process.database.path)
-    assert [key.revoked for key in keys.listed(store)] == [None]
+    assert [key.revoked for key in api_keys.listed(store)] == [None]
     store.dispose()
 
 
@@ -231,7 +233,7 @@ def test_a_snapshot_of_an_older_version_is_upgraded(process: Process, tmp_path: 
     process.put("p", 1)
     shutil.copy(snapshot(process).file, tmp_path / "older.db")
     older = Database(tmp_path / "older.db")
-    schema.downgrade(older, "0004")
+    migrations_runner.downgrade(older, "0004")
     older.dispose()
     with closing(sqlite3.connect(tmp_path / "older.db")) as connection:
         connection.execute("PRAGMA journal_mode = DELETE")
@@ -355,10 +357,10 @@ def test_nobody_may_have_the_database_open(process: Process) -> None:
 def test_who_comes_meanwhile_waits(process: Process) -> None:
     path = process.database.path
     process.close()
-    with occupancy.alone(path):
+    with database_lock.alone(path):
         impatient = Database(path, busy_timeout=0.05)
         with pytest.raises(DomainError, match="is being restored"):
-            schema.upgrade(impatient)
+            migrations_runner.upgrade(impatient)
         impatient.dispose()
 
 
@@ -502,7 +504,7 @@ def test_links_lead_to_one_lock_and_one_folder(process: Process, tmp_path: Path)
     link = tmp_path / "elsewhere" / "link.db"
     link.parent.mkdir()
     link.symlink_to(process.database.path)
-    assert occupancy.lock_path(link) == occupancy.lock_path(process.database.path)
+    assert database_lock.lock_path(link) == database_lock.lock_path(process.database.path)
     source = snapshot(process)
     process.put("late", 2)
     process.close()

@@ -14,15 +14,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from server import registry
 from server.checks.agreement import index_findings
+from server.collections import registry
 from server.index.compaction import FANOUT, plan
 from server.index.flushing import flush, rebuild
 from server.index.segment_folder import SegmentFolder
 from server.schemas.collections import CollectionPut
-from server.store.database import Database
-from server.store.described import Described
-from server.store.segments import Listed, Segments, trusted
+from server.store.repositories.feature_rows import Described
+from server.store.repositories.segments import Listed, Segments, trusted
+from server.store.sqlite.database import Database
 from tests.server.index_world import Process, damage
 from urquhart import Config
 from urquhart.index.segment import Segment

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
-from server.settings import IndexSettings, Limits, Settings
+from server.config.settings import IndexSettings, Limits, Settings
 
 
 def test_defaults() -> None:

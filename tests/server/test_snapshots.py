@@ -17,21 +17,22 @@ import httpx
 import pytest
 from fastapi import FastAPI
 
-from server import keys, registry
-from server.access import Scope
 from server.app import create_app
+from server.collections import registry
+from server.config.settings import Limits, Settings, SnapshotSettings
 from server.errors import StorageFull
-from server.http.dependencies import Service
-from server.intake import ingest
-from server.keys import Doorkeeper
+from server.runtime import Service
 from server.schemas.collections import CollectionPut
 from server.schemas.submaps import SubmapInput
-from server.settings import Limits, Settings, SnapshotSettings
+from server.security import api_keys
+from server.security.authenticator import Doorkeeper
+from server.security.principal import Scope
 from server.snapshots import restoring, snapshot_folder, snapshots
 from server.snapshots.snapshot_folder import SnapshotFolder
-from server.store import database as store_database
-from server.store import schema
-from server.store.database import Database
+from server.store import migrations_runner
+from server.store.sqlite import database as store_database
+from server.store.sqlite.database import Database
+from server.submaps import ingest
 from tests.server.processes import Server
 from tests.server.steps import killed_at_every_step
 from tests.server.world import TestClient, forest, points, put_submap
@@ -169,7 +170,7 @@ def test_only_for_keys_that_see_everything(client: httpx.Client, app: FastAPI, s
     put_submap(client, "plots", "p", 1).raise_for_status()
     ring = service.database
     made = {
-        name: keys.make(ring, name, scopes, patterns)[0]
+        name: api_keys.make(ring, name, scopes, patterns)[0]
         for name, scopes, patterns in (
             ("owner", list(Scope), ["*"]),
             ("bound", list(Scope), ["plots"]),
@@ -356,7 +357,7 @@ def test_killed_at_any_step(tmp_path: Path) -> None:
 
 def store_database_with(database: Database, seeds: range) -> None:
     """Forests under their seeds in the collection `plots`."""
-    schema.upgrade(database)
+    migrations_runner.upgrade(database)
     registry.ensure(database, "plots", CollectionPut())
     for seed in seeds:
         body = SubmapInput.model_validate({"xy": points(forest(seed, count=30, radius=25.0))})

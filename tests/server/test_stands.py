@@ -13,17 +13,17 @@ from typing import Any
 import numpy as np
 import pytest
 
+from server.checks.integrity import findings
 from server.commands.index import ensure_collection
+from server.config.settings import Limits
 from server.schemas.collections import CollectionPut
-from server.settings import Limits
-from server.stem_maps import replacing
+from server.stem_maps import replacement
 from server.stem_maps.reader import StemMap
-from server.stem_maps.replacing import StandError
+from server.stem_maps.replacement import StandError
 from server.stem_maps.stands import StandReport, cut_stand, store_stand
-from server.store import schema
-from server.store.database import Database
-from server.store.integrity import findings
-from server.store.stands import Stands
+from server.store import migrations_runner
+from server.store.repositories.stands import Stands
+from server.store.sqlite.database import Database
 from tests.server.cli.conftest import urquhart
 from tests.server.cli.world import Urquhart, refused, write_observation
 from tests.server.world import Client, points
@@ -65,7 +65,7 @@ def poses_in(path: Path) -> set[tuple[str, float, float]]:
 @pytest.fixture
 def database(tmp_path: Path) -> Any:
     made = Database(tmp_path / "stands.db")
-    schema.upgrade(made)
+    migrations_runner.upgrade(made)
     ensure_collection(made, "c")
     yield made
     made.dispose()
@@ -196,7 +196,7 @@ def test_readers_see_all_of_the_old_stand_until_all_of_the_new_one(
     before, seen = poses_in(database.path), []
     for name in ("put", "adopt", "remove"):
         monkeypatch.setattr(Stands, name, _after(getattr(Stands, name), lambda: seen.append(poses_in(database.path))))
-    monkeypatch.setattr(replacing, "_IN_MEMORY", 1000)  # the rest waits in the file
+    monkeypatch.setattr(replacement, "_IN_MEMORY", 1000)  # the rest waits in the file
     report = put_stand(database, as_map(trees))
     assert seen == [before] * 3
     assert {name for name, _, _ in poses_in(database.path)} == {disc.submap_id for disc in report.cut.discs}

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from server.stem_maps.discs import without_twins
 from server.stem_maps.reader import StemMap, StemMapError, read_stem_map
+from server.stem_maps.tiling import without_twins
 from tests.server.cli.conftest import urquhart
 from tests.server.cli.world import Urquhart, refused
 

@@ -10,12 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import ArrayLike
 
-from server.intake.batches import read_line
+from server.config.settings import Limits
 from server.schemas.common import check_id
-from server.settings import Limits
-from server.stem_maps.discs import MERGE_DISTANCE, MINIMUM_TREES, CuttingError, cut, merge
 from server.stem_maps.reader import StemMap, StemMapError, read_stem_map
 from server.stem_maps.stands import StandError, cut_stand, lines_of
+from server.stem_maps.tiling import MERGE_DISTANCE, MINIMUM_TREES, CuttingError, cut, merge
+from server.submaps.batches import read_line
 
 STEM_MAPS = Path(__file__).parents[2] / "data" / "stem_maps"
 

@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from server.errors import InvalidField
-from server.schemas.pointers import pointer
-from server.schemas.strict_json import read_json
+from server.parsing.field_errors import pointer
+from server.parsing.strict_json import read_json
 from tests.server.test_jobs import finished, results, upload
 from tests.server.world import forest, points
 

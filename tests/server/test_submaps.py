@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from server.checks.contents import content_findings
-from server.http.dependencies import Service
+from server.runtime import Service
 from tests.server.world import forest, points, put_submap
 
 PLOTS = "/v1/collections/plots"

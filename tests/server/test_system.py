@@ -10,9 +10,9 @@ import pytest
 
 from server.app import create_app
 from server.errors import StorageDamaged
-from server.http.dependencies import Service
-from server.kinds import KINDS, TABLE
-from server.store.schema import expected_revision
+from server.problem_types import KINDS, TABLE
+from server.runtime import Service
+from server.store.migrations_runner import expected_revision
 from tests.server.world import TestClient, forest, points, put_submap
 
 OPERATIONS = {

@@ -9,11 +9,11 @@ from typing import Any
 import httpx
 import pytest
 
-from server.intake import ingest
+from server.config.settings import Limits
 from server.queries import lookup, loop_closing
 from server.schemas.submaps import SubmapInput
-from server.settings import Limits
-from server.store.database import Database
+from server.store.sqlite.database import Database
+from server.submaps import ingest
 from tests.server.processes import Server
 from tests.server.world import forest, observed, points
 

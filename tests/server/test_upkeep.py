@@ -16,15 +16,15 @@ import pytest
 from fastapi import FastAPI
 from sqlalchemy import event
 
-from server import registry
 from server.app import create_app
-from server.http.dependencies import Service
-from server.index import flushing, upkeep
+from server.collections import registry
+from server.config.settings import IndexSettings, Settings
+from server.index import flushing, maintenance
 from server.index.flushing import Stopped
+from server.runtime import Service
 from server.schemas.collections import CollectionPut
-from server.settings import IndexSettings, Settings
-from server.store.database import Database
-from server.store.segments import all_chains
+from server.store.repositories.segments import all_chains
+from server.store.sqlite.database import Database
 from tests.server.index_world import Process
 from tests.server.world import TestClient, forest, points, put_submap
 from urquhart.index.segment import merge_segments
@@ -159,7 +159,7 @@ def test_a_full_disk_while_merging(process: Process, monkeypatch: pytest.MonkeyP
     process.put_many(range(4))
     process.upkeep.settle("plots")
     with monkeypatch.context() as patched:
-        patched.setattr(upkeep, "merge", full)
+        patched.setattr(maintenance, "merge", full)
         process.put_many(range(4, 8))
         process.held()
         process.upkeep.run()
@@ -230,7 +230,7 @@ def test_what_fails_is_tried_again_later_and_later(
     process: Process, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     now = [1000.0]
-    monkeypatch.setattr("server.index.upkeep.time", SimpleNamespace(monotonic=lambda: now[0]))
+    monkeypatch.setattr("server.index.maintenance.time", SimpleNamespace(monotonic=lambda: now[0]))
     tried: list[float] = []
 
     def fail(*_: object, **__: object) -> int:
@@ -239,7 +239,7 @@ def test_what_fails_is_tried_again_later_and_later(
 
     process.put_many(range(5))
     with monkeypatch.context() as patched:
-        patched.setattr(upkeep, "flush", fail)
+        patched.setattr(maintenance, "flush", fail)
         for _ in range(2000):
             process.upkeep.run()
             now[0] += 1.0

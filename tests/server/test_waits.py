@@ -11,7 +11,7 @@ import httpx
 import pytest
 
 from server.jobs import queue
-from server.store.database import Database
+from server.store.sqlite.database import Database
 from tests.server.served import PATIENCE, Start, Threaded, read_all, starting, wait_until
 from tests.server.test_disconnect import finish, reset
 from tests.server.world import forest, points, put_submap

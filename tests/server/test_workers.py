@@ -15,7 +15,7 @@ import pytest
 
 from server import errors
 from server.errors import DomainError, InvalidField, InvalidLandmarks, NotFound, TooLarge, WorkerLost
-from server.intake.workers import Work, Workers
+from server.platform.process_pool import Work, Workers
 from tests.server import labour
 from tests.server.labour import gone, until
 
@@ -187,7 +187,7 @@ def test_closing_ends_the_processes_and_what_they_are_at(pool: Workers, tmp_path
 SCRIPT = """
 import sys
 from tests.server import labour
-from server.intake.workers import Work, Workers
+from server.platform.process_pool import Work, Workers
 if __name__ == "__main__":
     workers = Workers(3, warm_up=labour.load, patience=0.0)
     labour.start(workers)

@@ -9,8 +9,8 @@ import httpx
 import pytest
 from fastapi import FastAPI
 
-from server.http.dependencies import Service
 from server.queries import lookup
+from server.runtime import Service
 from tests.server.world import forest, observed, points, put_submap
 
 COLLECTION = "/v1/collections/plots"

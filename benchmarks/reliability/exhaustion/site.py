@@ -11,10 +11,10 @@ import httpx
 
 from benchmarks.reliability.exhaustion.strike import give_way
 from benchmarks.served import Served, served
-from server import keys
-from server.access import Scope
-from server.store import schema
-from server.store.database import Database
+from server.security import api_keys
+from server.security.principal import Scope
+from server.store import migrations_runner
+from server.store.sqlite.database import Database
 
 ATTACKER: Final = "attacker"
 HONEST: Final = "honest"
@@ -52,9 +52,9 @@ class Site:
     def __enter__(self) -> "Site":
         database = Database(self.database)
         try:
-            schema.upgrade(database)
+            migrations_runner.upgrade(database)
             for name in (ATTACKER, HONEST):
-                secret, info = keys.make(database, name, list(Scope), [f"{name}*"], None)
+                secret, info = api_keys.make(database, name, list(Scope), [f"{name}*"], None)
                 self.keys[name], self._ids[name] = secret, info.id
         finally:
             database.dispose()
@@ -80,7 +80,7 @@ class Site:
         """Take a caller's key away, as an operator does on the host."""
         database = Database(self.database)
         try:
-            keys.revoke(database, self._ids[name])
+            api_keys.revoke(database, self._ids[name])
         finally:
             database.dispose()
 

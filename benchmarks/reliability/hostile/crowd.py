@@ -11,10 +11,10 @@ import httpx
 from benchmarks.experiments import Figures
 from benchmarks.reliability.trees import body
 from benchmarks.served import Served, served
-from server import registry
+from server.collections import registry
 from server.schemas.collections import CollectionPut
-from server.store import schema
-from server.store.database import Database
+from server.store import migrations_runner
+from server.store.sqlite.database import Database
 
 _FILLED: Final = 100
 """Every so many collections, one has a submap."""
@@ -34,7 +34,7 @@ def run(*, quick: bool, seed: int) -> Figures:
         began = time.perf_counter()
         database = Database(path)
         try:
-            schema.upgrade(database)
+            migrations_runner.upgrade(database)
             for number in range(count):
                 registry.ensure(database, f"c{number}", CollectionPut())
         finally:

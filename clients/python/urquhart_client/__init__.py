@@ -5,8 +5,8 @@ with Client("http://127.0.0.1:8420") as client:
     if result.verdict == "matched": ...
 """
 
-from urquhart_client._bodies import UNSET
-from urquhart_client._retry import Retry
+from urquhart_client._protocol.bodies import UNSET
+from urquhart_client._protocol.retry import Retry
 from urquhart_client.client import AsyncClient, Client
 from urquhart_client.errors import ConnectionFailed, ProblemError, UnexpectedAnswer, UrquhartError
 from urquhart_client.models import (

@@ -11,8 +11,8 @@ from typing import Any, Final, NoReturn
 import httpx
 from pydantic import BaseModel
 
-from urquhart_client._files import FileError, read_body, read_csv
-from urquhart_client._retry import Retry
+from urquhart_client._protocol.files import FileError, read_body, read_csv
+from urquhart_client._protocol.retry import Retry
 from urquhart_client.client import Client
 from urquhart_client.errors import UrquhartError
 from urquhart_client.work import Job, Progress

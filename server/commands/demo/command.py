@@ -5,7 +5,7 @@ from typing import Annotated, Final
 
 import typer
 
-from server.commands.failure import Failure
+from server.commands.support.failure import Failure
 
 STEM_MAPS: Final = Path(__file__).resolve().parents[3] / "data" / "stem_maps"
 

@@ -14,13 +14,14 @@ from rich.table import Table
 import urquhart
 from server.commands.demo.observations import HARD, RIGHT_DEGREES, RIGHT_METRES, Answer, Question, Stand, ask, judge
 from server.commands.demo.service import running_service
-from server.commands.failure import Failure
-from server.commands.index import ensure_collection, progress_bar, sentence
-from server.settings import Limits
+from server.commands.index import ensure_collection, sentence
+from server.commands.support.failure import Failure
+from server.commands.support.progress import progress_bar
+from server.config.settings import Limits
 from server.stem_maps.reader import StemMap, read_stem_map
 from server.stem_maps.stands import cut_stand, store_stand
-from server.store.database import Database
-from server.store.schema import upgrade
+from server.store.migrations_runner import upgrade
+from server.store.sqlite.database import Database
 from urquhart_client import Client
 
 COLLECTION: Final = "forests"

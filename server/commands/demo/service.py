@@ -11,8 +11,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
-from server.commands.failure import Failure
-from server.commands.signals import handled
+from server.commands.support.failure import Failure
+from server.commands.support.signals import handled
 from urquhart_client import Client, ConnectionFailed, ProblemError
 
 START_SECONDS: Final = 180.0

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from server.store import database as store_database
+from server.store.sqlite import database as store_database
 from tests.server.cli.world import LONGLEAF, STEM_MAPS, Urquhart, refused
 
 # --------------------------------------------------------------- database

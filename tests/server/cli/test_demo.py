@@ -18,7 +18,7 @@ import pytest
 from server.cli import run
 from server.commands.demo.observations import Question, Stand, ask, judge
 from server.commands.demo.service import running_service
-from server.commands.failure import Failure
+from server.commands.support.failure import Failure
 from server.stem_maps.reader import StemMap, read_stem_map
 from urquhart import SE2
 from urquhart_client import Client, ConnectionFailed, ProblemError, QueryResult

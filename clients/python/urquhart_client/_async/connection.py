@@ -10,9 +10,9 @@ from typing import Any, Self, TypeVar
 import httpx
 from pydantic import BaseModel
 
-from urquhart_client._exchange import Request, answer, bearer, failed, foreign, labelled, retry_after
-from urquhart_client._pools import Pools, this_loop
-from urquhart_client._retry import Retry
+from urquhart_client._protocol.exchange import Request, answer, bearer, failed, foreign, labelled, retry_after
+from urquhart_client._protocol.pools import Pools, this_loop
+from urquhart_client._protocol.retry import Retry
 from urquhart_client.models import Page
 
 T = TypeVar("T")

@@ -6,8 +6,8 @@ from collections.abc import AsyncIterator, Callable, Mapping
 from pathlib import Path
 from typing import Any, Literal
 
-from urquhart_client import _job_requests
 from urquhart_client._async.connection import AsyncConnection
+from urquhart_client._protocol import job_requests
 from urquhart_client.errors import UnexpectedAnswer
 from urquhart_client.work import Job, JobLine, Progress, Snapshot
 
@@ -48,26 +48,26 @@ class AsyncJobCalls(AsyncConnection):
             if progress is not None:
                 progress(Progress("sending", read, size))
 
-        job = await self._send(_job_requests.post_import(collection, source, on_conflict, mode, idempotency_key, sent))
+        job = await self._send(job_requests.post_import(collection, source, on_conflict, mode, idempotency_key, sent))
         return await self.wait_for_job(job.id, progress=progress) if wait else job
 
     async def reindex(self, collection: str) -> Job:
         """Have the index of a collection written anew; the job that does it."""
-        return await self._send(_job_requests.post_reindex(collection))
+        return await self._send(job_requests.post_reindex(collection))
 
     async def constraints(self, collection: str, body: Mapping[str, Any] | None = None) -> Job:
         """Have submaps looked up in each other; the job that does it. `body`: filters and gates, see the API."""
-        return await self._send(_job_requests.post_constraints(collection, dict(body or {})))
+        return await self._send(job_requests.post_constraints(collection, dict(body or {})))
 
     def jobs(
         self, *, state: str | None = None, collection: str | None = None, page_size: int | None = None
     ) -> AsyncIterator[Job]:
         """Jobs, the newest first; a page is fetched when it is needed."""
-        return self._pages(lambda cursor: _job_requests.get_jobs(state, collection, page_size, cursor))
+        return self._pages(lambda cursor: job_requests.get_jobs(state, collection, page_size, cursor))
 
     async def get_job(self, job_id: str, *, wait: float = 0.0) -> Job:
         """How far a job is; answered at its end, or after `wait` seconds."""
-        return await self._send(_job_requests.get_job(job_id, wait))
+        return await self._send(job_requests.get_job(job_id, wait))
 
     async def wait_for_job(
         self, job_id: str, *, timeout: float | None = None, progress: Callable[[Progress], None] | None = None
@@ -90,39 +90,39 @@ class AsyncJobCalls(AsyncConnection):
 
     async def delete_job(self, job_id: str) -> Job | None:
         """Dismiss an unfinished job, which ends after what is at hand; or forget a finished one (None)."""
-        return await self._send(_job_requests.delete_job(job_id))
+        return await self._send(job_requests.delete_job(job_id))
 
     async def job_results(self, job_id: str) -> AsyncIterator[JobLine]:
         """What became of each line of an import, as it comes in."""
-        async for line in self._lines(_job_requests.get_results(job_id, "results")):
+        async for line in self._lines(job_requests.get_results(job_id, "results")):
             yield JobLine.model_validate_json(line)
 
     async def job_errors(self, job_id: str) -> AsyncIterator[JobLine]:
         """The lines of an import that were refused."""
-        async for line in self._lines(_job_requests.get_results(job_id, "errors")):
+        async for line in self._lines(job_requests.get_results(job_id, "errors")):
             yield JobLine.model_validate_json(line)
 
     async def constraints_of(self, job_id: str, wanted: Literal["json", "g2o", "matrices"] = "json") -> str:
         """What a job found of how submaps lie to each other, in a format."""
-        return await self._send(_job_requests.get_constraints(job_id, wanted))
+        return await self._send(job_requests.get_constraints(job_id, wanted))
 
     # ------------------------------------------------------------ snapshots
 
     async def create_snapshot(self, name: str | None = None) -> Snapshot:
         """Keep the whole database as it is now."""
-        return await self._send(_job_requests.post_snapshot(name))
+        return await self._send(job_requests.post_snapshot(name))
 
     def snapshots(self, *, page_size: int | None = None) -> AsyncIterator[Snapshot]:
         """Snapshots that are kept; a page is fetched when it is needed."""
-        return self._pages(lambda cursor: _job_requests.get_snapshots(page_size, cursor))
+        return self._pages(lambda cursor: job_requests.get_snapshots(page_size, cursor))
 
     async def get_snapshot(self, name: str) -> Snapshot:
         """What a snapshot holds."""
-        return await self._send(_job_requests.get_snapshot(name))
+        return await self._send(job_requests.get_snapshot(name))
 
     async def delete_snapshot(self, name: str) -> None:
         """Forget a snapshot."""
-        await self._send(_job_requests.delete_snapshot(name))
+        await self._send(job_requests.delete_snapshot(name))
 
     async def download_snapshot(self, name: str, path: str | Path) -> Path:
         """Write a snapshot's database to a file that is not there yet; it appears when it is whole and right.
@@ -137,7 +137,7 @@ class AsyncJobCalls(AsyncConnection):
         part, digest = target.with_name(f"{target.name}.part"), hashlib.sha256()
         try:
             with part.open("wb") as file:
-                async for piece in self._pieces(_job_requests.get_snapshot_file(name)):
+                async for piece in self._pieces(job_requests.get_snapshot_file(name)):
                     digest.update(piece)
                     file.write(piece)
             if digest.hexdigest() != about.sha256:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Literal
 
-from urquhart_client import _job_requests
+from urquhart_client._protocol import job_requests
 from urquhart_client._sync.connection import Connection
 from urquhart_client.errors import UnexpectedAnswer
 from urquhart_client.work import Job, JobLine, Progress, Snapshot
@@ -48,26 +48,26 @@ class JobCalls(Connection):
             if progress is not None:
                 progress(Progress("sending", read, size))
 
-        job = self._send(_job_requests.post_import(collection, source, on_conflict, mode, idempotency_key, sent))
+        job = self._send(job_requests.post_import(collection, source, on_conflict, mode, idempotency_key, sent))
         return self.wait_for_job(job.id, progress=progress) if wait else job
 
     def reindex(self, collection: str) -> Job:
         """Have the index of a collection written anew; the job that does it."""
-        return self._send(_job_requests.post_reindex(collection))
+        return self._send(job_requests.post_reindex(collection))
 
     def constraints(self, collection: str, body: Mapping[str, Any] | None = None) -> Job:
         """Have submaps looked up in each other; the job that does it. `body`: filters and gates, see the API."""
-        return self._send(_job_requests.post_constraints(collection, dict(body or {})))
+        return self._send(job_requests.post_constraints(collection, dict(body or {})))
 
     def jobs(
         self, *, state: str | None = None, collection: str | None = None, page_size: int | None = None
     ) -> Iterator[Job]:
         """Jobs, the newest first; a page is fetched when it is needed."""
-        return self._pages(lambda cursor: _job_requests.get_jobs(state, collection, page_size, cursor))
+        return self._pages(lambda cursor: job_requests.get_jobs(state, collection, page_size, cursor))
 
     def get_job(self, job_id: str, *, wait: float = 0.0) -> Job:
         """How far a job is; answered at its end, or after `wait` seconds."""
-        return self._send(_job_requests.get_job(job_id, wait))
+        return self._send(job_requests.get_job(job_id, wait))
 
     def wait_for_job(
         self, job_id: str, *, timeout: float | None = None, progress: Callable[[Progress], None] | None = None
@@ -90,39 +90,39 @@ class JobCalls(Connection):
 
     def delete_job(self, job_id: str) -> Job | None:
         """Dismiss an unfinished job, which ends after what is at hand; or forget a finished one (None)."""
-        return self._send(_job_requests.delete_job(job_id))
+        return self._send(job_requests.delete_job(job_id))
 
     def job_results(self, job_id: str) -> Iterator[JobLine]:
         """What became of each line of an import, as it comes in."""
-        for line in self._lines(_job_requests.get_results(job_id, "results")):
+        for line in self._lines(job_requests.get_results(job_id, "results")):
             yield JobLine.model_validate_json(line)
 
     def job_errors(self, job_id: str) -> Iterator[JobLine]:
         """The lines of an import that were refused."""
-        for line in self._lines(_job_requests.get_results(job_id, "errors")):
+        for line in self._lines(job_requests.get_results(job_id, "errors")):
             yield JobLine.model_validate_json(line)
 
     def constraints_of(self, job_id: str, wanted: Literal["json", "g2o", "matrices"] = "json") -> str:
         """What a job found of how submaps lie to each other, in a format."""
-        return self._send(_job_requests.get_constraints(job_id, wanted))
+        return self._send(job_requests.get_constraints(job_id, wanted))
 
     # ------------------------------------------------------------ snapshots
 
     def create_snapshot(self, name: str | None = None) -> Snapshot:
         """Keep the whole database as it is now."""
-        return self._send(_job_requests.post_snapshot(name))
+        return self._send(job_requests.post_snapshot(name))
 
     def snapshots(self, *, page_size: int | None = None) -> Iterator[Snapshot]:
         """Snapshots that are kept; a page is fetched when it is needed."""
-        return self._pages(lambda cursor: _job_requests.get_snapshots(page_size, cursor))
+        return self._pages(lambda cursor: job_requests.get_snapshots(page_size, cursor))
 
     def get_snapshot(self, name: str) -> Snapshot:
         """What a snapshot holds."""
-        return self._send(_job_requests.get_snapshot(name))
+        return self._send(job_requests.get_snapshot(name))
 
     def delete_snapshot(self, name: str) -> None:
         """Forget a snapshot."""
-        self._send(_job_requests.delete_snapshot(name))
+        self._send(job_requests.delete_snapshot(name))
 
     def download_snapshot(self, name: str, path: str | Path) -> Path:
         """Write a snapshot's database to a file that is not there yet; it appears when it is whole and right.
@@ -137,7 +137,7 @@ class JobCalls(Connection):
         part, digest = target.with_name(f"{target.name}.part"), hashlib.sha256()
         try:
             with part.open("wb") as file:
-                for piece in self._pieces(_job_requests.get_snapshot_file(name)):
+                for piece in self._pieces(job_requests.get_snapshot_file(name)):
                     digest.update(piece)
                     file.write(piece)
             if digest.hexdigest() != about.sha256:

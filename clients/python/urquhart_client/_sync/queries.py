@@ -4,8 +4,8 @@ from collections.abc import Iterable, Mapping
 from datetime import datetime
 from typing import Any
 
-from urquhart_client import _bodies, _requests
-from urquhart_client._bodies import Diameters, Landmarks, Points
+from urquhart_client._protocol import bodies, requests
+from urquhart_client._protocol.bodies import Diameters, Landmarks, Points
 from urquhart_client._sync.connection import Connection
 from urquhart_client.errors import ProblemError
 from urquhart_client.models import Explanation, Method, QueryResult
@@ -57,8 +57,8 @@ class QueryCalls(Connection):
             timeout_ms: milliseconds after which the service answers with what it found so far (`no_match`, reason
                 `deadline`); less than the client's own `timeout`, so that there is an answer.
         """
-        body = _bodies.query_body(
-            _bodies.observation(xy, ids, dbh, landmarks, submap_id),
+        body = bodies.query_body(
+            bodies.observation(xy, ids, dbh, landmarks, submap_id),
             limit=limit,
             method=method,
             seed=seed,
@@ -72,7 +72,7 @@ class QueryCalls(Connection):
             pairs=pairs,
             timeout_ms=timeout_ms,
         )
-        return self._send(_requests.post_query(collection, body))
+        return self._send(requests.post_query(collection, body))
 
     def query_batch(
         self, collection: str, queries: Iterable[Mapping[str, Any]], *, timeout_ms: int | None = None
@@ -83,20 +83,20 @@ class QueryCalls(Connection):
             queries: each like `{"xy": [[x, y], ...], "limit": 3}` or `{"submap_id": "p7"}`.
             timeout_ms: milliseconds for all of them; in the place of those that are not begun by then stands a problem.
         """
-        return self._send(_requests.post_batch(collection, [dict(query) for query in queries], timeout_ms))
+        return self._send(requests.post_batch(collection, [dict(query) for query in queries], timeout_ms))
 
     def get_query(self, collection: str, query_id: str) -> QueryResult:
         """A stored query's result again."""
-        return self._send(_requests.get_query(collection, query_id))
+        return self._send(requests.get_query(collection, query_id))
 
     def match_svg(self, collection: str, query_id: str, rank: int = 1) -> str:
         """A stored query's candidate as a drawing: both sets of landmarks, overlaid, and the inlier pairs."""
-        return self._send(_requests.get_match_svg(collection, query_id, rank))
+        return self._send(requests.get_match_svg(collection, query_id, rank))
 
     def explanation(self, collection: str, query_id: str) -> Explanation:
         """Why a stored query was answered as it was: stages, findings, rivals, gates."""
-        return self._send(_requests.get_explanation(collection, query_id))
+        return self._send(requests.get_explanation(collection, query_id))
 
     def explanation_svg(self, collection: str, query_id: str) -> str:
         """The explanation as a drawing."""
-        return self._send(_requests.get_explanation_svg(collection, query_id))
+        return self._send(requests.get_explanation_svg(collection, query_id))

@@ -3,8 +3,8 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from urquhart_client import _bodies, _requests
-from urquhart_client._bodies import UNSET, Unset
+from urquhart_client._protocol import bodies, requests
+from urquhart_client._protocol.bodies import UNSET, Unset
 from urquhart_client._sync.connection import Connection
 from urquhart_client.models import Collection, Limits
 
@@ -14,31 +14,31 @@ class ServiceCalls(Connection):
 
     def landing(self) -> dict[str, Any]:
         """What the service is and where its parts are."""
-        return self._send(_requests.get_landing())
+        return self._send(requests.get_landing())
 
     def live(self) -> dict[str, Any]:
         """Answers when the process runs."""
-        return self._send(_requests.get_probe("livez"))
+        return self._send(requests.get_probe("livez"))
 
     def ready(self) -> dict[str, Any]:
         """Answers when the service takes requests; until then a `ProblemError` with status 503 names the open check."""
-        return self._send(_requests.get_probe("readyz"))
+        return self._send(requests.get_probe("readyz"))
 
     def metrics(self) -> str:
         """The service's metrics, in Prometheus' text format."""
-        return self._send(_requests.get_metrics())
+        return self._send(requests.get_metrics())
 
     def limits(self) -> Limits:
         """What requests are held to."""
-        return self._send(_requests.get_limits())
+        return self._send(requests.get_limits())
 
     def collections(self, *, page_size: int | None = None) -> Iterator[Collection]:
         """All collections; a page is fetched when it is needed."""
-        return self._pages(lambda cursor: _requests.get_collections(page_size, cursor))
+        return self._pages(lambda cursor: requests.get_collections(page_size, cursor))
 
     def get_collection(self, collection: str) -> Collection:
         """One collection, with its counts and revision."""
-        return self._send(_requests.get_collection(collection))
+        return self._send(requests.get_collection(collection))
 
     def put_collection(
         self,
@@ -51,7 +51,7 @@ class ServiceCalls(Connection):
         frames: Mapping[str, Mapping[str, Any]] | None = None,
     ) -> Collection:
         """Create a collection. With the same content it may be repeated; with another `config` it is refused (409)."""
-        return self._send(_requests.put_collection(collection, title, config, crs, origin, frames))
+        return self._send(requests.put_collection(collection, title, config, crs, origin, frames))
 
     def patch_collection(
         self,
@@ -63,9 +63,9 @@ class ServiceCalls(Connection):
         frames: Mapping[str, Mapping[str, Any] | None] | Unset = UNSET,
     ) -> Collection:
         """Change what is given; None clears a field, and takes the CRS of one of the `frames` away."""
-        changes = _bodies.changes(title=title, crs=crs, origin=origin, frames=frames)
-        return self._send(_requests.patch_collection(collection, changes))
+        changes = bodies.changes(title=title, crs=crs, origin=origin, frames=frames)
+        return self._send(requests.patch_collection(collection, changes))
 
     def delete_collection(self, collection: str) -> None:
         """Delete a collection and its submaps."""
-        self._send(_requests.delete_collection(collection))
+        self._send(requests.delete_collection(collection))

@@ -4,8 +4,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import datetime
 from typing import Any
 
-from urquhart_client import _bodies, _requests
-from urquhart_client._bodies import UNSET, Diameters, Landmarks, Points, Pose, Unset
+from urquhart_client._protocol import bodies, requests
+from urquhart_client._protocol.bodies import UNSET, Diameters, Landmarks, Points, Pose, Unset
 from urquhart_client._sync.connection import Connection
 from urquhart_client.models import Submap, SubmapReceipt, Tessellation
 from urquhart_client.work import SessionSummary
@@ -49,10 +49,10 @@ class SubmapCalls(Connection):
             if_match: the `etag` that must be stored, or `*` for any; otherwise the service refuses (412).
             if_none_match: `*` to create only.
         """
-        body = _bodies.submap_body(
-            _bodies.landmarks(xy, ids, dbh, landmarks), frame_id, stamp, session, map_pose, properties, query
+        body = bodies.submap_body(
+            bodies.landmarks(xy, ids, dbh, landmarks), frame_id, stamp, session, map_pose, properties, query
         )
-        return self._send(_requests.put_submap(collection, submap_id, body, if_match, if_none_match))
+        return self._send(requests.put_submap(collection, submap_id, body, if_match, if_none_match))
 
     def post_submap(
         self,
@@ -76,10 +76,10 @@ class SubmapCalls(Connection):
             idempotency_key: the same for every attempt to store this submap; made up when left out, so that this call
                 may send it again, but another call would store it again.
         """
-        body = _bodies.submap_body(
-            _bodies.landmarks(xy, ids, dbh, landmarks), frame_id, stamp, session, map_pose, properties, query
+        body = bodies.submap_body(
+            bodies.landmarks(xy, ids, dbh, landmarks), frame_id, stamp, session, map_pose, properties, query
         )
-        return self._send(_requests.post_submap(collection, body, idempotency_key))
+        return self._send(requests.post_submap(collection, body, idempotency_key))
 
     def submaps(
         self,
@@ -96,11 +96,11 @@ class SubmapCalls(Connection):
             bbox: (x minimum, y minimum, x maximum, y maximum), metres, map frame.
             interval: an instant or an interval `from/to` in RFC 3339, either end `..` for open.
         """
-        return self._pages(lambda cursor: _requests.get_submaps(collection, bbox, interval, session, page_size, cursor))
+        return self._pages(lambda cursor: requests.get_submaps(collection, bbox, interval, session, page_size, cursor))
 
     def get_submap(self, collection: str, submap_id: str) -> Submap:
         """One submap with its landmarks."""
-        return self._send(_requests.get_submap(collection, submap_id))
+        return self._send(requests.get_submap(collection, submap_id))
 
     def patch_submap(
         self,
@@ -124,27 +124,27 @@ class SubmapCalls(Connection):
             xy, ids, dbh, landmarks: as of `put_submap`, the landmarks that take the place of all that were there.
             if_match: the `etag` that must be stored, or `*` for any; otherwise the service refuses (412).
         """
-        trees = {} if xy is None and landmarks is None else _bodies.landmarks(xy, ids, dbh, landmarks)
+        trees = {} if xy is None and landmarks is None else bodies.landmarks(xy, ids, dbh, landmarks)
         if not trees and (ids is not None or dbh is not None):
             raise ValueError("ids and dbh go with xy")
-        seen = stamp if isinstance(stamp, Unset) else _bodies.rfc3339(stamp)
-        changes = trees | _bodies.changes(
+        seen = stamp if isinstance(stamp, Unset) else bodies.rfc3339(stamp)
+        changes = trees | bodies.changes(
             frame_id=frame_id, stamp=seen, session=session, map_pose=map_pose, properties=properties
         )
-        return self._send(_requests.patch_submap(collection, submap_id, changes, if_match))
+        return self._send(requests.patch_submap(collection, submap_id, changes, if_match))
 
     def delete_submap(self, collection: str, submap_id: str, *, if_match: str | None = None) -> None:
         """Delete a submap; the next query does not find it."""
-        self._send(_requests.delete_submap(collection, submap_id, if_match))
+        self._send(requests.delete_submap(collection, submap_id, if_match))
 
     def tessellation(self, collection: str, submap_id: str) -> Tessellation:
         """Triangles, interior polygons and descriptors of a submap."""
-        return self._send(_requests.get_tessellation(collection, submap_id))
+        return self._send(requests.get_tessellation(collection, submap_id))
 
     def tessellation_svg(self, collection: str, submap_id: str) -> str:
         """The tessellation as a drawing."""
-        return self._send(_requests.get_tessellation_svg(collection, submap_id))
+        return self._send(requests.get_tessellation_svg(collection, submap_id))
 
     def sessions(self, collection: str, *, page_size: int | None = None) -> Iterator[SessionSummary]:
         """The sessions of a collection by name; a page is fetched when it is needed."""
-        return self._pages(lambda cursor: _requests.get_sessions(collection, page_size, cursor))
+        return self._pages(lambda cursor: requests.get_sessions(collection, page_size, cursor))

@@ -1,0 +1,103 @@
+"""Requests about long work and snapshots; see `_requests`."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import httpx
+
+from urquhart_client._protocol.exchange import Request, Upload, model, nothing, page, text
+from urquhart_client._protocol.requests import JSON, collection_path, once, parameters, segment, with_body
+from urquhart_client.models import Page
+from urquhart_client.work import Job, Snapshot
+
+_NDJSON = "application/x-ndjson"
+
+
+def post_import(
+    collection: str, source: Path, on_conflict: str, mode: str, key: str | None, sent: Callable[[int], None]
+) -> Request[Job]:
+    """Upload a file."""
+    headers = {"Content-Type": _NDJSON, "Content-Encoding": "gzip", "Accept": JSON} | once(key)
+    upload = Upload(source, packed=source.name.endswith(".gz"), sent=sent)
+    return Request(
+        "POST",
+        f"{collection_path(collection)}/imports",
+        model(Job),
+        params={"on_conflict": on_conflict, "mode": mode},
+        headers=headers,
+        content=upload,
+    )
+
+
+def post_reindex(collection: str) -> Request[Job]:
+    """Have an index written anew."""
+    return Request("POST", f"{collection_path(collection)}/reindex", model(Job), headers=once())
+
+
+def post_constraints(collection: str, body: Mapping[str, Any]) -> Request[Job]:
+    """Have constraints looked for."""
+    return with_body("POST", f"{collection_path(collection)}/constraints", body, model(Job), once())
+
+
+def get_jobs(state: str | None, collection: str | None, limit: int | None, cursor: str | None) -> Request[Page[Job]]:
+    """A page of jobs."""
+    asked = parameters(state=state, collection=collection, limit=limit, cursor=cursor)
+    return Request("GET", "/v1/jobs", page("jobs", Job), params=asked)
+
+
+def get_job(job_id: str, wait: float) -> Request[Job]:
+    """A job."""
+    return Request("GET", _job(job_id), model(Job), params={"wait": wait})
+
+
+def delete_job(job_id: str) -> Request[Job | None]:
+    """Dismiss or forget a job."""
+
+    def parse(response: httpx.Response) -> Job | None:
+        return model(Job)(response) if response.status_code == 202 else None
+
+    return Request("DELETE", _job(job_id), parse, headers=once())
+
+
+def get_results(job_id: str, what: str) -> Request[str]:
+    """Lines of results or errors."""
+    return Request("GET", f"{_job(job_id)}/{what}", text)
+
+
+def get_constraints(job_id: str, wanted: str) -> Request[str]:
+    """Constraints in a format."""
+    return Request("GET", f"{_job(job_id)}/results", text, params={"format": wanted})
+
+
+def post_snapshot(name: str | None) -> Request[Snapshot]:
+    """Make a snapshot."""
+    return with_body("POST", "/v1/snapshots", {} if name is None else {"name": name}, model(Snapshot), once())
+
+
+def get_snapshots(limit: int | None, cursor: str | None) -> Request[Page[Snapshot]]:
+    """A page of snapshots."""
+    return Request("GET", "/v1/snapshots", page("snapshots", Snapshot), params=parameters(limit=limit, cursor=cursor))
+
+
+def get_snapshot(name: str) -> Request[Snapshot]:
+    """What a snapshot holds."""
+    return Request("GET", _snapshot(name), model(Snapshot), headers={"Accept": JSON})
+
+
+def get_snapshot_file(name: str) -> Request[str]:
+    """A snapshot's database."""
+    return Request("GET", _snapshot(name), text, headers={"Accept": "application/vnd.sqlite3"})
+
+
+def delete_snapshot(name: str) -> Request[None]:
+    """Forget a snapshot."""
+    return Request("DELETE", _snapshot(name), nothing, headers=once())
+
+
+def _job(job_id: str) -> str:
+    return f"/v1/jobs/{segment(job_id, 'job')}"
+
+
+def _snapshot(name: str) -> str:
+    return f"/v1/snapshots/{segment(name, 'snapshot')}"

@@ -1,0 +1,189 @@
+"""Coordinate reference systems: from map frames to longitude and latitude, as RFC 7946 wants them."""
+
+from functools import lru_cache
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from pyproj import CRS, Proj, Transformer
+from pyproj.exceptions import CRSError, ProjError
+
+from server.errors import InvalidField
+from server.store.repositories.map_frames import FrameReference
+from server.store.repositories.submaps import Place
+from urquhart import SE2
+
+_DECIMALS: Final = 8  # about a millimetre
+_TOLERANCE: Final = 1.0
+"""Degrees that a place may lie outside a system's area of use: maps do not end at the border of a UTM zone."""
+_DISTORTION: Final = 1.1
+"""Largest scale, or inverse of it, of a system that can hold submaps, whose metres are metres on the ground.
+
+National grids stay within 1.05 in their area of use; Web Mercator (EPSG:3857) reaches 1.41 at 45 degrees north.
+"""
+
+
+def check_crs(name: str, pointer: str = "/crs") -> None:
+    """Raise InvalidField unless the system `name` is projected, in metres, and true to scale where it is used."""
+    try:
+        crs = CRS.from_user_input(name)
+    except CRSError as error:
+        raise InvalidField(
+            "is not a coordinate reference system that is known; give an authority code such as 'EPSG:32633'",
+            code="crs",
+            pointer=pointer,
+        ) from error
+    fault = _fault(crs)
+    if fault is not None:
+        raise InvalidField(
+            f"must be a projected system in metres, as map poses are: {crs.name} {fault}. "
+            "Take the UTM zone of the place, such as 'EPSG:32633', or the national grid in metres.",
+            code="crs",
+            pointer=pointer,
+        )
+
+
+def _fault(crs: CRS) -> str | None:
+    """Why map poses cannot be given in a system; None when they can."""
+    axes = crs.axis_info[:2]
+    if crs.is_geographic:
+        return "gives degrees"
+    if not crs.is_projected:
+        return "is not projected"
+    units = sorted({axis.unit_name for axis in axes if axis.unit_conversion_factor != 1.0})
+    if units:
+        return f"is in {' and '.join(units)}"
+    if {axis.direction.lower() for axis in axes} != {"east", "north"}:
+        return f"has axes that point {' and '.join(axis.direction for axis in axes)}, where x is east and y north"
+    scale = _largest_scale(crs)
+    if scale > _DISTORTION:
+        return f"is not true to scale: within its area of use a metre on the ground becomes up to {scale:.3g} m"
+    return None
+
+
+def _largest_scale(crs: CRS) -> float:
+    """How far the scale departs from 1, as a factor of 1 or more, over the area of use; 1 where that is not known."""
+    area = crs.area_of_use
+    if area is None:
+        return 1.0
+    width = (area.east - area.west) % 360.0 or 360.0
+    middle = (area.south + area.north) / 2
+    largest = 1.0
+    for lon in (area.west, area.west + width / 2, area.west + width):
+        for lat in (area.south, (area.south + middle) / 2, middle, (middle + area.north) / 2, area.north):
+            largest = max(largest, _scale_at(crs, lon, lat))
+    return largest
+
+
+def _scale_at(crs: CRS, lon: float, lat: float) -> float:
+    try:
+        factors = Proj(crs).get_factors((lon + 180.0) % 360.0 - 180.0, lat)
+    except ProjError:
+        return 1.0  # the corner of a box, where the system has no place
+    scales = np.array([factors.meridional_scale, factors.parallel_scale])
+    if not np.isfinite(scales).all() or (scales <= 0).any():
+        return 1.0
+    return float(np.maximum(scales, 1.0 / scales).max())
+
+
+class Georeference:
+    """From one map frame to longitude and latitude."""
+
+    def __init__(self, reference: FrameReference) -> None:
+        self.crs = _crs(reference.crs)
+        self._to_wgs84 = _transformer(reference.crs)
+        self._origin = np.array(reference.origin or (0.0, 0.0))
+
+    def lonlat(self, place: Place, xy: NDArray[np.float64]) -> list[list[float]] | None:
+        """Longitude and latitude in degrees of points (N, 2) float64, metres, submap frame.
+
+        None where they lie outside the system's area of use.
+        """
+        degrees = self._degrees(SE2(place.map_x, place.map_y, place.map_yaw).apply(xy))
+        if not all(self._covers(lon, lat) for lon, lat in degrees.tolist()):
+            return None
+        return [[round(lon, _DECIMALS), round(lat, _DECIMALS)] for lon, lat in degrees.tolist()]
+
+    def footprint(self, place: Place, xy: NDArray[np.float64]) -> dict[str, Any] | None:
+        """GeoJSON polygon: the convex hull of the landmarks (N, 2) float64, metres, submap frame.
+
+        The points themselves where they span no area, the frame's origin where there are none; None where they lie
+        outside the system's area of use.
+        """
+        from scipy.spatial import ConvexHull, QhullError
+
+        xy = xy if len(xy) else np.zeros((1, 2))
+        try:
+            hull = xy[ConvexHull(xy).vertices]
+        except (QhullError, ValueError):
+            points = self.lonlat(place, xy)
+            return {"type": "MultiPoint", "coordinates": points} if points else None
+        ring = self.lonlat(place, hull)
+        return polygon(ring) if ring else None
+
+    def fault(self, x: float, y: float) -> str | None:
+        """What is wrong with a point of the map frame, metres; None where the system can hold it."""
+        lon, lat = self._degrees(np.array([[x, y]]))[0].tolist()
+        if not (np.isfinite(lon) and np.isfinite(lat)):
+            return f"nowhere on Earth in {self.crs.name}"
+        where = f"{abs(lon):.2f} {'E' if lon >= 0 else 'W'}, {abs(lat):.2f} {'N' if lat >= 0 else 'S'}"
+        area = self.crs.area_of_use
+        if area is not None and not self._covers(lon, lat):
+            return (
+                f"at {where}, outside the area of use of {self.crs.name} "
+                f"({area.west:g} to {area.east:g} degrees east, {area.south:g} to {area.north:g} north)"
+            )
+        scale = _scale_at(self.crs, lon, lat)
+        if scale > _DISTORTION:
+            return f"at {where}, where a metre on the ground is off by a factor of {scale:.3g} in {self.crs.name}"
+        return None
+
+    def _degrees(self, map_xy: NDArray[np.float64]) -> NDArray[np.float64]:
+        east, north = (map_xy + self._origin).T
+        return np.column_stack(self._to_wgs84.transform(east, north))
+
+    def _covers(self, lon: float, lat: float) -> bool:
+        if not (np.isfinite(lon) and np.isfinite(lat)):
+            return False
+        area = self.crs.area_of_use
+        if area is None:
+            return True
+        width = (area.east - area.west) % 360.0 or 360.0
+        east_of_west = (lon - area.west + _TOLERANCE) % 360.0
+        return east_of_west <= width + 2 * _TOLERANCE and area.south - _TOLERANCE <= lat <= area.north + _TOLERANCE
+
+
+def check_place(place: Place | None, reference: FrameReference | None) -> None:
+    """Raise InvalidField when a pose in a map puts a submap where the map frame's system does not reach."""
+    if place is None or reference is None:
+        return
+    fault = Georeference(reference).fault(*centre(place))
+    if fault is not None:
+        raise InvalidField(
+            f"puts the submap into the map frame {place.map_frame_id!r} {fault}; check the pose, and the frame's crs "
+            "and origin. Poses in full coordinates of the system need no origin.",
+            code="map_pose",
+            pointer="/map_pose",
+        )
+
+
+def centre(place: Place) -> tuple[float, float]:
+    """The middle of a submap's footprint, metres, map frame."""
+    return (place.map_min_x + place.map_max_x) / 2, (place.map_min_y + place.map_max_y) / 2
+
+
+def polygon(ring: list[list[float]]) -> dict[str, Any]:
+    """GeoJSON polygon of an open ring; its outside is wound counter-clockwise."""
+    doubled_area = sum(x0 * y1 - x1 * y0 for (x0, y0), (x1, y1) in zip(ring, [*ring[1:], ring[0]], strict=True))
+    ring = ring if doubled_area >= 0 else ring[::-1]
+    return {"type": "Polygon", "coordinates": [[*ring, ring[0]]]}
+
+
+@lru_cache(maxsize=64)
+def _crs(name: str) -> CRS:
+    return CRS.from_user_input(name)
+
+
+@lru_cache(maxsize=64)
+def _transformer(crs: str) -> Transformer:
+    return Transformer.from_crs(crs, "OGC:CRS84", always_xy=True)

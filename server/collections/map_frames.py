@@ -1,0 +1,91 @@
+"""Where a collection's map frames are on Earth: what is set is checked first, also against the submaps there."""
+
+from collections.abc import Mapping
+
+from sqlalchemy.orm import Session
+
+from server.collections.georeference import Georeference, check_crs
+from server.errors import Conflict, InvalidField
+from server.schemas.collections import MapFrame
+from server.store.repositories.map_frames import DEFAULT_FRAME, FrameReference, Frames
+from server.store.tables import CollectionRow
+
+
+def check_frames(frames: Mapping[str, MapFrame | None] | None) -> None:
+    """Raise InvalidField for a frame whose CRS cannot be used, and for the default frame, which is set elsewhere."""
+    for frame_id, frame in (frames or {}).items():
+        if frame_id == DEFAULT_FRAME:
+            raise InvalidField(
+                f"the map frame {DEFAULT_FRAME!r} has the collection's own crs and origin: set those",
+                code="frames",
+                pointer=_pointer(frame_id),
+            )
+        if frame is not None:
+            check_crs(frame.crs, f"{_pointer(frame_id)}/crs")
+
+
+def must_agree(session: Session, row: CollectionRow, frames: Mapping[str, MapFrame] | None) -> None:
+    """Raise Conflict when one of the frames is another one in the collection."""
+    known = Frames(session, row).some(list(frames or {}))
+    for frame_id, frame in (frames or {}).items():
+        if known.get(frame_id) != _reference(frame):
+            raise Conflict(
+                f"The collection {row.id!r} has another crs or origin for the map frame {frame_id!r}; "
+                "change it by PATCH."
+            )
+
+
+def set_frames(session: Session, row: CollectionRow, frames: Mapping[str, MapFrame | None] | None) -> bool:
+    """Set what is given, None takes a frame's CRS away; whether anything changed.
+
+    Raises InvalidField when a submap would lie where the frame's system does not reach.
+    """
+    repository = Frames(session, row)
+    known = repository.some(list(frames or {}))
+    changed = False
+    for frame_id, frame in (frames or {}).items():
+        reference = _reference(frame)
+        if known.get(frame_id) == reference:
+            continue
+        changed = True
+        repository.put(frame_id, reference)
+        if reference is not None:
+            check_submaps(repository, frame_id, reference, _pointer(frame_id))
+    return changed
+
+
+def check_default_frame(session: Session, row: CollectionRow, pointer: str) -> None:
+    """Raise InvalidField when a submap of the default frame would lie where the collection's CRS does not reach."""
+    repository = Frames(session, row)
+    reference = repository.some([DEFAULT_FRAME]).get(DEFAULT_FRAME)
+    if reference is not None:
+        check_submaps(repository, DEFAULT_FRAME, reference, pointer)
+
+
+def check_submaps(repository: Frames, frame_id: str, reference: FrameReference, pointer: str) -> None:
+    """Raise InvalidField naming the first submap of a frame that the reference would put where it does not reach."""
+    extent = repository.extent(frame_id)
+    if extent is None:
+        return
+    georeference = Georeference(reference)
+    min_x, min_y, max_x, max_y = extent
+    corners = [(x, y) for x in (min_x, max_x) for y in (min_y, max_y)]
+    if not any(georeference.fault(x, y) for x, y in corners):
+        return
+    for submap_id, x, y in repository.centres(frame_id):
+        fault = georeference.fault(x, y)
+        if fault is not None:
+            raise InvalidField(
+                f"puts the submap {submap_id!r} of the map frame {frame_id!r} {fault}; give the crs and origin of "
+                "this frame. Poses in full coordinates of the system need no origin.",
+                code="crs",
+                pointer=pointer,
+            )
+
+
+def _reference(frame: MapFrame | None) -> FrameReference | None:
+    return None if frame is None else FrameReference(frame.crs, frame.origin)
+
+
+def _pointer(frame_id: str) -> str:
+    return "/frames/" + frame_id.replace("~", "~0").replace("/", "~1")

@@ -1,0 +1,247 @@
+"""Collections: made, read, changed, dropped."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from sqlalchemy.orm import Session
+
+from server.collections.georeference import check_crs
+from server.collections.map_frames import check_default_frame, check_frames, must_agree, set_frames
+from server.config.settings import Limits
+from server.errors import Conflict, InvalidField, NotFound
+from server.index.derived import config_of
+from server.resources import links
+from server.resources.idempotency import NO_CONTENT, Kept
+from server.resources.paging import page_size, read_cursor, write_cursor
+from server.resources.preconditions import ANYTHING, Preconditions
+from server.schemas.collections import (
+    Collection,
+    CollectionLinks,
+    CollectionPage,
+    CollectionPatch,
+    CollectionPut,
+    CollectionSummary,
+    Extent,
+    MapFrame,
+    SpatialExtent,
+)
+from server.schemas.common import Counts
+from server.security.principal import Caller
+from server.store.repositories.collections import Collections
+from server.store.repositories.map_frames import Frames
+from server.store.sqlite.database import Database
+from server.store.tables import CollectionRow
+from urquhart import Config, ConfigError
+
+
+@dataclass(frozen=True, slots=True)
+class Ensured:
+    """A collection that is there now."""
+
+    collection: Collection
+    etag: str
+    created: bool
+
+
+def ensure(
+    database: Database, collection_id: str, body: CollectionPut, preconditions: Preconditions = ANYTHING
+) -> Ensured:
+    """Make a collection, or find it there with what the body says.
+
+    Fields that the body leaves out have no opinion. Raises PreconditionFailed, Conflict when the collection differs in
+    one that is given, and InvalidField for a configuration or CRS that cannot be used.
+    """
+    config = checked(body)
+    with database.read() as session:
+        row = Collections(session).get(collection_id)
+        if row is not None:
+            preconditions.check(etag_of(row))
+            _must_agree(session, row, body, config)
+            return Ensured(_full(session, row), etag_of(row), created=False)
+    with database.write() as session:
+        return ensure_in(session, collection_id, body, config, preconditions)
+
+
+def checked(body: CollectionPut | CollectionPatch) -> Config:
+    """The configuration of a body whose CRSs can be used. Raises InvalidField."""
+    if body.crs is not None:
+        check_crs(body.crs)
+    check_frames(body.frames)
+    return read_config(body.config)
+
+
+def ensure_in(
+    session: Session, collection_id: str, body: CollectionPut, config: Config, preconditions: Preconditions
+) -> Ensured:
+    """The same in a write transaction of the caller's; `config` as `checked` returned it."""
+    collections = Collections(session)
+    row = collections.get(collection_id)
+    created = row is None
+    preconditions.check(None if row is None else etag_of(row))
+    if row is None:
+        row = collections.create(
+            collection_id,
+            title=body.title,
+            config=config.to_dict(),
+            fingerprint=config.fingerprint(),
+            crs=body.crs,
+            origin=body.origin,
+        )
+        set_frames(session, row, body.frames)
+    else:
+        _must_agree(session, row, body, config)
+    return Ensured(_full(session, row), etag_of(row), created)
+
+
+def read(database: Database, collection_id: str) -> tuple[Collection, str]:
+    """A collection and its entity tag. Raises NotFound."""
+    with database.read() as session:
+        row = get_collection(session, collection_id)
+        return _full(session, row), etag_of(row)
+
+
+def known_collections(database: Database) -> list[str]:
+    """Ids of all collections, oldest first."""
+    with database.read() as session:
+        return Collections(session).ids()
+
+
+def page(database: Database, limits: Limits, caller: Caller, limit: int | None, cursor: str | None) -> CollectionPage:
+    """A page of the collections that the caller sees, oldest first. Raises InvalidField."""
+    size = page_size(limit, limits)
+    with database.read() as session:
+        rows = Collections(session).page(caller.patterns, after_key=read_cursor("collections", cursor), limit=size + 1)
+    more = len(rows) > size
+    return CollectionPage(
+        collections=[CollectionSummary(**_summary(row)) for row in rows[:size]],
+        next=write_cursor("collections", rows[size - 1].key) if more else None,
+    )
+
+
+def patch(
+    database: Database, collection_id: str, body: CollectionPatch, preconditions: Preconditions = ANYTHING
+) -> tuple[Collection, str]:
+    """Change title, crs, origin or frames. Raises NotFound, Conflict (the configuration stays), InvalidField."""
+    config = checked(body)
+    with database.write() as session:
+        changed = patch_in(session, collection_id, body, config, preconditions)
+        return changed.collection, changed.etag
+
+
+def patch_in(
+    session: Session, collection_id: str, body: CollectionPatch, config: Config, preconditions: Preconditions
+) -> Ensured:
+    """The same in a write transaction of the caller's; `config` as `checked` returned it."""
+    given = body.model_fields_set
+    row = get_collection(session, collection_id)
+    preconditions.check(etag_of(row))
+    if "config" in given and config != config_of(row):
+        raise _other_config(row.id)
+    before = (row.title, row.crs, row.origin_x, row.origin_y)
+    if "title" in given:
+        row.title = body.title
+    if "crs" in given:
+        row.crs = body.crs
+    if "origin" in given:
+        row.origin_x, row.origin_y = body.origin or (None, None)
+    if (row.crs, row.origin_x, row.origin_y) != before[1:]:
+        check_default_frame(session, row, "/crs" if "crs" in given else "/origin")
+    if set_frames(session, row, body.frames) or (row.title, row.crs, row.origin_x, row.origin_y) != before:
+        session.flush()
+        Collections(session).advance(row.key)
+        session.refresh(row)
+    return Ensured(_full(session, row), etag_of(row), created=False)
+
+
+def delete(database: Database, collection_id: str, preconditions: Preconditions = ANYTHING) -> None:
+    """Drop a collection with everything in it. Raises NotFound and PreconditionFailed."""
+    with database.write() as session:
+        delete_in(session, collection_id, preconditions)
+
+
+def delete_in(session: Session, collection_id: str, preconditions: Preconditions) -> Kept:
+    """The same in a write transaction of the caller's; what is answered."""
+    row = get_collection(session, collection_id)
+    preconditions.check(etag_of(row))
+    Collections(session).delete(row.key)
+    return NO_CONTENT
+
+
+def get_collection(session: Session, collection_id: str) -> CollectionRow:
+    """The collection, or NotFound."""
+    row = Collections(session).get(collection_id)
+    if row is None:
+        raise NotFound("collection", collection_id)
+    return row
+
+
+def etag_of(row: CollectionRow) -> str:
+    """Entity tag of a collection: every write moves its revision, and no key comes twice.
+
+    With the time of the last write: a database that was restored comes to the same revision again.
+    """
+    return f"{row.key}-{row.revision}-{row.updated.timestamp() * 1e6:.0f}"
+
+
+def read_config(values: dict[str, Any] | None) -> Config:
+    """The method's configuration. Raises InvalidField."""
+    try:
+        return Config.from_dict(values or {})
+    except ConfigError as error:
+        raise InvalidField(str(error)[:500], code="config", pointer="/config") from error
+
+
+def _must_agree(session: Session, row: CollectionRow, body: CollectionPut, config: Config) -> None:
+    if body.config is not None and config != config_of(row):
+        raise _other_config(row.id)
+    origin = None if row.origin_x is None else (row.origin_x, row.origin_y)
+    for name, wanted, stored in (
+        ("title", body.title, row.title),
+        ("crs", body.crs, row.crs),
+        ("origin", body.origin, origin),
+    ):
+        if wanted is not None and wanted != stored:
+            raise Conflict(f"The collection {row.id!r} exists with another {name}; change it by PATCH.")
+    must_agree(session, row, body.frames)
+
+
+def _other_config(collection_id: str) -> Conflict:
+    return Conflict(
+        f"The collection {collection_id!r} exists with another configuration, which its features are made with. "
+        "Take another id for this one, or delete the collection first."
+    )
+
+
+def _summary(row: CollectionRow) -> dict[str, Any]:
+    return {
+        "id": row.id,
+        "title": row.title,
+        "crs": row.crs,
+        "origin": None if row.origin_x is None or row.origin_y is None else (row.origin_x, row.origin_y),
+        "fingerprint": row.fingerprint,
+        "revision": row.revision,
+        "counts": Counts(submaps=row.submap_count, landmarks=row.landmark_count, polygons=row.polygon_count),
+        "created": row.created,
+        "updated": row.updated,
+        "links": CollectionLinks(
+            self=links.collection(row.id), submaps=links.submaps(row.id), queries=links.queries(row.id)
+        ),
+    }
+
+
+def _full(session: Session, row: CollectionRow) -> Collection:
+    collections = Collections(session)
+    spatial = [
+        SpatialExtent(frame_id=extent.frame_id, bbox=(extent.min_x, extent.min_y, extent.max_x, extent.max_y))
+        for extent in collections.extents(row.key)
+    ]
+    return Collection(
+        # What a stored configuration does not name has its default: it is told whole.
+        **_summary(row),
+        config=Config().to_dict() | row.config,
+        frames={
+            frame_id: MapFrame(crs=reference.crs, origin=reference.origin)
+            for frame_id, reference in Frames(session, row).named().items()
+        },
+        extent=Extent(spatial=spatial, temporal=collections.interval(row.key)),
+    )

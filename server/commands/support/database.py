@@ -1,0 +1,55 @@
+"""The database that a command works on."""
+
+from typing import Any
+
+from server.commands.support.failure import Failure
+from server.config import settings_loading
+from server.config.settings import Settings
+from server.store.feature_backfill import bring_up_to_date
+from server.store.sqlite.database import Database
+
+
+def settings_with(**given: Any) -> Settings:
+    """The settings, with those that are `given` (not None) before those of file and environment.
+
+    Raises:
+        Misconfigured: in a sentence, which cannot be used and why.
+    """
+    return settings_loading.load(**given)
+
+
+def open_database(settings: Settings) -> Database:
+    """The database of `settings`, brought to this version's schema and features.
+
+    Raises:
+        DomainError: it is not a database of this service, of a newer version, cannot be read or written ...
+    """
+    database = Database(
+        settings.database_path, busy_timeout=settings.busy_timeout, read_only=settings.database_read_only
+    )
+    try:
+        bring_up_to_date(database)
+    except BaseException:
+        database.dispose()
+        raise
+    return database
+
+
+def existing_database(settings: Settings) -> Database:
+    """The database of `settings`, as it is.
+
+    Raises:
+        Failure: there is no such file.
+    """
+    check_there(settings)
+    return _database(settings)
+
+
+def check_there(settings: Settings) -> None:
+    """Who mistypes a path is told so, and does not get an empty database. Raises Failure."""
+    if not settings.database_path.is_file():
+        raise Failure(f"{settings.database_path}: no such database; make one with urquhart index or urquhart serve")
+
+
+def _database(settings: Settings) -> Database:
+    return Database(settings.database_path, busy_timeout=settings.busy_timeout, read_only=settings.database_read_only)

@@ -1,0 +1,4 @@
+"""Settings: their model, where they are read from, and the report of what is in force.
+
+Imports nothing of the service.
+"""

@@ -1,0 +1,134 @@
+"""Constraints between the submaps of a collection: found by looking each up, and agreed from both sides.
+
+A constraint is from_T_to: it takes points of the submap `to` into the frame of `from`, p_from = R(yaw) p_to + t. That
+is the pose of `to` seen from `from`, as an edge of a pose graph has it.
+"""
+
+import math
+from collections.abc import Iterable
+from typing import Any, Final
+
+import numpy as np
+
+from server.collections.registry import get_collection
+from server.errors import InvalidField
+from server.queries.lookup import Look
+from server.queries.poses import flat, transform_answer
+from server.schemas.constraints import ConstraintsInput
+from server.schemas.queries import Exclude, QueryInput
+from server.store.repositories.submaps import Submaps
+from server.store.sqlite.database import Database
+from server.store.submap_filter import SubmapFilter
+from server.store.tables import SubmapRow
+from server.submaps.reader import submap_filter
+from urquhart import SE2, Candidate
+
+_SHIFT: Final = 1.0
+"""Metres, and"""
+_TURN: Final = math.radians(5.0)
+"""radians: two finds of a pair that are farther from each other than this contradict each other."""
+
+Found = dict[str, Any]
+"""A constraint as JSON, as it is kept: all of `server.schemas.constraints.Constraint` but `stale`."""
+
+
+def chosen_submaps(body: ConstraintsInput) -> SubmapFilter:
+    """Which submaps are looked up, `submap_ids` apart. Raises InvalidField."""
+    bbox = None if body.bbox is None else ",".join(map(repr, body.bbox))
+    try:
+        return submap_filter(session=body.session, bbox=bbox, frame_id=body.frame_id, datetime_range=body.datetime)
+    except InvalidField as error:  # here they are members, of the same names as the parameters of a listing
+        raise InvalidField(str(error), code=error.code, pointer=f"/{error.parameter}") from error
+
+
+def check_ids(database: Database, collection_id: str, body: ConstraintsInput) -> None:
+    """Refuse submaps that are not there: who names them means them. Raises NotFound and InvalidField."""
+    with database.read() as session:
+        collection = get_collection(session, collection_id)
+        there = Submaps(session, collection.key).keys(body.submap_ids or ())
+    for number, name in enumerate(body.submap_ids or ()):
+        if name not in there:
+            raise InvalidField(f"there is no submap {name!r}", code="not_found", pointer=f"/submap_ids/{number}")
+
+
+def question(row: SubmapRow, body: ConstraintsInput, most: int) -> QueryInput:
+    """The query that looks a submap up among all others that it may be paired with; `most` candidates of any query."""
+    wanted = body.exclude
+    # A submap without a session is of one session with no other, and one without a stamp is close to none in time.
+    possible = row.session is not None or not wanted.same_session
+    possible = possible and (row.stamp is not None or wanted.within_seconds is None)
+    exclude = Exclude()
+    if possible:
+        session = row.session if wanted.same_session else None
+        exclude = Exclude(session=session, within_seconds=wanted.within_seconds)
+    return QueryInput(submap_id=row.id, limit=min(body.per_submap, most), exclude=exclude, pairs=False)
+
+
+def from_look(row: SubmapRow, look: Look, body: ConstraintsInput) -> list[Found]:
+    """Those candidates of a submap's look-up that are accepted and pass the gates, as constraints."""
+    gates = body.gates
+    if look.answer.verdict != "matched":
+        return []
+    return [
+        {
+            "from": one.submap_id,
+            "to": row.id,
+            **measured(found),
+            "inliers": one.inlier_count,
+            "rms": one.rms,
+            "confidence": one.confidence,
+            "from_session": one.session,
+            "to_session": row.session,
+            "from_revision": look.content_revisions[one.submap_id],
+            "to_revision": look.content_revisions[row.id],
+            "warnings": one.warnings,
+        }
+        for one, found in zip(look.answer.candidates, look.candidates, strict=True)
+        if one.refused is None
+        and one.confidence >= gates.confidence
+        and one.inlier_count >= gates.inliers
+        and (gates.rms is None or one.rms <= gates.rms)
+    ]
+
+
+def measured(found: Candidate) -> dict[str, Any]:
+    """What a candidate tells of the pose of `to` in the frame of `from`."""
+    answer = transform_answer(found.transform, found.uncertainty).model_dump()
+    return {
+        "transform": answer | {"covariance_frame": "from", "about": "to_origin"},
+        "information": flat(found.uncertainty.source_information(found.transform)),
+        "information_frame": "to",
+    }
+
+
+def agree(found: Iterable[Found]) -> tuple[list[Found], int]:
+    """One constraint for each pair, the one with more inliers; and how many pairs contradict themselves, left out."""
+    pairs: dict[tuple[str, str], Found | None] = {}
+    contradictions = 0
+    for one in found:
+        pair = min(one["from"], one["to"]), max(one["from"], one["to"])
+        other = pairs.get(pair)
+        if pair not in pairs:
+            pairs[pair] = one
+        elif other is not None:
+            if _contradict(one, other):
+                pairs[pair], contradictions = None, contradictions + 1
+            elif one["inliers"] > other["inliers"]:
+                pairs[pair] = one
+    return [one for one in pairs.values() if one is not None], contradictions
+
+
+def _contradict(one: Found, other: Found) -> bool:
+    """Whether two finds of a pair put the trees in different places. An origin far from them would only swing."""
+    mine, theirs = pose_of(one), pose_of(other)
+    if one["from"] != other["from"]:
+        theirs = theirs.inverse()
+    trees = np.array([one["transform"]["middle"]["source"]])
+    shift, turn = float(np.hypot(*(mine.apply(trees) - theirs.apply(trees))[0])), mine.distance(theirs)[1]
+    return shift > _SHIFT or turn > _TURN
+
+
+def pose_of(one: Found) -> SE2:
+    """from_T_to of a constraint."""
+    at = one["transform"]
+    return SE2(at["x"], at["y"], at["yaw"])

@@ -1,0 +1,151 @@
+"""What keeps a web page from using the service through the browser of somebody who may reach it.
+
+A page of another site can send requests to a service on the reader's own machine, and a page whose name is made to
+resolve to that machine (DNS rebinding) can read the answers as well. A key stops both, because the page does not have
+it. Without keys the names in Host and Origin do.
+"""
+
+import hashlib
+import ipaddress
+import re
+from base64 import b64encode
+from collections.abc import Sequence
+from typing import Final
+from urllib.parse import SplitResult, urlsplit
+
+import anyio.to_thread
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from server.errors import StorageError, UnknownHost
+from server.http.problems import domain_problem
+from server.security.authenticator import Doorkeeper
+
+ANY: Final = "*"
+_SCRIPT: Final = re.compile(r"<script>(.*?)</script>", re.DOTALL)
+_LOOPBACK: Final = frozenset({"localhost", "127.0.0.1", "::1"})
+_PORTS: Final = {"http": 80, "https": 443}
+NOTHING: Final = "default-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+"""The policy of an answer that is no page: nothing in it runs, loads, or is framed."""
+DRAWING: Final = f"{NOTHING}; style-src 'unsafe-inline'; sandbox"
+"""The policy of an SVG drawing: its own styles apply, and a script in it does not run."""
+
+
+def page_policy(html: str) -> str:
+    """The policy of an HTML page of ours: its own inline styles and scripts, and files of this service."""
+    scripts = " ".join(f"'{_hash(text)}'" for text in _SCRIPT.findall(html))
+    # Swagger UI sets styles on elements, and its pictures are data: URLs; a hash allows neither.
+    return (
+        f"default-src 'none'; script-src 'self' {scripts}; style-src 'self' 'unsafe-inline'; img-src 'self' data:; "
+        "connect-src 'self'; font-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+        if scripts
+        else f"{NOTHING}; style-src 'unsafe-inline'"
+    )
+
+
+def _hash(text: str) -> str:
+    return f"sha256-{b64encode(hashlib.sha256(text.encode()).digest()).decode()}"
+
+
+class SafeAnswers:
+    """Every answer tells the browser not to guess its type, not to frame it, and to run nothing that it does not name.
+
+    A route that answers a page sets a policy of its own.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """ASGI."""
+
+        async def marked(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                headers = MutableHeaders(scope=message)
+                is_drawing = headers.get("content-type", "").startswith("image/svg")
+                headers.setdefault("Content-Security-Policy", DRAWING if is_drawing else NOTHING)
+                headers.setdefault("X-Content-Type-Options", "nosniff")
+                headers.setdefault("X-Frame-Options", "DENY")
+                headers.setdefault("Referrer-Policy", "no-referrer")
+            await send(message)
+
+        await self._app(scope, receive, marked)
+
+
+class KnownHosts:
+    """Refuses requests under a host name that is not the service's, and requests that pages of other origins send.
+
+    `allowed` are further names. With some, every request is checked. Without, those of a service that asks for no key
+    are: it answers as localhost, as the address that the connection came to, and, where it listens on all addresses
+    (`everywhere`), under any IP address, which no foreign page can have as its name.
+    """
+
+    def __init__(self, app: ASGIApp, allowed: Sequence[str], keeper: Doorkeeper, *, everywhere: bool) -> None:
+        self._app, self._keeper, self._everywhere = app, keeper, everywhere
+        self._allowed = frozenset(name.lower() for name in allowed)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """ASGI."""
+        if scope["type"] == "http" and ANY not in self._allowed:
+            refusal = self._refusal(scope)
+            if refusal is not None:
+                try:
+                    checked = bool(self._allowed) or not await anyio.to_thread.run_sync(self._keeper.asks_for_keys)
+                except StorageError as error:
+                    await domain_problem(error, scope)(scope, receive, send)
+                    return
+                if checked:
+                    await domain_problem(refusal, scope)(scope, receive, send)
+                    return
+        await self._app(scope, receive, send)
+
+    def _refusal(self, scope: Scope) -> UnknownHost | None:
+        headers = Headers(scope=scope)
+        hosts = headers.getlist("host")
+        for host in hosts:
+            if not self._knows(host, scope):
+                return UnknownHost("Host", host[:100])
+        for origin in headers.getlist("origin"):
+            if not self._is_ours(origin, hosts):
+                return UnknownHost("Origin", origin[:100])
+        return None
+
+    def _knows(self, host: str, scope: Scope) -> bool:
+        split = _split(f"//{host}")
+        name = split.hostname.rstrip(".") if split is not None and split.hostname else ""
+        bound = (scope.get("server") or ("",))[0]
+        if name in _LOOPBACK or name in self._allowed or (name and name == bound):
+            return True
+        return self._everywhere and not self._allowed and _is_address(name)
+
+    def _is_ours(self, origin: str, hosts: Sequence[str]) -> bool:
+        """Whether a page at `origin` came from this service, under the name that the request has, or an allowed one."""
+        split = _split(origin)
+        if split is None or not split.hostname or split.scheme not in _PORTS:
+            return False
+        if split.hostname in self._allowed:
+            return True
+        own = [found for host in hosts if (found := _split(f"{split.scheme}://{host}")) is not None]
+        return any(_place(split) == _place(one) for one in own)
+
+
+def _split(url: str) -> SplitResult | None:
+    """The parts of a URL whose port can be read, else None."""
+    try:
+        split = urlsplit(url)
+        _ = split.port
+    except ValueError:
+        return None
+    return None if split.path or split.query or split.fragment or "@" in split.netloc else split
+
+
+def _place(split: SplitResult) -> tuple[str | None, int]:
+    return split.hostname, split.port or _PORTS[split.scheme]
+
+
+def _is_address(name: str) -> bool:
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,102 @@
+"""JSON bodies: the route that reads them strictly, and what callers are told of those that are not JSON."""
+
+from collections.abc import Callable, Coroutine
+from typing import Any, Final
+
+import anyio.to_thread
+import orjson
+from fastapi import Request, Response
+
+from server.errors import DomainError, InvalidField, MalformedBody, TooLarge, UnsupportedMediaType
+from server.http.authorization import GuardedRoute
+from server.parsing.strict_json import read_json
+
+_LONG: Final = 1 << 14
+"""Bytes of a body that take longer to read and check than a thread takes to begin: about half a millisecond."""
+
+_Check = Callable[..., tuple[Any, Any]]
+"""Makes a model of JSON, and tells what is wrong where it cannot."""
+
+
+class _JsonRequest(Request):
+    """A request whose body is strict JSON. A long one is read and checked in a thread, by `prepare`."""
+
+    async def json(self) -> Any:
+        if not hasattr(self, "_json"):
+            self._json = self._read(await self.body())
+        return self._json
+
+    async def prepare(self, body: bytes, check: _Check) -> None:
+        """Read the body, and check it against the route's model, while others are answered."""
+        self._json = await anyio.to_thread.run_sync(self._validated, body, check)
+
+    def _validated(self, body: bytes, check: _Check) -> Any:
+        """The body as the route's model, which the framework takes as it is; else the content, which it refuses."""
+        content = self._read(body)
+        model, errors = check(content, {}, loc=("body",))
+        return content if errors else model
+
+    def _read(self, body: bytes) -> Any:
+        try:
+            return read_json(body, self.app.state.service.settings.limits.body_values)
+        except orjson.JSONDecodeError as error:
+            raise _Refused(MalformedBody(malformed_detail(error, body))) from error
+        except (InvalidField, TooLarge) as error:
+            raise _Refused(error) from error
+
+
+class _Refused(Exception):
+    """Carries an error past the framework, which turns other errors of the body into its own."""
+
+    def __init__(self, error: DomainError) -> None:
+        super().__init__(str(error))
+        self.error = error
+
+
+class JsonRoute(GuardedRoute):
+    """A guarded route whose body is strict JSON: another content type is 415, what is not JSON 400."""
+
+    def make_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
+        """Wrap the framework's handler."""
+        handle = super().make_handler()
+        field = self.body_field
+
+        async def handle_json(plain: Request) -> Response:
+            if field is None:
+                return await handle(plain)
+            request = _JsonRequest(plain.scope, plain.receive)
+            body = await request.body()  # here, not in the framework, which would hide the body limit's error
+            if body:
+                check_content_type(request.headers.get("content-type"))
+            try:
+                if len(body) > _LONG:
+                    await request.prepare(body, field.validate)
+                return await handle(request)
+            except _Refused as refused:
+                raise refused.error from refused
+            except Exception as error:
+                if isinstance(error.__cause__, _Refused):
+                    raise error.__cause__.error from error.__cause__
+                raise
+
+        return handle_json
+
+
+def check_content_type(content_type: str | None) -> None:
+    """Raise UnsupportedMediaType for a body that is not sent as JSON in UTF-8."""
+    name, *parameters = (part.strip().lower() for part in (content_type or "").split(";"))
+    if name != "application/json":
+        shown = "nothing" if not name else name[:100]
+        raise UnsupportedMediaType(f"Content-Type says {shown}; send JSON with Content-Type: application/json.")
+    for parameter in parameters:
+        if parameter.startswith("charset=") and parameter[8:].strip('"') not in {"utf-8", "utf8"}:
+            raise UnsupportedMediaType("JSON is sent in UTF-8; leave the charset out.")
+
+
+def malformed_detail(error: orjson.JSONDecodeError, body: bytes) -> str:
+    """What is wrong with a body that is not JSON, in a sentence."""
+    where = f"line {error.lineno}, column {error.colno}"
+    around = body[max(error.pos - 1, 0) : error.pos + 9].lstrip(b"-").lower()
+    if around.startswith((b"nan", b"inf")) or b"nan" in around or b"infinity" in around:
+        return f"JSON has no NaN or Infinity ({where}); leave such landmarks out."
+    return f"The body is not JSON: {error.msg.split(': line')[0]} ({where})."

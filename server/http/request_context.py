@@ -1,0 +1,127 @@
+"""What every request gets before it is routed: an id, a line of the log, a count and a time."""
+
+import logging
+import re
+import secrets
+import time
+from collections.abc import Mapping
+
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.requests import ClientDisconnect
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from server.http.problems import internal_problem
+from server.http.routing import matched
+from server.observability.logs import log_access, quoted, shortened
+from server.observability.metrics import Metrics
+from server.observability.request_log import begin as begin_notes
+
+_log = logging.getLogger("server")
+_GIVEN_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
+
+
+class RequestContext:
+    """Gives each request an id (the caller's X-Request-Id, if it is a plain one), counts it, and answers HEAD as GET.
+
+    Each is a line of the log, without what was sent or answered. An exception that nothing handled is logged here with
+    the id and answered as a problem.
+    """
+
+    def __init__(self, app: ASGIApp, metrics: Metrics) -> None:
+        self._app = app
+        self._metrics = metrics
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """ASGI."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        given = Headers(scope=scope).get("x-request-id", "")
+        request_id = given if _GIVEN_ID.fullmatch(given) else secrets.token_hex(8)
+        method = scope["method"]
+        # A copy of the state: that of the lifespan is shared by all requests.
+        state = {**scope.get("state", {}), "request_id": request_id}
+        scope = {**scope, "headers": _folded(scope["headers"]), "state": state}
+        if method == "HEAD":
+            scope["method"] = "GET"
+        status, bytes_in, bytes_out, begun = 500, 0, 0, False
+        started = time.perf_counter()
+        notes = begin_notes()
+
+        async def receive_counting() -> Message:
+            nonlocal bytes_in
+            message = await receive()
+            bytes_in += len(message.get("body", b""))
+            return message
+
+        async def send_with_id(message: Message) -> None:
+            nonlocal status, bytes_out, begun
+            if message["type"] == "http.response.start":
+                begun, status = True, message["status"]
+                MutableHeaders(scope=message)["X-Request-Id"] = request_id
+            elif message["type"] == "http.response.body":
+                if method == "HEAD":
+                    message = {**message, "body": b""}
+                bytes_out += len(message.get("body", b""))
+            await send(message)
+
+        try:
+            await self._app(scope, receive_counting, send_with_id)
+        except ClientDisconnect:
+            status = 499  # as others log a caller that went away; nobody is left to be answered
+        except Exception:
+            _log.exception("request %s: %s %s failed", request_id, quoted(method), quoted(scope["path"]))
+            if begun:
+                raise
+            await internal_problem(scope)(scope, receive, send_with_id)
+        finally:
+            spent = time.perf_counter() - started
+            route, parameters = _route(scope)
+            labelled = method if method in _METHODS else "other"
+            self._metrics.requests.labels(route, labelled, str(status)).inc()
+            self._metrics.request_seconds.labels(route, labelled).observe(spent)
+            caller = scope["state"].get("caller")
+            log_access(
+                {
+                    "request_id": request_id,
+                    "method": method if labelled == method else method[:20],
+                    "route": route,
+                    "path": shortened(scope["path"]),
+                    "status": status,
+                    "ms": round(spent * 1e3, 2),
+                    "bytes_in": bytes_in,
+                    "bytes_out": bytes_out,
+                    "key": caller.id if caller is not None else "",
+                    "collection": parameters.get("collection", ""),
+                    **notes.told(),
+                }
+            )
+
+
+def _route(scope: Scope) -> tuple[str, Mapping[str, str]]:
+    """Template and parameters of the request's path; `unmatched` where nothing is served there."""
+    template = getattr(scope.get("route"), "path", None)
+    if template is not None:
+        return template, scope.get("path_params", {})
+    return matched(scope["app"], scope["path"]) or ("unmatched", {})
+
+
+_LISTS = frozenset(
+    (b"accept", b"accept-encoding", b"content-encoding", b"idempotency-key", b"if-match", b"if-none-match")
+)
+
+
+def _folded(headers: list[tuple[bytes, bytes]]) -> list[tuple[bytes, bytes]]:
+    """Headers that are lists and came in several lines, in one: whoever reads the first would miss the others."""
+    names = [name for name, _ in headers if name in _LISTS]
+    if len(names) == len(set(names)):
+        return headers
+    values: dict[bytes, list[bytes]] = {}
+    for name, value in headers:
+        if name in _LISTS:
+            values.setdefault(name, []).append(value)
+    others = [(name, value) for name, value in headers if name not in _LISTS]
+    return others + [(name, b", ".join(lines)) for name, lines in values.items()]
+
+
+_METHODS = frozenset({"GET", "HEAD", "PUT", "POST", "PATCH", "DELETE", "OPTIONS"})

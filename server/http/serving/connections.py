@@ -1,0 +1,198 @@
+"""Connections: how many there may be, how long one may take to say what it wants, and how they end."""
+
+import asyncio
+import select
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+import h11
+import orjson
+from uvicorn.config import Config
+from uvicorn.protocols.http.h11_impl import H11Protocol
+from uvicorn.server import ServerState
+
+from server.config.settings import Limits
+from server.errors import Overloaded, TooSlow
+from server.http.admission.admission import ABORT
+from server.http.problems import MEDIA_TYPE
+from server.problem_types import OTHER, document, plain
+
+_LAST_WORD = 0.25
+"""Seconds that an idle connection has, when the service ends, to say what it was about to say."""
+_FLUSH = 30.0
+"""Seconds that a caller has to take the rest of an answer after its connection was closed."""
+
+_UNREAD: Final = 0.1
+"""Seconds between two looks whether a caller is gone from whom no more is read, because it sent the next request."""
+_HUNG_UP: Final = getattr(select, "POLLRDHUP", 0) | select.POLLHUP | select.POLLERR
+
+
+class ServerConfig(Config):
+    """The web server's configuration, with what the connections are held to."""
+
+    def __init__(self, app: Any, limits: Limits, reject: Callable[[str], None], **options: Any) -> None:
+        """`reject` is told the reason when a connection is refused or closed to protect the others."""
+        self.limits, self.reject = limits, reject
+        self.idle: dict[Connection, None] = {}
+        """Connections without a request at hand, the one that is idle for longest first."""
+        super().__init__(app, http=Connection, timeout_keep_alive=limits.idle_seconds, **options)  # type: ignore[arg-type]
+
+
+class Connection(H11Protocol):
+    """A connection whose caller has `header_seconds` for the head of each request.
+
+    Where there are too many, the one that is idle for longest is closed; if none is, the new one is refused.
+    """
+
+    config: ServerConfig
+
+    def __init__(
+        self,
+        config: ServerConfig,
+        server_state: ServerState,
+        app_state: dict[str, Any],
+        _loop: asyncio.AbstractEventLoop | None = None,
+    ) -> None:
+        super().__init__(config, server_state, {**app_state, ABORT: self.abort}, _loop)
+        self._head_timer: asyncio.TimerHandle | None = None
+        self._leaving = False
+        self._unread_timer: asyncio.TimerHandle | None = None
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """A caller is here."""
+        super().connection_made(transport)
+        if len(self.connections) > self.config.limits.connections and not self._make_room():
+            self.config.reject("connections")
+            most = self.config.limits.connections
+            self._refuse(document(Overloaded(f"All {most} connections are in use; try again shortly.", 1.0)))
+            return
+        self._sort()
+        self._await_head()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """The caller is gone."""
+        self._head_arrived()
+        self.config.idle.pop(self, None)
+        super().connection_lost(exc)
+
+    def data_received(self, data: bytes) -> None:
+        """Bytes of a request. Those of a body whose answer is given already are waited for no longer than a head."""
+        if self.transport.is_closing():
+            return
+        super().data_received(data)
+        self._sort()
+        if self.is_idle:
+            self._await_head()
+        else:
+            self._head_arrived()
+            if self._leaving:
+                self.cycle.keep_alive = False
+
+    def handle_events(self) -> None:
+        """Requests in what came. Where the next one came before an answer, no more is read, and no end is seen."""
+        super().handle_events()
+        if self._is_unread and self._unread_timer is None:
+            self._unread_timer = self.loop.call_later(_UNREAD, self._look_for_end)
+
+    def on_response_complete(self) -> None:
+        """The answer is given."""
+        super().on_response_complete()
+        self._sort()
+
+    def shutdown(self) -> None:
+        """The service ends: finish what is at hand. What is on its way while nothing is may still come."""
+        if not self.is_idle:
+            self.cycle.keep_alive = False
+            return
+        self._leaving = True
+        self.loop.call_later(_LAST_WORD, self._close_if_idle)
+
+    def abort(self) -> None:
+        """Reset the connection, and drop what was not sent."""
+        self.transport.abort()
+
+    def timeout_keep_alive_handler(self) -> None:
+        """Nothing came for long after an answer."""
+        super().timeout_keep_alive_handler()
+        self._abort_later()
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether no request is at hand: nothing was asked yet, or all is answered."""
+        return self.cycle is None or self.cycle.response_complete
+
+    @property
+    def _is_unread(self) -> bool:
+        """Whether a request is worked on while nothing more is read from its caller."""
+        return self.flow.read_paused and not self.is_idle and not self.cycle.more_body
+
+    def _look_for_end(self) -> None:
+        self._unread_timer = None
+        if self.transport.is_closing() or not self._is_unread:
+            return
+        poll = select.poll()
+        poll.register(self.transport.get_extra_info("socket").fileno(), _HUNG_UP)
+        if poll.poll(0):
+            self.transport.abort()
+        else:
+            self._unread_timer = self.loop.call_later(_UNREAD, self._look_for_end)
+
+    def _sort(self) -> None:
+        """Enter or leave the idle connections. One that sends the head of a request piece by piece keeps its place."""
+        if self.is_idle and not self.transport.is_closing():
+            self.config.idle.setdefault(self)
+        else:
+            self.config.idle.pop(self, None)
+
+    def _make_room(self) -> bool:
+        oldest = next(iter(self.config.idle), None)
+        if oldest is None:
+            return False
+        self.config.reject("connections")
+        del self.config.idle[oldest]
+        oldest.transport.abort()
+        self.connections.discard(oldest)
+        return True
+
+    def _await_head(self) -> None:
+        if self._head_timer is None:
+            self._head_timer = self.loop.call_later(self.config.limits.header_seconds, self._head_is_late)
+
+    def _head_arrived(self) -> None:
+        if self._head_timer is not None:
+            self._head_timer.cancel()
+            self._head_timer = None
+
+    def _head_is_late(self) -> None:
+        self._head_timer = None
+        if self.transport.is_closing() or not self.is_idle:
+            return
+        self.config.reject("slow_head")
+        seconds = self.config.limits.header_seconds
+        self._refuse(document(TooSlow(f"The head of a request must arrive within {seconds:g} s (header_seconds).")))
+
+    def send_400_response(self, msg: str) -> None:
+        """What came is no HTTP, or a body that is none: told as every other error is."""
+        self._refuse(plain(OTHER, msg))
+
+    def _refuse(self, said: Mapping[str, Any]) -> None:
+        """Answer what was not asked, or not as a whole, where that is still possible, and close."""
+        if self.conn.our_state in (h11.IDLE, h11.SEND_RESPONSE):
+            body = orjson.dumps(said)
+            headers = [("Content-Type", MEDIA_TYPE), ("Content-Length", str(len(body))), ("Connection", "close")]
+            if said["status"] == 503:
+                headers.append(("Retry-After", "1"))
+            head = h11.Response(status_code=said["status"], headers=headers, reason=said["title"].encode())
+            for event in (head, h11.Data(data=body), h11.EndOfMessage()):
+                self.transport.write(self.conn.send(event) or b"")
+        self.transport.close()
+        self._abort_later()
+
+    def _close_if_idle(self) -> None:
+        if self.is_idle and not self.transport.is_closing():
+            self.transport.close()
+            self._abort_later()
+
+    def _abort_later(self) -> None:
+        """One who does not take the rest of an answer must not hold the connection for ever."""
+        self.loop.call_later(_FLUSH, self.transport.abort)

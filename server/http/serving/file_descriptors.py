@@ -1,0 +1,68 @@
+"""How many files the process may have open: enough for its connections, and for what they ask for."""
+
+import asyncio
+import logging
+import resource
+import time
+from typing import Any, Final
+
+from server.config.settings import Limits
+from server.errors import Conflict
+
+_RESERVE: Final = 256
+"""Descriptors kept for the database (three for each of its connections), segments, jobs, snapshots and the log."""
+_EACH: Final = 2
+"""Descriptors of a connection: its socket, and a file that is sent or received over it."""
+_LEAST: Final = 2
+_QUIET: Final = 60.0
+"""Seconds between two lines of the log that say that no connection can be accepted."""
+_log = logging.getLogger(__name__)
+
+
+def reserve_files(limits: Limits) -> Limits:
+    """Raise the number of files that may be open to what `limits.connections` need; the limits that can be held.
+
+    Where the system allows fewer, there are fewer connections, and a line of the log says so.
+
+    Raises:
+        Conflict: not even a few connections are possible.
+    """
+    needed = _RESERVE + _EACH * limits.connections
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if soft != resource.RLIM_INFINITY and soft < needed:
+        soft = needed if hard == resource.RLIM_INFINITY else min(needed, hard)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+    if soft == resource.RLIM_INFINITY or soft >= needed:
+        return limits
+    connections = (soft - _RESERVE) // _EACH
+    if connections < _LEAST:
+        raise Conflict(
+            f"the process may open {soft} files only, and needs {_RESERVE + _EACH * _LEAST} at least: raise the limit "
+            "(ulimit -n, LimitNOFILE)"
+        )
+    _log.warning(
+        "the process may open %d files: it takes %d connections instead of %d (limits.connections); raise the limit of "
+        "open files (ulimit -n, LimitNOFILE) to %d for all of them",
+        soft,
+        connections,
+        limits.connections,
+        needed,
+    )
+    return limits.model_copy(update={"connections": connections})
+
+
+class Complaints:
+    """The event loop's complaints: that no connection can be accepted is one line of the log in a while, not each."""
+
+    def __init__(self) -> None:
+        self._not_before = 0.0
+
+    def __call__(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        """As the loop calls its exception handler."""
+        if "socket.accept()" not in context.get("message", ""):
+            loop.default_exception_handler(context)
+            return
+        now = time.monotonic()
+        if now >= self._not_before:
+            self._not_before = now + _QUIET
+            _log.error("no connection can be accepted: %s; trying again every second", context.get("exception"))

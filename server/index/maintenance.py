@@ -1,0 +1,228 @@
+"""Looks after the segments of all collections, beside the requests: written, merged, checked, swept.
+
+Every process has such a thread. Each kind of work is done by one of them at a time; the others see by the list in the
+database what was done and take it over.
+"""
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Final
+
+from server.index.catalog import Catalog
+from server.index.compaction import due, merge
+from server.index.flushing import Progress, Stopped, count_uncovered, flush, flush_state
+from server.index.live_index import LiveIndex, Unusable
+from server.observability.metrics import Metrics
+from server.platform.threads import pin_threads
+from server.store.repositories.collections import Collections
+from server.store.repositories.segments import Listed, all_chains
+from server.store.sqlite.database import Database
+from urquhart.index.collection_index import Part
+
+_SWEEP: Final = 60.0
+"""Seconds between two looks for files that are left over, and at segments that could not be read."""
+_REST: Final = 30.0
+"""Times as long as a look took until the next: with very many collections, to see that all is well is work."""
+_PATIENCE: Final = 300.0
+"""Seconds that something that failed waits at most before it is tried again."""
+_AGAIN: Final = 600.0
+"""Seconds from one comparison of a segment with its checksums to the next."""
+_SHARE: Final = 100.0
+"""Times as long as such a comparison took until the next one of any segment."""
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class _Failure:
+    """Of a task: what it was, how often in a row, and when to try again (`time.monotonic`)."""
+
+    cause: str
+    times: int
+    again: float
+
+
+class Upkeep:
+    """The work on the segments of one process's database; started as a thread, or done at once by `run`."""
+
+    def __init__(self, database: Database, catalog: Catalog, metrics: Metrics) -> None:
+        self._database, self._catalog, self._metrics = database, catalog, metrics
+        self._settled: dict[int, tuple[int, tuple[Listed, ...]]] = {}
+        """Revision and segments at which there was nothing to do for a collection, by key."""
+        self._checked: dict[str, float] = {}
+        """When each segment that is mapped was compared with its checksums last (`time.monotonic`), by name."""
+        self._next_check = 0.0
+        self._failures: dict[str, _Failure] = {}
+        self._swept = -_SWEEP
+        self._look_seconds = 0.0
+        self._thread: threading.Thread | None = None
+
+    def start(self, ready: threading.Event) -> None:
+        """Begin to look after the segments in the background, as soon as `ready` is set."""
+        self._catalog.stopping.clear()
+        self._thread = threading.Thread(target=self._work, args=(ready,), name="upkeep", daemon=True)
+        self._thread.start()
+
+    def stop(self, patience: float = 1.0) -> None:
+        """End that, within about `patience` seconds: what is being merged is given up, and done again another time."""
+        self._catalog.stopping.set()
+        if self._thread is not None:
+            self._thread.join(patience)
+
+    def run(self) -> bool:
+        """Do what is to be done now; what fails is logged, and tried again by a later call. Whether nothing is left.
+
+        Raises StorageError: it cannot even be seen what is to be done. Stopped.
+        """
+        began = time.monotonic()
+        with self._database.read() as session:
+            revisions = Collections(session).revisions(least=1)
+            chains = all_chains(session)
+        self._look_seconds = time.monotonic() - began
+        for key, collection_id, revision in revisions:
+            seen = (revision, chains.get(key, ()))
+            if self._settled.get(key) != seen:
+                self._settled.pop(key, None)
+                if self._try(f"collection {collection_id}", partial(self._tend, collection_id)):
+                    self._settled[key] = seen
+        there = {key for key, _, _ in revisions}
+        self._settled = {key: seen for key, seen in self._settled.items() if key in there}
+        self._try("checks of segments", self._check_again)
+        if time.monotonic() - self._swept >= _SWEEP:
+            self._swept = time.monotonic()
+            self._try("left-over segments", self._sweep)
+        return len(self._settled) == len(there)
+
+    def settle(self, collection_id: str, *, least: int = 1, progress: Progress | None = None) -> int:
+        """Write what no segment holds, `least` submaps or more, and merge what is to be merged; how many were written.
+
+        Raises OSError, StorageError.
+        """
+        with self._metrics.upkeep("flush"):
+            written = flush(self._catalog.shop, collection_id, least=least, progress=progress)
+        self.merge_all(collection_id)
+        return written
+
+    def merge_all(self, collection_id: str) -> None:
+        """Merge what is to be merged of a collection's segments. Raises NotFound, OSError, StorageError."""
+        with self._catalog.view(collection_id):
+            pass
+        self._merge(collection_id)
+
+    def _work(self, ready: threading.Event) -> None:
+        pin_threads()
+        while not self._catalog.stopping.wait(max(self._catalog.settings.upkeep_seconds, _REST * self._look_seconds)):
+            try:
+                if ready.is_set():
+                    self._try("all collections", self.run)
+            except Stopped:
+                return
+
+    def _try(self, task: str, work: Callable[[], bool]) -> bool:
+        """Do a task, unless it failed a short while ago; whether it is done."""
+        failure = self._failures.get(task)
+        if failure is not None and time.monotonic() < failure.again:
+            return False
+        try:
+            done = work()
+        except Stopped:
+            raise
+        except Exception as error:  # noqa: BLE001  whatever happens to one collection, the others are looked after
+            what = (error.strerror or str(error)) if isinstance(error, OSError) else str(error)
+            cause = f"{type(error).__name__}: {what}"
+            times = 1 if failure is None else failure.times + 1
+            if failure is None or failure.cause != cause:
+                _log.warning("segments, %s: %s; trying again later", task, cause, exc_info=error)
+            self._failures[task] = _Failure(cause, times, time.monotonic() + min(2.0**times, _PATIENCE))
+            return False
+        self._failures.pop(task, None)
+        return done
+
+    def _tend(self, collection_id: str) -> bool:
+        self._catalog.refresh(collection_id)
+        done = self._database.read_only or (self._flush(collection_id) and self._merge(collection_id))
+        live = self._catalog.live(collection_id)
+        if live is not None:
+            self._check(live)
+        return done
+
+    def _flush(self, collection_id: str) -> bool:
+        most = self._catalog.settings.flush_submaps
+        if count_uncovered(self._database, collection_id, most + 1) <= most:
+            return True
+        live = self._catalog.live(collection_id)
+        state = live.state if live is not None else None
+        with self._metrics.upkeep("flush"):
+            if live is not None and state is not None and sum(part.living for part in state.delta) > most // 2:
+                written = flush_state(self._catalog.shop, live.key, state)
+            else:
+                written = flush(self._catalog.shop, collection_id, least=most + 1, wait=False)
+        self._catalog.refresh(collection_id)
+        return written > 0
+
+    def _merge(self, collection_id: str) -> bool:
+        live = self._catalog.live(collection_id)
+        if live is None or live.state is None:
+            return True  # nobody has asked for it here
+        while (state := live.state) is not None and (runs := due(state)):
+            try:
+                with self._metrics.upkeep("merge"):
+                    if not merge(self._catalog.shop, live.key, state, runs[0]):
+                        return False
+            except Unusable as obstacle:
+                self._catalog.distrust(live, obstacle)
+                return False
+            self._catalog.refresh(collection_id)
+            if live.state is state:
+                return False
+        return True
+
+    def _check(self, live: LiveIndex) -> None:
+        """Compare every segment that this process has mapped with its checksums, once."""
+        state = live.state
+        for listed, part in zip(state.chain, state.files, strict=False) if state is not None else ():
+            if listed.name not in self._checked and not self._verify(live, listed, part):
+                return
+
+    def _check_again(self) -> bool:
+        """The same again and again for all of them, one at a time: bytes on a disk can change with nobody writing.
+
+        One that was checked last within `_AGAIN` seconds is left alone, and a check takes a hundredth of the time.
+        """
+        if time.monotonic() < self._next_check:
+            return True
+        mapped = [
+            (live, listed, part)
+            for live in self._catalog.all_live()
+            if (state := live.state) is not None
+            for listed, part in zip(state.chain, state.files, strict=False)
+        ]
+        names = {listed.name for _, listed, _ in mapped}
+        self._checked = {name: at for name, at in self._checked.items() if name in names}
+        due = [one for one in mapped if self._checked.get(one[1].name, 0.0) < time.monotonic() - _AGAIN]
+        if due:
+            began = time.monotonic()
+            self._verify(*min(due, key=lambda one: self._checked.get(one[1].name, 0.0)))
+            self._next_check = time.monotonic() + _SHARE * (time.monotonic() - began)
+        return True
+
+    def _verify(self, live: LiveIndex, listed: Listed, part: Part) -> bool:
+        self._catalog.shop.check()
+        with self._metrics.upkeep("check"):
+            sound = self._catalog.verify(live, listed, part)
+        self._checked[listed.name] = time.monotonic()
+        return sound
+
+    def _sweep(self) -> bool:
+        for live in self._catalog.all_live():
+            if live.left_out:
+                live.left_out.clear()
+                self._catalog.refresh(live.id)
+        self._settled.clear()
+        if not self._database.read_only:
+            with self._metrics.upkeep("sweep"):
+                self._catalog.folder.sweep()
+        return True

@@ -1,1 +1,0 @@
-"""Submaps on their way in: prepared, described, stored, one by one and by the thousand."""

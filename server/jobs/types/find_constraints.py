@@ -1,0 +1,110 @@
+"""The job that looks up every submap of a collection in the others, and leaves what they tell of each other."""
+
+import os
+from collections.abc import Iterator
+from typing import Final
+
+import orjson
+from pydantic import ValidationError
+from sqlalchemy.orm import Session
+
+from server.constraints.extraction import agree, chosen_submaps, from_look, question
+from server.errors import Conflict, NotFound
+from server.jobs.assignment import Assignment, Tools
+from server.jobs.folder import cut
+from server.queries.contradictions import REASON
+from server.queries.lookup import Look, look_up
+from server.schemas.constraints import ConstraintsInput
+from server.store.repositories.submaps import Submaps
+from server.store.sqlite.sqlite_errors import storage_errors
+from server.store.tables import SubmapRow
+
+_PAGE: Final = 50
+"""Submaps that are looked up before the job notes how far it is."""
+_SILENCE: Final = 1.0
+"""Seconds after which it notes that although they are fewer."""
+CONTRADICTING: Final = "contradicting_maps"
+"""Count of submaps whose look-up came to nothing because the maps that it was found in contradict each other."""
+
+
+def run_constraints(assignment: Assignment, tools: Tools) -> None:
+    """Look submaps up one by one; at the end keep one constraint for each pair. Raises NotFound, StorageError ..."""
+    if "written" in assignment.progress:
+        return  # only the end could not be noted
+    try:
+        body = ConstraintsInput.model_validate(assignment.parameters)
+    except ValidationError as error:
+        raise Conflict(
+            "Another version of the service took this job on, and this one cannot read its parameters; post it again."
+        ) from error
+    found_file, results_file = tools.folder.found(assignment.id), tools.folder.results(assignment.id)
+    if assignment.total is None:
+        with tools.database.read() as session:
+            assignment.total = len(_matching(assignment, session, body))
+    with storage_errors(tools.folder.path):
+        with found_file.open("a+b") as found:
+            tools.folder.sync()
+            cut(found, assignment.progress.get("found", 0))
+            contradicting = int(assignment.progress.get(CONTRADICTING, 0))
+            for row, is_last in _rows(assignment, tools, body):
+                look = _look_up(assignment, tools, row, body)
+                if look is not None:
+                    contradicting += look.answer.reason == REASON
+                    found.writelines(orjson.dumps(one) + b"\n" for one in from_look(row, look, body))
+                assignment.done += 1
+                # A look-up may take seconds, and somebody may wait for the end of the job, or for their turn.
+                if is_last or assignment.since_report > _SILENCE:
+                    found.flush()
+                    os.fsync(found.fileno())
+                    assignment.report(after=row.key, found=found.tell(), contradicting_maps=contradicting)
+                    assignment.give_way()
+            found.seek(0)
+            kept, contradictions = agree(orjson.loads(line) for line in found)
+        with results_file.open("wb") as results:
+            tools.folder.sync()
+            results.writelines(orjson.dumps(one) + b"\n" for one in kept)
+            results.flush()
+            os.fsync(results.fileno())
+            size = results.tell()
+        assignment.total = assignment.done  # submaps came and went meanwhile
+        assignment.counts = {
+            "constraints": len(kept),
+            "inconsistent": contradictions,
+            CONTRADICTING: contradicting,
+        }
+        assignment.report(written=size)
+
+
+def _rows(assignment: Assignment, tools: Tools, body: ConstraintsInput) -> Iterator[tuple[SubmapRow, bool]]:
+    """Submaps to look up, in the order of their keys, from where the job stands; whether it is the last of a page."""
+    after = int(assignment.progress.get("after", 0))
+    while True:
+        with tools.database.read() as session:
+            rows = _page(assignment, session, body, after)
+        if not rows:
+            return
+        for row in rows:
+            yield row, row is rows[-1]
+        after = rows[-1].key
+
+
+def _page(assignment: Assignment, session: Session, body: ConstraintsInput, after: int) -> list[SubmapRow]:
+    submaps = Submaps(session, assignment.collection(session).key)
+    if body.submap_ids is None:
+        return list(submaps.page(chosen_submaps(body), after_key=after, limit=_PAGE, landmarks=False))
+    return submaps.rows(sorted(key for key in _matching(assignment, session, body) if key > after)[:_PAGE])
+
+
+def _matching(assignment: Assignment, session: Session, body: ConstraintsInput) -> set[int]:
+    submaps = Submaps(session, assignment.collection(session).key)
+    keys = submaps.matching(chosen_submaps(body))
+    return keys if body.submap_ids is None else keys & set(submaps.keys(body.submap_ids).values())
+
+
+def _look_up(assignment: Assignment, tools: Tools, row: SubmapRow, body: ConstraintsInput) -> Look | None:
+    limits = tools.settings.limits
+    asked = question(row, body, limits.candidates)
+    try:
+        return look_up(tools.catalog, tools.metrics, limits, assignment.collection_id, asked, budget=assignment.budget)
+    except NotFound:
+        return None  # deleted meanwhile

@@ -1,0 +1,247 @@
+"""The job that stores an uploaded NDJSON file: a line of result for a line of input, whatever stops it in between.
+
+What a batch did and what the row says of it are one transaction. The lines of its results are written before it is
+committed; where it is not, they stand beyond the length that the row knows: nobody reads them, and who goes on cuts
+them off.
+"""
+
+import logging
+import os
+from collections import Counter, deque
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import orjson
+from sqlalchemy.orm import Session
+
+from server.errors import LinesRefused, StorageError, StorageUnavailable, TooLarge
+from server.index.flushing import Stopped, flush
+from server.jobs.assignment import Assignment, Interrupted, Tools
+from server.jobs.folder import cut
+from server.jobs.refusals import Refusals
+from server.store.sqlite.sqlite_errors import storage_errors
+from server.submaps import batches, bulk
+from server.submaps.bulk import BatchResult, Line
+
+_log = logging.getLogger(__name__)
+
+
+def run_import(assignment: Assignment, tools: Tools) -> None:
+    """Store what was sent; `parameters`: `on_conflict`, and `mode`: `continue` past what is refused, or `all` or none.
+
+    Raises NotFound and Conflict (the collection is gone, or another), StorageError, Interrupted, Dismissed.
+    """
+    with tools.database.read() as session:
+        assignment.collection(session)
+    with storage_errors(tools.folder.path), tools.folder.results(assignment.id).open("a+b") as results:
+        tools.folder.sync()  # the name of the file, without which its content is not there after a power cut
+        cut(results, assignment.progress.get("written", 0))
+        source = _Source(tools.folder.input(assignment.id), assignment, tools.settings.limits.body_bytes)
+        if assignment.parameters["mode"] == "all":
+            _all_or_nothing(assignment, tools, source, results)
+        else:
+            _one_by_one(assignment, tools, source, results)
+    _write_index(assignment, tools)
+
+
+def _write_index(assignment: Assignment, tools: Tools) -> None:
+    """Write what was stored to segments where it is much: else the first who asks would have to wait for that.
+
+    Everything is stored, whatever comes of it: upkeep tries again. Raises Interrupted.
+    """
+    try:
+        with tools.metrics.upkeep("flush"):
+            flush(tools.catalog.shop, assignment.collection_id, least=tools.settings.index.flush_submaps + 1)
+    except Stopped as error:
+        raise Interrupted from error
+    except (OSError, StorageError) as error:
+        _log.warning("job %s: everything is stored, but the index is not written yet: %s", assignment.id, error)
+
+
+class _Source:
+    """The lines from where the job stands, and where in the file it will stand after a batch of them."""
+
+    def __init__(self, path: Path, assignment: Assignment, longest: int) -> None:
+        self._path, self._longest, self._total = path, longest, assignment.total
+        self.first: int = assignment.progress.get("line", 0)
+        self._offset: int = assignment.progress.get("offset", 0)
+        self._ends: deque[int] = deque()
+        self._taken = self.first
+
+    def lines(self) -> Iterator[bytes]:
+        """Each as it was sent; of one that is too long only as much as shows that.
+
+        Raises StorageUnavailable where the upload is not there any more.
+        """
+        if self.first == self._total:
+            return  # it was read to its end, and only that could not be noted
+        if not self._path.exists():
+            raise StorageUnavailable("The upload is gone from the folder of jobs; send again what has no result yet.")
+        with self._path.open("rb") as file:
+            file.seek(self._offset)
+            while line := file.readline(self._longest + 2):
+                if not line.endswith(b"\n"):
+                    _skip_line(file)
+                self._ends.append(file.tell())
+                yield line.rstrip(b"\r\n")
+
+    def after(self, following: int) -> int:
+        """The offset behind the line before that position."""
+        while self._taken < following:
+            self._offset = self._ends.popleft()
+            self._taken += 1
+        return self._offset
+
+
+def _skip_line(file: BinaryIO) -> None:
+    while (piece := file.readline(1 << 20)) and not piece.endswith(b"\n"):
+        pass
+
+
+def _one_by_one(assignment: Assignment, tools: Tools, source: _Source, results: BinaryIO) -> None:
+    refusals = Refusals(tools.settings.limits.import_refusal_bytes, assignment.progress.get("refusals"))
+
+    def witness(session: Session, batch: BatchResult) -> None:
+        assignment.collection(session)
+        _write_results(results, _told(batch.lines, refusals))
+        _count(assignment, batch.lines, batch.following)
+        assignment.report(
+            session,
+            line=batch.following,
+            offset=source.after(batch.following),
+            written=results.tell(),
+            refusals=refusals.state(),
+        )
+
+    with batches.describers(tools.settings.jobs.processes) as workers:
+        ingesting = bulk.ingest_lines(
+            tools.database,
+            assignment.collection_id,
+            source.lines(),
+            limits=tools.settings.limits,
+            workers=workers,
+            first=source.first,
+            on_conflict=assignment.parameters["on_conflict"],
+            witness=witness,
+            careful=assignment.is_suspect,
+        )
+        with closing(ingesting):
+            for batch in ingesting:
+                _observe(tools, batch)
+                assignment.give_way()
+
+
+def _all_or_nothing(assignment: Assignment, tools: Tools, source: _Source, results: BinaryIO) -> None:
+    if source.first:
+        return  # it was stored, and only that could not be noted
+    # What was refused may have been told of already, and only the job's end not.
+    assignment.done, assignment.counts = 0, {}
+    assignment.report(written=0)
+    cut(results, 0)
+    _check_size(assignment, tools)
+    found, refused = list[batches.Described](), list[Line]()
+    with batches.describers(tools.settings.jobs.processes) as workers:
+        describing = bulk.describe_lines(
+            tools.database,
+            assignment.collection_id,
+            source.lines(),
+            limits=tools.settings.limits,
+            workers=workers,
+            careful=assignment.is_suspect,
+        )
+        with closing(describing):
+            for batch in describing:
+                found.append(batch)
+                refused += [Line(one.position, one.submap_id, "refused", error=one.error) for one in batch.refused]
+                assignment.report()
+    if not refused:
+        refused = _store_all(assignment, tools, found, results)
+    if refused:
+        at_fault = {line.position for line in refused}
+        lines = refused + [
+            Line(position, record.id, "skipped")
+            for batch in found
+            for position, record in batch.records
+            if position not in at_fault
+        ]
+        lines.sort(key=lambda line: line.position)
+        refusals = Refusals(tools.settings.limits.import_refusal_bytes)
+        _write_results(results, _told(lines, refusals))
+        _count(assignment, lines, found[-1].following)
+        assignment.report(written=results.tell(), refusals=refusals.state())
+        raise LinesRefused(f"Nothing was stored: {len(refused)} lines cannot be, and mode=all asks for all or none.")
+
+
+def _check_size(assignment: Assignment, tools: Tools) -> None:
+    """All of it is in memory, and then in one transaction, so it may not be as large as others. Raises TooLarge."""
+    limits, path = tools.settings.limits, tools.folder.input(assignment.id)
+    for name, allowed, got in (
+        ("import_all_lines", limits.import_all_lines, assignment.total or 0),
+        ("import_all_bytes", limits.import_all_bytes, path.stat().st_size if path.exists() else 0),
+    ):
+        if got > allowed:
+            raise TooLarge(name, allowed, got, "Send it in parts, or with mode=continue.")
+
+
+class _Undone(Exception):
+    pass
+
+
+def _store_all(assignment: Assignment, tools: Tools, found: list[batches.Described], results: BinaryIO) -> list[Line]:
+    """Store everything in one transaction; where something is refused, nothing, and the lines that were."""
+    stored: list[BatchResult] = []
+    refused: list[Line] = []
+    try:
+        with tools.database.write() as session:
+            assignment.collection(session)
+            for batch in found:
+                stored.append(
+                    bulk.write_in(session, assignment.collection_id, batch, assignment.parameters["on_conflict"])
+                )
+                refused += [line for line in stored[-1].lines if line.outcome == "refused"]
+            if refused:
+                raise _Undone
+            lines = [line for batch in stored for line in batch.lines]
+            _write_results(results, _told(lines, Refusals(0)))
+            _count(assignment, lines, found[-1].following if found else 0)
+            assignment.report(session, line=assignment.done, written=results.tell())
+    except _Undone:
+        return refused
+    for result in stored:
+        _observe(tools, result)
+    return []
+
+
+def _write_results(results: BinaryIO, lines: list[bytes]) -> None:
+    results.writelines(lines)
+    results.flush()
+    os.fsync(results.fileno())
+
+
+def _told(lines: list[Line], refusals: Refusals) -> list[bytes]:
+    """A line of results for each line, apart from refused ones that are only counted."""
+    told = (_line_of(line) if line.error is None else refusals.told(line) for line in lines)
+    return [line for line in told if line is not None]
+
+
+def _line_of(line: Line) -> bytes:
+    told: dict[str, Any] = {"line": line.position + 1}
+    if line.id is not None:
+        told["id"] = line.id
+    told["outcome"] = line.outcome
+    if line.revision is not None:
+        told["revision"] = line.revision
+    return orjson.dumps(told) + b"\n"
+
+
+def _count(assignment: Assignment, lines: list[Line], following: int) -> None:
+    assignment.done = following
+    assignment.counts = dict(sorted((Counter(assignment.counts) + Counter(line.outcome for line in lines)).items()))
+
+
+def _observe(tools: Tools, batch: BatchResult) -> None:
+    for outcome, count in Counter(line.outcome for line in batch.lines).items():
+        if outcome in ("created", "replaced", "unchanged"):
+            tools.metrics.submaps_written.labels(outcome).inc(count)

@@ -1,1 +1,0 @@
-"""What Prometheus sees: counted here, read from the database, put together from several processes."""

@@ -1,0 +1,91 @@
+"""What is read from the database when metrics are asked for: collections and their sizes, jobs, how far indexes lag."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from server.errors import StorageError
+from server.observability.metric_samples import Family, Key, merged
+from server.observability.metrics import OTHER, Metrics, text_of
+from server.observability.metrics_exchange import Exchange
+from server.store.repositories.collections import Collections, Size
+from server.store.repositories.jobs import Jobs
+from server.store.sqlite.database import Database
+
+_UP: Final = "Whether the database could be read for this answer."
+
+
+@dataclass(frozen=True, slots=True)
+class Sizes:
+    """The largest collections, and all of them together; unfinished jobs by their state."""
+
+    largest: Sequence[Size]
+    collections: int
+    submaps: int
+    landmarks: int
+    jobs: dict[str, int]
+
+
+def exposition(database: Database, metrics: Metrics, exchange: Exchange | None) -> bytes:
+    """The metrics of all processes, in Prometheus' text format. The database not being there is a metric, too."""
+    elsewhere = [] if exchange is None else exchange.others()
+    told = merged([metrics.families(), *elsewhere])
+    try:
+        sizes = read_sizes(database, metrics.collections)
+    except StorageError:
+        return text_of([*told, _family("database_readable", _UP, {"": 0.0})])
+    return text_of([*_by_name(told, sizes), *_of_rows(sizes, told), _family("database_readable", _UP, {"": 1.0})])
+
+
+def read_sizes(database: Database, most: int) -> Sizes:
+    """Up to `most` collections, the largest first, and the totals. Raises StorageError."""
+    with database.read() as session:
+        collections = Collections(session)
+        largest = [size for size in collections.largest(most + 1) if size.id != OTHER][:most]
+        return Sizes(largest, *collections.totals(), Jobs(session).by_state())
+
+
+def _by_name(told: Sequence[Family], sizes: Sizes) -> list[Family]:
+    """Without the indexes of collections that are not among the largest: each process names others."""
+    names = {size.id for size in sizes.largest}
+    return [
+        Family(
+            one.name, one.kind, one.about, {key: value for key, value in one.samples.items() if _label(key) in names}
+        )
+        if one.name.startswith("urquhart_index_")
+        else one
+        for one in told
+    ]
+
+
+def _of_rows(sizes: Sizes, told: Sequence[Family]) -> list[Family]:
+    submaps = {size.id: float(size.submaps) for size in sizes.largest}
+    landmarks = {size.id: float(size.landmarks) for size in sizes.largest}
+    if sizes.collections > len(sizes.largest):
+        submaps[OTHER] = sizes.submaps - sum(submaps.values())
+        landmarks[OTHER] = sizes.landmarks - sum(landmarks.values())
+    revisions = next((one.samples for one in told if one.name == "urquhart_index_revision"), {})
+    held = {_label(key): revision for key, revision in revisions.items()}
+    lag = {size.id: max(size.revision - held[size.id], 0.0) for size in sizes.largest if size.id in held}
+    return [
+        _family("collections", "Collections in the database.", {"": float(sizes.collections)}),
+        _family("submaps", "Submaps in the database.", submaps),
+        _family("landmarks", "Landmarks in the database.", landmarks),
+        _family("jobs", "Jobs that are not finished.", {state: float(n) for state, n in sizes.jobs.items()}, "state"),
+        _family(
+            "index_lag_revisions",
+            "Revisions that a live index is behind the database; the next query catches up first.",
+            lag,
+        ),
+    ]
+
+
+def _family(name: str, about: str, values: dict[str, float], by: str = "collection") -> Family:
+    """A gauge by a label, or with the one value of the empty name."""
+    name = f"urquhart_{name}"
+    samples: dict[Key, float] = {(name, ((by, label),) if label else ()): value for label, value in values.items()}
+    return Family(name, "gauge", about, samples)
+
+
+def _label(key: Key) -> str:
+    return dict(key[1]).get("collection", "")

@@ -1,0 +1,131 @@
+"""The log of a process: one line for everything that happens, as text for people or as JSON for programs.
+
+A line never ends where a caller wants it to: whatever is no printable character is escaped, and the lines of a
+traceback are indented. Nor does a value: in a line of text, one that could be taken for several is quoted as JSON.
+"""
+
+import json
+import logging
+import re
+import sys
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from typing import Any, Final, TextIO
+
+import orjson
+
+from server.config.settings import LogSettings
+
+ACCESS: Final = "access"
+_LEVELS: Final = {"debug": logging.DEBUG, "info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}
+_LONGEST: Final = 200
+"""Characters of a path that are written."""
+_PLAIN: Final = re.compile(r"[A-Za-z0-9!#$%&'()*+,./:;<>?@\[\]^_`{|}~-]+")
+"""A value of a text line that needs no quotes: no space, `=`, quote or backslash, and nothing but ASCII."""
+_access = logging.getLogger(ACCESS)
+
+
+def configure(settings: LogSettings, stream: TextIO | None = None) -> None:
+    """Send everything that is logged in this process to `stream`, standard error by default, in one format.
+
+    The web server's own loggers are brought into it; its access log is replaced by ours.
+    """
+    handler = logging.StreamHandler(stream or sys.stderr)
+    handler.setFormatter(JsonLines() if settings.format == "json" else TextLines())
+    root = logging.getLogger()
+    root.handlers[:] = [handler]
+    root.setLevel(_LEVELS[settings.level])
+    for name in ("uvicorn", "uvicorn.error", "uvicorn.asgi"):
+        logger = logging.getLogger(name)
+        logger.handlers.clear()
+        logger.propagate = True
+        logger.setLevel(logging.NOTSET)
+    silent = logging.getLogger("uvicorn.access")
+    silent.handlers.clear()
+    silent.propagate = False
+    # Others' libraries: what they do in detail is no business of an operator's.
+    for name in ("numba", "alembic", "asyncio", "httpx", "httpcore"):
+        logging.getLogger(name).setLevel(max(logging.WARNING, _LEVELS[settings.level]))
+
+
+def log_access(fields: Mapping[str, Any]) -> None:
+    """The line of one request; `fields` has at least method, path, status and ms."""
+    level = logging.WARNING if fields["status"] >= 500 else logging.INFO
+    if _access.isEnabledFor(level):
+        # Not `info()`, which would look through the stack for who called it.
+        record = logging.LogRecord(ACCESS, level, "", 0, "request", None, None)
+        record.fields = fields
+        _access.handle(record)
+
+
+def shortened(path: str) -> str:
+    """A path, not longer than a line should be."""
+    return path if len(path) <= _LONGEST else f"{path[:_LONGEST]}..."
+
+
+def quoted(value: object) -> str:
+    """A value in a line of text, where spaces part the fields: as it is, or as a JSON string where it has more in it.
+
+    A JSON string ends at the first `"` without a backslash before it. So `path="/a b key=x"` is one field.
+    """
+    text = str(value)
+    if _PLAIN.fullmatch(text):
+        return text
+    return json.dumps(text, ensure_ascii=not text.isprintable())
+
+
+def escaped(text: str) -> str:
+    """The text on one line: line ends, control and other unprintable characters as escapes."""
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else c.encode("unicode_escape", "backslashreplace").decode() for c in text)
+
+
+class JsonLines(logging.Formatter):
+    """A JSON object on each line: time, level, logger, message, and for requests the fields of the request."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """The line, without its end."""
+        line: dict[str, Any] = {"time": _time(record), "level": record.levelname.lower(), "logger": record.name}
+        fields = getattr(record, "fields", None)
+        if fields is None:
+            line["message"] = record.getMessage()
+        else:
+            line |= fields
+        if record.exc_info:
+            line["exception"] = self.formatException(record.exc_info)
+        try:
+            text = orjson.dumps(line, default=str).decode()
+        except orjson.JSONEncodeError:  # halves of surrogate pairs, which only Python has
+            return json.dumps(line, default=str)
+        # JSON allows separators of lines that some readers of logs take for the end of one.
+        return text if text.isprintable() else json.dumps(line, default=str)
+
+
+class TextLines(logging.Formatter):
+    """A line for people; the lines of a traceback follow it, indented."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """The line, without its end."""
+        head = f"{_time(record)} {record.levelname:<7} {record.name}: "
+        fields = getattr(record, "fields", None)
+        line = head + (escaped(record.getMessage()) if fields is None else _request(fields))
+        if record.exc_info:
+            trace = self.formatException(record.exc_info).splitlines()
+            line += "".join(f"\n    {escaped(part)}" for part in trace)
+        return line
+
+
+def _request(fields: Mapping[str, Any]) -> str:
+    """What happened first, then the rest as name=value."""
+    first = f"{quoted(fields['method'])} {quoted(fields['path'])} {fields['status']} {fields['ms']} ms"
+    rest = [
+        f"{name}={orjson.dumps(value).decode() if isinstance(value, dict) else quoted(value)}"
+        for name, value in fields.items()
+        if name not in {"method", "path", "status", "ms"} and value not in (None, "", 0)
+    ]
+    return " ".join([first, *rest])
+
+
+def _time(record: logging.LogRecord) -> str:
+    return f"{datetime.fromtimestamp(record.created, UTC):%Y-%m-%dT%H:%M:%S}.{int(record.msecs):03d}Z"

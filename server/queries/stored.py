@@ -1,0 +1,259 @@
+"""Answers that were asked to be kept: written, read, drawn, and explained."""
+
+from collections.abc import Sequence
+from dataclasses import MISSING, dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+import orjson
+from numpy.typing import NDArray
+from sqlalchemy.orm import Session
+
+import urquhart
+from server.collections.registry import get_collection
+from server.config.settings import Limits
+from server.errors import Gone, NotFound
+from server.index.derived import config_of
+from server.queries.answers import gates_answer
+from server.queries.explanations import Explained
+from server.queries.older_answers import completed, gone, read_older
+from server.resources import idempotency, links
+from server.resources.idempotency import Kept, Once, recall
+from server.schemas.candidates import CandidateAnswer, CandidateLinks
+from server.schemas.queries import MatchAnswer, QueryAnswer, QueryLinks
+from server.store.codec import pack_json, pack_positions, unpack_positions
+from server.store.repositories.candidate_rows import found_submaps
+from server.store.repositories.collections import Collections
+from server.store.repositories.queries import Queries
+from server.store.repositories.submaps import Submaps
+from server.store.sqlite.database import Database
+from server.store.tables import CollectionRow, QueryRow
+from urquhart import SE2, Candidate
+from urquhart.uncertainty import PoseUncertainty
+
+
+def keep(
+    database: Database,
+    limits: Limits,
+    collection: CollectionRow,
+    xy: NDArray[np.float64],
+    ids: list[str] | None,
+    found: Sequence[Candidate],
+    answer: QueryAnswer,
+    once: Once | None,
+    position: int = 0,
+) -> QueryAnswer:
+    """Store an answer, unless that was done before; the answer with its id and links. The oldest beyond the limit go.
+
+    Raises NotFound and KeyReused.
+    """
+    with database.write() as session:
+        if get_collection(session, collection.id).key != collection.key:
+            raise NotFound("collection", collection.id)
+        kept = recall(session, once, _keeping(collection, position))
+        if kept is not None:
+            return _again(session, collection, kept)
+        number = Collections(session).next_query_number(collection.key)
+        candidates = [
+            shown.model_copy(
+                update={
+                    "links": CandidateLinks(
+                        submap=shown.links.submap, match=links.match(collection.id, number, shown.rank)
+                    )
+                }
+            )
+            for shown in answer.candidates
+        ]
+        own = QueryLinks(
+            self=links.query(collection.id, number),
+            collection=answer.links.collection,
+            explanation=links.explanation(collection.id, number),
+        )
+        answer = answer.model_copy(update={"id": str(number), "candidates": candidates, "links": own})
+        queries = Queries(session, collection.key)
+        queries.add(
+            number,
+            landmarks=pack_positions(xy),
+            landmark_ids=pack_json(ids),
+            answer=answer.model_dump_json().encode(),
+            candidates=[
+                _pack(candidate if not shown.inliers_omitted else _without_pairs(candidate))
+                for candidate, shown in zip(found, answer.candidates, strict=True)
+            ],
+        )
+        queries.drop_through(number - limits.stored_queries)
+        # The answer itself is kept with the query: here it is named.
+        idempotency.keep(session, once, _keeping(collection, position), Kept(200, {}, str(number).encode()))
+    return answer
+
+
+def kept_answer(database: Database, collection_id: str, once: Once | None, position: int = 0) -> QueryAnswer | None:
+    """What was answered to a query that was sent before, to be kept; `position` in its batch.
+
+    Raises NotFound, KeyReused, and Gone for an answer that is no longer kept.
+    """
+    if once is None:
+        return None
+    with database.read() as session:
+        collection = get_collection(session, collection_id)
+        kept = recall(session, once, _keeping(collection, position))
+        return None if kept is None else _again(session, collection, kept)
+
+
+def _again(session: Session, collection: CollectionRow, kept: Kept) -> QueryAnswer:
+    if not kept.body.isdigit():  # versions before kept the whole answer once more
+        return read_older(QueryAnswer, orjson.loads(kept.body), "The answer to this Idempotency-Key")
+    number = kept.body.decode()
+    return read_older(QueryAnswer, _answer_of(_stored(session, collection, number), collection), f"Query {number}")
+
+
+def _keeping(collection: CollectionRow, position: int) -> str:
+    return f"query {collection.key}" if position == 0 else f"query {collection.key} {position}"
+
+
+def stored_answer(database: Database, collection_id: str, query_id: str) -> bytes:
+    """A stored answer as JSON. Raises NotFound, and Gone for one that is no longer kept."""
+    with database.read() as session:
+        collection = get_collection(session, collection_id)
+        return orjson.dumps(_answer_of(_stored(session, collection, query_id), collection))
+
+
+@dataclass(frozen=True, slots=True)
+class Match:
+    """A stored query's candidate with the landmarks of both sides, each (N, 2) float64, metres, in its own frame."""
+
+    query_id: str
+    answer: CandidateAnswer
+    query_xy: NDArray[np.float64]
+    submap_xy: NDArray[np.float64]
+    candidate: Candidate
+
+    def to_answer(self) -> MatchAnswer:
+        """The match as data."""
+        return MatchAnswer(
+            query=self.query_id,
+            candidate=self.answer,
+            query_landmarks=[(float(x), float(y)) for x, y in self.query_xy],
+            submap_landmarks=[(float(x), float(y)) for x, y in self.submap_xy],
+        )
+
+    def to_svg(self) -> str:
+        """The match as a drawing."""
+        title = f"query {self.query_id} on {self.answer.submap_id}: {self.answer.inlier_count} inliers"
+        return urquhart.draw_match(self.query_xy, self.submap_xy, self.candidate, title=title)
+
+
+def stored_match(database: Database, collection_id: str, query_id: str, rank: int) -> Match:
+    """A candidate of a stored query, to be read or drawn.
+
+    Raises NotFound, and Gone when the query is no longer kept, its pairs were not, or the submap's landmarks are not
+    those it matched.
+    """
+    with database.read() as session:
+        collection = get_collection(session, collection_id)
+        stored = _stored(session, collection, query_id)
+        answer = read_older(QueryAnswer, _answer_of(stored, collection), f"Query {query_id}")
+        if not 1 <= rank <= len(answer.candidates):
+            raise NotFound(f"candidate of query {query_id!r} with rank", str(rank))
+        if answer.candidates[rank - 1].inliers_omitted:
+            raise Gone(
+                f"The pairs of candidate {rank} were not kept: the candidates before it use up the limit answer_pairs. "
+                "Ask again with a smaller `limit`."
+            )
+        if rank > len(stored.candidates) or (candidate := _unpack(stored.candidates[rank - 1])) is None:
+            raise gone(f"The match of query {query_id}")
+        row = found_submaps(session, collection.key, [candidate.key], landmarks=True).get(candidate.key)
+        if row is None or row.content_revision > answer.revision:
+            what = "deleted" if row is None else "given other landmarks"
+            raise Gone(
+                f"The submap of candidate {rank} was {what} after the query; ask again to match what is there now."
+            )
+        shown = answer.candidates[rank - 1]
+        query_xy, submap_xy = unpack_positions(stored.landmarks), unpack_positions(row.landmarks)
+        return Match(query_id, shown, query_xy, submap_xy, candidate)
+
+
+def stored_explanation(database: Database, collection_id: str, query_id: str) -> Explained:
+    """Why a stored answer is what it is. Raises NotFound, and Gone for a query that is no longer kept.
+
+    Submaps whose landmarks changed since are left out of it.
+    """
+    with database.read() as session:
+        collection = get_collection(session, collection_id)
+        stored = _stored(session, collection, query_id)
+        answer = read_older(QueryAnswer, _answer_of(stored, collection), f"Query {query_id}")
+        submaps = Submaps(session, collection.key)
+        shown = {one.submap_id for one in answer.candidates[:1]} | {one.submap_id for one in answer.rivals[:1]}
+        rows = [row for row in map(submaps.get_whole, shown) if row is not None]
+        landmarks = {row.id: unpack_positions(row.landmarks) for row in rows if row.content_revision <= answer.revision}
+        return Explained(f"query {query_id}", answer, unpack_positions(stored.landmarks), landmarks)
+
+
+def _answer_of(stored: QueryRow, collection: CollectionRow) -> dict[str, Any]:
+    """The members of a stored answer, whichever version wrote it; those that it did not write say that it kept none."""
+    number, members = str(stored.number), orjson.loads(stored.answer)
+    own = QueryLinks(
+        self=links.query(collection.id, stored.number),
+        collection=links.collection(collection.id),
+        explanation=links.explanation(collection.id, stored.number),
+    )
+    gates = gates_answer(config_of(collection)).model_dump() | (members.get("gates") or {})
+    members = {"landmarks": len(stored.landmarks) // 16} | members
+    members |= {"id": number, "collection": collection.id, "gates": gates, "links": own.model_dump()}
+    for rank, shown in enumerate(members.get("candidates", ()), start=1):
+        if isinstance(shown.get("submap_id"), str):
+            shown["links"] = {
+                "submap": links.submap(collection.id, shown["submap_id"]),
+                "match": links.match(collection.id, stored.number, rank),
+            }
+        shown.setdefault("rank", rank)
+    for rival in members.get("rivals", ()):
+        if isinstance(rival.get("submap_id"), str):
+            rival["links"] = {"submap": links.submap(collection.id, rival["submap_id"])}
+    return completed(QueryAnswer, members)
+
+
+def _stored(session: Session, collection: CollectionRow, query_id: str) -> QueryRow:
+    number = int(query_id) if query_id.isascii() and query_id.isdigit() and len(query_id) <= 18 else 0
+    row = Queries(session, collection.key).get(number)
+    if row is not None:
+        return row
+    if 1 <= number <= collection.query_sequence:
+        raise Gone(f"Query {query_id} was answered and stored, and is no longer kept; only the newest ones are.")
+    raise NotFound("stored query", query_id)
+
+
+def _pack(candidate: Candidate) -> dict[str, Any]:
+    packed: dict[str, Any] = {}
+    for field in fields(Candidate):
+        value = getattr(candidate, field.name)
+        if isinstance(value, np.ndarray):
+            value = value.tolist()
+        elif isinstance(value, SE2):
+            value = [value.x, value.y, value.yaw]
+        elif isinstance(value, PoseUncertainty):
+            value = [value.source.tolist(), value.covariance.tolist()]
+        packed[field.name] = value
+    return packed
+
+
+def _without_pairs(candidate: Candidate) -> Candidate:
+    none = np.empty(0, dtype=np.int64)
+    return replace(candidate, query_indices=none, submap_indices=none, residuals=np.empty(0))
+
+
+def _unpack(packed: dict[str, Any]) -> Candidate | None:
+    """A candidate as it was stored; None where the version that stored it left out what this one needs."""
+    names = {field.name for field in fields(Candidate)}
+    required = {field.name for field in fields(Candidate) if field.default is field.default_factory is MISSING}
+    known = {name: value for name, value in packed.items() if name in names}
+    if "covariance" in packed:  # before uncertainties had a point of their own, they were about the query's origin
+        known.setdefault("uncertainty", [[0.0, 0.0], packed["covariance"]])
+    if not required <= known.keys():
+        return None
+    transform = SE2(*known["transform"])
+    source, covariance = (np.array(value, dtype=np.float64) for value in known["uncertainty"])
+    known |= {name: np.array(known[name], dtype=np.int64) for name in ("query_indices", "submap_indices")}
+    known["residuals"] = np.array(known["residuals"], dtype=np.float64)
+    known["uncertainty"] = PoseUncertainty.about_point(source, transform, covariance.reshape(3, 3))
+    return Candidate(**known | {"transform": transform, "warnings": tuple(known.get("warnings", ()))})

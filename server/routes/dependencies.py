@@ -1,0 +1,109 @@
+"""What routes declare as parameters: the service, the caller, preconditions, the idempotency key, ids and pages."""
+
+import hashlib
+from collections.abc import AsyncIterator
+from typing import Annotated
+
+from fastapi import Depends, Header, Path, Query, Request
+from pydantic import BeforeValidator
+
+from server.http.authorization import get_caller, get_visitor
+from server.http.responses import entity_tags
+from server.resources.idempotency import Once
+from server.resources.preconditions import Preconditions
+from server.runtime import Service
+from server.schemas.common import ResourceId, check_digits
+from server.security.principal import Caller
+
+
+# Not `async` for what they wait for: the framework would send a plain function to a thread and back.
+async def get_service(request: Request) -> Service:
+    """The service that the app was built with."""
+    service: Service = request.app.state.service
+    return service
+
+
+async def get_preconditions(
+    if_match: Annotated[str | None, Header(description="Only if the entity tag is this one; * for any.")] = None,
+    if_none_match: Annotated[str | None, Header(description="Only if it is not this one; * for nothing there.")] = None,
+) -> Preconditions:
+    """If-Match and If-None-Match."""
+    return Preconditions(entity_tags(if_match), entity_tags(if_none_match))
+
+
+IdempotencyKey = Annotated[
+    str | None,
+    Header(
+        description="The same for every attempt to send this request: what was done is not done again.",
+        min_length=1,
+        max_length=255,
+        pattern=r"^[\x21-\x7e]+$",
+    ),
+]
+
+
+def once_of(service: Service, caller: Caller, key: str | None, sent: bytes) -> Once | None:
+    """What tells a request, and all that was sent with it, from others; None without a key."""
+    if key is None:
+        return None
+    return Once(caller.id, key, hashlib.sha256(sent).hexdigest(), service.settings.idempotency_hours)
+
+
+async def get_once(
+    request: Request,
+    caller: Annotated[Caller, Depends(get_caller)],
+    service: Annotated[Service, Depends(get_service)],
+    idempotency_key: IdempotencyKey = None,
+) -> AsyncIterator[Once | None]:
+    """What tells this request from others; None without Idempotency-Key.
+
+    While another attempt to send it is at work in this process, it waits for that one. Raises StillRunning.
+    """
+    if idempotency_key is None:
+        yield None  # most queries have none: their bodies are not copied for it
+        return
+    conditions = [request.headers.get(name) for name in ("if-match", "if-none-match")]
+    about = "".join(f"\n{condition}" for condition in conditions if condition is not None)
+    sent = f"{request.url.query}{about}\n".encode() + await request.body()
+    async with service.repetitions.turn((caller.id, request.method, request.url.path, idempotency_key)):
+        yield once_of(service, caller, idempotency_key, sent)
+
+
+ServiceDep = Annotated[Service, Depends(get_service)]
+
+
+CallerDep = Annotated[Caller, Depends(get_caller)]
+
+
+OnceDep = Annotated[Once | None, Depends(get_once)]
+
+
+VisitorDep = Annotated[Caller, Depends(get_visitor)]
+
+
+PreconditionsDep = Annotated[Preconditions, Depends(get_preconditions)]
+
+
+Accept = Annotated[str | None, Header(description="Media types that the answer may have.")]
+
+
+IfNoneMatch = Annotated[str | None, Header(description="Entity tag of what the caller has; 304 when it is current.")]
+
+
+CollectionId = Annotated[
+    ResourceId,
+    Path(description="1 to 128 letters, digits, '.', '_', '~', '-'.", examples=["plots"], alias="collection"),
+]
+
+
+PageLimit = Annotated[
+    int | None, BeforeValidator(check_digits), Query(description="Rows of the page, at most 1000.", examples=[100])
+]
+
+
+PageCursor = Annotated[str | None, Query(description="`next` of the page before.")]
+
+
+SubmapId = Annotated[
+    ResourceId, Path(description="1 to 128 letters, digits, '.', '_', '~', '-'.", examples=["p7"], alias="submap")
+]

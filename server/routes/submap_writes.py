@@ -1,0 +1,174 @@
+"""Submaps stored, changed and deleted; looked up before, where that is asked for."""
+
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query, Response
+
+from server.http.admission.admission import BudgetDep
+from server.http.json_body import JsonRoute
+from server.http.negotiation import JSON
+from server.http.responses import kept_response, problems
+from server.platform.ids import new_id
+from server.queries.loop_closing import LoopQuestion
+from server.routes.dependencies import CallerDep, CollectionId, OnceDep, PreconditionsDep, ServiceDep, SubmapId
+from server.routes.submaps import _SUBMAP
+from server.runtime import Service
+from server.schemas import examples
+from server.schemas.submaps import ArrivingSubmap, Submap, SubmapPatch, SubmapReceipt
+from server.security.principal import Caller, Scope
+from server.submaps import ingest
+from urquhart import Budget
+
+router = APIRouter(route_class=JsonRoute, tags=["submaps"])
+_ALL = "/v1/collections/{collection}/submaps"
+_RECEIPT: dict[str, Any] = {"content": {JSON: {"example": examples.RECEIPT}}}
+WithQuery = Annotated[
+    bool, Query(description="Ask first where else it was seen, by what is stored before; as `query: {}` in the body.")
+]
+
+
+@router.put(
+    f"{_ALL}/{{submap}}",
+    operation_id="putSubmap",
+    summary="Store a submap",
+    response_model=SubmapReceipt,
+    responses={
+        200: {
+            "description": "It was there: unchanged, or replaced. Or it was asked about, and not stored.",
+            **_RECEIPT,
+        },
+        201: {"description": "It is new.", "model": SubmapReceipt, **_RECEIPT},
+        **problems(400, 404, 409, 412, 413, 415, 422, 503, 507),
+    },
+)
+def put_submap(
+    collection: CollectionId,
+    submap: SubmapId,
+    body: ArrivingSubmap,
+    service: ServiceDep,
+    caller: CallerDep,
+    preconditions: PreconditionsDep,
+    budget: BudgetDep,
+    once: OnceDep,
+    query: WithQuery = False,
+) -> Response:
+    """Replaces the whole submap: what is left out is cleared, and `cleared` in the answer names it; PATCH changes the
+    landmarks and keeps the rest. The next query finds the submap. The same content again changes nothing.
+
+    With `query`, the answer tells of every other submap at this place that was stored before this one.
+    """
+    return _answered(
+        service,
+        ingest.put(
+            service.database,
+            collection,
+            submap,
+            body,
+            service.settings.limits,
+            preconditions,
+            once=once,
+            question=_question(service, caller, collection, submap, body, budget, wanted=query),
+        ),
+    )
+
+
+@router.post(
+    _ALL,
+    operation_id="postSubmap",
+    summary="Store a new submap",
+    response_model=SubmapReceipt,
+    status_code=201,
+    responses={
+        200: {"description": "It was asked about, and not stored: `reason` says why.", **_RECEIPT},
+        201: {"description": "It is new; `Location` says where.", **_RECEIPT},
+        **problems(400, 404, 409, 413, 415, 422, 503, 507),
+    },
+)
+def post_submap(
+    collection: CollectionId,
+    body: ArrivingSubmap,
+    service: ServiceDep,
+    caller: CallerDep,
+    once: OnceDep,
+    budget: BudgetDep,
+    query: WithQuery = False,
+) -> Response:
+    """Under an id that the service makes, later ones after earlier ones. Sent again with the same `Idempotency-Key`,
+    it is not stored again, and is answered as the first time.
+    """
+    return _answered(
+        service,
+        ingest.post(
+            service.database,
+            collection,
+            new_id(),
+            body,
+            service.settings.limits,
+            once=once,
+            question=_question(service, caller, collection, None, body, budget, wanted=query),
+        ),
+    )
+
+
+def _question(
+    service: Service,
+    caller: Caller,
+    collection: str,
+    submap: str | None,
+    body: ArrivingSubmap,
+    budget: Budget,
+    *,
+    wanted: bool,
+) -> LoopQuestion | None:
+    """What is asked before the submap is stored."""
+    if not wanted and body.query is None:
+        return None
+    caller.require(Scope.READ)
+    return LoopQuestion(service.catalog, service.metrics, service.limits, collection, body.question(), submap, budget)
+
+
+def _answered(service: Service, stored: ingest.Stored) -> Response:
+    if stored.outcome is not None:
+        service.metrics.submaps_written.labels(stored.outcome).inc()
+    return kept_response(stored.kept)
+
+
+@router.patch(
+    f"{_ALL}/{{submap}}",
+    operation_id="patchSubmap",
+    summary="Change a submap",
+    response_model=Submap,
+    responses={200: _SUBMAP, **problems(400, 404, 412, 413, 415, 422, 503, 507)},
+)
+def patch_submap(
+    collection: CollectionId,
+    submap: SubmapId,
+    body: SubmapPatch,
+    service: ServiceDep,
+    caller: CallerDep,
+    preconditions: PreconditionsDep,
+    once: OnceDep,
+) -> Response:
+    """What is given replaces what was there, null clears it, what is left out stays. Landmarks, given as `xy` or as
+    `landmarks`, are replaced as a whole and indexed again; nothing else is.
+
+    The answer has the landmarks, so the key needs the scope `read`, too.
+    """
+    caller.require(Scope.READ)
+    limits = service.settings.limits
+    return kept_response(ingest.patch(service.database, collection, submap, body, limits, preconditions, once=once))
+
+
+@router.delete(
+    f"{_ALL}/{{submap}}",
+    operation_id="deleteSubmap",
+    summary="Delete a submap",
+    status_code=204,
+    response_class=Response,
+    responses=problems(404, 412, 422, 503, 507),
+)
+def delete_submap(
+    collection: CollectionId, submap: SubmapId, service: ServiceDep, preconditions: PreconditionsDep, once: OnceDep
+) -> Response:
+    """The next query does not find it."""
+    return kept_response(ingest.delete(service.database, collection, submap, preconditions, once=once))

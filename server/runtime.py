@@ -1,0 +1,60 @@
+"""The parts of a running service, put together by `app` and used by the routes."""
+
+import math
+from dataclasses import dataclass
+
+from server.config.settings import Limits, Settings
+from server.http.admission.gate import Gate
+from server.http.admission.job_waits import JobWaits
+from server.http.admission.readiness import Readiness
+from server.http.admission.repeated_requests import Repetitions
+from server.index.catalog import Catalog
+from server.index.maintenance import Upkeep
+from server.jobs.folder import JobFolder
+from server.jobs.runner import Runner
+from server.observability.metrics import Metrics
+from server.observability.metrics_exchange import Exchange
+from server.security.rate_limit import Rates
+from server.snapshots.snapshot_folder import SnapshotFolder
+from server.store.sqlite.database import Database
+
+
+@dataclass(frozen=True, slots=True)
+class JobRoom:
+    """Where jobs lie, and who does them."""
+
+    folder: JobFolder
+    runner: Runner
+
+
+@dataclass(frozen=True, slots=True)
+class Service:
+    """The parts of a running service."""
+
+    settings: Settings
+    database: Database
+    catalog: Catalog
+    metrics: Metrics
+    readiness: Readiness
+    upkeep: Upkeep
+    jobs: JobRoom
+    rates: Rates
+    exchange: Exchange | None
+    gate: Gate
+    snapshots: SnapshotFolder
+    repetitions: Repetitions
+    waits: JobWaits
+
+    def hand_back(self) -> None:
+        """Let jobs and the upkeep of the index end soon; what they did not finish is gone on with at the next start."""
+        self.catalog.stopping.set()
+        self.jobs.runner.hand_back()
+
+    @property
+    def limits(self) -> Limits:
+        """The limits in force. While the kernels are still being compiled or loaded, queries have no deadline: the
+        first ones wait for that.
+        """
+        if self.readiness.is_open("kernels"):
+            return self.settings.limits.model_copy(update={"query_seconds": math.inf, "batch_seconds": math.inf})
+        return self.settings.limits

@@ -1,0 +1,137 @@
+"""Landmarks in the bodies of submaps and queries."""
+
+from itertools import chain
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import AfterValidator, Field, model_validator
+from pydantic_core import PydanticCustomError
+
+from server.schemas.common import Body, Label, Number, Points
+
+_XY: Any = [[1.2, 3.4], [4.9, -2.2], [-3.1, 0.7], [2.2, -6.5], [-5.8, -4.1], [7.4, 5.3]]
+
+
+THINNEST, THICKEST, TALLEST = 0.005, 5.0, 150.0
+"""Metres. What a diameter at breast height and a height can be; beyond, the unit is another one than metres."""
+
+
+def _check_diameter(value: float) -> float:
+    if not THINNEST <= value <= THICKEST:
+        raise PydanticCustomError(
+            "diameter_range",
+            "a diameter is given in metres, from {thinnest} to {thickest}, and {value} is not: is it in centimetres "
+            "or millimetres?",
+            {"thinnest": THINNEST, "thickest": THICKEST, "value": value},
+        )
+    return value
+
+
+def _check_height(value: float) -> float:
+    if value > TALLEST:
+        raise PydanticCustomError(
+            "height_range",
+            "a height is given in metres, up to {tallest}, and {value} is not: is it in centimetres or feet?",
+            {"tallest": TALLEST, "value": value},
+        )
+    return value
+
+
+class Landmark(Body):
+    """A tree."""
+
+    id: Label | None = Field(None, description="Unique in the submap; its position in the list when left out.")
+    x: Number = Field(description="Metres in the submap's frame.")
+    y: Number = Field(description="Metres in the submap's frame.")
+    dbh: Annotated[Number, Field(gt=0), AfterValidator(_check_diameter)] | None = Field(
+        None,
+        description="Diameter at breast height, in metres: 0.31 for a stem of 31 cm; from 0.005 to 5. "
+        "Evidence where both sides have it; never a condition.",
+    )
+    height: Annotated[Number, Field(gt=0), AfterValidator(_check_height)] | None = Field(
+        None, description="Height of the tree, in metres, up to 150."
+    )
+    species: Label | None = Field(None, description="Any name or code.")
+
+
+def _unique(ids: list[str]) -> list[str]:
+    seen: dict[str, int] = {}
+    for position, name in enumerate(ids):
+        first = seen.setdefault(name, position)
+        if first != position:
+            raise PydanticCustomError(
+                "duplicate_id",
+                "{name} stands at positions {first} and {position}; landmark ids are unique in a submap",
+                {"name": repr(name), "first": first, "position": position},
+            )
+    return ids
+
+
+def _unique_trees(trees: list[Landmark]) -> list[Landmark]:
+    _unique(_ids_of(trees))
+    return trees
+
+
+def _ids_of(trees: list[Landmark]) -> list[str]:
+    return [str(i) if tree.id is None else tree.id for i, tree in enumerate(trees)]
+
+
+class LandmarkBody(Body):
+    """Landmarks in one of two forms: `xy` with optional `ids`, or `landmarks`."""
+
+    xy: Points | None = Field(None, description="Tree positions [x, y], metres.")
+    ids: Annotated[list[Label], Field(fail_fast=True), AfterValidator(_unique)] | None = Field(
+        None, description="An id for each point of `xy`; their positions when left out."
+    )
+    landmarks: Annotated[list[Landmark], Field(fail_fast=True), AfterValidator(_unique_trees)] | None = Field(
+        None, description="Trees with what is known of them."
+    )
+
+    @model_validator(mode="after")
+    def _one_form(self) -> "LandmarkBody":
+        if self.xy is not None and self.landmarks is not None:
+            raise PydanticCustomError("two_forms", "give either `xy` or `landmarks`, not both")
+        if self.ids is not None and self.xy is None:
+            raise PydanticCustomError(
+                "ids_without_xy", "`ids` goes with `xy`; in `landmarks` each carries its own `id`"
+            )
+        if self.ids is not None and self.xy is not None and len(self.ids) != len(self.xy):
+            raise PydanticCustomError(
+                "ids_length",
+                "`ids` has {ids} entries for {xy} points of `xy`; give one each",
+                {"ids": len(self.ids), "xy": len(self.xy)},
+            )
+        return self
+
+    @property
+    def landmark_count(self) -> int:
+        """How many landmarks were given."""
+        return len(self.xy if self.xy is not None else self.landmarks or [])
+
+    @property
+    def landmark_pointer(self) -> str:
+        """JSON pointer to the field that holds the landmarks."""
+        return "/landmarks" if self.landmarks is not None else "/xy"
+
+    def positions(self) -> NDArray[np.float64]:
+        """(N, 2) float64, metres, as posted."""
+        points = self.xy if self.xy is not None else [(tree.x, tree.y) for tree in self.landmarks or []]
+        return np.fromiter(chain.from_iterable(points), np.float64, 2 * len(points)).reshape(-1, 2)
+
+    def diameters(self) -> NDArray[np.float64] | None:
+        """Stem diameters (N,) float64, metres, NaN where one is not known; None when none is."""
+        known = [tree.dbh for tree in self.landmarks or []]
+        return np.array(known, dtype=np.float64) if any(dbh is not None for dbh in known) else None
+
+    def landmark_ids(self) -> list[str] | None:
+        """Ids by position; None when all are the default, their position."""
+        ids = _ids_of(self.landmarks) if self.landmarks is not None else self.ids or []
+        return ids if any(name != str(i) for i, name in enumerate(ids)) else None
+
+    def attributes(self) -> dict[str, list[Any]] | None:
+        """What is known of the trees besides id and position, a list by position for each; None when nothing is."""
+        columns = {
+            name: [getattr(tree, name) for tree in self.landmarks or []] for name in ("dbh", "height", "species")
+        }
+        return {name: values for name, values in columns.items() if any(v is not None for v in values)} or None

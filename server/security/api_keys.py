@@ -1,0 +1,117 @@
+"""API keys: made, listed, revoked.
+
+A key is `urq_<id>_<secret>`. The secret has 256 random bits, so its SHA-256 is all that needs to be kept: there is
+nothing to be guessed that a slower hash would protect.
+"""
+
+import hashlib
+import re
+import secrets
+import string
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Final
+
+from server.errors import Conflict, InvalidField, NotFound, Unauthorized
+from server.problem_types import kind_of, plain
+from server.security.principal import Scope
+from server.store.repositories.api_keys import Keys
+from server.store.repositories.jobs import Jobs
+from server.store.sqlite.database import Database
+from server.store.tables import KeyRow
+
+_ALPHABET: Final = string.ascii_letters + string.digits
+_ID, _SECRET = 8, 43
+KEY_FORMAT: Final = re.compile(rf"urq_([A-Za-z0-9]{{{_ID}}})_([A-Za-z0-9]{{{_SECRET}}})")
+_PATTERN: Final = re.compile(r"[\w.~*?-]{1,128}")
+
+
+@dataclass(frozen=True, slots=True)
+class KeyInfo:
+    """What may be shown of a key."""
+
+    id: str
+    name: str
+    scopes: tuple[str, ...]
+    patterns: tuple[str, ...]
+    created: datetime
+    expires: datetime | None
+    revoked: datetime | None
+
+    def state(self, now: datetime) -> str:
+        """In a word."""
+        if self.revoked is not None:
+            return "revoked"
+        return "expired" if self.expires is not None and self.expires <= now else "usable"
+
+
+def make(
+    database: Database, name: str, scopes: Sequence[Scope], patterns: Sequence[str], expires: datetime | None = None
+) -> tuple[str, KeyInfo]:
+    """A new key, which is told this once, and what is kept of it.
+
+    Raises:
+        InvalidField: no scope, no pattern, or one that no collection's id can match.
+        StorageError.
+    """
+    if not scopes:
+        raise InvalidField("a key needs at least one scope: read, write or admin", code="no_scope", parameter="scope")
+    if not patterns:
+        raise InvalidField("a key needs a pattern of collections, * for all", code="no_pattern", parameter="pattern")
+    for pattern in patterns:
+        if not _PATTERN.fullmatch(pattern):
+            raise InvalidField(
+                f"{pattern!r} is no pattern of collection ids: letters, digits, '.', '_', '~', '-', "
+                "with * for any characters and ? for one",
+                code="pattern",
+                parameter="pattern",
+            )
+    key_id, secret = _random(_ID), _random(_SECRET)
+    with database.write() as session:
+        row = Keys(session).add(
+            key_id=key_id,
+            name=name,
+            digest=digest_of(secret),
+            scopes=sorted({scope.value for scope in scopes}),
+            patterns=list(dict.fromkeys(patterns)),
+            expires=expires,
+        )
+        return f"urq_{key_id}_{secret}", info_of(row)
+
+
+def listed(database: Database) -> list[KeyInfo]:
+    """All keys, oldest first, the revoked and expired ones, too."""
+    with database.read() as session:
+        return [info_of(row) for row in Keys(session).all()]
+
+
+def revoke(database: Database, key_id: str) -> None:
+    """Make a key useless, for every process within a second, and end its jobs.
+
+    Raises NotFound and Conflict (it is already).
+    """
+    with database.write() as session:
+        keys = Keys(session)
+        row = keys.get(key_id)
+        if row is None:
+            raise NotFound("key", key_id)
+        if row.revoked is not None:
+            raise Conflict(f"The key {key_id} was revoked on {row.revoked:%Y-%m-%d}.")
+        keys.revoke(key_id)
+        problem = plain(kind_of(Unauthorized("")), f"The key {key_id}, which began the job, was revoked.")
+        Jobs(session).end_those_of(key_id, problem)
+
+
+def info_of(row: KeyRow) -> KeyInfo:
+    """What may be shown of the key in this row."""
+    return KeyInfo(row.id, row.name, tuple(row.scopes), tuple(row.patterns), row.created, row.expires, row.revoked)
+
+
+def _random(length: int) -> str:
+    return "".join(secrets.choice(_ALPHABET) for _ in range(length))
+
+
+def digest_of(secret: str) -> bytes:
+    """SHA-256 of a secret, which is all that is stored of it."""
+    return hashlib.sha256(secret.encode()).digest()

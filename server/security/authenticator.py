@@ -1,0 +1,131 @@
+"""Who sends a request: found by the API key, remembered for a second. And whether the service needs keys at all."""
+
+import hmac
+import ipaddress
+import threading
+import time
+from datetime import UTC, datetime
+from typing import Final
+
+from server.config.settings import Settings
+from server.errors import Conflict, Unauthorized
+from server.security.api_keys import KEY_FORMAT, digest_of, info_of
+from server.security.principal import ANYBODY, Caller, Scope
+from server.store.repositories.api_keys import Keys
+from server.store.sqlite.database import Database
+from server.store.tables import KeyRow
+
+_FRESH: Final = 1.0
+"""Seconds for which what the database said of a key is believed; so long a revoked one may still work."""
+
+
+_KNOWN: Final = 10_000
+"""Keys that are remembered, about."""
+
+
+def is_exposed(settings: Settings) -> bool:
+    """Whether other machines may reach the address, and nobody said that this is all right."""
+    return not settings.insecure and not _is_loopback(settings.host)
+
+
+def check_exposure(settings: Settings, database: Database) -> None:
+    """Raise Conflict where other machines may reach the service and it has no key to ask them for."""
+    if not is_exposed(settings):
+        return
+    with database.read() as session:
+        if Keys(session).any_usable(datetime.now(UTC)):
+            return
+    raise Conflict(
+        f"host {settings.host!r} can be reached from other machines and there is no key to ask them for: make one with "
+        "urquhart keys create, listen on 127.0.0.1, or say --insecure (URQUHART_INSECURE=true) if the network is "
+        "trusted"
+    )
+
+
+class Doorkeeper:
+    """Tells who asks. Keys are asked for as soon as there is one, or where the service is exposed."""
+
+    def __init__(self, settings: Settings, database: Database) -> None:
+        self._database = database
+        self._always = is_exposed(settings)
+        self._guard = threading.Lock()
+        self._locked: tuple[float, bool] | None = None
+        self._known: dict[str, tuple[float, KeyRow | None]] = {}
+
+    def asks_for_keys(self) -> bool:
+        """Whether callers need a key. Raises StorageError."""
+        return self._is_locked(ask=True) is True
+
+    def recall(self, authorization: str | None) -> Caller | None:
+        """Who asks, from what is remembered; None where the database has to be asked. Raises Unauthorized."""
+        return self._tell(authorization, ask=False)
+
+    def ask(self, authorization: str | None) -> Caller:
+        """Who asks. Raises Unauthorized and StorageError."""
+        caller = self._tell(authorization, ask=True)
+        if caller is None:
+            raise AssertionError("the database was asked")
+        return caller
+
+    def _tell(self, authorization: str | None, *, ask: bool) -> Caller | None:
+        locked = self._is_locked(ask=ask)
+        if locked is None:
+            return None
+        if not locked:
+            return ANYBODY
+        if authorization is None:
+            raise Unauthorized("This service asks for a key: send Authorization: Bearer urq_...", given=False)
+        kind, _, token = authorization.partition(" ")
+        match = KEY_FORMAT.fullmatch(token.strip()) if kind.lower() == "bearer" else None
+        if match is None:
+            raise Unauthorized("Authorization must be: Bearer urq_<id>_<secret>, as urquhart keys create printed it.")
+        found = self._row(match[1], ask=ask)
+        if found is None:
+            return None
+        (row,) = found
+        # Compared in any case, so that the time does not tell whether there is such a key.
+        same = hmac.compare_digest(digest_of(match[2]), row.digest if row is not None else bytes(32))
+        if row is None or not same:
+            raise Unauthorized("There is no such key; was it copied whole?")
+        state = info_of(row).state(datetime.now(UTC))
+        if state != "usable":
+            raise Unauthorized(f"The key {row.id} is {state}; ask the operator for another.")
+        return Caller(row.id, frozenset(map(Scope, row.scopes)), tuple(row.patterns))
+
+    def _is_locked(self, *, ask: bool) -> bool | None:
+        if self._always:
+            return True
+        now = time.monotonic()
+        if self._locked is not None and now - self._locked[0] < _FRESH:
+            return self._locked[1]
+        if not ask:
+            return None
+        with self._database.read() as session:
+            locked = Keys(session).any()
+        self._locked = (now, locked)
+        return locked
+
+    def _row(self, key_id: str, *, ask: bool) -> tuple[KeyRow | None] | None:
+        now = time.monotonic()
+        with self._guard:
+            known = self._known.get(key_id)
+        if known is not None and now - known[0] < _FRESH:
+            return (known[1],)
+        if not ask:
+            return None
+        with self._database.read() as session:
+            row = Keys(session).get(key_id)
+        with self._guard:
+            if len(self._known) >= _KNOWN:
+                self._known.clear()
+            self._known[key_id] = (now, row)
+        return (row,)
+
+
+def _is_loopback(host: str) -> bool:
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host.strip("[]")).is_loopback
+    except ValueError:
+        return False  # a name may resolve to anything

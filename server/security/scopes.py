@@ -1,0 +1,48 @@
+"""Which scope each operation asks for, by its id; None where it asks for no key at all."""
+
+from collections.abc import Mapping
+from typing import Final
+
+from server.security.principal import Scope
+
+SCOPES: Final[Mapping[str, Scope | None]] = {
+    "getLandingPage": None,
+    "getProblem": None,
+    "getLiveness": None,
+    "getReadiness": None,
+    "getMetrics": Scope.READ,
+    "getLimits": Scope.READ,
+    "listCollections": Scope.READ,
+    "getCollection": Scope.READ,
+    "putCollection": Scope.ADMIN,
+    "patchCollection": Scope.ADMIN,
+    "deleteCollection": Scope.ADMIN,
+    "listSubmaps": Scope.READ,
+    "getSubmap": Scope.READ,
+    "getTessellation": Scope.READ,
+    "listSessions": Scope.READ,
+    "putSubmap": Scope.WRITE,
+    "postSubmap": Scope.WRITE,
+    "patchSubmap": Scope.WRITE,
+    "deleteSubmap": Scope.WRITE,
+    "postImport": Scope.WRITE,
+    "postReindex": Scope.ADMIN,
+    "postConstraints": Scope.READ,
+    "listJobs": Scope.READ,
+    "getJob": Scope.READ,
+    "getJobResults": Scope.READ,
+    "getJobErrors": Scope.READ,
+    "deleteJob": Scope.WRITE,
+    "query": Scope.READ,
+    "queryBatch": Scope.READ,
+    "getQuery": Scope.READ,
+    "getMatch": Scope.READ,
+    "getExplanation": Scope.READ,
+    "postSnapshot": Scope.ADMIN,
+    "listSnapshots": Scope.ADMIN,
+    "getSnapshot": Scope.ADMIN,
+    "deleteSnapshot": Scope.ADMIN,
+}
+
+ALSO: Final[Mapping[str, frozenset[Scope]]] = {"deleteJob": frozenset({Scope.READ, Scope.ADMIN})}
+"""Further scopes that open an operation, which then looks at whose thing it is: a job may be the caller's own."""

@@ -1,0 +1,120 @@
+"""A stand takes the place of all that was stored under its name, in one transaction."""
+
+import pickle
+import tempfile
+from collections.abc import Collection, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Final
+
+from server.collections.registry import get_collection
+from server.store.repositories.stands import StandRecord, Stands
+from server.store.repositories.submaps import Submaps
+from server.store.sqlite.database import Database
+from server.store.sqlite.sqlite_errors import storage_errors
+from server.submaps.batches import Described, Refusal
+from server.submaps.bulk import BatchResult, write_in
+
+_IN_MEMORY: Final = 32 * 1024 * 1024
+"""Bytes of described submaps that wait in memory; what is more waits in a file beside the database."""
+
+
+class StandError(ValueError):
+    """A stand that cannot be stored. The message is one line that says what to change."""
+
+
+@dataclass(slots=True)
+class Replaced:
+    """What became of a stand's submaps, those of before among them.
+
+    Attributes:
+        created, replaced, unchanged: submaps of the stand as it is now.
+        removed: submaps of before whose place in the grid is no more, or empty.
+        adopted: of those of before, how many were stored by a version that knew no stands, or over HTTP.
+        refused: submaps that cannot be used, and why; they are not stored.
+        before: radius and spacing that the stand had before, metres; None for a new one.
+        alike: other stands of the collection that have exactly the same trees.
+    """
+
+    created: int = 0
+    replaced: int = 0
+    unchanged: int = 0
+    removed: int = 0
+    adopted: int = 0
+    refused: list[Refusal] = field(default_factory=list)
+    before: tuple[float, float] | None = None
+    alike: list[str] = field(default_factory=list)
+
+    def count(self, result: BatchResult) -> None:
+        """Add what became of one batch."""
+        self.created += result.created
+        self.replaced += result.replaced
+        self.unchanged += result.unchanged
+        self.refused += result.refused
+
+
+@contextmanager
+def spooled(batches: Iterable[Described], folder: Path) -> Iterator[Iterator[Described]]:
+    """Take in all batches first, then hand them out again: the transaction that stores them need not wait for one.
+
+    What does not fit into memory waits in a file of `folder` that has no name, so a killed process leaves nothing.
+    Raises what `batches` raises, and StorageError.
+    """
+    with tempfile.SpooledTemporaryFile(_IN_MEMORY, mode="w+b", dir=str(folder)) as file:
+        count = 0
+        for batch in batches:
+            with storage_errors(folder):
+                pickle.dump(batch, file, protocol=pickle.HIGHEST_PROTOCOL)
+            count += 1
+        file.seek(0)
+        yield (pickle.load(file) for _ in range(count))
+
+
+def replace_stand(
+    database: Database, collection_id: str, record: StandRecord, ids: Collection[str], batches: Iterable[Described]
+) -> Replaced:
+    """Store a stand with the submaps of `batches`, whose ids are among `ids`, and delete all others that it had.
+
+    Readers see the stand as it was, or as it is now, and nothing between; so does whoever opens the database after a
+    kill. The stand had what it stored before, and submaps that look exactly like its discs and belong to no stand.
+
+    Raises:
+        StandError: another's submap has one of the ids, or no submap is left of a stand that had some.
+        NotFound, Conflict, StorageError: as `write_in` and the database do. Nothing is changed.
+    """
+    done = Replaced()
+    with database.write() as session:
+        collection_key = get_collection(session, collection_id).key
+        stands = Stands(session, collection_key)
+        there = stands.get(record.name)
+        done.before = None if there is None else (there.radius, there.spacing)
+        stand_key = stands.put(record)
+        strays = stands.strays(record.name, record.frame_id)
+        had = stands.members(stand_key) | strays
+        _check_ids(Submaps(session, collection_key).keys(ids), had, record.name)
+        stored: set[str] = set()
+        for batch in batches:
+            batch.records = [(position, replace(one, stand_key=stand_key)) for position, one in batch.records]
+            done.count(write_in(session, collection_id, batch, "replace"))
+            stored.update(one.id for _, one in batch.records)
+        if had and not stored:
+            raise StandError(
+                f"none of the {len(done.refused)} submaps can be used, the first: {done.refused[0].error} "
+                f"What the stand {record.name!r} had before stays"
+            )
+        stands.adopt(stand_key, [key for submap_id, key in strays.items() if submap_id in stored])
+        gone = [key for submap_id, key in had.items() if submap_id not in stored]
+        stands.remove(gone)
+        done.removed, done.adopted = len(gone), len(strays)
+        done.alike = [name for name in stands.with_trees(record.trees_hash) if name != record.name]
+    return done
+
+
+def _check_ids(taken: dict[str, int], had: dict[str, int], name: str) -> None:
+    foreign = sorted(submap_id for submap_id, key in taken.items() if had.get(submap_id) != key)
+    if foreign:
+        raise StandError(
+            f"{len(foreign)} submaps with the ids of this stand, the first {foreign[0]!r}, are not of the stand "
+            f"{name!r}: rename the file, or delete them first"
+        )

@@ -1,0 +1,68 @@
+"""What answers tell of the submaps that were found. Every query reads it, so it is read by the shortest way."""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+import orjson
+from sqlalchemy import bindparam, func, select
+from sqlalchemy.dialects import sqlite
+from sqlalchemy.orm import Session
+
+from server.store.columns import read_instant
+from server.store.repositories.submaps import Place
+from server.store.tables import SubmapRow, beside_key
+
+
+@dataclass(frozen=True, slots=True)
+class FoundSubmap:
+    """A submap as a candidate's answer needs it; `landmarks` are empty where they were not read."""
+
+    key: int
+    id: str
+    session: str | None
+    stamp: datetime | None
+    frame_id: str | None
+    landmark_count: int
+    content_revision: int
+    landmark_ids: bytes | None
+    place: Place | None
+    landmarks: bytes
+
+
+def found_submaps(
+    session: Session, collection_key: int, keys: Collection[int], *, landmarks: bool
+) -> dict[int, FoundSubmap]:
+    """Those of the keys that are submaps of the collection, with their landmarks if asked, by key."""
+    # Said to the driver itself, in the session's transaction: the layers between cost more than SQLite does.
+    cursor = session.connection().connection.cursor()
+    cursor.execute(_WHOLE if landmarks else _BRIEF, (collection_key, orjson.dumps(list(keys)).decode()))
+    return {row[0]: _found(row) for row in cursor.fetchall()}
+
+
+_HEAD = tuple(name for name in FoundSubmap.__slots__ if name not in ("place", "landmarks"))
+_PLACE = slice(len(_HEAD), len(_HEAD) + len(Place.__slots__))
+
+
+def _statement(*more: str) -> str:
+    columns = SubmapRow.__table__.c
+    chosen = select(*(columns[name] for name in (*_HEAD, *Place.__slots__, *more))).where(
+        beside_key(bindparam("collection_key")),
+        columns.key.in_(select(func.json_each(bindparam("keys")).table_valued("value").c.value)),
+    )
+    return str(chosen.compile(dialect=sqlite.dialect()))
+
+
+_BRIEF = _statement()
+_WHOLE = _statement("landmarks")
+
+
+def _found(row: Sequence[Any]) -> FoundSubmap:
+    values: dict[str, Any] = dict(zip(_HEAD, row, strict=False))
+    values["stamp"] = read_instant(values["stamp"])
+    frame_id, x, y, yaw, covariance, *box = row[_PLACE]
+    place = None
+    if frame_id is not None:
+        place = Place(frame_id, x, y, yaw, None if covariance is None else orjson.loads(covariance), *box)
+    return FoundSubmap(**values, place=place, landmarks=row[-1] if len(row) > _PLACE.stop else b"")

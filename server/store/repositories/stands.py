@@ -1,0 +1,111 @@
+"""Rows of stands, and the submaps that each of them stored, all seen through one collection."""
+
+import re
+from collections.abc import Collection, Sequence
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+
+from sqlalchemy import delete, func, insert, literal, select, update
+from sqlalchemy.orm import Session
+
+from server.store.repositories.collections import Collections
+from server.store.tables import DeletionRow, StandRow, SubmapRow, beside_key
+
+_VARIABLES = 500  # keys per statement, well below SQLite's limit on bound values
+
+
+@dataclass(frozen=True, slots=True)
+class StandRecord:
+    """A stand as it is to be stored; the fields are those of `StandRow`."""
+
+    name: str
+    frame_id: str
+    source_hash: str
+    trees_hash: str
+    tree_count: int
+    radius: float
+    spacing: float
+
+
+class Stands:
+    """Repository of one collection's stands; the session is the caller's, and so is the commit."""
+
+    def __init__(self, session: Session, collection_key: int) -> None:
+        self._session = session
+        self._collection_key = collection_key
+
+    def get(self, name: str) -> StandRow | None:
+        """The stand of that name, or None."""
+        return self._session.scalar(
+            select(StandRow).where(StandRow.collection_key == self._collection_key, StandRow.name == name)
+        )
+
+    def put(self, record: StandRecord) -> int:
+        """Write the stand's row, new or in the place of the one of its name; its key, which stays."""
+        now = datetime.now(UTC)
+        row = self.get(record.name)
+        if row is None:
+            row = StandRow(collection_key=self._collection_key, **asdict(record), created=now, updated=now)
+            self._session.add(row)
+        else:
+            for name, value in asdict(record).items():
+                setattr(row, name, value)
+            row.updated = now
+        self._session.flush()
+        return row.key
+
+    def with_trees(self, trees_hash: str) -> list[str]:
+        """Names of the stands whose trees stand at exactly these positions, in the order they were stored."""
+        same = select(StandRow.name).where(
+            StandRow.collection_key == self._collection_key, StandRow.trees_hash == trees_hash
+        )
+        return list(self._session.scalars(same.order_by(StandRow.key)))
+
+    def members(self, stand_key: int) -> dict[str, int]:
+        """Keys of the submaps that the stand stored, by id."""
+        query = select(SubmapRow.id, SubmapRow.key).where(SubmapRow.stand_key == stand_key)
+        return {row.id: row.key for row in self._session.execute(query)}
+
+    def strays(self, name: str, frame_id: str) -> dict[str, int]:
+        """Keys, by id, of submaps that look exactly like discs of the stand and belong to no stand.
+
+        Versions that knew no stands stored discs like these, and so does a caller who sends discs over HTTP.
+        """
+        query = select(SubmapRow.id, SubmapRow.key).where(
+            SubmapRow.collection_key == self._collection_key,
+            SubmapRow.map_frame_id == frame_id,
+            SubmapRow.map_yaw == 0.0,
+            SubmapRow.frame_id == SubmapRow.id,
+            SubmapRow.stand_key.is_(None),
+        )
+        disc = re.compile(re.escape(name) + r"-[0-9]+-[0-9]+")
+        return {row.id: row.key for row in self._session.execute(query) if disc.fullmatch(row.id)}
+
+    def adopt(self, stand_key: int, keys: Collection[int]) -> None:
+        """Note that submaps belong to the stand; nothing else of them changes."""
+        for some in _batches(sorted(keys)):
+            of_keys = update(SubmapRow).where(beside_key(self._collection_key), SubmapRow.key.in_(some))
+            self._session.execute(of_keys.values(stand_key=stand_key), execution_options={"synchronize_session": False})
+
+    def remove(self, keys: Collection[int]) -> None:
+        """Delete submaps, note for the live indexes that they are gone, and take them off the collection's counts."""
+        for some in _batches(sorted(keys)):
+            these = (beside_key(self._collection_key), SubmapRow.key.in_(some))
+            count, landmarks, polygons = self._session.execute(
+                select(func.count(), func.sum(SubmapRow.landmark_count), func.sum(SubmapRow.polygon_count)).where(
+                    *these
+                )
+            ).one()
+            if not count:
+                continue
+            revision = Collections(self._session).advance(
+                self._collection_key, submaps=-count, landmarks=-landmarks, polygons=-polygons
+            )
+            gone = select(SubmapRow.key, literal(self._collection_key), literal(revision)).where(*these)
+            columns = ["submap_key", "collection_key", "revision"]
+            self._session.execute(insert(DeletionRow).from_select(columns, gone))
+            self._session.execute(delete(SubmapRow).where(*these), execution_options={"synchronize_session": False})
+
+
+def _batches(keys: Sequence[int]) -> list[Sequence[int]]:
+    return [keys[start : start + _VARIABLES] for start in range(0, len(keys), _VARIABLES)]

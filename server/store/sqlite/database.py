@@ -1,0 +1,292 @@
+"""The SQLite file: connections, transactions, and SQLite's errors in the words of the domain."""
+
+import logging
+import sqlite3
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import NoReturn
+
+import orjson
+from sqlalchemy import Connection, Engine, create_engine, event
+from sqlalchemy.exc import DBAPIError
+from sqlalchemy.exc import TimeoutError as PoolTimeout
+from sqlalchemy.orm import Session
+from sqlalchemy.pool import QueuePool
+
+from server import errors
+from server.store.sqlite import database_lock
+from server.store.sqlite.file_watch import FileWatch, Trouble
+from server.store.sqlite.sqlite_errors import BUSY, domain_error, storage_errors
+
+_WRITE = "urquhart_write"
+_PIECE = 256  # pages of a copy that are written at once, about a megabyte
+_POOL_SIZE = 64  # above the threads that serve requests, so that no request waits for a connection
+_log = logging.getLogger(__name__)
+
+
+class Database:
+    """One SQLite file in WAL mode.
+
+    `read()` gives a session on one snapshot that no writer disturbs; `write()` a session that holds the write
+    lock from its first statement, committed at the end of the block and rolled back by any exception. Repositories
+    get such sessions handed in and never commit. Errors of SQLite leave as `errors.StorageError`.
+
+    From `use_wal` to `dispose` the file must stay what it is and where it is: else nothing is read and no write is
+    acknowledged, see `file_watch`.
+    """
+
+    def __init__(
+        self, path: Path | str, *, busy_timeout: float = 10.0, read_only: bool = False, create: bool = True
+    ) -> None:
+        """Prepare for the file at `path`, which is opened at first use; `busy_timeout` in seconds.
+
+        `create`: `use_wal` makes the file where there is none. Nothing else does.
+        """
+        self.path = Path(path).absolute()
+        self.read_only = read_only
+        self._busy_timeout = busy_timeout
+        # Queueing writers of this process here wakes them at once; SQLite's own waiting polls with growing sleeps.
+        self._writer = threading.Lock()
+        self._occupancy: int | None = None
+        self._moving_in = threading.Lock()
+        self._create = create and not read_only
+        self._watch = FileWatch(self.path)
+        self._sentinel: sqlite3.Connection | None = None
+        self._trouble: Trouble | None = None
+        self._noticing = threading.Lock()
+        self.engine = self._make_engine()
+        self._write_engine = self.engine.execution_options(**{_WRITE: True})
+
+    @contextmanager
+    def read(self) -> Iterator[Session]:
+        """A session on a read transaction: everything read in it is of one revision."""
+        with self._guarded(), Session(self.engine, expire_on_commit=False) as session:
+            yield session
+
+    @contextmanager
+    def write(self) -> Iterator[Session]:
+        """A session on a write transaction, committed at the end; durable once the block is left."""
+        with (
+            self._one_writer(),
+            self._guarded(),
+            Session(self._write_engine, expire_on_commit=False) as session,
+            session.begin(),
+        ):
+            yield session
+
+    @contextmanager
+    def write_connection(self) -> Iterator[Connection]:
+        """A connection on a write transaction, for the schema's own statements."""
+        with self._one_writer(), self._guarded(), self._write_engine.begin() as connection:
+            yield connection
+
+    @contextmanager
+    def read_connection(self) -> Iterator[Connection]:
+        """A connection on a read transaction, for the schema's own statements."""
+        with self._guarded(), self.engine.connect() as connection:
+            yield connection
+
+    def trouble(self) -> str | None:
+        """Why the database cannot be used although it was opened, and what to do; None where it can.
+
+        For files that were moved, deleted, replaced or written to by others. It is logged when that begins and ends.
+        """
+        found = self._watch.trouble()
+        with self._noticing:
+            before, self._trouble = self._trouble, found
+            if found is not None and before is None:
+                _log.error("the database cannot be used: %s", found.sentence)
+                self._save(found)
+            elif found is None and before is not None:
+                _log.warning("the database can be used again")
+        return None if found is None else found.sentence
+
+    def use_wal(self) -> None:
+        """Put the file into WAL mode, for good, and watch it from now on. It is made where there is none.
+
+        Not done on connecting: the file may be somebody else's. Raises StorageError.
+        """
+        with self._guarded():
+            if not self.read_only:
+                self._begin_wal()
+            with self._moving_in:
+                if self._sentinel is None:
+                    self._sentinel = self._watched()
+
+    def _begin_wal(self) -> None:
+        deadline = time.monotonic() + self._busy_timeout
+        with closing(self._connect(create=self._create and not self._watch.bound)) as connection:
+            while connection.execute("PRAGMA journal_mode").fetchone()[0] != "wal":
+                try:
+                    connection.execute("PRAGMA journal_mode = WAL")
+                except sqlite3.OperationalError as error:
+                    # SQLite does not wait here for other connections as it does elsewhere.
+                    if error.sqlite_errorcode != sqlite3.SQLITE_BUSY or time.monotonic() > deadline:
+                        raise
+                    time.sleep(0.01)
+
+    def occupy(self) -> None:
+        """Keep everybody from replacing the file until `dispose`. Raises StorageError."""
+        with self._moving_in:
+            if self._occupancy is None:
+                with storage_errors(self.path):
+                    self._occupancy = database_lock.occupy(self.path, self._busy_timeout, read_only=self.read_only)
+                # What was opened before may be a file that is not of this name any more.
+                self.engine.dispose()
+
+    def copy_to(self, target: Path, *, between: Callable[[], None]) -> None:
+        """Write a copy of the file as it is now, with all that is committed, while others read and write.
+
+        The copy is one file without a log beside it, not yet synced. `between` is called after every megabyte; what it
+        raises ends the copying. Raises StorageError.
+        """
+        with self._guarded(), closing(self._connect()) as source, closing(_new_file(target)) as copy:
+            # In one read transaction, however long: else every write by others would make it begin again.
+            source.execute("BEGIN")
+            source.execute("SELECT count(*) FROM sqlite_master").fetchone()
+            source.backup(copy, pages=_PIECE, progress=lambda *_: between())
+            copy.execute("PRAGMA journal_mode = DELETE")
+
+    def dispose(self) -> None:
+        """Close all idle connections; the last one to close folds the write-ahead log into the file."""
+        self.engine.dispose()
+        with self._moving_in:
+            if self._sentinel is not None:
+                self._sentinel.close()
+                self._watch.release()
+                self._sentinel = self._trouble = None
+            if self._occupancy is not None:
+                database_lock.leave(self._occupancy)
+                self._occupancy = None
+
+    def _make_engine(self) -> Engine:
+        engine = create_engine(
+            "sqlite+pysqlite://",
+            creator=self._connect,
+            poolclass=QueuePool,
+            pool_size=_POOL_SIZE,
+            max_overflow=_POOL_SIZE,
+            hide_parameters=True,  # an error's text goes to the log, what callers sent does not
+            json_serializer=lambda value: orjson.dumps(value).decode(),
+            json_deserializer=orjson.loads,
+        )
+        event.listen(engine, "begin", _begin)
+        return engine
+
+    def _connect(self, *, create: bool = False) -> sqlite3.Connection:
+        if create:
+            self._refuse_orphaned_log()
+        mode = "ro" if self.read_only else ("rwc" if create else "rw")
+        connection = sqlite3.connect(
+            f"{self.path.as_uri()}?mode={mode}",
+            uri=True,
+            timeout=self._busy_timeout,
+            isolation_level=None,  # BEGIN is ours to say, see _begin
+            check_same_thread=False,
+        )
+        try:
+            # The file is open, and nothing of it was read: one that is not ours stays as it is.
+            self._require()
+            _configure(connection)
+        except (sqlite3.Error, errors.StorageError):
+            connection.close()
+            raise
+        return connection
+
+    def _watched(self) -> sqlite3.Connection:
+        """A connection that keeps the log from being removed by whoever closes the file last; the file is watched."""
+        with storage_errors(self.path):
+            before = self._watch.identity()
+            connection = self._connect()
+            try:
+                connection.execute("SELECT count(*) FROM sqlite_master").fetchone()  # opens the log
+                self._watch.bind()
+                if self._watch.identity() != before:
+                    raise errors.StorageAltered(f"{self.path.name} was replaced while it was opened; start again.")
+            except BaseException:
+                connection.close()
+                self._watch.release()
+                raise
+            return connection
+
+    def _refuse_orphaned_log(self) -> None:
+        """SQLite would remove the log of a database that is not there, with all that was committed to it."""
+        real = self.path.resolve()
+        log = real.with_name(f"{real.name}-wal")
+        if not real.exists() and log.exists() and log.stat().st_size:
+            raise errors.StorageAltered(
+                f"{log.name} holds what was stored last in {real.name}, which is not there. Put the database back "
+                "beside it; or move the log away to begin with an empty database."
+            )
+
+    def _require(self, cause: Exception | None = None) -> None:
+        if (sentence := self.trouble()) is not None:
+            raise errors.StorageAltered(sentence) from cause
+
+    def _save(self, trouble: Trouble) -> None:
+        """Put what is only in the log into the file that is open, wherever that is: the log may get lost."""
+        if self._sentinel is None or self.read_only or not trouble.intact:
+            return
+        try:
+            self._sentinel.execute("PRAGMA wal_checkpoint(PASSIVE)").fetchall()
+        except sqlite3.Error as error:
+            _log.warning("what is in the log cannot be written to the database file: %s", error)
+
+    @contextmanager
+    def _one_writer(self) -> Iterator[None]:
+        if not self._writer.acquire(timeout=self._busy_timeout):
+            raise errors.StorageBusy(BUSY)
+        try:
+            yield
+        finally:
+            self._writer.release()
+
+    @contextmanager
+    def _guarded(self) -> Iterator[None]:
+        """Look at the file before it is used, and after: what is acknowledged must be in it. Raises StorageError."""
+        self._require()
+        try:
+            yield
+        except DBAPIError as error:
+            if isinstance(error.orig, sqlite3.Error):
+                self._raise_domain_error(error.orig, error)
+            raise
+        except sqlite3.Error as error:
+            self._raise_domain_error(error, error)
+        except PoolTimeout as error:
+            raise errors.StorageBusy("All database connections are in use; try again shortly.") from error
+        self._require()
+
+    def _raise_domain_error(self, error: sqlite3.Error, cause: Exception) -> NoReturn:
+        self._require(cause)
+        known = domain_error(error, self.path)
+        if known is None:
+            raise cause
+        raise known from cause
+
+
+def _configure(connection: sqlite3.Connection) -> None:
+    connection.execute("PRAGMA foreign_keys = ON")
+    # FULL, not NORMAL: in WAL mode NORMAL may lose acknowledged commits when the machine loses power.
+    connection.execute("PRAGMA synchronous = FULL")
+    connection.execute("PRAGMA temp_store = MEMORY")
+    connection.execute("PRAGMA cache_size = -16384")
+    # The first to read the file: what is no database fails here, before a pool owns the connection.
+    connection.execute("PRAGMA schema_version").fetchone()
+
+
+def _new_file(path: Path) -> sqlite3.Connection:
+    connection = sqlite3.connect(path, isolation_level=None)
+    # Nobody needs it before it is complete, and then it is synced as a whole.
+    connection.execute("PRAGMA journal_mode = OFF")
+    connection.execute("PRAGMA synchronous = OFF")
+    return connection
+
+
+def _begin(connection: Connection) -> None:
+    writing = connection.get_execution_options().get(_WRITE, False)
+    # To the driver itself: said before every read, it would cost more on its way there than it does.
+    connection.connection.cursor().execute("BEGIN IMMEDIATE" if writing else "BEGIN")

@@ -1,0 +1,270 @@
+"""Submaps by the hundred: cut into batches, read and described, in this process or in another.
+
+Models are slow to send from process to process, JSON is not: a batch travels as the lines of NDJSON that it came in or
+could have come in, and what comes back is ready to be written.
+"""
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Final, Generic, TypeVar
+
+import numpy as np
+import orjson
+from pydantic import ValidationError
+
+import urquhart
+from server.collections.georeference import check_place
+from server.collections.registry import get_collection
+from server.config.settings import Limits
+from server.errors import DomainError, InvalidBody, InvalidField, MalformedBody, TooCostly, TooLarge
+from server.index.derived import config_of
+from server.parsing.field_errors import invalid_body
+from server.parsing.strict_json import read_json
+from server.platform.process_pool import PATIENCE, Apart, Work, Workers
+from server.platform.threads import pin_threads
+from server.schemas.submaps import NamedSubmap
+from server.store.repositories.map_frames import Frames
+from server.store.repositories.submaps import SubmapRecord, Submaps
+from server.store.sqlite.database import Database
+from server.submaps.preparation import Prepared
+from urquhart import Config
+
+_Item = TypeVar("_Item")
+_MOST_BYTES: Final = 4 * 1024 * 1024
+"""Of a batch, about: submaps of thousands of landmarks come in smaller ones, a few of which fit into memory."""
+_LIGHT: Final = 2_000
+"""Arrays and objects of a line that the service itself describes; a line with more is described in another process."""
+_LANDMARK_BYTES: Final = 40
+_LONGEST_ID: Final = 128
+"""Characters of an id that is repeated in a report; one that is longer is no id."""
+
+
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """A submap that was not stored, and why.
+
+    Attributes:
+        submap_id: None where not even that could be read.
+        error: what is wrong with it.
+        position: in what was given, from 0.
+    """
+
+    submap_id: str | None
+    error: DomainError
+    position: int
+
+
+@dataclass(frozen=True, slots=True)
+class Batch(Generic[_Item]):
+    """Some of what was given; `first` is the position of the first."""
+
+    first: int
+    items: list[_Item]
+
+
+@dataclass(slots=True)
+class Described:
+    """A batch that is ready to be written.
+
+    Attributes:
+        collection_key: the collection that it was described for.
+        following: position after the last of what was given.
+        records: what can be stored, with its position.
+        landmarks: of all that can be used.
+        refused: what cannot be used.
+    """
+
+    collection_key: int
+    following: int
+    records: list[tuple[int, SubmapRecord]]
+    landmarks: int
+    refused: list[Refusal]
+
+
+@dataclass(frozen=True, slots=True)
+class _Task:
+    path: Path
+    collection_id: str
+    limits: Limits
+    first: int
+    lines: list[bytes]
+
+
+def describers(processes: int | None = None, *, patience: float = PATIENCE) -> Workers:
+    """Processes that describe batches, this one among them: by default as many as there are cores.
+
+    `patience`: seconds of work before processes are started.
+    """
+    return Workers(processes, warm_up=_warm_up, patience=patience)
+
+
+def of_submaps(database: Database, collection_id: str, limits: Limits) -> Work[Batch[NamedSubmap], _Task, Described]:
+    """How batches of submaps are described for a collection. The work raises NotFound and StorageError."""
+
+    def here(batch: Batch[NamedSubmap]) -> Described:
+        given = list(enumerate(batch.items, start=batch.first))
+        return _describe(database, collection_id, limits, batch.first + len(given), given, [])
+
+    def pack(batch: Batch[NamedSubmap]) -> _Task:
+        return _Task(database.path, collection_id, limits, batch.first, [line_of(submap) for submap in batch.items])
+
+    return Work(here, pack, _describe_there)
+
+
+def of_lines(
+    database: Database, collection_id: str, limits: Limits, *, careful: bool = False
+) -> Work[Batch[bytes], _Task, Described]:
+    """How batches of NDJSON lines are described for a collection. The work raises NotFound and StorageError.
+
+    A line that ends the process that describes it, or takes too long, is refused, and no other with it. Lines with many
+    trees are described in other processes only; where one is `careful`, all are.
+    """
+
+    def here(batch: Batch[bytes]) -> Described:
+        return _describe_lines(database, collection_id, limits, batch.first, batch.items)
+
+    def pack(batch: Batch[bytes]) -> _Task:
+        return _Task(database.path, collection_id, limits, batch.first, batch.items)
+
+    def singles(batch: Batch[bytes]) -> list[Batch[bytes]]:
+        return [Batch(batch.first + i, [line]) for i, line in enumerate(batch.items)]
+
+    def refuse(batch: Batch[bytes], why: str) -> Described:
+        position, (line,) = batch.first, batch.items
+        error = TooCostly("import_line_seconds", limits.import_line_seconds, why)
+        with database.read() as session:
+            collection = get_collection(session, collection_id)
+        submap_id = _id_in(line, error) if _is_json(line) else None
+        return Described(collection.key, position + 1, [], 0, [Refusal(submap_id, error, position)])
+
+    def is_light(batch: Batch[bytes]) -> bool:
+        return not careful and all(map(_is_light, batch.items))
+
+    apart = Apart(is_light, singles, refuse, limits.import_line_seconds)
+    return Work(here, pack, _describe_there, apart)
+
+
+def _is_light(line: bytes) -> bool:
+    """Whether a line has so few trees that it cannot cost much, whatever shape they are in."""
+    return line.count(b"[") + line.count(b"{") <= _LIGHT
+
+
+def cut(items: Iterable[_Item], most: int, weigh: Callable[[_Item], int], first: int = 0) -> Iterator[Batch[_Item]]:
+    """Batches of up to `most` items, or fewer of such that weigh a lot of bytes; the first has position `first`."""
+    batch, weight = list[_Item](), 0
+    for item in items:
+        batch.append(item)
+        weight += weigh(item)
+        if len(batch) >= most or weight >= _MOST_BYTES:
+            yield Batch(first, batch)
+            first, batch, weight = first + len(batch), [], 0
+    if batch:
+        yield Batch(first, batch)
+
+
+def weigh_submap(submap: NamedSubmap) -> int:
+    """Bytes that a submap takes as JSON, about."""
+    return submap.landmark_count * _LANDMARK_BYTES
+
+
+def line_of(submap: NamedSubmap) -> bytes:
+    """A submap as a line of NDJSON, which is read as one of the same content."""
+    return orjson.dumps(submap.model_dump(exclude_unset=True), option=orjson.OPT_UTC_Z)
+
+
+def read_line(line: bytes, limits: Limits) -> NamedSubmap:
+    """The submap of one line of NDJSON. Raises MalformedBody, InvalidBody, InvalidField and TooLarge."""
+    try:
+        members = read_json(line, limits.body_values)
+    except orjson.JSONDecodeError as error:
+        raise MalformedBody(f"The line is not JSON: {error.msg.split(': line')[0]} (column {error.colno}).") from error
+    try:
+        return NamedSubmap.model_validate(members)
+    except ValidationError as error:
+        invalid = invalid_body(error)
+    # Not from within: a refusal that is kept would keep the other error, and through what that one knows of its own
+    # frames itself, in a circle that no collection of garbage sees.
+    raise invalid
+
+
+def _describe_there(task: _Task) -> Described:
+    return _describe_lines(_opened(task.path), task.collection_id, task.limits, task.first, task.lines)
+
+
+def _describe_lines(
+    database: Database, collection_id: str, limits: Limits, first: int, lines: Iterable[bytes]
+) -> Described:
+    submaps: list[tuple[int, NamedSubmap]] = []
+    refused: list[Refusal] = []
+    position = first - 1
+    for position, line in enumerate(lines, start=first):
+        if not line or line.isspace():
+            continue
+        try:
+            if len(line) > limits.body_bytes:
+                raise TooLarge("body_bytes", limits.body_bytes, None, "A line is the body of one PUT.")
+            submaps.append((position, read_line(line, limits)))
+        except DomainError as error:
+            refused.append(Refusal(_id_in(line, error), error, position))
+    return _describe(database, collection_id, limits, position + 1, submaps, refused)
+
+
+def _describe(
+    database: Database,
+    collection_id: str,
+    limits: Limits,
+    following: int,
+    submaps: list[tuple[int, NamedSubmap]],
+    refused: list[Refusal],
+) -> Described:
+    """What can be used of some submaps, with features but for those that are there already with the same trees."""
+    with database.read() as session:
+        collection = get_collection(session, collection_id)
+        known = Submaps(session, collection.key).identities({submap.id for _, submap in submaps})
+        maps = {submap.map_pose.frame_id for _, submap in submaps if submap.map_pose is not None}
+        references = Frames(session, collection).some(maps)
+    config = config_of(collection)
+    described = Described(collection.key, following, [], 0, refused)
+    for position, submap in submaps:
+        try:
+            prepared = Prepared(submap.id, submap, limits)
+            if prepared.place is not None:
+                check_place(prepared.place, references.get(prepared.place.map_frame_id))
+            record = prepared.record(known.get(submap.id), config)
+        except DomainError as error:
+            refused.append(Refusal(submap.id, error, position))
+            continue
+        described.records.append((position, record))
+        described.landmarks += submap.landmark_count
+    refused.sort(key=lambda one: one.position)
+    return described
+
+
+def _id_in(line: bytes, error: DomainError) -> str | None:
+    """The id of a line that is JSON but no submap, for the report."""
+    if isinstance(error, InvalidField | InvalidBody | TooCostly):
+        members = orjson.loads(line)
+        if isinstance(members, dict) and isinstance(members.get("id"), str) and len(members["id"]) <= _LONGEST_ID:
+            return str(members["id"])
+    return None
+
+
+def _is_json(line: bytes) -> bool:
+    try:
+        orjson.loads(line)
+    except orjson.JSONDecodeError:
+        return False
+    return True
+
+
+@cache
+def _opened(path: Path) -> Database:
+    """The database of a worker, which only reads it; it is closed when the process ends."""
+    return Database(path)
+
+
+def _warm_up() -> None:
+    pin_threads()
+    urquhart.describe(np.random.default_rng(0).uniform(0.0, 50.0, (30, 2)), Config())

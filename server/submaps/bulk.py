@@ -1,0 +1,231 @@
+"""Submaps by the thousand: described in processes, stored batch by batch, with a word on what became of each."""
+
+from collections.abc import Callable, Generator, Iterable, Iterator
+from contextlib import closing, nullcontext
+from dataclasses import dataclass
+from typing import Literal, TypeVar
+
+from sqlalchemy.orm import Session
+
+from server.config.settings import Limits
+from server.errors import Conflict, DomainError
+from server.platform.process_pool import Work, Workers
+from server.platform.threads import pin_threads
+from server.schemas.submaps import NamedSubmap
+from server.store.repositories.submaps import SubmapRecord, Submaps
+from server.store.sqlite.database import Database
+from server.submaps import batches
+from server.submaps.batches import Described, Refusal
+from server.submaps.ingest import same_collection, store
+from server.submaps.receipts import Outcome
+
+OnConflict = Literal["replace", "skip", "fail"]
+"""What to do with a submap whose id is taken by another content: put it there, leave it out, or refuse it."""
+
+_Given = TypeVar("_Given")
+_Task = TypeVar("_Task")
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """What became of one submap.
+
+    Attributes:
+        position: in what was given, from 0.
+        id: None where not even that could be read.
+        outcome: as if one after the other were stored, wherever a batch ends; `skipped` is one that was left out for
+            what is there already, or because all or nothing was to be stored and others were refused.
+        revision: the collection's at the submap's last write, where there is one.
+        error: why it was refused.
+    """
+
+    position: int
+    id: str | None
+    outcome: Outcome | Literal["skipped", "refused"]
+    revision: int | None = None
+    error: DomainError | None = None
+
+
+@dataclass(slots=True)
+class BatchResult:
+    """What became of one batch; durable when it is yielded."""
+
+    lines: list[Line]
+    landmarks: int
+    revision: int
+    following: int
+
+    @property
+    def created(self) -> int:
+        """How many are new."""
+        return self._count("created")
+
+    @property
+    def replaced(self) -> int:
+        """How many took the place of others, those that did not keep it among them."""
+        return self._count("replaced")
+
+    @property
+    def unchanged(self) -> int:
+        """How many were there already."""
+        return self._count("unchanged")
+
+    @property
+    def refused(self) -> list[Refusal]:
+        """What cannot be used, and why."""
+        return [Refusal(line.id, line.error, line.position) for line in self.lines if line.error is not None]
+
+    @property
+    def submaps(self) -> int:
+        """How many submaps of the input this batch accounts for."""
+        return len(self.lines)
+
+    def _count(self, outcome: str) -> int:
+        return sum(line.outcome == outcome for line in self.lines)
+
+
+Witness = Callable[[Session, BatchResult], None]
+"""Told of a batch in its transaction, just before it is committed; what it raises undoes the batch."""
+
+
+def ingest_many(
+    database: Database,
+    collection_id: str,
+    submaps: Iterable[NamedSubmap],
+    *,
+    batch_size: int = 500,
+    limits: Limits | None = None,
+    workers: Workers | None = None,
+) -> Iterator[BatchResult]:
+    """Store many submaps, a transaction for each batch; yields what became of each batch once it is durable.
+
+    A submap that cannot be used is reported in `refused` and does not stop the others. An id that is there already is
+    replaced; of an id that comes twice in a batch, the last stands. While a batch is written, the next ones are
+    described by `workers` (of `batches.describers`; without it a pool for this call, a process for each core), which
+    are started when the work goes on for more than a second.
+
+    Raises NotFound, StorageError and WorkerLost; what was yielded is stored.
+    """
+    work = batches.of_submaps(database, collection_id, limits or Limits())
+    cut = batches.cut(submaps, batch_size, batches.weigh_submap)
+    for described in _described(work, cut, workers):
+        yield write(database, collection_id, described)
+
+
+def ingest_lines(
+    database: Database,
+    collection_id: str,
+    lines: Iterable[bytes],
+    *,
+    batch_size: int = 500,
+    limits: Limits | None = None,
+    workers: Workers | None = None,
+    first: int = 0,
+    on_conflict: OnConflict = "replace",
+    witness: Witness | None = None,
+    careful: bool = False,
+) -> Generator[BatchResult, None, None]:
+    """Store submaps that come as lines of NDJSON, each the body of a PUT with the submap's `id`; as `ingest_many`.
+
+    Lines are read where they are described, which is the fastest way in. Empty ones are passed over. `first` is the
+    position of the first line. `careful`: one of the lines is suspected to end the process that describes it.
+    """
+    described_lines = describe_lines(
+        database,
+        collection_id,
+        lines,
+        batch_size=batch_size,
+        limits=limits,
+        workers=workers,
+        first=first,
+        careful=careful,
+    )
+    # Closed here, where what it waits for is known, and not when it is found to be garbage.
+    with closing(described_lines):
+        for described in described_lines:
+            yield write(database, collection_id, described, on_conflict, witness)
+
+
+def describe_lines(
+    database: Database,
+    collection_id: str,
+    lines: Iterable[bytes],
+    *,
+    batch_size: int = 500,
+    limits: Limits | None = None,
+    workers: Workers | None = None,
+    first: int = 0,
+    careful: bool = False,
+) -> Generator[Described, None, None]:
+    """The same without storing: what each batch of lines holds. Raises NotFound, StorageError and WorkerLost."""
+    work = batches.of_lines(database, collection_id, limits or Limits(), careful=careful)
+    return _described(work, batches.cut(lines, batch_size, len, first), workers)
+
+
+def write(
+    database: Database,
+    collection_id: str,
+    batch: Described,
+    on_conflict: OnConflict = "replace",
+    witness: Witness | None = None,
+) -> BatchResult:
+    """Store a batch in a transaction of its own. Raises NotFound, Conflict (another collection now), StorageError."""
+    with database.write() as session:
+        result = write_in(session, collection_id, batch, on_conflict)
+        if witness is not None:
+            witness(session, result)
+    return result
+
+
+def write_in(session: Session, collection_id: str, batch: Described, on_conflict: OnConflict) -> BatchResult:
+    """Store a batch in a transaction that others share, as if one submap were stored after the other.
+
+    Of an id that comes again the last one is written, and each has the outcome that it would have had by itself.
+    Raises NotFound and Conflict.
+    """
+    collection = same_collection(session, collection_id, batch.collection_key)
+    known = Submaps(session, collection.key).identities({record.id for _, record in batch.records})
+    etags = {submap_id: identity.etag for submap_id, identity in known.items()}
+    chosen: dict[str, SubmapRecord] = {}
+    told: list[tuple[int, str, Outcome | Literal["skipped"]]] = []
+    lines = [Line(one.position, one.submap_id, "refused", error=one.error) for one in batch.refused]
+    for position, record in batch.records:
+        there = etags.get(record.id)
+        if there is None or there == record.etag or on_conflict == "replace":
+            told.append((position, record.id, _outcome(there, record.etag)))
+            chosen[record.id], etags[record.id] = record, record.etag
+        elif on_conflict == "skip":
+            told.append((position, record.id, "skipped"))
+        else:
+            lines.append(Line(position, record.id, "refused", error=_conflict(record.id, record.id in known)))
+    receipts = store(session, collection, [(known.get(record.id), record) for record in chosen.values()])
+    revisions = {submap_id: identity.revision for submap_id, identity in known.items()}
+    revisions |= {submap_id: receipt.revision for submap_id, receipt in zip(chosen, receipts, strict=True)}
+    lines += [Line(position, submap_id, outcome, revisions[submap_id]) for position, submap_id, outcome in told]
+    lines.sort(key=lambda line: line.position)
+    revision = max((receipt.revision for receipt in receipts), default=collection.revision)
+    return BatchResult(lines, batch.landmarks, revision, batch.following)
+
+
+def _outcome(there: str | None, etag: str) -> Outcome:
+    if there is None:
+        return "created"
+    return "unchanged" if there == etag else "replaced"
+
+
+def _conflict(submap_id: str, known: bool) -> Conflict:
+    where = "in the collection" if known else "on an earlier line"
+    return Conflict(
+        f"There is a submap {submap_id!r} with other content {where}; on_conflict=replace would replace it."
+    )
+
+
+def _described(
+    work: Work[_Given, _Task, Described], given: Iterable[_Given], workers: Workers | None
+) -> Generator[Described, None, None]:
+    pin_threads()
+    with (
+        nullcontext(workers) if workers is not None else batches.describers() as pool,
+        closing(pool.map(work, given)) as results,
+    ):
+        yield from results

@@ -1,0 +1,296 @@
+"""Submaps in: validated, described, stored. Idempotent by content, and by Idempotency-Key.
+
+Describing takes milliseconds and needs no database, so it is done before the write transaction begins; the transaction
+looks again at what is there and at the preconditions. What is answered is read in that transaction, too: nobody is
+told of another caller's write.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final, Protocol
+
+from sqlalchemy.orm import Session
+
+from server.collections import georeference
+from server.collections.registry import get_collection
+from server.config.settings import Limits
+from server.errors import Conflict, InvalidLandmarks, NotFound, Overloaded
+from server.index.derived import config_of
+from server.platform.threads import pin_threads
+from server.resources.idempotency import NO_CONTENT, Kept, Once, keep, recall
+from server.resources.preconditions import ANYTHING, Preconditions
+from server.schemas.queries import QueryAnswer
+from server.schemas.submaps import SubmapInput, SubmapPatch
+from server.store.codec import MEMBERS
+from server.store.repositories.collections import Collections
+from server.store.repositories.map_frames import Frames
+from server.store.repositories.submaps import Identity, Place, SubmapRecord, Submaps
+from server.store.sqlite.database import Database
+from server.store.tables import CollectionRow
+from server.submaps import reader
+from server.submaps.preparation import Prepared, Trees, check_properties, patched, settle
+from server.submaps.receipts import Outcome, Receipt, receipt_answer, refusal_answer, submap_answer
+
+_TURNS: Final = 8
+"""Searches before a submap that is asked about is refused, because others store submaps faster than one is searched."""
+_UNPLACEABLE: Final = frozenset({"too_few", "collinear"})
+"""What is no fault of the caller's landmarks: there are too few trees, or they stand on one line."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stored:
+    """What is answered to a submap that was sent; `outcome` is None where this request stored nothing."""
+
+    outcome: Outcome | None
+    kept: Kept
+
+
+class AskAgain(Exception):
+    """Others stored submaps between a search and the write that relies on it."""
+
+
+class Question(Protocol):
+    """What is asked of the collection before a submap is stored in it."""
+
+    def ask(self) -> QueryAnswer:
+        """Search what is stored now."""
+
+    def settle(self, session: Session, collection: CollectionRow, own_key: int | None, turn: int) -> QueryAnswer:
+        """The answer, in the transaction that stores the submap, after `turn` + 1 searches.
+
+        `own_key`: what is stored under the submap's id. Raises AskAgain.
+        """
+
+
+@dataclass(frozen=True, slots=True)
+class _Terms:
+    """On what terms a submap is stored; `is_named`: under an id of the caller's."""
+
+    operation: str
+    preconditions: Preconditions
+    once: Once | None
+    question: Question | None
+    is_named: bool
+
+
+def put(
+    database: Database,
+    collection_id: str,
+    submap_id: str,
+    body: SubmapInput,
+    limits: Limits,
+    preconditions: Preconditions = ANYTHING,
+    *,
+    once: Once | None = None,
+    question: Question | None = None,
+) -> Stored:
+    """Store a submap under an id: created, replaced, or unchanged when it is there already with the same content.
+
+    With a `question`, landmarks of which no submap can be made are an answer, and nothing is stored.
+
+    Raises NotFound, PreconditionFailed, InvalidLandmarks, TooLarge, KeyReused, Overloaded and StorageError; then
+    nothing is stored.
+    """
+    pin_threads()
+    prepared = Prepared(submap_id, body, limits)
+    with database.read() as session:
+        collection = get_collection(session, collection_id)
+        operation = f"putSubmap {collection.key} {submap_id}"
+        kept = recall(session, once, operation)
+        if kept is not None:
+            return Stored(None, kept)
+        check_place(session, collection, prepared.place)
+        known = Submaps(session, collection.key).identities([submap_id]).get(submap_id)
+    preconditions.check(known.etag if known else None)
+    same = known is not None and known.etag == prepared.etag
+    if known is not None and same and once is None:
+        found = None if question is None else question.ask()
+        receipt = Receipt("unchanged", known.etag, known.revision, known.counts)
+        return Stored("unchanged", receipt_answer(collection_id, submap_id, receipt, found))
+    return _store(database, collection, prepared, known, _Terms(operation, preconditions, once, question, True))
+
+
+def post(
+    database: Database,
+    collection_id: str,
+    submap_id: str,
+    body: SubmapInput,
+    limits: Limits,
+    *,
+    once: Once | None = None,
+    question: Question | None = None,
+) -> Stored:
+    """Store a new submap under an id that is not taken, unless the same was done before. Otherwise as `put`."""
+    pin_threads()
+    prepared = Prepared(submap_id, body, limits)
+    with database.read() as session:
+        collection = get_collection(session, collection_id)
+        operation = f"postSubmap {collection.key}"
+        kept = recall(session, once, operation)
+        if kept is not None:
+            return Stored(None, kept)
+        check_place(session, collection, prepared.place)
+    return _store(database, collection, prepared, None, _Terms(operation, ANYTHING, once, question, False))
+
+
+def _store(
+    database: Database, collection: CollectionRow, prepared: Prepared, known: Identity | None, terms: _Terms
+) -> Stored:
+    """Ask, then store in a transaction before which nothing was committed that the question should have seen."""
+    config, question = config_of(collection), terms.question
+    found = None if question is None else question.ask()
+    if not prepared.has_features(known):
+        try:
+            prepared.describe(config)
+        except InvalidLandmarks as error:
+            if found is None or error.code not in _UNPLACEABLE:
+                raise
+            return Stored(
+                None, refusal_answer(collection, prepared.id if terms.is_named else None, known, error, found)
+            )
+    for turn in range(_TURNS):
+        try:
+            return _write(database, collection, prepared, terms, turn)
+        except AskAgain:
+            if question is not None and turn + 1 < _TURNS:
+                question.ask()
+    raise Overloaded(
+        "Others store submaps near this one faster than they can be searched: nothing was stored. Send it again.", 1.0
+    )
+
+
+def _write(database: Database, collection: CollectionRow, prepared: Prepared, terms: _Terms, turn: int) -> Stored:
+    """One transaction: the submap, and what is answered. Raises AskAgain."""
+    config, question, submap_id = config_of(collection), terms.question, prepared.id
+    with database.write() as session:
+        now = same_collection(session, collection.id, collection.key)
+        kept = recall(session, terms.once, terms.operation)
+        if kept is not None:
+            return Stored(None, kept)
+        submaps = Submaps(session, now.key)
+        known = submaps.identities([submap_id]).get(submap_id)
+        terms.preconditions.check(known.etag if known else None)
+        found = None if question is None else question.settle(session, now, known.key if known else None, turn)
+        before = frozenset[str]() if known is None else submaps.members(known.key)
+        record = prepared.record(known, config)
+        receipt = store(session, now, [(known, record)])[0]
+        gone = before - record.members()
+        receipt = replace(receipt, cleared=tuple(name for name in MEMBERS if name in gone))
+        answer = receipt_answer(now.id, submap_id, receipt, found)
+        return Stored(receipt.outcome, keep(session, terms.once, terms.operation, answer))
+
+
+def patch(
+    database: Database,
+    collection_id: str,
+    submap_id: str,
+    body: SubmapPatch,
+    limits: Limits,
+    preconditions: Preconditions = ANYTHING,
+    *,
+    once: Once | None = None,
+) -> Kept:
+    """Change what the body names of a submap; the index is concerned only where it gives landmarks. What is answered.
+
+    Raises NotFound, PreconditionFailed, InvalidLandmarks, TooLarge, KeyReused and StorageError; then nothing changes.
+    """
+    pin_threads()
+    check_properties(body.properties, limits)
+    trees = Trees(body, limits) if body.has_landmarks else None
+    with database.read() as session:
+        collection = get_collection(session, collection_id)
+    config = config_of(collection)
+    if trees is not None:
+        trees.describe(config)
+    with database.write() as session:
+        now = same_collection(session, collection_id, collection.key)
+        operation = f"patchSubmap {now.key} {submap_id}"
+        kept = recall(session, once, operation)
+        if kept is not None:
+            return kept
+        submaps = Submaps(session, now.key)
+        row, known = submaps.get_whole(submap_id), submaps.identities([submap_id]).get(submap_id)
+        if row is None or known is None:
+            raise NotFound("submap", submap_id)
+        preconditions.check(row.etag)
+        record = patched(row, body, trees, config)
+        if "map_pose" in body.model_fields_set:
+            check_place(session, now, record.place)
+        store(session, now, [(known, record)])
+        session.expire(row)
+        changed = submaps.get_whole(submap_id)
+        assert changed is not None
+        return keep(session, once, operation, submap_answer(reader.submap_of(collection_id, changed)))
+
+
+def delete(
+    database: Database,
+    collection_id: str,
+    submap_id: str,
+    preconditions: Preconditions = ANYTHING,
+    *,
+    once: Once | None = None,
+) -> Kept:
+    """Remove a submap; what is answered. Raises NotFound, PreconditionFailed, KeyReused and StorageError."""
+    with database.write() as session:
+        collection = get_collection(session, collection_id)
+        operation = f"deleteSubmap {collection.key} {submap_id}"
+        kept = recall(session, once, operation)
+        if kept is not None:
+            return kept
+        submaps = Submaps(session, collection.key)
+        known = submaps.identities([submap_id]).get(submap_id)
+        if known is None:
+            raise NotFound("submap", submap_id)
+        preconditions.check(known.etag)
+        revision = Collections(session).advance(
+            collection.key, submaps=-1, landmarks=-known.landmark_count, polygons=-known.polygon_count
+        )
+        submaps.delete(known.key, revision)
+        return keep(session, once, operation, NO_CONTENT)
+
+
+def check_place(session: Session, collection: CollectionRow, place: Place | None) -> None:
+    """Raise InvalidField when the pose in the map is where the map frame's CRS does not reach."""
+    if place is not None:
+        georeference.check_place(place, Frames(session, collection).some([place.map_frame_id]).get(place.map_frame_id))
+
+
+def same_collection(session: Session, collection_id: str, key: int) -> CollectionRow:
+    """The collection, as long as it is the one of that key. Raises NotFound and Conflict."""
+    now = get_collection(session, collection_id)
+    if now.key != key:
+        raise Conflict(f"The collection {collection_id!r} was deleted and made again meanwhile; send the submap again.")
+    return now
+
+
+def store(
+    session: Session, collection: CollectionRow, pairs: Sequence[tuple[Identity | None, SubmapRecord]]
+) -> list[Receipt]:
+    """Write what differs from what is known, under one new revision."""
+    config = config_of(collection)
+    changes = [
+        (known, settle(record, known, config)) for known, record in pairs if known is None or known.etag != record.etag
+    ]
+    revision = collection.revision
+    if changes:
+        replaced = [known for known, _ in changes if known is not None]
+        revision = Collections(session).advance(
+            collection.key,
+            submaps=len(changes) - len(replaced),
+            landmarks=sum(r.landmark_count for _, r in changes) - sum(known.landmark_count for known in replaced),
+            polygons=sum(r.polygon_count for _, r in changes) - sum(known.polygon_count for known in replaced),
+        )
+        submaps = Submaps(session, collection.key)
+        submaps.insert([record for known, record in changes if known is None], revision)
+        submaps.replace([(known.key, record) for known, record in changes if known is not None], revision)
+    written = {record.id: record for _, record in changes}
+    return [_receipt(known, written.get(new.id), revision) for known, new in pairs]
+
+
+def _receipt(known: Identity | None, record: SubmapRecord | None, revision: int) -> Receipt:
+    if record is not None:
+        return Receipt("created" if known is None else "replaced", record.etag, revision, record.counts)
+    if known is None:
+        raise AssertionError("a submap is written, or was there")
+    return Receipt("unchanged", known.etag, known.revision, known.counts)

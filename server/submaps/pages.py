@@ -1,0 +1,58 @@
+"""Rows of a page of submaps: as many as were asked for, and as fit into its bytes."""
+
+from typing import Final
+
+import orjson
+
+from server.collections.registry import get_collection
+from server.config.settings import Limits
+from server.resources.paging import page_size, read_cursor, write_cursor
+from server.store.repositories.submaps import Submaps
+from server.store.sqlite.database import Database
+from server.store.submap_filter import SubmapFilter
+from server.store.tables import CollectionRow, SubmapRow
+
+_ROWS: Final = 50
+"""Rows that are read at once, where landmarks are read with them."""
+_SUMMARY: Final = 700
+"""Bytes of a submap in a page beside its properties, about."""
+
+
+def rows_of_page(
+    database: Database,
+    limits: Limits,
+    collection_id: str,
+    chosen: SubmapFilter,
+    limit: int | None,
+    cursor: str | None,
+    *,
+    landmarks: bool = False,
+) -> tuple[CollectionRow, list[SubmapRow], str | None]:
+    """The collection, the rows of the page in the order they came, and the cursor of the next page if there is one.
+
+    The page ends at `limits.page_bytes`, but has one row at least. With `landmarks`, those are read, too, and count.
+    Raises NotFound and InvalidField.
+    """
+    size = page_size(limit, limits)
+    after = read_cursor("submaps", cursor)
+    rows: list[SubmapRow] = []
+    left = limits.page_bytes
+    with database.read() as session:
+        collection = get_collection(session, collection_id)
+        submaps = Submaps(session, collection.key)
+        while len(rows) < size:
+            most = min(size - len(rows), _ROWS if landmarks else size)
+            piece = submaps.page(chosen, after_key=after, limit=most + 1, landmarks=landmarks)
+            for row in piece[:most]:
+                left -= _weight(row, landmarks=landmarks)
+                if left < 0 and rows:
+                    return collection, rows, write_cursor("submaps", rows[-1].key)
+                rows.append(row)
+            if len(piece) <= most:
+                return collection, rows, None
+            after = rows[-1].key
+    return collection, rows, write_cursor("submaps", rows[-1].key)
+
+
+def _weight(row: SubmapRow, *, landmarks: bool) -> int:
+    return _SUMMARY + len(orjson.dumps(row.properties)) + (len(row.landmarks) if landmarks else 0)
