@@ -24,7 +24,7 @@ from urquhart.propose.levels import propose_on
 from urquhart.propose.query import Proposal, Query, make_query
 from urquhart.se2 import SE2
 from urquhart.trace import Trace
-from urquhart.verify.evidence import verify
+from urquhart.verify.refinement import verify
 
 Method = Literal["robust", "paper"]
 _TOO_LITTLE: Final[Mapping[str, Reason]] = {"too_few": "too_few_landmarks", "collinear": "collinear_landmarks"}
@@ -90,7 +90,7 @@ class Recognizer(Collection):
         query = make_query(xy, diameters, self.config, source, len(index), trace=Trace())
         start = SE2.shift(query.submaps.features(key).origin).inverse() @ transform @ SE2.shift(query.features.origin)
         with query.trace.timed("verify given"):
-            verified = verify(query.pattern, query.submaps.pattern(key), start, query.reach)
+            verified = verify(query.grid, query.submaps.grid(key), start, query.reach)
         return decide(query, rank(query, [Proposal(key, "given", 0, verified)]), 1, "exhausted")
 
 

@@ -16,9 +16,10 @@ from benchmarks.paper.methods import Correspondences, Method, Points, Robust
 from urquhart import SE2, Config, describe
 from urquhart.decide.confidence import log_odds, refusal
 from urquhart.evaluation.scores import Outcomes, is_right, score
-from urquhart.paper.ransac import Consensus, ransac
+from urquhart.paper.ransac import RansacFit, ransac
 from urquhart.propose.query import log_volume
-from urquhart.verify.evidence import pattern, verify
+from urquhart.verify.landmark_grid import landmark_grid
+from urquhart.verify.refinement import verify
 
 Scoring = Literal["letter", "inliers", "verified"]
 SCORINGS: Final[tuple[Scoring, ...]] = ("letter", "inliers", "verified")
@@ -66,20 +67,20 @@ class Verifier:
     def __init__(self, observations: list[Points], config: Config) -> None:
         self.config, self.reach = config, config.reach
         self._features = [describe(xy, config) for xy in observations]
-        self._patterns = [pattern(features, self.reach) for features in self._features]
+        self._grids = [landmark_grid(features, self.reach) for features in self._features]
 
     def refine(self, first: int, second: int, first_T_second: SE2) -> tuple[SE2, bool]:
         """The transform refined on all landmarks, frames as given, and whether it would pass as a match."""
         into, out = SE2.shift(self._features[first].origin), SE2.shift(self._features[second].origin)
-        query = self._patterns[second]
-        found = verify(query, self._patterns[first], into.inverse() @ first_T_second @ out, self.reach)
+        query = self._grids[second]
+        found = verify(query, self._grids[first], into.inverse() @ first_T_second @ out, self.reach)
         odds = log_odds(found, query, log_volume(1, query))
         return into @ found.transform @ out.inverse(), refusal(found, odds, None, self.config) is None
 
 
 def agree(
     query: Points, submap: Points, found: Correspondences, config: Config, rng: np.random.Generator
-) -> Consensus | None:
+) -> RansacFit | None:
     """submap_T_query by the paper's RANSAC from correspondences between landmarks (N, 2) and (M, 2), metres."""
     return ransac(
         query[found[0]],

@@ -22,7 +22,7 @@ from urquhart.paper.glarot import (
     global_distance,
     keep_mutual,
 )
-from urquhart.paper.matching import claim_landmarks, sample_polygons, settle_claims
+from urquhart.paper.matching import claim_landmarks, keep_one_to_one, sample_polygons
 
 Points = NDArray[np.float64]
 Correspondences = tuple[NDArray[np.int64], NDArray[np.int64]]
@@ -93,7 +93,7 @@ class Paper:
             config.vertex_window,
             config.eta,
         )
-        return {self.name: settle_claims(claims, len(a.landmarks), len(b.landmarks))}
+        return {self.name: keep_one_to_one(claims, len(a.landmarks), len(b.landmarks))}
 
     def gate(self, query: PaperDescription, submap: PaperDescription) -> float:
         """None: 0."""

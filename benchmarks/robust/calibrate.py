@@ -17,7 +17,7 @@ from scipy.optimize import minimize
 from benchmarks.pool import Pool
 from benchmarks.robust import grid, rows, stands
 from urquhart import Config, Gates
-from urquhart.decide.confidence import against_chance, against_rival_by, together
+from urquhart.decide.confidence import chance_logit, combine, rival_logit_from
 
 SEED: Final = 1000
 _TOLD: Final = -25.0
@@ -67,9 +67,9 @@ def logits(answers: NDArray[Any], margin: float) -> NDArray[np.float64]:
     """Log-odds of being right (Q,) as the method has them now."""
     return np.array(
         [
-            together(
-                against_chance(float(row["log_odds"])),
-                against_rival_by(float(row["evidence"]), float(row["lead"]), int(row["overlap"]), margin)
+            combine(
+                chance_logit(float(row["log_odds"])),
+                rival_logit_from(float(row["evidence"]), float(row["lead"]), int(row["overlap"]), margin)
                 if np.isfinite(row["lead"])
                 else np.inf,
             )

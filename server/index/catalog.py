@@ -27,7 +27,7 @@ from server.store.repositories.segments import Listed, Segments
 from server.store.sqlite.database import Database
 from server.store.tables import CollectionRow
 from urquhart import Abandoned, Recognizer
-from urquhart.index.collection_index import Part
+from urquhart.index.collection_index import LiveSegment
 from urquhart.index.segment_file import SegmentDamaged
 
 _AGAIN: Final = 60.0
@@ -124,7 +124,7 @@ class Catalog:
         segments = zip(state.chain, state.files, strict=False)
         return not all(self.verify(live, listed, part) for listed, part in segments)
 
-    def verify(self, live: LiveIndex, listed: Listed, part: Part) -> bool:
+    def verify(self, live: LiveIndex, listed: Listed, part: LiveSegment) -> bool:
         """Compare a mapped segment with its checksums; whether it is sound, else it is used no more."""
         try:
             if part.segment.file is not None:

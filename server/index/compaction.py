@@ -10,7 +10,7 @@ from typing import Final
 from server.index.flushing import Shop, register, write
 from server.index.live_index import State, Unusable
 from server.store.repositories.segments import Listed
-from urquhart.index.collection_index import Part
+from urquhart.index.collection_index import LiveSegment
 from urquhart.index.quad_table import MOST_SLOTS
 from urquhart.index.segment_file import SegmentDamaged
 
@@ -72,11 +72,11 @@ def merge(shop: Shop, collection_key: int, state: State, run: range) -> bool:
     return True
 
 
-def _stamp(part: Part) -> tuple[int, int, int] | None:
+def _stamp(part: LiveSegment) -> tuple[int, int, int] | None:
     return None if part.segment.file is None else part.segment.file.stamp_now()
 
 
-def _check(part: Part, listed: Listed) -> None:
+def _check(part: LiveSegment, listed: Listed) -> None:
     try:
         if part.segment.file is not None:
             part.segment.file.check()

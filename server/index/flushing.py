@@ -23,7 +23,7 @@ from server.store.repositories.segments import Listed, Segments, trusted
 from server.store.sqlite.database import Database
 from server.store.tables import CollectionRow
 from urquhart import Config
-from urquhart.index.collection_index import Part
+from urquhart.index.collection_index import LiveSegment
 from urquhart.index.segment import Segment, merge_segments
 
 _BATCH: Final = 500
@@ -141,7 +141,7 @@ def rebuild(shop: Shop, collection_id: str, *, progress: Progress | None = None)
     return sum(segment.submaps for segment in made) if listed else 0
 
 
-def write(shop: Shop, collection_key: int, parts: Sequence[Part], since: int, revision: int) -> Listed:
+def write(shop: Shop, collection_key: int, parts: Sequence[LiveSegment], since: int, revision: int) -> Listed:
     """Write what lives of segments to a file that holds `since` to `revision`. Raises OSError, Stopped."""
     shop.check()
     name, path = shop.folder.new_file()
@@ -194,9 +194,9 @@ def _write_block(shop: Shop, collection_id: str) -> tuple[int, bool]:
     return listed.submaps if done else 0, end == collection.revision
 
 
-def _read_block(shop: Shop, session: Session, collection: CollectionRow, since: int) -> tuple[list[Part], int]:
+def _read_block(shop: Shop, session: Session, collection: CollectionRow, since: int) -> tuple[list[LiveSegment], int]:
     """Segments in memory of the submaps that changed first after `since`, and the revision up to which that is all."""
-    config, parts, count = config_of(collection), list[Part](), 0
+    config, parts, count = config_of(collection), list[LiveSegment](), 0
     batch: list[tuple[int, Any]] = []
     last = since
     for row in Described(session, collection.key).changed_since(since, batch=_BATCH):
@@ -214,8 +214,8 @@ def _read_block(shop: Shop, session: Session, collection: CollectionRow, since: 
     return parts, collection.revision
 
 
-def _part(batch: list[tuple[int, Any]], config: Config) -> list[Part]:
-    return [Part.of(Segment.build(batch, config))] if batch else []
+def _part(batch: list[tuple[int, Any]], config: Config) -> list[LiveSegment]:
+    return [LiveSegment.of(Segment.build(batch, config))] if batch else []
 
 
 def _end(chain: Sequence[Listed]) -> int:

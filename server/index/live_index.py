@@ -23,7 +23,7 @@ from server.store.repositories.feature_rows import Described, StoredFeatures
 from server.store.repositories.segments import Listed, Segments, trusted
 from server.store.tables import CollectionRow
 from urquhart import Config, Features
-from urquhart.index.collection_index import CollectionIndex, Part
+from urquhart.index.collection_index import CollectionIndex, LiveSegment
 from urquhart.index.segment import Segment
 from urquhart.index.segment_file import SegmentDamaged
 
@@ -72,14 +72,14 @@ class State:
     index: CollectionIndex
 
     @property
-    def files(self) -> tuple[Part, ...]:
+    def files(self) -> tuple[LiveSegment, ...]:
         """What is mapped from files."""
-        return self.index.parts[: self.opened]
+        return self.index.live_segments[: self.opened]
 
     @property
-    def delta(self) -> tuple[Part, ...]:
+    def delta(self) -> tuple[LiveSegment, ...]:
         """What is in memory: all that changed after `covered`."""
-        return self.index.parts[self.opened :]
+        return self.index.live_segments[self.opened :]
 
     @property
     def covered(self) -> int:
@@ -91,15 +91,15 @@ class State:
         return self.revision == collection.revision and self.updated == collection.updated
 
 
-def lay_out(segments: Sequence[Segment], gone: NDArray[np.int64]) -> list[Part]:
+def lay_out(segments: Sequence[Segment], gone: NDArray[np.int64]) -> list[LiveSegment]:
     """Segments of a collection, the oldest first, with what lives in them.
 
     Without `gone` (K,) int64, the keys of submaps that were deleted, or changed after the last segment; and without
     what a later segment holds, too: it was replaced there.
     """
-    parts: list[Part] = []
+    parts: list[LiveSegment] = []
     for segment in reversed(segments):
-        parts.insert(0, Part.of(segment).without(gone))
+        parts.insert(0, LiveSegment.of(segment).without(gone))
         gone = np.concatenate([gone, segment.keys])
     return parts
 
@@ -207,7 +207,7 @@ class LiveIndex:
         uncovered = described.content_revisions(covered)
         gone = np.array([*uncovered, *(described.deleted_since(0) if segments else ())], np.int64)
         files = lay_out(segments, gone)
-        held: list[Part] = []
+        held: list[LiveSegment] = []
         if state is not None:
             same = [key for key, changed in uncovered.items() if changed <= state.revision]
             held = [part.only(np.array(same, np.int64)) for part in state.delta]

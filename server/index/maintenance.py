@@ -21,7 +21,7 @@ from server.platform.threads import pin_threads
 from server.store.repositories.collections import Collections
 from server.store.repositories.segments import Listed, all_chains
 from server.store.sqlite.database import Database
-from urquhart.index.collection_index import Part
+from urquhart.index.collection_index import LiveSegment
 
 _SWEEP: Final = 60.0
 """Seconds between two looks for files that are left over, and at segments that could not be read."""
@@ -209,7 +209,7 @@ class Upkeep:
             self._next_check = time.monotonic() + _SHARE * (time.monotonic() - began)
         return True
 
-    def _verify(self, live: LiveIndex, listed: Listed, part: Part) -> bool:
+    def _verify(self, live: LiveIndex, listed: Listed, part: LiveSegment) -> bool:
         self._catalog.shop.check()
         with self._metrics.upkeep("check"):
             sound = self._catalog.verify(live, listed, part)

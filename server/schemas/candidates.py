@@ -8,7 +8,7 @@ from pydantic import Field, PlainSerializer
 
 from server.schemas.common import Answer, write_stamp
 from server.schemas.poses import CandidateTransform, MapPoseAnswer, Transform
-from urquhart.propose.query import Level
+from urquhart.propose.query import LevelName
 from urquhart.report.explanation import SKIPS, STOPS
 from urquhart.trace import Skipped, StoppedBy
 from urquhart.verify.distortion import WARNINGS
@@ -82,7 +82,7 @@ class CandidateAnswer(Answer):
         "finding, `overlap` is a number of landmarks instead."
     )
     votes: int = Field(description=_VOTES)
-    level: Level = Field(description=_LEVEL)
+    level: LevelName = Field(description=_LEVEL)
     evidence: float = Field(
         description="Natural logarithm of a likelihood ratio over all landmarks: same place against chance."
     )
@@ -118,7 +118,7 @@ class RivalAnswer(Answer):
 class FindingAnswer(Answer):
     """What one level found in one submap, before rivals were looked for."""
 
-    level: Level = Field(description=_LEVEL)
+    level: LevelName = Field(description=_LEVEL)
     submap_id: str = Field(description="Id of the submap.")
     votes: int = Field(description=_VOTES)
     inliers: int = Field(description="How many pairs of landmarks agree under this pose.")

@@ -105,7 +105,7 @@ def as_built_anew(index: CollectionIndex, features: Callable[[int], Features]) -
 
     Found or not is no proof of that: a small collection is swept where its features are of no use.
     """
-    whole = merge_segments([(part.segment, part.alive) for part in index.parts])
+    whole = merge_segments([(part.segment, part.alive) for part in index.live_segments])
     anew = Segment.build([(key, features(key)) for key in index], index.config)
     for name in ("keys", "scales", "units"):
         assert np.array_equal(getattr(whole, name), getattr(anew, name)), name

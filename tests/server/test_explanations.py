@@ -19,7 +19,7 @@ from server.schemas.queries import FINDINGS
 from tests.server.world import TestClient, forest, observed, points, put_submap
 from urquhart import SE2, Config, Finding, Gates
 from urquhart.evaluation.simulation import observe, plantation
-from urquhart.propose.query import Level
+from urquhart.propose.query import LevelName
 from urquhart.report.explanation import REASONS
 
 PLOTS = "/v1/collections/plots"
@@ -97,7 +97,7 @@ def test_findings_say_what_each_level_found(client: httpx.Client) -> None:
     foreign = ask(client, xy=points(forest(9)), explain=True)
     assert foreign["verdict"] == "no_match"
     assert {found["refused"] for found in foreign["findings"]} <= {"verification_failed", "below_gate"}
-    assert {found["level"] for found in foreign["findings"]} <= set(get_args(Level))
+    assert {found["level"] for found in foreign["findings"]} <= set(get_args(LevelName))
     assert ask(client, xy=[], explain=True)["findings"] == []
 
 
@@ -224,5 +224,5 @@ def test_reasons_are_explained_in_the_openapi_document(client: httpx.Client) -> 
     for name in ("QueryAnswer", "ExplanationAnswer"):
         described = schemas[name]["properties"]["reason"]["description"]
         assert all(f"`{word}`: {text}" in described for word, text in REASONS.items())
-    assert set(schemas["FindingAnswer"]["properties"]["level"]["enum"]) == set(get_args(Level))
-    assert set(schemas["CandidateAnswer"]["properties"]["level"]["enum"]) == set(get_args(Level))
+    assert set(schemas["FindingAnswer"]["properties"]["level"]["enum"]) == set(get_args(LevelName))
+    assert set(schemas["CandidateAnswer"]["properties"]["level"]["enum"]) == set(get_args(LevelName))

@@ -9,7 +9,7 @@ from tests.urquhart.tables import decode
 from urquhart import SE2, Config, Features, Recognition, Recognizer, describe
 from urquhart.evaluation.simulation import observe, paper_forest
 from urquhart.index.collection import FeatureMemory
-from urquhart.index.collection_index import CollectionIndex, Part
+from urquhart.index.collection_index import CollectionIndex, LiveSegment
 from urquhart.index.segment import Segment
 
 CONFIG = Config()
@@ -37,7 +37,7 @@ def sightings(count: int) -> list[np.ndarray[tuple[int, ...], np.dtype[np.float6
 def contents(index: CollectionIndex) -> tuple[list[int], Counter[tuple[int, ...]], Counter[tuple[int, int, bytes]]]:
     """Keys, quads and polygons of all that lives, wherever it lies."""
     quads, polygons = Counter[tuple[int, ...]](), Counter[tuple[int, int, bytes]]()
-    for part in index.parts:
+    for part in index.live_segments:
         keys = part.segment.keys.tolist()
         for *quad, slot in decode(part.segment.quads).rows():
             if part.alive[slot]:
@@ -52,7 +52,7 @@ def contents(index: CollectionIndex) -> tuple[list[int], Counter[tuple[int, ...]
 
 def of_segments(segments: Iterable[Segment], config: Config = CONFIG) -> CollectionIndex:
     """An index over all of these segments."""
-    return CollectionIndex(config, tuple(Part.of(segment) for segment in segments))
+    return CollectionIndex(config, tuple(LiveSegment.of(segment) for segment in segments))
 
 
 def over(index: CollectionIndex, features: dict[int, Features]) -> Recognizer:

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from tests.urquhart import forests
 from urquhart import SE2, Config, Features, describe
 from urquhart.evaluation.simulation import bridson
-from urquhart.index.quad_search import Lot
+from urquhart.index.quad_search import QuadShard
 from urquhart.index.quad_table import QuadTable, build_table, centre_scale
-from urquhart.propose.quad_consensus import Consensus
+from urquhart.propose.quad_consensus import QuadConsensus
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,13 +91,13 @@ def table_of(submaps: Sequence[Features]) -> QuadTable:
     return build_table([(f.landmarks, f.tessellation.quads, centre_scale(f.landmarks)) for f in submaps])
 
 
-def lot_of(submaps: Sequence[Features], dead: Sequence[int] = ()) -> Lot:
+def shard_of(submaps: Sequence[Features], dead: Sequence[int] = ()) -> QuadShard:
     """The same ready to be searched, but for the slots `dead`."""
     alive = np.ones(len(submaps), np.uint8)
     alive[list(dead)] = 0
-    return Lot(table_of(submaps), np.array([centre_scale(f.landmarks) for f in submaps], np.float32), alive)
+    return QuadShard(table_of(submaps), np.array([centre_scale(f.landmarks) for f in submaps], np.float32), alive)
 
 
-def search(lots: Sequence[Lot], query: Features, tolerance: float = 0.5, most: int = 10**9) -> Consensus:
+def search(shards: Sequence[QuadShard], query: Features, tolerance: float = 0.5, most: int = 10**9) -> QuadConsensus:
     """A search for the query's quads, by default for all that there are."""
-    return Consensus(lots, query.landmarks, query.tessellation.quads, tolerance, most)
+    return QuadConsensus(shards, query.landmarks, query.tessellation.quads, tolerance, most)

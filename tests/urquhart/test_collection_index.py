@@ -8,7 +8,7 @@ import pytest
 
 from tests.urquhart.contents import CONFIG, answers, conclusions, contents, of_segments, over, place, sightings
 from urquhart import Config, Features, describe
-from urquhart.index.collection_index import CollectionIndex, Part
+from urquhart.index.collection_index import CollectionIndex, LiveSegment
 from urquhart.index.segment import Segment
 
 PLACES = {key: place(key) for key in range(36)}
@@ -76,22 +76,22 @@ def test_small_segments_are_merged_and_empty_ones_dropped() -> None:
     index = CollectionIndex(CONFIG)
     for key in range(36):
         index = index.with_changes([(key, PLACES[key])])
-        sizes = [part.living for part in index.parts]
+        sizes = [part.living for part in index.live_segments]
         assert sum(sizes) == key + 1
         assert all(large >= 4 * small for large, small in pairwise(sizes))
     holds(index, PLACES)
     for key in range(36):
         index = index.with_changes(removed=[key])
-        assert all(part.living for part in index.parts)
+        assert all(part.living for part in index.live_segments)
         assert key not in index
-    assert index.parts == ()
+    assert index.live_segments == ()
 
 
 def test_what_is_dead_goes_with_a_merge() -> None:
     index = fresh({key: PLACES[key] for key in range(8)}).with_changes(removed=range(6))
-    assert [len(part.segment) for part in index.parts] == [8]
+    assert [len(part.segment) for part in index.live_segments] == [8]
     index = index.with_changes([(20, PLACES[20])])
-    assert [len(part.segment) for part in index.parts] == [3]
+    assert [len(part.segment) for part in index.live_segments] == [3]
     holds(index, {6: PLACES[6], 7: PLACES[7], 20: PLACES[20]})
 
 
@@ -102,10 +102,10 @@ def test_what_lies_in_files_is_left_there(tmp_path: Path) -> None:
     for key in range(20, 36):
         index = index.with_changes([(key, PLACES[key])])
         index = index.with_changes([(3, place(3, key))])
-        assert [part.segment for part in index.parts[:3]] == files
-        assert all(part.segment.file is None for part in index.parts[3:])
-    assert [part.living for part in index.parts[:3]] == [5, 0, 1]
-    assert len(index.parts) <= 6
+        assert [part.segment for part in index.live_segments[:3]] == files
+        assert all(part.segment.file is None for part in index.live_segments[3:])
+    assert [part.living for part in index.live_segments[:3]] == [5, 0, 1]
+    assert len(index.live_segments) <= 6
     known = {key: PLACES[key] for key in (*range(0, 6), 11, *range(20, 36))} | {3: place(3, 35)}
     holds(index, known)
     assert conclusions(over(index, known), SEEN) == conclusions(over(fresh(known), known), SEEN)
@@ -148,7 +148,7 @@ def test_slots_of_all_lots_are_keys_again(tmp_path: Path) -> None:
     files = [stored(tmp_path / "a", 5, 1), stored(tmp_path / "b", 10), stored(tmp_path / "c", 12, 30, 11)]
     index = of_segments(files).with_changes([(20, PLACES[20])], [10, 30])
     # The second has nothing that lives, and is not searched.
-    assert [lot.alive.tolist() for lot in index.lots()] == [[1, 1], [1, 1, 0], [1]]
+    assert [shard.alive.tolist() for shard in index.quad_shards()] == [[1, 1], [1, 1, 0], [1]]
     assert index.keys_of(np.arange(6)) == [1, 5, 11, 12, 30, 20]
     assert index.keys_of(np.array([5, 0, 0, 3])) == [20, 1, 1, 12]
     assert index.keys_of(np.empty(0, np.int64)) == []
@@ -156,7 +156,7 @@ def test_slots_of_all_lots_are_keys_again(tmp_path: Path) -> None:
 
 
 def test_a_part_knows_what_lives_of_it() -> None:
-    whole = Part.of(Segment.build(((key, PLACES[key]) for key in (2, 4, 6)), CONFIG))
+    whole = LiveSegment.of(Segment.build(((key, PLACES[key]) for key in (2, 4, 6)), CONFIG))
     assert (whole.living, whole.alive.tolist()) == (3, [1, 1, 1])
     less = whole.without(np.array([4, 5]))
     assert (less.living, less.alive.tolist()) == (2, [1, 0, 1])
@@ -168,6 +168,6 @@ def test_a_part_knows_what_lives_of_it() -> None:
 
 def test_an_empty_index_has_nothing() -> None:
     index = CollectionIndex(CONFIG)
-    assert (len(index), list(index), 0 in index, index.lots(), index.parts) == (0, [], False, [], ())
-    assert index.with_changes(removed=[1, 2]).parts == ()
+    assert (len(index), list(index), 0 in index, index.quad_shards(), index.live_segments) == (0, [], False, [], ())
+    assert index.with_changes(removed=[1, 2]).live_segments == ()
     assert list(index.search_polygons(np.array([5], np.int32), np.zeros((1, 11), np.float32), 3)) == []

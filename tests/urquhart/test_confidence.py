@@ -9,48 +9,51 @@ import pytest
 
 from urquhart import SE2, Config, Gates, describe
 from urquhart.decide.confidence import (
-    against_chance,
-    against_rival,
+    chance_logit,
+    combine,
     comparable,
-    credited,
+    extrapolated,
     probability,
     refusal,
-    surely_behind,
-    together,
+    rival_logit,
+    rival_threshold,
 )
-from urquhart.decide.rivals import climb, distinct, find_rivals, pose_row, same_place
+from urquhart.decide.rivals import distinct, find_rivals, hill_climb, pose_row, same_place
 from urquhart.evaluation.simulation import observe, paper_forest, plantation
-from urquhart.verify.evidence import Verified, pattern, verify, weigh_settled
-from urquhart.verify.pairing import Pattern
+from urquhart.verify.evidence import PoseEvidence, evidence_of_row
+from urquhart.verify.landmark_grid import LandmarkGrid, landmark_grid
+from urquhart.verify.refinement import verify
 
 CONFIG = Config()
 REACH = 0.75
 FAR_BELOW, ODDS = -8.0, np.linspace(-7.9, 40.0, 60)
 
 
-def pose_with(evidence: float = 50.0, overlap: int = 40, inliers: range = range(30)) -> Verified:
+def pose_with(evidence: float = 50.0, overlap: int = 40, inliers: range = range(30)) -> PoseEvidence:
     """A pose with this evidence, as many landmarks in the overlap, and these landmarks of the query as inliers."""
     indices = np.array(inliers, np.int64)
-    return Verified(SE2.identity(), evidence, 0.0, indices, indices, np.zeros(len(indices)), overlap, overlap - 5, 0.1)
+    return PoseEvidence(
+        SE2.identity(), evidence, 0.0, indices, indices, np.zeros(len(indices)), overlap, overlap - 5, 0.1
+    )
 
 
-def laid(trees: np.ndarray, pose: SE2, seed: int, radius: float) -> tuple[Pattern, SE2]:
+def laid(trees: np.ndarray, pose: SE2, seed: int, radius: float) -> tuple[LandmarkGrid, SE2]:
     """What is seen from `pose`, and `map_T_pattern` of its centred frame."""
     seen = observe(trees, pose, radius, np.random.default_rng(seed), sigma=0.05, detection=0.95)
     features = describe(seen.xy, CONFIG)
-    return pattern(features, REACH), pose @ SE2.shift(features.origin)
+    return landmark_grid(features, REACH), pose @ SE2.shift(features.origin)
 
 
 def test_better_odds_against_chance_are_never_worth_less() -> None:
-    worth = [against_chance(odds) for odds in ODDS]
+    worth = [chance_logit(odds) for odds in ODDS]
     assert all(a < b for a, b in itertools.pairwise(worth))
     assert worth[0] < 0.0 < worth[-1]
 
 
 def test_below_the_floor_odds_against_chance_stay_what_they_are() -> None:
-    floor = against_chance(FAR_BELOW)
-    assert [against_chance(odds) for odds in (-math.inf, -1e6, -9.0)] == [floor] * 3
-    assert against_chance(FAR_BELOW + 0.1) > floor
+    floor = chance_logit(FAR_BELOW)
+    assert [chance_logit(odds) for odds in (-math.inf, -1e6, -9.0)] == [floor] * 3
+    assert chance_logit(FAR_BELOW + 0.1) > floor
 
 
 def test_a_lead_counts_by_what_it_is_more_than_the_overlap_lets_expect() -> None:
@@ -58,31 +61,29 @@ def test_a_lead_counts_by_what_it_is_more_than_the_overlap_lets_expect() -> None
     # A rival with evidence of its own is discounted; one without is not.
     alone = replace(verified, evidence=5.0)
     gates, told = Gates.of(CONFIG), CONFIG.margin * 40
-    assert against_rival(alone, told + gates.lead, CONFIG.margin) == pytest.approx(CONFIG.gate)
-    assert against_rival(pose_with(overlap=50), told + gates.lead, CONFIG.margin) < CONFIG.gate
-    assert against_rival(replace(verified, evidence=90.0), 20.0, CONFIG.margin) < against_rival(
-        alone, 20.0, CONFIG.margin
-    )
-    worth = [against_rival(verified, lead, CONFIG.margin) for lead in (-20.0, 0.0, 10.0, 20.0, 60.0)]
+    assert rival_logit(alone, told + gates.lead, CONFIG.margin) == pytest.approx(CONFIG.gate)
+    assert rival_logit(pose_with(overlap=50), told + gates.lead, CONFIG.margin) < CONFIG.gate
+    assert rival_logit(replace(verified, evidence=90.0), 20.0, CONFIG.margin) < rival_logit(alone, 20.0, CONFIG.margin)
+    worth = [rival_logit(verified, lead, CONFIG.margin) for lead in (-20.0, 0.0, 10.0, 20.0, 60.0)]
     assert worth == sorted(set(worth))
     # More trees in the overlap, of either side, and the same lead says less.
-    assert against_rival(pose_with(overlap=80), 20.0, CONFIG.margin) < against_rival(verified, 20.0, CONFIG.margin)
+    assert rival_logit(pose_with(overlap=80), 20.0, CONFIG.margin) < rival_logit(verified, 20.0, CONFIG.margin)
     swapped = replace(verified, query_overlap=verified.submap_overlap, submap_overlap=verified.query_overlap)
-    assert against_rival(swapped, 20.0, CONFIG.margin) == against_rival(verified, 20.0, CONFIG.margin)
+    assert rival_logit(swapped, 20.0, CONFIG.margin) == rival_logit(verified, 20.0, CONFIG.margin)
 
 
 def test_without_a_rival_nothing_stands_against_it() -> None:
-    assert against_rival(pose_with(), None, CONFIG.margin) == math.inf
-    assert together(3.0, math.inf) == pytest.approx(3.0)
+    assert rival_logit(pose_with(), None, CONFIG.margin) == math.inf
+    assert combine(3.0, math.inf) == pytest.approx(3.0)
 
 
 @pytest.mark.parametrize("chance", [-30.0, -5.0, 0.0, 6.9, 50.0])
 @pytest.mark.parametrize("rival", [-30.0, -5.0, 0.0, 6.9, 50.0])
 def test_both_odds_together_are_no_better_than_the_worse_and_not_much_worse(chance: float, rival: float) -> None:
-    both, worse = together(chance, rival), min(chance, rival)
+    both, worse = combine(chance, rival), min(chance, rival)
     assert worse - math.log(2.0) <= both + 1e-12
     assert both <= worse
-    assert together(rival, chance) == pytest.approx(both)
+    assert combine(rival, chance) == pytest.approx(both)
     if abs(chance - rival) > 5.0:
         assert both == pytest.approx(worse, abs=0.01)
 
@@ -91,9 +92,9 @@ def test_both_odds_together_are_no_better_than_the_worse_and_not_much_worse(chan
 @pytest.mark.parametrize("margin", [0.0, 0.25, 1.0])
 def test_evidence_surely_behind_leaves_just_those_odds(odds: float, margin: float) -> None:
     best = pose_with(evidence=70.0, overlap=50)
-    behind = surely_behind(best, odds, margin)
-    assert against_rival(best, best.evidence - behind, margin) == pytest.approx(odds)
-    assert against_rival(best, best.evidence - behind - 1.0, margin) < odds
+    behind = rival_threshold(best, odds, margin)
+    assert rival_logit(best, best.evidence - behind, margin) == pytest.approx(odds)
+    assert rival_logit(best, best.evidence - behind - 1.0, margin) < odds
 
 
 @pytest.mark.parametrize("config", [Config(), Config(gate=3.0, margin=0.0), Config(gate=10.0, margin=1.0)])
@@ -123,7 +124,7 @@ def test_what_speaks_against_itself_is_refused_whatever_the_odds() -> None:
 def test_a_rival_that_explains_nothing_itself_makes_nothing_ambiguous() -> None:
     weak = pose_with(evidence=20.0)
     lead = 5.0 + weak.evidence
-    assert against_rival(weak, lead, CONFIG.margin) < CONFIG.gate
+    assert rival_logit(weak, lead, CONFIG.margin) < CONFIG.gate
     assert refusal(weak, 40.0, lead, CONFIG) == "below_gate"
     assert refusal(weak, 40.0, weak.evidence - 5.0, CONFIG) == "runner_up_too_close"
 
@@ -185,27 +186,27 @@ def test_rivals_in_rows_are_distinct_places_that_explain_much() -> None:
     rivals = find_rivals(stand, stand, pose_row(best.transform), REACH, 0.0, 4)
     assert rivals.shape[1] == 6
     assert all(distinct(rival, pose_row(best.transform), stand.spacing, REACH) for rival in rivals)
-    strongest = weigh_settled(stand, stand, rivals[rivals[:, 3].argmax()])
+    strongest = evidence_of_row(stand, stand, rivals[rivals[:, 3].argmax()])
     assert comparable(strongest, best)
     assert strongest.evidence > 0.5 * best.evidence
 
 
 def test_what_overlaps_less_is_credited_at_the_rate_of_what_is_seen() -> None:
     evidence, overlap = np.array([30.0, 30.0, 30.0, 30.0]), np.array([10.0, 20.0, 40.0, 80.0])
-    np.testing.assert_allclose(credited(evidence, overlap, 40), [120.0, 60.0, 30.0, 30.0])
+    np.testing.assert_allclose(extrapolated(evidence, overlap, 40), [120.0, 60.0, 30.0, 30.0])
 
 
 def test_credit_never_lowers_and_what_speaks_against_is_left_alone() -> None:
     rng = np.random.default_rng(0)
     evidence, overlap = rng.normal(0.0, 60.0, 500), rng.integers(0, 120, 500).astype(np.float64)
     for wanted in (0, 1, 40, 1000):
-        given = credited(evidence, overlap, wanted)
+        given = extrapolated(evidence, overlap, wanted)
         assert np.isfinite(given).all()
         assert (given >= evidence).all()
         unchanged = (evidence <= 0.0) | (overlap >= wanted)
         np.testing.assert_array_equal(given[unchanged], evidence[unchanged])
         assert (given[~unchanged & (overlap > 0.0)] > evidence[~unchanged & (overlap > 0.0)]).all()
-    assert credited(np.empty(0), np.empty(0), 40).shape == (0,)
+    assert extrapolated(np.empty(0), np.empty(0), 40).shape == (0,)
 
 
 def test_rivals_are_the_strongest_first_and_none_is_surely_behind() -> None:
@@ -213,10 +214,10 @@ def test_rivals_are_the_strongest_first_and_none_is_surely_behind() -> None:
     stand, _ = laid(rows, SE2(40.0, 40.0, 0.2), 8, 20.0)
     start, found = verify(stand, stand, SE2.identity(), REACH), []
     for odds in (100.0, 300.0, 1000.0):
-        best, rivals = climb(stand, stand, start, REACH, odds, CONFIG.margin)
+        best, rivals = hill_climb(stand, stand, start, REACH, odds, CONFIG.margin)
         evidence = [counted for _, counted in rivals]
         assert evidence == sorted(evidence, reverse=True)
-        assert all(counted > surely_behind(best, odds, CONFIG.margin) for counted in evidence)
+        assert all(counted > rival_threshold(best, odds, CONFIG.margin) for counted in evidence)
         assert all(counted >= rival.evidence for rival, counted in rivals)
         assert all(
             distinct(pose_row(rival.transform), pose_row(best.transform), stand.spacing, REACH) for rival, _ in rivals
@@ -230,13 +231,13 @@ def test_in_one_submap_a_rival_that_claims_other_trees_is_one_too_but_is_not_cre
     """The query has two edges of stands in it, the submap one: it fits either, turned about."""
     rng = np.random.default_rng(6)
     half = plantation(24.0, 48.0, rng, spacing=(4.0, 4.0), jitter=0.02, survival=1.0)
-    here = pattern(describe(half, CONFIG), REACH)
+    here = landmark_grid(describe(half, CONFIG), REACH)
     other = plantation(24.0, 48.0, rng, spacing=(4.0, 4.0), jitter=0.02, survival=1.0)
     both = np.concatenate([half, SE2(52.0, 44.0, math.pi).apply(other)])
     seen = describe(both, CONFIG)
-    query = pattern(seen, REACH)
+    query = landmark_grid(seen, REACH)
     right = SE2.shift(describe(half, CONFIG).origin).inverse() @ SE2.shift(seen.origin)
-    best, rivals = climb(query, here, verify(query, here, right, REACH), REACH, 200.0, CONFIG.margin)
+    best, rivals = hill_climb(query, here, verify(query, here, right, REACH), REACH, 200.0, CONFIG.margin)
     assert best.transform.distance(right)[0] < 0.1
     elsewhere = [(rival, counted) for rival, counted in rivals if not comparable(rival, best)]
     assert elsewhere

@@ -7,17 +7,18 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.urquhart import forests
-from tests.urquhart.tables import decode, described, lot_of, search, seen_again, sparse, stand, truth
+from tests.urquhart.tables import decode, described, search, seen_again, shard_of, sparse, stand, truth
 from urquhart import SE2, Config, Features, describe
-from urquhart.index.quad_search import HIT, Lot
+from urquhart.index.quad_search import HIT, QuadShard
 from urquhart.index.quad_table import LAST, STEP, TURNS, build_table, measure_quads
-from urquhart.propose.quad_consensus import Consensus, Leaders, Room, Rooms
-from urquhart.propose.quad_votes import near_slots_together
+from urquhart.propose.hit_buffer import BufferPool, HitBuffer
+from urquhart.propose.quad_consensus import QuadConsensus, QuadLeaders
+from urquhart.propose.quad_votes import order_by_slots
 
 
-def hits(found: Consensus) -> NDArray[np.float64]:
+def hits(found: QuadConsensus) -> NDArray[np.float64]:
     """Rows (H, 6), sorted: slot, query quad, turn, x, y, logarithm of the likelihood of the misfit."""
-    kept = found._room.hits[: found.hits]
+    kept = found._buffer.hits[: found.hits]
     return ordered([kept[name] for name in ("slot", "quad", "turn", "x", "y", "fit")])
 
 
@@ -26,14 +27,14 @@ def ordered(columns: list[NDArray[np.generic]]) -> NDArray[np.float64]:
     return rows[np.lexsort(rows.T[::-1])]
 
 
-def brute_force(lots: Sequence[Lot], query: Features, tolerance: float) -> NDArray[np.float64]:
+def brute_force(shards: Sequence[QuadShard], query: Features, tolerance: float) -> NDArray[np.float64]:
     """The same by comparing every quad with every one of the tables, from either end."""
     lengths, directions, _ = measure_quads(query.landmarks, query.tessellation.quads)
     query_turns = np.round(directions * TURNS).astype(np.int64)
     found, first = [], 0
-    for lot in lots:
-        stored = decode(lot.table)
-        scales = lot.scales.astype(np.float64)[stored.slots]
+    for shard in shards:
+        stored = decode(shard.table)
+        scales = shard.scales.astype(np.float64)[stored.slots]
         for q in range(len(lengths)):
             # The first side of what is stored is no shorter than its third.
             for reading in (0, 1) if lengths[q, 0] - lengths[q, 2] <= 2.0 * tolerance else (0,):
@@ -42,7 +43,7 @@ def brute_force(lots: Sequence[Lot], query: Features, tolerance: float) -> NDArr
                 low, high = np.ceil((wanted - tolerance) / STEP), np.floor((wanted + tolerance) / STEP)
                 long = stored.cells == LAST
                 agree = np.where(long, high >= 8 * LAST, (stored.steps >= low) & (stored.steps <= high))
-                near = agree.all(axis=1) & (lot.alive[stored.slots] > 0)
+                near = agree.all(axis=1) & (shard.alive[stored.slots] > 0)
                 misfit = np.where(long, 0.0, (stored.steps * STEP - wanted) ** 2)[near].sum(axis=1)
                 turns = (stored.turns[near] - query_turns[q] + TURNS // 2 * reading) % TURNS
                 centres = stored.centres[near] * scales[near, None]
@@ -51,7 +52,7 @@ def brute_force(lots: Sequence[Lot], query: Features, tolerance: float) -> NDArr
                 found.append(
                     np.column_stack([stored.slots[near] + first, which, turns, centres.astype(np.float32), fits])
                 )
-        first += len(lot.alive)
+        first += len(shard.alive)
     return ordered(list(np.concatenate(found).T))
 
 
@@ -62,12 +63,12 @@ def centred(pose: SE2, submap: Features, query: Features) -> SE2:
 
 @pytest.mark.parametrize("tolerance", [0.1, 0.33, 0.5, 0.75])
 def test_finds_exactly_what_brute_force_finds(tolerance: float) -> None:
-    lots = [
-        lot_of([described(seed) for seed in range(12)], dead=[0, 5]),
-        lot_of([]),
-        lot_of([described(seed) for seed in range(20, 27)], dead=[6]),
-        lot_of([described(30)], dead=[0]),
-        lot_of([describe(forests.lattice(np.random.default_rng(2)), Config()), sparse(5), sparse(6)]),
+    shards = [
+        shard_of([described(seed) for seed in range(12)], dead=[0, 5]),
+        shard_of([]),
+        shard_of([described(seed) for seed in range(20, 27)], dead=[6]),
+        shard_of([described(30)], dead=[0]),
+        shard_of([describe(forests.lattice(np.random.default_rng(2)), Config()), sparse(5), sparse(6)]),
     ]
     for query in (
         seen_again(np.random.default_rng(0), described(3), 2.0, 0.05, 0.1),
@@ -76,9 +77,9 @@ def test_finds_exactly_what_brute_force_finds(tolerance: float) -> None:
         # Sides about as long as the longest that are told apart, and longer ones.
         seen_again(np.random.default_rng(1), sparse(6), -2.5, 0.05, 0.0),
     ):
-        found = search(lots, query, tolerance)
+        found = search(shards, query, tolerance)
         found.advance()
-        got, expected = hits(found), brute_force(lots, query, tolerance)
+        got, expected = hits(found), brute_force(shards, query, tolerance)
         assert len(got) == len(expected) == found.hits > 0
         np.testing.assert_array_equal(got[:, :5], expected[:, :5])
         np.testing.assert_allclose(got[:, 5], expected[:, 5], rtol=1e-5, atol=1e-6)
@@ -86,13 +87,13 @@ def test_finds_exactly_what_brute_force_finds(tolerance: float) -> None:
 
 
 def test_hits_find_room_however_many_there_are() -> None:
-    lots = [lot_of([stand(seed) for seed in range(30)]), lot_of([stand(seed) for seed in range(30, 40)])]
+    shards = [shard_of([stand(seed) for seed in range(30)]), shard_of([stand(seed) for seed in range(30, 40)])]
     query = stand(7)
-    found = search(lots, query, 0.75)
-    room = len(found._room.hits)
+    found = search(shards, query, 0.75)
+    space = len(found._buffer.hits)
     found.advance()
-    assert found.hits > 4 * room
-    expected = brute_force(lots, query, 0.75)
+    assert found.hits > 4 * space
+    expected = brute_force(shards, query, 0.75)
     np.testing.assert_array_equal(hits(found)[:, :5], expected[:, :5])
 
 
@@ -100,14 +101,14 @@ def test_a_quad_that_is_everywhere_is_passed_over() -> None:
     """Of a place that is stored thirty times and one that is stored once, the second is looked for."""
     rng = np.random.default_rng(0)
     common, rare = forests.uniform(rng, 50, 50.0), forests.uniform(rng, 50, 50.0)
-    lots = [lot_of([describe(common, Config())] * 30 + [describe(rare, Config())])]
+    shards = [shard_of([describe(common, Config())] * 30 + [describe(rare, Config())])]
     both = describe(np.concatenate([common, rare + 300.0]), Config())
     for query, most, slots in (
         (describe(common, Config()), 64 * 29, set()),
         (describe(common, Config()), 64 * 200, set(range(30))),
         (both, 64 * 29, {30}),
     ):
-        found = search(lots, query, 0.1, most)
+        found = search(shards, query, 0.1, most)
         found.advance()
         assert found.finished
         best = found.leaders(31, 1)
@@ -118,14 +119,14 @@ def test_a_quad_that_is_everywhere_is_passed_over() -> None:
 @pytest.mark.parametrize("parts", [1, 4])
 def test_so_many_hits_are_enough(most: int, parts: int) -> None:
     submaps = [stand(seed) for seed in range(80)]
-    lots = [lot_of(submaps[part::parts]) for part in range(parts)]
+    shards = [shard_of(submaps[part::parts]) for part in range(parts)]
     query = stand(500)
-    unbounded = search(lots, query)
+    unbounded = search(shards, query)
     unbounded.advance()
-    bounded = search(lots, query, most=most)
+    bounded = search(shards, query, most=most)
     bounded.advance()
     assert bounded.finished
-    # What has been begun is finished: 32 quads, each with a 64th of the hits in each lot at the most.
+    # What has been begun is finished: 32 quads, each with a 64th of the hits in each shard at the most.
     assert 0 < bounded.hits <= (1.0 + 0.5 * parts) * most
     assert bounded.hits < unbounded.hits
     if most >= 3_000:
@@ -137,11 +138,11 @@ def test_so_many_hits_are_enough(most: int, parts: int) -> None:
 
 def test_the_rarer_half_has_far_fewer_hits_and_mostly_says_enough() -> None:
     submaps = [stand(seed) for seed in range(60)]
-    lots = [lot_of(submaps)]
+    shards = [shard_of(submaps)]
     first = 0
     for seed in range(0, 60, 6):
         query = seen_again(np.random.default_rng(seed), submaps[seed], 1.0, 0.2, 0.2)
-        found = search(lots, query)
+        found = search(shards, query)
         found.advance(0.5)
         half = found.hits
         first += found.leaders(1, 1).slots[0] == seed
@@ -156,10 +157,10 @@ def test_the_rarer_half_has_far_fewer_hits_and_mostly_says_enough() -> None:
 @pytest.mark.parametrize("seed", range(0, 30, 3))
 def test_the_submap_seen_again_leads_with_the_right_pose(seed: int) -> None:
     submaps = [stand(key) for key in range(30)]
-    lots = [lot_of(submaps[:20]), lot_of(submaps[20:])]
+    shards = [shard_of(submaps[:20]), shard_of(submaps[20:])]
     for turn in (-3.1, -1.2, 0.0, 2.0):
         query = seen_again(np.random.default_rng(seed), submaps[seed], turn, 0.2, 0.1)
-        found = search(lots, query)
+        found = search(shards, query)
         found.advance()
         best = found.leaders(5, 4)
         assert best.slots[0] == seed
@@ -176,8 +177,8 @@ def test_hits_of_one_quad_do_not_vote_for_each_other() -> None:
     features = described(0)
     [quad] = features.tessellation.quads[:1]
     table = build_table([(features.landmarks, np.repeat(quad[None], 5, axis=0), 0.5)])
-    lot = Lot(table, np.full(1, 0.5, np.float32), np.ones(1, np.uint8))
-    found = Consensus([lot], features.landmarks, quad[None], 0.1, 10**9)
+    shard = QuadShard(table, np.full(1, 0.5, np.float32), np.ones(1, np.uint8))
+    found = QuadConsensus([shard], features.landmarks, quad[None], 0.1, 10**9)
     found.advance()
     assert found.hits == 5
     best = found.leaders(1, 1)
@@ -192,7 +193,7 @@ def test_a_place_that_is_in_a_submap_twice_has_both_poses() -> None:
     motions = [SE2(-60.0, 0.0, 0.3), SE2(55.0, 20.0, -2.0)]
     submap = describe(np.concatenate([motion.apply(block) for motion in motions]), Config())
     query = describe(block + rng.normal(0.0, 0.1, block.shape), Config())
-    found = search([lot_of([described(0), submap])], query)
+    found = search([shard_of([described(0), submap])], query)
     found.advance()
     best = found.leaders(1, 6)
     assert best.slots.tolist() == [1]
@@ -204,7 +205,7 @@ def test_a_place_that_is_in_a_submap_twice_has_both_poses() -> None:
 
 
 def test_poses_of_a_slot_are_distinct_and_what_is_missing_comes_last() -> None:
-    found = search([lot_of([stand(key) for key in range(25)])], stand(3))
+    found = search([shard_of([stand(key) for key in range(25)])], stand(3))
     found.advance()
     best = found.leaders(25, 8)
     assert best.poses.shape == (25, 8, 3)
@@ -225,7 +226,7 @@ def test_poses_of_a_slot_are_distinct_and_what_is_missing_comes_last() -> None:
     np.testing.assert_array_equal(few.poses, best.poses[:4, :2])
 
 
-def by_key(best: Leaders, keys: NDArray[np.int64]) -> dict[int, tuple[float, int, bytes]]:
+def by_key(best: QuadLeaders, keys: NDArray[np.int64]) -> dict[int, tuple[float, int, bytes]]:
     return {
         int(keys[slot]): (score, votes, poses.tobytes())
         for slot, score, votes, poses in zip(
@@ -242,12 +243,12 @@ def test_how_submaps_are_divided_into_lots_is_no_matter(seed: int) -> None:
     mixed = rng.permutation(24)
     answers: list[dict[int, tuple[float, int, bytes]]] = []
     for division in ([range(24)], [[k] for k in range(24)], [range(0, 24, 2), [], range(1, 24, 2)], [mixed.tolist()]):
-        lots = [lot_of([submaps[k] for k in keys]) for keys in division]
+        shards = [shard_of([submaps[k] for k in keys]) for keys in division]
         keys = np.array([k for part in division for k in part], np.int64)
-        found = search(lots, query)
+        found = search(shards, query)
         found.advance()
         answers.extend(by_key(found.leaders(count, 3), keys) for count in (24, 5))
-        again = search(lots, query)
+        again = search(shards, query)
         again.advance(0.3)
         again.advance()
         assert by_key(again.leaders(24, 3), keys) == answers[-2]
@@ -261,14 +262,14 @@ def test_where_nothing_is_found_there_are_neither_leaders_nor_turns() -> None:
     query = described(1)
     bare = describe(np.array([[0.0, 0.0], [5.0, 0.0], [0.0, 5.0]]), Config())
     stretched = describe(query.landmarks * 40.0, Config())
-    lot = lot_of([described(key) for key in range(3)])
+    shard = shard_of([described(key) for key in range(3)])
     for found in (
         search([], query),
-        search([lot_of([])], query),
-        search([lot_of([bare])], query),
-        search([lot_of([query, query], dead=[0, 1])], query),
-        search([lot], bare),
-        search([lot], stretched, 0.01),
+        search([shard_of([])], query),
+        search([shard_of([bare])], query),
+        search([shard_of([query, query], dead=[0, 1])], query),
+        search([shard], bare),
+        search([shard], stretched, 0.01),
     ):
         found.advance()
         assert found.finished
@@ -277,40 +278,40 @@ def test_where_nothing_is_found_there_are_neither_leaders_nor_turns() -> None:
         assert (len(best.slots), len(best.scores), len(best.votes)) == (0, 0, 0)
         assert best.poses.shape == (0, 4, 3)
         assert [len(column) for column in found.turns(9)] == [0, 0]
-    found = search([lot], query)
+    found = search([shard], query)
     assert len(found.leaders(5, 4).slots) == 0
     found.advance()
     assert [len(column) for column in found.turns(0)] == [0, 0]
     assert len(found.leaders(0, 4).slots) == 0
 
 
-def test_what_another_search_left_in_the_room_is_not_found() -> None:
-    lots, rooms = [lot_of([stand(seed) for seed in range(20)])], Rooms(1)
+def test_what_another_search_left_in_the_buffer_is_not_found() -> None:
+    shards, pool = [shard_of([stand(seed) for seed in range(20)])], BufferPool(1)
     queries = [stand(3), described(4), stand(17)]
 
-    def sought(query: Features, room: Room | None) -> Leaders:
-        found = Consensus(lots, query.landmarks, query.tessellation.quads, 0.75, 10**9, room)
+    def sought(query: Features, buffer: HitBuffer | None) -> QuadLeaders:
+        found = QuadConsensus(shards, query.landmarks, query.tessellation.quads, 0.75, 10**9, buffer)
         found.advance()
         return found.leaders(4, 2)
 
-    with rooms.lend() as room:
-        ours = [sought(query, room) for query in queries]
-    with rooms.lend() as again:
-        assert again is room
+    with pool.borrow() as buffer:
+        ours = [sought(query, buffer) for query in queries]
+    with pool.borrow() as again:
+        assert again is buffer
         ours += [sought(query, again) for query in reversed(queries)]
     for one, query in zip(ours, queries + queries[::-1], strict=True):
         alone = sought(query, None)
         np.testing.assert_array_equal(one.slots, alone.slots)
         np.testing.assert_array_equal(one.poses, alone.poses)
-    with rooms.lend() as room, rooms.lend() as other:
-        assert room is not other
+    with pool.borrow() as buffer, pool.borrow() as other:
+        assert buffer is not other
 
 
 def test_hits_of_neighbouring_slots_follow_each_other_in_their_order() -> None:
     rng = np.random.default_rng(4)
     hits = np.zeros(5000, HIT)
     hits["slot"] = rng.integers(0, 300_000, 5000)
-    order = near_slots_together(1000, 5000, hits, 300_000)
+    order = order_by_slots(1000, 5000, hits, 300_000)
     assert sorted(order) == list(range(1000, 5000))
     blocks = hits["slot"][order] // 65_536
     assert np.all(np.diff(blocks) >= 0)

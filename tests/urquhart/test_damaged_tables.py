@@ -7,13 +7,13 @@ from pathlib import Path
 
 SCRIPT = """
 import numpy as np
-from tests.urquhart.tables import described, lot_of, stand
-from urquhart.propose.quad_consensus import Consensus
-from urquhart.index.quad_search import Lot
+from tests.urquhart.tables import described, shard_of, stand
+from urquhart.propose.quad_consensus import QuadConsensus
+from urquhart.index.quad_search import QuadShard
 from urquhart.index.quad_table import QuadTable, count_living, merge_tables
 
 submaps = [stand(0), described(1), stand(2)]
-sound = lot_of(submaps)
+sound = shard_of(submaps)
 query = stand(0)
 rng = np.random.default_rng(0)
 whole = np.iinfo(sound.table.starts.dtype)
@@ -46,12 +46,12 @@ def damaged():
     yield codes, starts, words[: len(words) // 2].copy()
 
 
-def look(lots, tolerance):
-    search = Consensus(lots, query.landmarks, query.tessellation.quads, tolerance, 100_000)
+def look(shards, tolerance):
+    search = QuadConsensus(shards, query.landmarks, query.tessellation.quads, tolerance, 100_000)
     search.advance(0.5)
     search.advance()
     best = search.leaders(5, 4)
-    assert ((best.slots >= 0) & (best.slots < sum(len(lot.alive) for lot in lots))).all()
+    assert ((best.slots >= 0) & (best.slots < sum(len(shard.alive) for shard in shards))).all()
     assert np.isfinite(best.poses[:, 0]).all()
     assert np.isfinite(best.scores).all()
     slots, rotations = search.turns(20)
@@ -64,9 +64,9 @@ cases = 0
 for codes, starts, words in damaged():
     bad = QuadTable(codes, starts, words)
     for tolerance in (0.1, 0.75):
-        look([Lot(bad, sound.scales, sound.alive)], tolerance)
+        look([QuadShard(bad, sound.scales, sound.alive)], tolerance)
         # A sound table beside it is searched as ever.
-        assert 3 in look([Lot(bad, sound.scales, sound.alive), sound], tolerance)
+        assert 3 in look([QuadShard(bad, sound.scales, sound.alive), sound], tolerance)
     merged = merge_tables([(bad, slots), (sound.table, slots)])
     assert len(merged.starts) == len(merged.codes) + 1
     assert merged.starts[-1] == len(merged.words)

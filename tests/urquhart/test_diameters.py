@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from urquhart import SE2, Config, Features, LandmarkError, Recognizer, describe
 from urquhart.evaluation.simulation import Observation, observe, paper_forest, plantation
-from urquhart.verify.diameters import score_diameters, weigh_diameters
+from urquhart.verify.diameters import score_diameter_pairs, standardize_diameters
 
 CONFIG = Config()
 POSE = SE2(60.0, 55.0, 0.3)
@@ -117,8 +117,8 @@ def test_evidence_from_unrelated_diameters_is_a_fair_bet() -> None:
     pairs = np.arange(40)
     evidence = []
     for _ in range(2000):
-        (a, spread_a), (b, spread_b) = (score_diameters(stems(40, rng).astype(np.float32)) for _ in range(2))
-        evidence.append(weigh_diameters(a, spread_a, b, spread_b, pairs, pairs))
+        (a, spread_a), (b, spread_b) = (standardize_diameters(stems(40, rng).astype(np.float32)) for _ in range(2))
+        evidence.append(score_diameter_pairs(a, spread_a, b, spread_b, pairs, pairs))
     values = np.array(evidence)
     assert values.min() > np.log(0.5) - 1e-9
     assert (values > 3.0).mean() < 2.0 * np.exp(-3.0)

@@ -9,39 +9,31 @@ from numpy.typing import NDArray
 from tests.urquhart import forests
 from urquhart import SE2, Config, describe
 from urquhart.evaluation.simulation import observe, paper_forest
-from urquhart.verify.evidence import (
-    DETECTION,
-    LOOSE,
-    NOISE,
-    Verified,
-    pattern,
-    settle,
-    verify,
-    verify_best,
-    weigh_pose,
-    weigh_settled,
-)
-from urquhart.verify.pairing import Pattern, inside, lay_out
+from urquhart.verify.evidence import DETECTION, NOISE, PoseEvidence, evidence_of_pose, evidence_of_row
+from urquhart.verify.footprint import is_inside
+from urquhart.verify.landmark_grid import LOOSE, LandmarkGrid, build_landmark_grid, landmark_grid
+from urquhart.verify.refinement import refine_and_score, verify, verify_best
 
 REACH = 0.75
 FOREST = paper_forest(np.random.default_rng(0), side=400.0)
 
 
-def seen(pose: SE2, seed: int, radius: float = 40.0, **noise: float) -> tuple[Pattern, SE2]:
+def seen(pose: SE2, seed: int, radius: float = 40.0, **noise: float) -> tuple[LandmarkGrid, SE2]:
     """A pattern seen from `pose`, and `map_T_pattern` of its centred frame."""
     features = describe(observe(FOREST, pose, radius, np.random.default_rng(seed), **noise).xy, Config())
-    return pattern(features, REACH), pose @ SE2.shift(features.origin)
+    return landmark_grid(features, REACH), pose @ SE2.shift(features.origin)
 
 
-def alone(query: Pattern, submap: Pattern, found: Verified) -> int:
+def alone(query: LandmarkGrid, submap: LandmarkGrid, found: PoseEvidence) -> int:
     """Landmarks of the overlap that have no partner."""
     there, back = found.transform.apply(query.landmarks), found.transform.inverse().apply(submap.landmarks)
-    here = [i for i in range(len(there)) if i not in set(found.query.tolist()) and inside(submap, *there[i])]
-    stored = [j for j in range(len(back)) if j not in set(found.submap.tolist()) and inside(query, *back[j])]
-    return len(here) + len(stored)
+    paired, stored = set(found.query.tolist()), set(found.submap.tolist())
+    here = [i for i in range(len(there)) if i not in paired and is_inside(submap.footprint, *there[i])]
+    missed = [j for j in range(len(back)) if j not in stored and is_inside(query.footprint, *back[j])]
+    return len(here) + len(missed)
 
 
-def plain(query: Pattern, submap: Pattern, found: Verified) -> tuple[float, float]:
+def plain(query: LandmarkGrid, submap: LandmarkGrid, found: PoseEvidence) -> tuple[float, float]:
     """Evidence and noise, by the formula at the head of `evidence`."""
     density = np.maximum(query.density[found.query], submap.density[found.submap])
     lonely, best = alone(query, submap, found), (-np.inf, 0.0)
@@ -58,7 +50,7 @@ def test_the_logarithm_of_products_is_the_sum_of_logarithms(seed: int) -> None:
     submap, map_T_submap = seen(SE2(200.0, 200.0, 0.3), seed, sigma=0.2, detection=0.8)
     query, map_T_query = seen(SE2(210.0, 195.0, 2.0), seed + 50, radius=60.0, sigma=0.2, detection=0.8)
     for pose in (map_T_submap.inverse() @ map_T_query, forests.pose(rng, -20.0, 20.0), forests.pose(rng, -90.0, 90.0)):
-        found = weigh_pose(query, submap, pose, REACH)
+        found = evidence_of_pose(query, submap, pose, REACH)
         evidence, noise = plain(query, submap, found)
         assert found.evidence == pytest.approx(evidence, rel=1e-9, abs=1e-9)
         if len(found.query):
@@ -80,11 +72,11 @@ def test_thousands_of_inliers_and_any_density_give_finite_evidence(count: int, s
     rng = np.random.default_rng(count)
     trees = many(count, spacing * np.sqrt(count), rng)
     features = describe(trees, Config())
-    stand = pattern(features, REACH)
-    found = weigh_pose(stand, stand, SE2.identity(), REACH)
+    stand = landmark_grid(features, REACH)
+    found = evidence_of_pose(stand, stand, SE2.identity(), REACH)
     assert np.isfinite(found.evidence)
     assert found.evidence == pytest.approx(plain(stand, stand, found)[0], rel=1e-9)
-    away = weigh_pose(stand, stand, SE2(0.37 * spacing, 0.21 * spacing, 0.01), REACH)
+    away = evidence_of_pose(stand, stand, SE2(0.37 * spacing, 0.21 * spacing, 0.01), REACH)
     assert np.isfinite(away.evidence)
     assert away.evidence == pytest.approx(plain(stand, stand, away)[0], rel=1e-9, abs=1e-9)
     assert away.evidence <= found.evidence
@@ -94,14 +86,15 @@ def test_thousands_of_inliers_and_any_density_give_finite_evidence(count: int, s
 def test_densities_beyond_all_forests_leave_evidence_finite(density: float) -> None:
     trees = many(400, 60.0, np.random.default_rng(1))
     features = describe(trees, Config())
-    stand = lay_out(
+    stand = build_landmark_grid(
         features.landmarks,
         np.full(len(trees), density, np.float32),
         features.tessellation.hull,
         np.empty(0, np.float32),
         REACH,
     )
-    found = weigh_pose(stand._replace(cover=np.ones_like(stand.cover)), stand, SE2.identity(), REACH)
+    everywhere = stand.footprint._replace(cover=np.ones_like(stand.footprint.cover))
+    found = evidence_of_pose(stand._replace(footprint=everywhere), stand, SE2.identity(), REACH)
     assert np.isfinite(found.evidence)
     # A landmark where none is to be expected says much; one among a crowd says no more than that it was not missed.
     assert (found.evidence > 20.0 * len(trees)) == (density < 1e-6)
@@ -115,13 +108,13 @@ def test_poses_settled_are_those_verified_one_by_one() -> None:
     rng = np.random.default_rng(3)
     starts = np.array([[truth.x, truth.y, truth.yaw], *rng.uniform((-20.0, -20.0, -3.0), (20.0, 20.0, 3.0), (30, 3))])
     starts[1] = starts[0] + [0.4, -0.3, 0.01]
-    settled = settle(query, submap, starts, REACH, 0.0)
+    settled = refine_and_score(query, submap, starts, REACH, 0.0)
     assert settled.shape == (len(starts), 6)
     for start, row in zip(starts, settled, strict=True):
         one = verify(query, submap, SE2(*start.tolist()), REACH)
-        there = weigh_pose(query, submap, SE2(*row[:3].tolist()), float(row[4]))
+        there = evidence_of_pose(query, submap, SE2(*row[:3].tolist()), float(row[4]))
         assert REACH <= row[4] <= LOOSE * REACH
-        for found in (one, there, weigh_settled(query, submap, row)):
+        for found in (one, there, evidence_of_row(query, submap, row)):
             assert found.evidence == pytest.approx(row[3], rel=1e-12, abs=1e-12)
             assert found.transform.distance(SE2(*row[:3].tolist())) == pytest.approx((0.0, 0.0), abs=1e-12)
             assert found.overlap == row[5] == max(found.query_overlap, found.submap_overlap)
@@ -136,6 +129,9 @@ def test_a_second_try_is_made_only_where_the_first_is_worth_it() -> None:
     query, map_T_query = seen(SE2(205.0, 200.0, 2.0), 2, sigma=0.4)
     truth = map_T_submap.inverse() @ map_T_query
     start = np.array([[truth.x, truth.y, truth.yaw]])
-    wide, narrow = settle(query, submap, start, REACH, 0.0), settle(query, submap, start, REACH, 1e9)
+    wide, narrow = (
+        refine_and_score(query, submap, start, REACH, 0.0),
+        refine_and_score(query, submap, start, REACH, 1e9),
+    )
     assert wide[0, 4] > narrow[0, 4] == REACH
     assert wide[0, 3] > narrow[0, 3]

@@ -7,28 +7,29 @@ from numpy.typing import NDArray
 from tests.urquhart import forests
 from urquhart import SE2, Config, describe
 from urquhart.evaluation.simulation import paper_forest
-from urquhart.verify.evidence import pattern, weigh_pose
-from urquhart.verify.pairing import Pattern, inside
+from urquhart.verify.evidence import evidence_of_pose
+from urquhart.verify.footprint import is_inside
+from urquhart.verify.landmark_grid import LandmarkGrid, landmark_grid
 
 REACH = 0.75
 FOREST = paper_forest(np.random.default_rng(3), 220.0)
 MIDDLE = np.array([110.0, 110.0])
 
 
-def laid(trees: NDArray[np.float64]) -> tuple[Pattern, SE2]:
+def laid(trees: NDArray[np.float64]) -> tuple[LandmarkGrid, SE2]:
     """A pattern of trees (N, 2), metres, map frame, and `map_T_pattern`."""
     features = describe(trees, Config())
-    return pattern(features, REACH), SE2.shift(features.origin)
+    return landmark_grid(features, REACH), SE2.shift(features.origin)
 
 
-def holds(footprint: Pattern, frame: SE2, x: float, y: float) -> bool:
+def holds(grid: LandmarkGrid, frame: SE2, x: float, y: float) -> bool:
     """Whether the footprint holds a point of the map."""
-    return bool(inside(footprint, *frame.inverse().apply(np.array([[x, y]]))[0].tolist()))
+    return bool(is_inside(grid.footprint, *frame.inverse().apply(np.array([[x, y]]))[0].tolist()))
 
 
-def covering_all(footprint: Pattern) -> Pattern:
+def covering_all(grid: LandmarkGrid) -> LandmarkGrid:
     """The same with all of the hull for a footprint."""
-    return footprint._replace(cover=np.ones_like(footprint.cover))
+    return grid._replace(footprint=grid.footprint._replace(cover=np.ones_like(grid.footprint.cover)))
 
 
 def corridor() -> NDArray[np.float64]:
@@ -60,8 +61,8 @@ def test_a_corridor_seen_against_a_disc_gains_by_what_nobody_saw() -> None:
         (track, disc, disc_frame.inverse() @ frame),
         (disc, track, frame.inverse() @ disc_frame),
     ):
-        near = weigh_pose(query, submap, pose, REACH)
-        hull = weigh_pose(covering_all(query), covering_all(submap), pose, REACH)
+        near = evidence_of_pose(query, submap, pose, REACH)
+        hull = evidence_of_pose(covering_all(query), covering_all(submap), pose, REACH)
         np.testing.assert_array_equal(near.query, hull.query)
         assert near.evidence > hull.evidence + 10.0
         assert near.overlap < hull.overlap - 10
@@ -84,12 +85,12 @@ def test_landmarks_inside_the_hull_are_in_the_footprint_and_nothing_far_away_is(
     for name, points in forests.all_kinds(seed=2, each=4):
         if name != kind:
             continue
-        footprint, _ = laid(points)
-        middle = footprint.landmarks.mean(axis=0)
-        drawn = middle + 0.999 * (footprint.landmarks - middle)
-        assert all(inside(footprint, *point) for point in drawn.tolist())
-        far = 10.0 * np.abs(footprint.landmarks).max() + 10.0
-        assert not any(inside(footprint, x, y) for x in (-far, 0.0, far) for y in (-far, far))
+        grid, _ = laid(points)
+        middle = grid.landmarks.mean(axis=0)
+        drawn = middle + 0.999 * (grid.landmarks - middle)
+        assert all(is_inside(grid.footprint, *point) for point in drawn.tolist())
+        far = 10.0 * np.abs(grid.landmarks).max() + 10.0
+        assert not any(is_inside(grid.footprint, x, y) for x in (-far, 0.0, far) for y in (-far, far))
 
 
 def test_the_edge_of_the_hull_is_in_the_footprint_and_what_is_just_beyond_is_not() -> None:
@@ -105,5 +106,5 @@ def test_the_footprint_does_not_depend_on_the_order_of_landmarks() -> None:
     trees = corridor()
     one, frame = laid(trees)
     other, other_frame = laid(trees[np.random.default_rng(0).permutation(len(trees))])
-    np.testing.assert_array_equal(one.cover, other.cover)
+    np.testing.assert_array_equal(one.footprint.cover, other.footprint.cover)
     assert frame.distance(other_frame)[0] < 1e-9

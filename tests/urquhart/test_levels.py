@@ -10,7 +10,7 @@ from tests.urquhart.contents import CONFIG, FOREST, outline, over, place
 from urquhart import SE2, Abandoned, Budget, Config, Method, Recognition, Recognizer, SearchEnd, describe
 from urquhart.evaluation.simulation import bridson, observe, paper_forest, plantation
 from urquhart.index.collection_index import CollectionIndex
-from urquhart.propose.quad_consensus import Consensus
+from urquhart.propose.quad_consensus import QuadConsensus
 from urquhart.report.explanation import SKIPS, STOPS, search_sentence
 from urquhart.trace import Skipped, StoppedBy
 
@@ -116,7 +116,7 @@ def test_where_every_submap_can_be_swept_quads_are_not_measured_loosely() -> Non
 
 @pytest.mark.parametrize("level", ["polygons", "sweep"])
 def test_a_level_answers_where_those_before_it_have_nothing_to_say(level: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    def search_only(_query: object, _index: object, search: Consensus, *_: object) -> list[object]:
+    def search_only(_query: object, _index: object, search: QuadConsensus, *_: object) -> list[object]:
         search.advance()
         return []
 

@@ -3,7 +3,7 @@ import pytest
 
 from urquhart import SE2, Config, describe
 from urquhart.evaluation.simulation import observe, paper_forest
-from urquhart.paper.matching import assign_edges, match_landmarks, sample_polygons, settle_claims
+from urquhart.paper.matching import assign_edges, keep_one_to_one, match_landmarks, sample_polygons
 
 FOREST = paper_forest(np.random.default_rng(0), side=500.0)
 
@@ -60,9 +60,9 @@ def test_sampling_takes_four_to_nine_vertices_then_larger_then_triangles() -> No
 
 def test_a_contested_landmark_goes_with_the_most_frequent_claim() -> None:
     claims = np.array([[0, 5], [0, 5], [0, 6], [1, 5], [2, 7], [2, 7], [2, 7], [3, 7]])
-    first, second = settle_claims(claims, 4, 8)
+    first, second = keep_one_to_one(claims, 4, 8)
     assert list(zip(first.tolist(), second.tolist(), strict=True)) == [(0, 5), (2, 7)]
-    empty, _ = settle_claims(np.empty((0, 2), np.int64), 4, 8)
+    empty, _ = keep_one_to_one(np.empty((0, 2), np.int64), 4, 8)
     assert len(empty) == 0
 
 

@@ -70,7 +70,7 @@ def test_a_tree_seen_five_times_is_one_landmark_at_the_mean() -> None:
         np.testing.assert_allclose(merged.landmarks[i], at.mean(axis=0), atol=1e-9)
         away = np.sqrt(((at - at.mean(axis=0)) ** 2).sum(axis=1).mean())
         np.testing.assert_allclose(merged.spread[i], away, atol=1e-9)
-        assert len(which) == len(set(which.tolist())) == merged.sightings()[i]
+        assert len(which) == len(set(which.tolist())) == merged.observation_counts()[i]
         wrong += len(names) > 1
     assert wrong <= 2
     assert sum(len(o.xy) for o in submaps) == len(merged.submaps)
@@ -132,7 +132,7 @@ def test_little_or_nothing_to_merge() -> None:
     assert one.spread.tolist() == [0.0]
     assert one.members(0)[0].tolist() == [1]
     same = merge([np.zeros((3, 2)), np.zeros((1, 2))], [STILL, STILL])
-    assert sorted(same.sightings().tolist()) == [1, 1, 2]
+    assert sorted(same.observation_counts().tolist()) == [1, 1, 2]
 
 
 def test_unusable_input_is_refused() -> None:

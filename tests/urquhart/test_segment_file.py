@@ -161,7 +161,7 @@ def test_a_file_is_replaced_as_a_whole_and_who_reads_the_old_one_goes_on(tmp_pat
 
 @pytest.mark.parametrize("call", [1, 2, 3])
 def test_no_room_leaves_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, call: int) -> None:
-    """Room is reserved for each array, and for the whole at the end."""
+    """Space is reserved for each array, and for the whole at the end."""
     reserve, calls = os.posix_fallocate, 0
 
     def full(descriptor: int, offset: int, size: int) -> None:

@@ -38,15 +38,15 @@ def test_each_is_read_once_and_many_at_a_time() -> None:
     assert submaps.features(4) is PLACES[4]
     assert source.asked == [[3, 1, 4], [5, 9]]
     assert submaps.features(7) is PLACES[7]
-    assert submaps.pattern(7) is submaps.pattern(7)
-    np.testing.assert_array_equal(submaps.pattern(8).landmarks, PLACES[8].landmarks)
+    assert submaps.grid(7) is submaps.grid(7)
+    np.testing.assert_array_equal(submaps.grid(8).landmarks, PLACES[8].landmarks)
     assert source.asked == [[3, 1, 4], [5, 9], [7], [8]]
 
 
 def test_what_is_not_there_is_a_key_error_and_what_was_read_stays() -> None:
     submaps = Submaps(Counted(), 0.75)
     submaps.read([1])
-    for ask in (submaps.features, submaps.pattern):
+    for ask in (submaps.features, submaps.grid):
         with pytest.raises(KeyError):
             ask(99)
     with pytest.raises(KeyError):

@@ -10,10 +10,10 @@ from scipy.spatial import cKDTree
 
 from urquhart import SE2, Config, Recognition, Recognizer, describe
 from urquhart.evaluation.simulation import Observation, bridson, observe, paper_forest, plantation
-from urquhart.propose.correlation import find_peaks, glance, sees_ends, sweep
-from urquhart.propose.quad_consensus import TURN, Consensus
-from urquhart.verify.evidence import pattern, settle_rough
-from urquhart.verify.pairing import Pattern
+from urquhart.propose.correlation import correlate, correlate_all, covers_ends, find_peaks
+from urquhart.propose.quad_consensus import TURN, QuadConsensus
+from urquhart.verify.landmark_grid import LandmarkGrid, landmark_grid
+from urquhart.verify.refinement import refine_rough
 
 CONFIG = Config()
 NEAR = CONFIG.reach
@@ -24,9 +24,9 @@ def forest() -> NDArray[np.float64]:
     return paper_forest(np.random.default_rng(1), 400.0)
 
 
-def laid(seen: Observation) -> tuple[Pattern, SE2]:
+def laid(seen: Observation) -> tuple[LandmarkGrid, SE2]:
     features = describe(seen.xy, CONFIG)
-    return pattern(features, NEAR), SE2.shift(features.origin)
+    return landmark_grid(features, NEAR), SE2.shift(features.origin)
 
 
 def two(forest: NDArray[np.float64], seed: int, **noise: float) -> tuple[Observation, Observation, SE2]:
@@ -51,9 +51,9 @@ def test_the_true_pose_is_the_highest_peak(forest: NDArray[np.float64], noise: d
     for seed in range(6):
         here, there, truth = two(forest, seed, **noise)
         (submap, to_submap), (query, to_query) = laid(here), laid(there)
-        peaks = sweep(query, submap, 8)
+        peaks = correlate_all(query, submap, 8)
         # A peak is good to a cell and a step of the rotation; refined it is the pose.
-        best = settle_rough(query, submap, peaks[:1, :3].copy(), NEAR, 1)
+        best = refine_rough(query, submap, peaks[:1, :3].copy(), NEAR, 1)
         shift, turn = SE2(*best[:3].tolist()).distance(to_submap.inverse() @ truth @ to_query)
         right += shift < 0.5 and turn < 0.02
     assert right >= 5
@@ -67,14 +67,14 @@ def test_a_glance_about_the_true_rotation_finds_what_a_sweep_finds_and_one_elsew
         (submap, to_submap), (query, to_query) = laid(here), laid(there)
         wanted = to_submap.inverse() @ truth @ to_query
         # Votes of quads are as coarse as this.
-        near = glance(query, submap, 6, wanted.yaw + 0.7 * TURN, TURN)
+        near = correlate(query, submap, 6, wanted.yaw + 0.7 * TURN, TURN)
         shift, turn = SE2(*near[0, :3].tolist()).distance(wanted)
         assert shift < 1.0
         assert turn < 0.05
         assert (near[:, 3] == np.sort(near[:, 3])[::-1]).all()
-        np.testing.assert_array_equal(near[0], sweep(query, submap, 6)[0])
+        np.testing.assert_array_equal(near[0], correlate_all(query, submap, 6)[0])
         for away in (1.0, 2.0, np.pi):
-            elsewhere = glance(query, submap, 6, wanted.yaw + away, TURN)
+            elsewhere = correlate(query, submap, 6, wanted.yaw + away, TURN)
             assert elsewhere[:, 3].max(initial=0.0) < 0.7 * near[0, 3]
             off = (elsewhere[:, 2] - wanted.yaw - away + np.pi) % (2.0 * np.pi) - np.pi
             assert (np.abs(off) <= TURN).all()
@@ -84,9 +84,9 @@ def test_a_glance_about_the_true_rotation_finds_what_a_sweep_finds_and_one_elsew
 def test_a_rotation_may_be_given_in_any_turn(forest: NDArray[np.float64], yaw: float) -> None:
     here, there, _ = two(forest, 1, sigma=0.1)
     (submap, _), (query, _) = laid(here), laid(there)
-    plain = glance(query, submap, 4, yaw, TURN)
+    plain = correlate(query, submap, 4, yaw, TURN)
     for turns in (-2, 1):
-        np.testing.assert_array_equal(glance(query, submap, 4, yaw + turns * 2.0 * np.pi, TURN), plain)
+        np.testing.assert_array_equal(correlate(query, submap, 4, yaw + turns * 2.0 * np.pi, TURN), plain)
 
 
 def test_settled_peaks_are_nearer_to_the_truth(forest: NDArray[np.float64]) -> None:
@@ -95,9 +95,9 @@ def test_settled_peaks_are_nearer_to_the_truth(forest: NDArray[np.float64]) -> N
         here, there, truth = two(forest, seed, sigma=0.2, detection=0.7)
         (submap, to_submap), (query, to_query) = laid(here), laid(there)
         wanted = to_submap.inverse() @ truth @ to_query
-        peaks = sweep(query, submap, 6)
+        peaks = correlate_all(query, submap, 6)
         rough = SE2(*peaks[0, :3].tolist()).distance(wanted)
-        fine = SE2(*settle_rough(query, submap, peaks[:1, :3].copy(), NEAR, 1)[:3].tolist()).distance(wanted)
+        fine = SE2(*refine_rough(query, submap, peaks[:1, :3].copy(), NEAR, 1)[:3].tolist()).distance(wanted)
         if rough[0] < 1.5:
             before.append(rough)
             after.append(fine)
@@ -194,7 +194,7 @@ def test_in_a_dense_forest_hardly_a_polygon_is_whole_but_quads_and_surveys_find_
 
     assert levels().count("quads") >= 16
 
-    def search_only(_query: object, _index: object, search: Consensus, *_: object) -> list[object]:
+    def search_only(_query: object, _index: object, search: QuadConsensus, *_: object) -> list[object]:
         search.advance()
         return []
 
@@ -245,9 +245,9 @@ def test_the_end_of_a_single_long_submap_is_found(length: float) -> None:
 def test_only_of_submaps_not_much_larger_than_the_query_a_sweep_sees_the_ends(forest: NDArray[np.float64]) -> None:
     one, _, _ = two(forest, 1)
     (small, _), (large, _) = laid(one), laid(observe(forest, SE2(200.0, 200.0, 0.0), 150.0, np.random.default_rng(0)))
-    assert sees_ends(small, small)
-    assert sees_ends(large, small)
-    assert not sees_ends(small, large)
+    assert covers_ends(small, small)
+    assert covers_ends(large, small)
+    assert not covers_ends(small, large)
 
 
 def alone(xy: NDArray[np.float64], pose: SE2) -> tuple[Recognition, float]:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tests.urquhart.tables import lot_of, search, seen_again, stand
+from tests.urquhart.tables import search, seen_again, shard_of, stand
 from urquhart.propose.quad_consensus import TURN
 
 
@@ -12,7 +12,7 @@ def test_turns_rank_the_submap_seen_again_and_its_rotation_first() -> None:
     for seed in (0, 11, 29):
         for turn in (-3.1, -0.4, 1.0, 3.0):
             query = seen_again(np.random.default_rng(seed), submaps[seed], turn, 0.2, 0.1)
-            found = search([lot_of(submaps[:10]), lot_of(submaps[10:])], query, 0.75)
+            found = search([shard_of(submaps[:10]), shard_of(submaps[10:])], query, 0.75)
             found.advance()
             slots, rotations = found.turns(60)
             assert 5 < len(slots) == len(rotations) <= 60
@@ -27,6 +27,6 @@ def test_turns_rank_the_submap_seen_again_and_its_rotation_first() -> None:
             fewer = found.turns(5)
             np.testing.assert_array_equal(fewer[0], slots[:5])
             np.testing.assert_array_equal(fewer[1], rotations[:5])
-            others = search([lot_of(submaps, dead=[seed])], query, 0.75)
+            others = search([shard_of(submaps, dead=[seed])], query, 0.75)
             others.advance()
             assert seed not in others.turns(60)[0]

@@ -6,27 +6,29 @@ import pytest
 from tests.urquhart import forests
 from urquhart import SE2, Config, describe
 from urquhart.decide.confidence import log_odds
-from urquhart.decide.rivals import climb, distinct, pose_row, same_place, shift_peaks
+from urquhart.decide.rivals import distinct, hill_climb, pose_row, same_place, shift_peaks
 from urquhart.evaluation.simulation import observe, paper_forest, plantation
 from urquhart.propose.query import log_volume
 from urquhart.uncertainty import least_squares
-from urquhart.verify.evidence import LOOSE, best_hypotheses, pattern, settle_rough, verify, weigh_pose, weigh_settled
-from urquhart.verify.pairing import Pattern, lay_out, nearest, pair_up
+from urquhart.verify.evidence import evidence_of_pose, evidence_of_row
+from urquhart.verify.landmark_grid import LOOSE, LandmarkGrid, build_landmark_grid, landmark_grid, nearest
+from urquhart.verify.pairing import pair_up
+from urquhart.verify.refinement import best_hypotheses, refine_rough, verify
 
 REACH = 0.75
 FOREST = paper_forest(np.random.default_rng(0), side=500.0)
 
 
-def seen(pose: SE2, seed: int, radius: float = 40.0, **noise: float) -> tuple[Pattern, SE2]:
+def seen(pose: SE2, seed: int, radius: float = 40.0, **noise: float) -> tuple[LandmarkGrid, SE2]:
     """A pattern seen from `pose`, and `map_T_pattern` of its centred frame."""
     features = describe(observe(FOREST, pose, radius, np.random.default_rng(seed), **noise).xy, Config())
-    return pattern(features, REACH), pose @ SE2.shift(features.origin)
+    return landmark_grid(features, REACH), pose @ SE2.shift(features.origin)
 
 
 def test_the_grid_finds_what_brute_force_finds() -> None:
     rng = np.random.default_rng(0)
     for _, points in forests.all_kinds(seed=1, each=8):
-        laid = pattern(describe(points, Config()), REACH)
+        laid = landmark_grid(describe(points, Config()), REACH)
         points = laid.landmarks
         for x, y in rng.uniform(points.min() - 3.0, points.max() + 3.0, (60, 2)):
             distance = np.linalg.norm(points - [x, y], axis=1)
@@ -41,7 +43,9 @@ def test_the_grid_finds_what_brute_force_finds() -> None:
 def test_partners_are_one_to_one_and_mutual() -> None:
     submap = np.array([[0.0, 0.0], [10.0, 0.0], [0.0, 10.0]])
     query = np.array([[0.1, 0.0], [0.4, 0.0], [10.0, 0.2], [5.0, 5.0]])
-    laid = lay_out(submap, np.ones(3, np.float32), np.arange(3, dtype=np.int32), np.empty(0, np.float32), REACH)
+    laid = build_landmark_grid(
+        submap, np.ones(3, np.float32), np.arange(3, dtype=np.int32), np.empty(0, np.float32), REACH
+    )
     assert laid.area == pytest.approx(50.0)
     first, second, squared = pair_up(query, laid, 0.0, 0.0, 0.0, REACH)
     assert first.tolist() == [0, 2]
@@ -78,14 +82,14 @@ def test_of_rough_poses_the_right_one_is_settled_even_from_more_than_a_metre_awa
     starts = np.insert(wrong, int(rng.integers(8)), rough, axis=0)
     before = starts.copy()
     for count in (1, 4, 99):
-        best = settle_rough(query, submap, starts, REACH, count)
+        best = refine_rough(query, submap, starts, REACH, count)
         assert best.shape == (6,)
         shift, turn = SE2(*best[:3].tolist()).distance(truth)
         assert shift < 0.15
         assert turn < 0.005
-        assert weigh_settled(query, submap, best).evidence == pytest.approx(best[3])
+        assert evidence_of_row(query, submap, best).evidence == pytest.approx(best[3])
     np.testing.assert_array_equal(starts, before)
-    alone = settle_rough(query, submap, wrong[:1], REACH, 4)
+    alone = refine_rough(query, submap, wrong[:1], REACH, 4)
     assert alone[3] < best[3]
 
 
@@ -106,7 +110,7 @@ def test_missing_trees_speak_against() -> None:
     for detection in (1.0, 0.8, 0.6, 0.4):
         query, map_T_query = seen(SE2(250.0, 250.0, 0.0), 4, detection=detection)
         _, map_T_submap = seen(SE2(250.0, 250.0, 0.0), 3)
-        found = weigh_pose(query, submap, map_T_submap.inverse() @ map_T_query, REACH)
+        found = evidence_of_pose(query, submap, map_T_submap.inverse() @ map_T_query, REACH)
         evidence.append(found.evidence / len(found.query))
     assert evidence == sorted(evidence, reverse=True)
 
@@ -116,7 +120,7 @@ def test_the_noise_is_found_from_the_residuals() -> None:
     for sigma in (0.03, 0.15, 0.3):
         submap, map_T_submap = seen(SE2(250.0, 250.0, 0.0), 5)
         query, map_T_query = seen(SE2(250.0, 250.0, 0.0), 6, sigma=sigma)
-        found.append(weigh_pose(query, submap, map_T_submap.inverse() @ map_T_query, REACH).noise)
+        found.append(evidence_of_pose(query, submap, map_T_submap.inverse() @ map_T_query, REACH).noise)
     assert found == sorted(found)
     assert found[0] <= 0.1 < found[2]
 
@@ -145,12 +149,14 @@ def test_two_submaps_of_one_place_are_no_rivals() -> None:
 
 def test_rows_of_trees_have_strong_rivals_and_natural_forests_weak_ones() -> None:
     rows = plantation(80.0, 80.0, np.random.default_rng(0), jitter=0.15, survival=0.95)
-    planted = pattern(describe(observe(rows, SE2(40.0, 40.0, 0.0), 20.0, np.random.default_rng(1)).xy, Config()), REACH)
+    planted = landmark_grid(
+        describe(observe(rows, SE2(40.0, 40.0, 0.0), 20.0, np.random.default_rng(1)).xy, Config()), REACH
+    )
     natural, _ = seen(SE2(250.0, 250.0, 0.0), 13)
     for stand, strong in ((planted, True), (natural, False)):
         start = verify(stand, stand, SE2.identity(), REACH)
         # Odds that no lead reaches: every rival is named.
-        best, rivals = climb(stand, stand, start, REACH, 1e3, Config().margin)
+        best, rivals = hill_climb(stand, stand, start, REACH, 1e3, Config().margin)
         strongest = max((rival.evidence for rival, _ in rivals), default=0.0)
         assert (strongest > 0.2 * best.evidence) == strong
         place = pose_row(best.transform)
@@ -159,9 +165,11 @@ def test_rows_of_trees_have_strong_rivals_and_natural_forests_weak_ones() -> Non
 
 def test_climbing_finds_the_pose_one_planting_distance_away() -> None:
     rows = plantation(80.0, 80.0, np.random.default_rng(2), jitter=0.25, survival=0.9)
-    stand = pattern(describe(observe(rows, SE2(40.0, 40.0, 0.0), 20.0, np.random.default_rng(3)).xy, Config()), REACH)
+    stand = landmark_grid(
+        describe(observe(rows, SE2(40.0, 40.0, 0.0), 20.0, np.random.default_rng(3)).xy, Config()), REACH
+    )
     start = verify(stand, stand, SE2(3.0, 0.0, 0.0), REACH)
-    best, _ = climb(stand, stand, start, REACH, Config().gate, Config().margin)
+    best, _ = hill_climb(stand, stand, start, REACH, Config().gate, Config().margin)
     assert best.transform.distance(SE2.identity())[0] < 0.1
 
 

@@ -59,7 +59,7 @@ def test_submaps_that_are_not_looked_at_get_no_votes() -> None:
 def test_votes_of_segments_add_up_as_those_of_one() -> None:
     parts = [collection(range(0, 9)), collection(range(9, 11)), collection(range(11, 30))]
     whole = collection(range(30))
-    several = CollectionIndex(Config(), tuple(part for index in parts for part in index.parts))
+    several = CollectionIndex(Config(), tuple(part for index in parts for part in index.live_segments))
     for seed in (2, 10, 20):
         xy = forests.uniform(np.random.default_rng(seed))
         one, other = (votes_in(index, xy) for index in (whole, several))

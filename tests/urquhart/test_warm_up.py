@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numba.core.dispatcher import Dispatcher
 from urquhart import SE2, Config, Features, Recognizer, describe, warm_up
-from urquhart.index.collection_index import CollectionIndex, Part
+from urquhart.index.collection_index import CollectionIndex, LiveSegment
 from urquhart.index.segment import merge_segments
 from urquhart.evaluation.simulation import observe, paper_forest, plantation
 
@@ -36,15 +36,15 @@ for trees, radius in ((plantation(90.0, 90.0, rng), 20.0), (paper_forest(rng, 25
     # What is mapped from a file is no other type to the compiler.
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "a.segment"
-        parts = recognizer.index.parts
+        parts = recognizer.index.live_segments
         mapped = merge_segments([(part.segment, part.alive) for part in parts], path)
-        index = CollectionIndex(Config(), (Part.of(mapped),)).with_changes(removed=[5])
+        index = CollectionIndex(Config(), (LiveSegment.of(mapped),)).with_changes(removed=[5])
         stored = Recognizer(Config(), index, recognizer._held[1])
         for sigma in (0.05, 2.0):
             xy = observe(trees, SE2(middle, middle, 1.0), radius, rng, sigma=sigma, detection=0.8).xy
             for method in ("robust", "paper"):
                 stored.recognize(xy, method=method, only=range(9))
-        merge_segments([(mapped, index.parts[0].alive)], path)
+        merge_segments([(mapped, index.live_segments[0].alive)], path)
 print({name: (before.get(name), count) for name, count in compiled().items() if before.get(name) != count})
 """
 

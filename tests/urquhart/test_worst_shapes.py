@@ -12,8 +12,8 @@ from urquhart import SE2, Config, Features, Recognizer, describe
 from urquhart.evaluation.simulation import paper_forest
 from urquhart.features.delaunay import triangulate
 from urquhart.verify.cells import CROWD
-from urquhart.verify.evidence import pattern
-from urquhart.verify.pairing import inside, nearest
+from urquhart.verify.footprint import is_inside
+from urquhart.verify.landmark_grid import landmark_grid, nearest
 
 CONFIG = Config()
 REACH = 0.75
@@ -74,9 +74,9 @@ def test_of_many_landmarks_those_of_a_forest_have_the_exact_triangles() -> None:
 @pytest.mark.parametrize("shape", SHAPES)
 def test_the_nearest_landmark_is_found_in_crowded_cells_too(shape: str) -> None:
     features, rng = of(shape, 1_500), np.random.default_rng(1)
-    laid = pattern(features, REACH)
+    laid = landmark_grid(features, REACH)
     if shape == "one stray at 10,000 km":
-        assert np.diff(laid.cells).max() > 10 * CROWD
+        assert np.diff(laid.cells.starts).max() > 10 * CROWD
     for x, y in features.landmarks[rng.integers(0, 1_500, 60)] + rng.normal(0.0, 0.5, (60, 2)):
         squared = ((features.landmarks - (x, y)) ** 2).sum(axis=1)
         found, distance = nearest(laid, x, y, 2.0 * REACH)
@@ -90,14 +90,14 @@ def test_the_nearest_landmark_is_found_in_crowded_cells_too(shape: str) -> None:
 def test_a_footprint_with_many_corners_holds_what_lies_within_all_of_them(corners: int) -> None:
     rng = np.random.default_rng(corners)
     features = of("circle", corners)
-    laid = pattern(features, REACH)
-    laid = laid._replace(cover=np.ones_like(laid.cover))
-    assert len(laid.hull) == corners
-    following = np.roll(laid.hull, -1, axis=0)
-    radius = float(np.abs(laid.hull).max())
-    for x, y in rng.uniform(-radius, radius, (400, 2)).tolist() + (0.999 * laid.hull).tolist():
-        edge, to = following - laid.hull, (x, y) - laid.hull
-        assert inside(laid, x, y) == bool((edge[:, 0] * to[:, 1] - edge[:, 1] * to[:, 0] >= 0.0).all())
+    footprint = landmark_grid(features, REACH).footprint
+    footprint = footprint._replace(cover=np.ones_like(footprint.cover))
+    assert len(footprint.hull) == corners
+    following = np.roll(footprint.hull, -1, axis=0)
+    radius = float(np.abs(footprint.hull).max())
+    for x, y in rng.uniform(-radius, radius, (400, 2)).tolist() + (0.999 * footprint.hull).tolist():
+        edge, to = following - footprint.hull, (x, y) - footprint.hull
+        assert is_inside(footprint, x, y) == bool((edge[:, 0] * to[:, 1] - edge[:, 1] * to[:, 0] >= 0.0).all())
 
 
 @pytest.mark.parametrize("shape", ["natural", "at 100,000 km", "spiral"])

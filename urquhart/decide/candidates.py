@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from urquhart.config import Config
-from urquhart.decide.confidence import Refusal, log_odds, probability, refusal, surely_behind
-from urquhart.propose.query import Level, Proposal, Query
+from urquhart.decide.confidence import Refusal, log_odds, probability, refusal, rival_threshold
+from urquhart.propose.query import LevelName, Proposal, Query
 from urquhart.se2 import SE2
 from urquhart.uncertainty import PoseUncertainty, least_squares
 from urquhart.verify.distortion import find_distortion
-from urquhart.verify.evidence import Verified
+from urquhart.verify.evidence import PoseEvidence
 
 _LEAST_NOISE: Final = 0.02
 """Metres: no tree is located better than this, however well a few of them happen to agree."""
@@ -47,7 +47,7 @@ class Candidate:
     """
 
     key: int
-    level: Level
+    level: LevelName
     transform: SE2
     uncertainty: PoseUncertainty
     query_indices: NDArray[np.int64]
@@ -99,7 +99,7 @@ class Finding:
         refused: the reason, None where nothing but a rival could stand against it.
     """
 
-    level: Level
+    level: LevelName
     key: int
     votes: int
     inliers: int
@@ -112,14 +112,16 @@ class Finding:
 def make_finding(proposal: Proposal, query: Query) -> Finding:
     """A proposal as an explanation shows it."""
     v = proposal.verified
-    odds = log_odds(v, query.pattern, query.volume)
+    odds = log_odds(v, query.grid, query.volume)
     refused = refusal(v, odds, None, query.config)
     return Finding(proposal.level, proposal.key, proposal.votes, len(v.residuals), v.overlap, v.evidence, odds, refused)
 
 
-def make_rivals(rivals: Iterable[tuple[int, Verified, float]], best: Verified, query: Query) -> tuple[Rival, ...]:
+def make_rivals(
+    rivals: Iterable[tuple[int, PoseEvidence, float]], best: PoseEvidence, query: Query
+) -> tuple[Rival, ...]:
     """Those of `rivals` (submap, pose in centred frames, evidence) that `best` does not clearly lead, by strength."""
-    behind = surely_behind(best, query.config.gate, query.config.margin)
+    behind = rival_threshold(best, query.config.gate, query.config.margin)
     close = [(key, rival, evidence) for key, rival, evidence in rivals if evidence > max(behind, 0.0)]
     close.sort(key=lambda found: -found[2])
     return tuple(
@@ -136,7 +138,7 @@ def make_candidate(proposal: Proposal, query: Query, lead: float | None) -> Cand
     """
     v, features, submap = proposal.verified, query.features, query.submaps.features(proposal.key)
     transform = _as_posted(v.transform, proposal.key, query)
-    odds = log_odds(v, query.pattern, query.volume)
+    odds = log_odds(v, query.grid, query.volume)
     refused = refusal(v, odds, lead, query.config)
     seen, stored = features.landmarks[v.query] + features.origin, submap.landmarks[v.submap] + submap.origin
     uncertainty, warnings = _uncertainty(seen, stored, transform, v, query.config, distorted=refused is None)
@@ -166,7 +168,7 @@ def _uncertainty(
     seen: NDArray[np.float64],
     stored: NDArray[np.float64],
     transform: SE2,
-    verified: Verified,
+    verified: PoseEvidence,
     config: Config,
     *,
     distorted: bool,

@@ -26,8 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from urquhart.config import Config
-from urquhart.verify.evidence import Verified
-from urquhart.verify.pairing import Pattern
+from urquhart.verify.evidence import PoseEvidence
+from urquhart.verify.landmark_grid import LandmarkGrid
 
 Refusal = Literal["verification_failed", "runner_up_too_close", "below_gate", "deadline", "contradicting_maps"]
 """Why a pose is not reported as matched; the words are stable."""
@@ -39,7 +39,7 @@ _RIVAL: Final = (0.265, -5.4)
 is so much."""
 _LEAST: Final = -4.0
 """Logarithm of the odds that a pose keeps however close its rivals: one of them all is right now and then."""
-_ALIKE: Final = 0.1
+_RIVAL_PENALTY: Final = 0.1
 """Share of a rival's evidence that its defeat is discounted by: where trees stand to a few centimetres in their rows, a
 lane that is one row off costs it dear, and yet the next lane looks the same."""
 _COMPARABLE: Final = 0.5
@@ -49,7 +49,7 @@ _UNKNOWN: Final = -8.0
 evidence of right poses falls without end."""
 
 
-def log_odds(verified: Verified, query: Pattern, volume: float) -> float:
+def log_odds(verified: PoseEvidence, query: LandmarkGrid, volume: float) -> float:
     """Log-odds of a verified pose against chance.
 
     Args:
@@ -69,30 +69,30 @@ def log_odds(verified: Verified, query: Pattern, volume: float) -> float:
     return verified.evidence + min(left - volume, 0.0)
 
 
-def against_chance(odds: float) -> float:
+def chance_logit(odds: float) -> float:
     """Logarithm of the odds that a pose with these log-odds is right and not a work of chance."""
     slope, even = _CHANCE
     return slope * (max(odds, _UNKNOWN) - even)
 
 
-def against_rival(verified: Verified, lead: float | None, margin: float) -> float:
+def rival_logit(verified: PoseEvidence, lead: float | None, margin: float) -> float:
     """Logarithm of the odds that a pose is right and not its best rival, over which it leads by `lead` of evidence."""
     if lead is None:
         return math.inf
-    return against_rival_by(verified.evidence, lead, verified.overlap, margin)
+    return rival_logit_from(verified.evidence, lead, verified.overlap, margin)
 
 
-def against_rival_by(evidence: float, lead: float, overlap: int, margin: float) -> float:
-    """`against_rival` by numbers: `overlap` landmarks could have been inliers."""
+def rival_logit_from(evidence: float, lead: float, overlap: int, margin: float) -> float:
+    """`rival_logit` by numbers: `overlap` landmarks could have been inliers."""
     slope, even = _RIVAL
-    return max(slope * (lead - margin * overlap - _ALIKE * max(evidence - lead, 0.0) - even), _LEAST)
+    return max(slope * (lead - margin * overlap - _RIVAL_PENALTY * max(evidence - lead, 0.0) - even), _LEAST)
 
 
-def surely_behind(verified: Verified, odds: float, margin: float) -> float:
+def rival_threshold(verified: PoseEvidence, odds: float, margin: float) -> float:
     """Evidence up to which a rival leaves the odds against it at `odds` (a logarithm) or better."""
     slope, even = _RIVAL
     behind = verified.evidence - margin * verified.overlap - even - odds / slope
-    return behind / (1.0 + _ALIKE) if behind > 0.0 else behind
+    return behind / (1.0 + _RIVAL_PENALTY) if behind > 0.0 else behind
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,15 +119,15 @@ class Gates:
         slope, even = _CHANCE
         sure = 1.0 / (1.0 + math.exp(-config.gate))
         steep, level = _RIVAL
-        return Gates(sure, config.gate / slope + even, config.gate / steep + level, config.margin, _ALIKE)
+        return Gates(sure, config.gate / slope + even, config.gate / steep + level, config.margin, _RIVAL_PENALTY)
 
 
-def together(chance: float, rival: float) -> float:
+def combine(chance: float, rival: float) -> float:
     """Logarithm of the odds of being right from those against chance and against the best rival."""
     return -float(np.logaddexp(-chance, -rival))
 
 
-def refusal(verified: Verified, odds: float, lead: float | None, config: Config) -> Refusal | None:
+def refusal(verified: PoseEvidence, odds: float, lead: float | None, config: Config) -> Refusal | None:
     """Why a verified pose is not to be reported as matched, or None.
 
     Args:
@@ -136,25 +136,25 @@ def refusal(verified: Verified, odds: float, lead: float | None, config: Config)
     """
     if verified.evidence <= 0.0:
         return "verification_failed"
-    chance, rival = against_chance(odds), against_rival(verified, lead, config.margin)
-    if together(chance, rival) >= config.gate:
+    chance, rival = chance_logit(odds), rival_logit(verified, lead, config.margin)
+    if combine(chance, rival) >= config.gate:
         return None
     # A rival that explains nothing itself is none: then the match is too weak for what a forest may bring about.
     close = lead is not None and lead < verified.evidence
     return "runner_up_too_close" if close and chance >= config.gate else "below_gate"
 
 
-def probability(verified: Verified, odds: float, lead: float | None, config: Config) -> float:
+def probability(verified: PoseEvidence, odds: float, lead: float | None, config: Config) -> float:
     """Probability that a pose is right; `odds` and `lead` as in `refusal`."""
-    return 1.0 / (1.0 + math.exp(-together(against_chance(odds), against_rival(verified, lead, config.margin))))
+    return 1.0 / (1.0 + math.exp(-combine(chance_logit(odds), rival_logit(verified, lead, config.margin))))
 
 
-def credited(evidence: NDArray[np.float64], overlap: NDArray[np.float64], wanted: int) -> NDArray[np.float64]:
+def extrapolated(evidence: NDArray[np.float64], overlap: NDArray[np.float64], wanted: int) -> NDArray[np.float64]:
     """Evidence of rivals as if `wanted` landmarks overlapped under them, not `overlap`, where those are fewer."""
     return np.asarray(np.where(evidence > 0.0, evidence * np.maximum(wanted / np.maximum(overlap, 1.0), 1.0), evidence))
 
 
-def comparable(rival: Verified, best: Verified) -> bool:
+def comparable(rival: PoseEvidence, best: PoseEvidence) -> bool:
     """Whether a rival claims enough of the trees that the best pose claims for only one of the two to be right.
 
     A few trees fit anywhere by chance, and chance has been reckoned with; and a query larger than a submap may well lie

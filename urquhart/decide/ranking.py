@@ -13,10 +13,10 @@ import numpy as np
 
 from urquhart.budget import OutOfTime
 from urquhart.decide.candidates import Finding, make_finding
-from urquhart.decide.confidence import against_chance, comparable, credited, log_odds, refusal, surely_behind
-from urquhart.decide.rivals import climb, same_place
+from urquhart.decide.confidence import chance_logit, comparable, extrapolated, log_odds, refusal, rival_threshold
+from urquhart.decide.rivals import hill_climb, same_place
 from urquhart.propose.query import Proposal, Query
-from urquhart.verify.evidence import Verified
+from urquhart.verify.evidence import PoseEvidence
 
 _HOPELESS: Final = -8.0
 """Log-odds below which no pose is worth a search for its rivals: hardly one in ten is right."""
@@ -37,7 +37,7 @@ class Ranking:
 
     proposals: list[Proposal]
     lead: float | None = None
-    rivals: tuple[tuple[int, Verified, float], ...] = ()
+    rivals: tuple[tuple[int, PoseEvidence, float], ...] = ()
     alike: frozenset[int] = frozenset()
     complete: bool = True
     findings: tuple[Finding, ...] = ()
@@ -57,14 +57,14 @@ class Ranking:
         if not self.proposals or not self.complete:
             return False
         first, config = self.proposals[0].verified, query.config
-        odds = log_odds(first, query.pattern, query.volume)
+        odds = log_odds(first, query.grid, query.volume)
         return odds > 2.0 * config.gate and refusal(first, odds, self.lead, config) is None
 
     def is_lost(self, query: Query) -> bool:
         """Whether no proposal is better than chance. Too close a rival is another matter: more poses do not mend it."""
         if not self.proposals:
             return True
-        return against_chance(log_odds(self.proposals[0].verified, query.pattern, query.volume)) < query.config.gate
+        return chance_logit(log_odds(self.proposals[0].verified, query.grid, query.volume)) < query.config.gate
 
 
 NOTHING: Final = Ranking([])
@@ -77,7 +77,7 @@ def rank(query: Query, proposals: list[Proposal], earlier: Ranking = NOTHING) ->
         counts["rivals"] = 0
         findings = (*earlier.findings, *(make_finding(one, query) for one in best_by_submap(proposals)))
         ranked = best_by_submap([*earlier.proposals, *proposals])
-        if not ranked or log_odds(ranked[0].verified, query.pattern, query.volume) < _HOPELESS:
+        if not ranked or log_odds(ranked[0].verified, query.grid, query.volume) < _HOPELESS:
             return Ranking(ranked, findings=findings)
         try:
             ranking = _against_rivals(query, ranked)
@@ -106,19 +106,19 @@ def _against_rivals(query: Query, ranked: list[Proposal]) -> Ranking:
         OutOfTime: the deadline passed before all rivals were looked at.
     """
     config, budget = query.config, query.budget
-    here, key = query.submaps.pattern(ranked[0].key), ranked[0].key
+    here, key = query.submaps.grid(ranked[0].key), ranked[0].key
     margin, sure = config.margin, 2.0 * config.gate
-    best, rivals_here = climb(query.pattern, here, ranked[0].verified, query.reach, sure, margin, budget)
+    best, rivals_here = hill_climb(query.grid, here, ranked[0].verified, query.reach, sure, margin, budget)
     ranked[0] = replace(ranked[0], verified=best)
     rivals = [(key, rival, evidence) for rival, evidence in rivals_here]
     strongest = max((evidence for _, evidence in rivals_here), default=-math.inf)
     alike = set[int]()
     # Only what could change the verdict is looked at: overlapping submaps of one place are many.
     for other, evidence in _comparable(ranked[1:], best):
-        if evidence <= max(strongest, surely_behind(best, sure, margin)):
+        if evidence <= max(strongest, rival_threshold(best, sure, margin)):
             break
         budget.check()
-        there = query.submaps.pattern(other.key)
+        there = query.submaps.grid(other.key)
         if same_place(here, best.transform, there, other.verified.transform, query.reach, margin, budget):
             alike.add(other.key)
         else:
@@ -127,10 +127,10 @@ def _against_rivals(query: Query, ranked: list[Proposal]) -> Ranking:
     return Ranking(ranked, best.evidence - strongest if rivals else None, tuple(rivals), frozenset(alike))
 
 
-def _comparable(others: list[Proposal], best: Verified) -> list[tuple[Proposal, float]]:
+def _comparable(others: list[Proposal], best: PoseEvidence) -> list[tuple[Proposal, float]]:
     """Those of `others` that could rival `best`, with the evidence they are credited with, the strongest first."""
     near = [other for other in others if comparable(other.verified, best)]
     evidence = np.array([other.verified.evidence for other in near])
     overlap = np.array([other.verified.overlap for other in near], np.float64)
-    given = credited(evidence, overlap, best.overlap).tolist()
+    given = extrapolated(evidence, overlap, best.overlap).tolist()
     return sorted(zip(near, given, strict=True), key=lambda pair: -pair[1])

@@ -8,10 +8,12 @@ from numpy.typing import NDArray
 
 from urquhart._kernel import kernel
 from urquhart.budget import UNBOUNDED, Budget
-from urquhart.decide.confidence import against_rival, comparable, credited, surely_behind
+from urquhart.decide.confidence import comparable, extrapolated, rival_logit, rival_threshold
 from urquhart.se2 import SE2
-from urquhart.verify.evidence import Verified, count_all, pose_cost, settle, settle_all, verify, weigh_settled
-from urquhart.verify.pairing import Pattern, count_inliers
+from urquhart.verify.evidence import PoseEvidence, evidence_of_row
+from urquhart.verify.landmark_grid import LandmarkGrid
+from urquhart.verify.pairing import count_inliers
+from urquhart.verify.refinement import count_all, pose_cost, refine_and_score, refine_and_score_all, verify
 
 _QUARTERS: Final = 4
 _PEAKS: Final = 4
@@ -42,9 +44,9 @@ def distinct(a: NDArray[np.float64], b: NDArray[np.float64], spacing: float, rea
 
 
 def same_place(
-    first: Pattern,
+    first: LandmarkGrid,
     first_pose: SE2,
-    second: Pattern,
+    second: LandmarkGrid,
     second_pose: SE2,
     reach: float,
     margin: float,
@@ -63,21 +65,21 @@ def same_place(
     chained = verify(second, first, first_pose @ second_pose.inverse(), reach, budget)
     if chained.evidence <= 0.0:
         return False
-    least = surely_behind(chained, 0.0, margin) - _SLACK
+    least = rival_threshold(chained, 0.0, margin) - _SLACK
     rivals = find_rivals(second, first, pose_row(chained.transform), reach, least, _PEAKS, budget)
-    lead = chained.evidence - credited(rivals[:, 3], rivals[:, 5], chained.overlap).max(initial=-math.inf)
-    return against_rival(chained, lead, margin) > 0.0
+    lead = chained.evidence - extrapolated(rivals[:, 3], rivals[:, 5], chained.overlap).max(initial=-math.inf)
+    return rival_logit(chained, lead, margin) > 0.0
 
 
-def climb(
-    query: Pattern,
-    submap: Pattern,
-    best: Verified,
+def hill_climb(
+    query: LandmarkGrid,
+    submap: LandmarkGrid,
+    best: PoseEvidence,
     reach: float,
     odds: float,
     margin: float,
     budget: Budget = UNBOUNDED,
-) -> tuple[Verified, list[tuple[Verified, float]]]:
+) -> tuple[PoseEvidence, list[tuple[PoseEvidence, float]]]:
     """Change over to the best rival as long as one explains the data better; the best pose, and what rivals it.
 
     In rows of trees a hypothesis is easily one planting distance off: its rivals include the right pose. The rivals are
@@ -91,23 +93,23 @@ def climb(
     seen = [np.empty((0, 6))]
     while True:
         place = pose_row(best.transform)
-        found = find_rivals(query, submap, place, reach, surely_behind(best, odds, margin) - _SLACK, _PEAKS, budget)
+        found = find_rivals(query, submap, place, reach, rival_threshold(best, odds, margin) - _SLACK, _PEAKS, budget)
         seen.append(found)
         if found[:, 3].max(initial=-math.inf) <= best.evidence:
             break
         seen.append(np.array([[*place, best.evidence, reach, best.overlap]]))
-        best = weigh_settled(query, submap, found[found[:, 3].argmax()])
-    behind = surely_behind(best, odds, margin)
+        best = evidence_of_row(query, submap, found[found[:, 3].argmax()])
+    behind = rival_threshold(best, odds, margin)
     if found[:, 3].max(initial=-math.inf) > _IN_ROWS * best.evidence:
         seen.append(find_rivals(query, submap, place, reach, behind - _SLACK, _DEEP, budget))
     poses = np.concatenate(seen)
-    given = credited(poses[:, 3], poses[:, 5], best.overlap)
-    rivals: list[tuple[Verified, float]] = []
+    given = extrapolated(poses[:, 3], poses[:, 5], best.overlap)
+    rivals: list[tuple[PoseEvidence, float]] = []
     for row, evidence in zip(poses[given > behind], given[given > behind].tolist(), strict=True):
         if distinct(row, place, submap.spacing, reach):
             if not budget.fits(1, pose_cost(query, submap)):
                 budget.check()
-            rival = weigh_settled(query, submap, row)
+            rival = evidence_of_row(query, submap, row)
             counted = evidence if comparable(rival, best) else rival.evidence
             if counted > behind:
                 rivals.append((rival, counted))
@@ -115,15 +117,15 @@ def climb(
 
 
 def find_rivals(
-    query: Pattern,
-    submap: Pattern,
+    query: LandmarkGrid,
+    submap: LandmarkGrid,
     best: NDArray[np.float64],
     reach: float,
     least: float,
     peaks: int,
     budget: Budget = UNBOUNDED,
 ) -> NDArray[np.float64]:
-    """Poses in the same submap that shifting `best` (3,) along the pattern brings up, as `settle` gives them.
+    """Poses in the same submap that shifting `best` (3,) along the pattern brings up, as `refine_and_score` gives them.
 
     For the match's rotation and its turns by quarters, the displacements between all pairs of landmarks are counted on
     a grid; its peaks are the shifts that put most trees onto trees. In a natural forest they are chance and weak.
@@ -140,13 +142,13 @@ def find_rivals(
     ]
     starts = np.concatenate(turned)
     counted = count_all(query.landmarks, submap, starts, reach, budget)
-    settled = settle_all(query, submap, starts[np.argsort(-counted)[: 2 * peaks]], reach, least, budget)
+    settled = refine_and_score_all(query, submap, starts[np.argsort(-counted)[: 2 * peaks]], reach, least, budget)
     return np.array([row for row in settled if distinct(row, best, submap.spacing, reach)]).reshape(-1, 6)
 
 
 @kernel
 def find_rivals_at_once(
-    query: Pattern, submap: Pattern, best: NDArray[np.float64], reach: float, least: float, peaks: int
+    query: LandmarkGrid, submap: LandmarkGrid, best: NDArray[np.float64], reach: float, least: float, peaks: int
 ) -> NDArray[np.float64]:
     """What `find_rivals` gives, in one step: for ordinary sizes that is fastest."""
     starts = np.empty((_QUARTERS * peaks + 1, 3))
@@ -156,7 +158,7 @@ def find_rivals_at_once(
         starts[count : count + len(shifts)] = shifts
         count += len(shifts)
     counted = count_inliers(query.landmarks, submap, starts[:count], reach)
-    settled = settle(query, submap, starts[np.argsort(-counted)[: 2 * peaks]], reach, least)
+    settled = refine_and_score(query, submap, starts[np.argsort(-counted)[: 2 * peaks]], reach, least)
     kept = 0
     for k in range(len(settled)):
         if distinct(settled[k], best, submap.spacing, reach):
@@ -167,7 +169,7 @@ def find_rivals_at_once(
 
 @kernel
 def shifted(
-    query: Pattern, submap: Pattern, best: NDArray[np.float64], reach: float, peaks: int, quarter: int
+    query: LandmarkGrid, submap: LandmarkGrid, best: NDArray[np.float64], reach: float, peaks: int, quarter: int
 ) -> NDArray[np.float64]:
     """Poses (K, 3) that `best`, turned by so many quarters, is shifted to; one more of the match's own rotation."""
     yaw = best[2] + quarter * math.pi / 2.0

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from urquhart.config import Config
 from urquhart.features.describe import Features
 from urquhart.index.polygon_index import Hits, search_partitions
-from urquhart.index.quad_search import Lot
+from urquhart.index.quad_search import QuadShard
 from urquhart.index.segment import Segment, merge_segments
 
 _FANOUT: Final = 4
@@ -22,7 +22,7 @@ _FANOUT: Final = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Part:
+class LiveSegment:
     """A segment and what lives of it: (S,) uint8; `living` of them."""
 
     segment: Segment
@@ -30,11 +30,11 @@ class Part:
     living: int
 
     @staticmethod
-    def of(segment: Segment) -> "Part":
+    def of(segment: Segment) -> "LiveSegment":
         """All of a segment."""
-        return Part(segment, np.ones(len(segment), np.uint8), len(segment))
+        return LiveSegment(segment, np.ones(len(segment), np.uint8), len(segment))
 
-    def without(self, keys: NDArray[np.int64]) -> "Part":
+    def without(self, keys: NDArray[np.int64]) -> "LiveSegment":
         """The same without submaps; keys that are not here are ignored."""
         slots = self.segment.slots(keys)
         slots = slots[slots >= 0]
@@ -42,15 +42,15 @@ class Part:
             return self
         alive = self.alive.copy()
         alive[slots] = 0
-        return Part(self.segment, alive, int(np.count_nonzero(alive)))
+        return LiveSegment(self.segment, alive, int(np.count_nonzero(alive)))
 
-    def only(self, keys: NDArray[np.int64]) -> "Part":
+    def only(self, keys: NDArray[np.int64]) -> "LiveSegment":
         """The same with no other submaps than those of `keys`."""
         slots = self.segment.slots(keys)
         alive = np.zeros_like(self.alive)
         slots = slots[slots >= 0]
         alive[slots] = self.alive[slots]
-        return Part(self.segment, alive, int(np.count_nonzero(alive)))
+        return LiveSegment(self.segment, alive, int(np.count_nonzero(alive)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,26 +59,26 @@ class CollectionIndex:
 
     Attributes:
         config: of the method.
-        parts: segments from files first, then those in memory.
+        live_segments: segments from files first, then those in memory.
     """
 
     config: Config
-    parts: tuple[Part, ...] = ()
+    live_segments: tuple[LiveSegment, ...] = ()
     _count: int = field(init=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "_count", sum(part.living for part in self.parts))
+        object.__setattr__(self, "_count", sum(part.living for part in self.live_segments))
 
     def __len__(self) -> int:
         return self._count
 
     def __contains__(self, key: int) -> bool:
         wanted = np.array([key], np.int64)
-        return any(part.alive[slot] for part in self.parts for slot in part.segment.slots(wanted) if slot >= 0)
+        return any(part.alive[slot] for part in self.live_segments for slot in part.segment.slots(wanted) if slot >= 0)
 
     def __iter__(self) -> Iterator[int]:
         """Keys of all submaps."""
-        for part in self.parts:
+        for part in self.live_segments:
             yield from part.segment.keys[part.alive > 0].tolist()
 
     def with_changes(
@@ -92,40 +92,42 @@ class CollectionIndex:
         new = dict(added)
         segment = Segment.build(new.items(), self.config)
         gone = np.array([*removed, *new], np.int64)
-        parts = [part.without(gone) for part in self.parts] if len(gone) else list(self.parts)
+        parts = [part.without(gone) for part in self.live_segments] if len(gone) else list(self.live_segments)
         if len(segment):
-            parts.append(Part.of(segment))
+            parts.append(LiveSegment.of(segment))
         return CollectionIndex(self.config, tuple(_tidied(parts)))
 
     def narrowed(self, only: Collection[int] | None, excluded: Collection[int]) -> "CollectionIndex":
         """The index as if it held nothing but `only`, where that is given, and nothing of `excluded`."""
         if only is None and not excluded:
             return self
-        parts = self.parts
+        chosen = self.live_segments
         if only is not None:
             keys = np.fromiter(only, np.int64, len(only))
-            parts = tuple(part.only(keys) for part in parts)
+            chosen = tuple(part.only(keys) for part in chosen)
         if excluded:
             keys = np.fromiter(excluded, np.int64, len(excluded))
-            parts = tuple(part.without(keys) for part in parts)
-        return CollectionIndex(self.config, parts)
+            chosen = tuple(part.without(keys) for part in chosen)
+        return CollectionIndex(self.config, chosen)
 
-    def lots(self) -> list[Lot]:
+    def quad_shards(self) -> list[QuadShard]:
         """The quads, ready to be searched."""
-        return [Lot(p.segment.quads, p.segment.scales, p.alive) for p in self.parts if p.living]
+        return [QuadShard(p.segment.quads, p.segment.scales, p.alive) for p in self.live_segments if p.living]
 
     def search_polygons(
         self, counts: NDArray[np.int32], descriptors: NDArray[np.float32], neighbours: int, window: int = 0
     ) -> Iterator[Hits]:
         """The nearest `neighbours` living polygons of each of the query's, by vertex count; see `search_partitions`."""
-        lots = [(p.segment.polygons, p.segment.keys, p.segment.units, p.alive) for p in self.parts if p.living]
-        return search_partitions(lots, counts, descriptors, neighbours=neighbours, window=window)
+        searched = [
+            (p.segment.polygons, p.segment.keys, p.segment.units, p.alive) for p in self.live_segments if p.living
+        ]
+        return search_partitions(searched, counts, descriptors, neighbours=neighbours, window=window)
 
     def keys_of(self, slots: NDArray[np.int64]) -> list[int]:
-        """Keys of slots that are numbered through all `lots`."""
+        """Keys of slots that are numbered through all of `quad_shards`."""
         keys = np.empty(len(slots), np.int64)
         first = 0
-        for part in self.parts:
+        for part in self.live_segments:
             if part.living:
                 here = (slots >= first) & (slots < first + len(part.alive))
                 keys[here] = part.segment.keys[slots[here] - first]
@@ -133,10 +135,10 @@ class CollectionIndex:
         return keys.tolist()
 
 
-def _tidied(parts: Sequence[Part]) -> list[Part]:
+def _tidied(parts: Sequence[LiveSegment]) -> list[LiveSegment]:
     """Drop what is empty and merge small segments; those from files are left as they are."""
     tidy = [part for part in parts if part.living or part.segment.file is not None]
     while len(tidy) > 1 and tidy[-2].segment.file is None and tidy[-2].living < _FANOUT * tidy[-1].living:
         last, before = tidy.pop(), tidy.pop()
-        tidy.append(Part.of(merge_segments([(before.segment, before.alive), (last.segment, last.alive)])))
+        tidy.append(LiveSegment.of(merge_segments([(before.segment, before.alive), (last.segment, last.alive)])))
     return tidy

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from urquhart.index.polygon_merge import EXACT_BELOW, merge_partitions
 from urquhart.index.polygon_partition import Partition, build_partitions
-from urquhart.index.polygon_scan import gather_places, scan_partition, settle_all
+from urquhart.index.polygon_scan import gather_places, scan_partition, sort_heaps
 
 __all__ = ["EXACT_BELOW", "Hits", "Partition", "Searched", "build_partitions", "merge_partitions", "search_partitions"]
 
@@ -115,7 +115,7 @@ def _search(
             p.descriptors, p.owners, p.lists, p.low, p.step, p.centroids, living[i], queries,
             i, probes, _BUDGET, distances, places, sizes,
         )  # fmt: skip
-    which, near_by, found, occurs = settle_all(distances, places, sizes, rows)
+    which, near_by, found, occurs = sort_heaps(distances, places, sizes, rows)
     keys, outlines = np.empty(len(found), np.int64), np.empty((len(found), count, 2), np.float32)
     for i in np.flatnonzero(occurs).tolist() if len(found) else []:
         partitions, owner_keys, units, _ = segments[i]

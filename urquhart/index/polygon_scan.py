@@ -69,7 +69,7 @@ def scan_partition(
                 difference = centroids[c, d] - queries[q, d]
                 distance += difference * difference
             found = _offer(near, chosen, found, distance, c)
-        settle(near, chosen, found)
+        sort_heap(near, chosen, found)
         left = budget
         for i in range(found):
             first, last = lists[chosen[i]], lists[chosen[i] + 1]
@@ -164,7 +164,7 @@ def _sink(distances: NDArray[np.float32], places: NDArray[np.int64], size: int, 
 
 
 @kernel
-def settle(distances: NDArray[np.float32], places: NDArray[np.int64], size: int) -> None:
+def sort_heap(distances: NDArray[np.float32], places: NDArray[np.int64], size: int) -> None:
     """Sort a heap of `size` entries by rising distance."""
     for last in range(size - 1, 0, -1):
         distance, place = distances[last], places[last]
@@ -173,13 +173,13 @@ def settle(distances: NDArray[np.float32], places: NDArray[np.int64], size: int)
 
 
 @kernel
-def settle_all(
+def sort_heaps(
     distances: NDArray[np.float32], places: NDArray[np.int64], sizes: NDArray[np.int64], rows: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.int64], NDArray[np.bool_]]:
     """All heaps one after the other, each sorted: (H,) query rows, distances, places; and which segments occur."""
     total, highest = 0, 0
     for q in range(len(sizes)):
-        settle(distances[q], places[q], sizes[q])
+        sort_heap(distances[q], places[q], sizes[q])
         for i in range(sizes[q]):
             highest = max(highest, places[q, i] >> _ROW_BITS)
         total += sizes[q]

@@ -41,7 +41,7 @@ fit         logarithm of how likely the misfit of the lengths is
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Lot:
+class QuadShard:
     """A table to search, with what lives in it.
 
     Attributes:

@@ -48,7 +48,7 @@ class MergedMap:
         at = slice(self.offsets[i], self.offsets[i + 1])
         return self.submaps[at], self.indices[at]
 
-    def sightings(self) -> NDArray[np.int64]:
+    def observation_counts(self) -> NDArray[np.int64]:
         """How many submaps' landmarks (L,) went into each landmark."""
         return np.diff(self.offsets)
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from urquhart._kernel import kernel
-from urquhart.paper.matching import assign_edges, settle_claims
+from urquhart.paper.matching import assign_edges, keep_one_to_one
 
 _LEAST = 4
 """Landmarks that a triangulation with an inner triangle cannot do without."""
@@ -84,7 +84,7 @@ def link_triangles(
     """`match_triangles` from the answer of `nearest_triangles`, for those who try several thresholds."""
     rows = np.flatnonzero(distance < threshold)
     claims = claim_corners(first.landmarks, first.triangles, rows, second.landmarks, second.triangles, nearest[rows])
-    return settle_claims(claims, len(first.landmarks), len(second.landmarks))
+    return keep_one_to_one(claims, len(first.landmarks), len(second.landmarks))
 
 
 @kernel

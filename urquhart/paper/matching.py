@@ -62,7 +62,7 @@ def match_landmarks(
         for rows in budget.portions(len(first), _PAIR * len(second))
     ]
     none = np.empty((0, 2), np.int64)
-    return settle_claims(np.concatenate([none, *claims]), len(query.landmarks), len(submap.landmarks))
+    return keep_one_to_one(np.concatenate([none, *claims]), len(query.landmarks), len(submap.landmarks))
 
 
 def _claims(
@@ -219,7 +219,7 @@ def assign_edges(
                 mapping[0], mapping[1], mapping[2] = x, y, z
 
 
-def settle_claims(
+def keep_one_to_one(
     claims: NDArray[np.int64], query_count: int, submap_count: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """One-to-one correspondences from claims (C, 2): the most frequent first, ties by index."""

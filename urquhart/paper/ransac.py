@@ -18,7 +18,7 @@ from urquhart.se2 import SE2, fit
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Consensus:
+class RansacFit:
     """What RANSAC found: the transform fitted to the inliers, which those are (K,) bool, and how many it drew."""
 
     transform: SE2
@@ -35,7 +35,7 @@ def ransac(
     ratio: float = 0.99,
     iterations: int = 40_000,
     budget: Budget = UNBOUNDED,
-) -> Consensus | None:
+) -> RansacFit | None:
     """`target_T_source` from correspondences, row i of `source` with row i of `target`.
 
     Args:
@@ -66,7 +66,7 @@ def ransac(
         return None
     inliers = _inliers(source, target, x, y, yaw, distance)
     rows = np.flatnonzero(inliers)
-    return Consensus(SE2(*fit(source, target, rows, rows)), inliers, drawn)
+    return RansacFit(SE2(*fit(source, target, rows, rows)), inliers, drawn)
 
 
 @kernel

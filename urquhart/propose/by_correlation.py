@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from urquhart.budget import OutOfTime
 from urquhart.index.collection_index import CollectionIndex
 from urquhart.propose.by_quads import verify_rough
-from urquhart.propose.correlation import glance
-from urquhart.propose.quad_consensus import TURN, Consensus
+from urquhart.propose.correlation import correlate
+from urquhart.propose.quad_consensus import TURN, QuadConsensus
 from urquhart.propose.query import Proposal, Query
 
 _PEAKS: Final = 8
@@ -35,7 +35,7 @@ _MOST_LANDMARKS: Final = 500_000
 Place = tuple[int, float, float]
 """A submap's key, and the rotations to try in it: their middle and how far they go to either side, radians."""
 Peaks = tuple[int, NDArray[np.float64]]
-"""A submap's key, and the poses (P, 4) that stand out in it; see `correlation.glance`."""
+"""A submap's key, and the poses (P, 4) that stand out in it; see `correlation.correlate`."""
 
 
 def is_large(index: CollectionIndex) -> bool:
@@ -48,7 +48,7 @@ def is_small(index: CollectionIndex) -> bool:
     return len(index) * _CIRCLE <= index.config.survey
 
 
-def propose_by_correlation(query: Query, index: CollectionIndex, quads: Consensus | None) -> list[Proposal]:
+def propose_by_correlation(query: Query, index: CollectionIndex, quads: QuadConsensus | None) -> list[Proposal]:
     """The submaps in which the query stands out most from chance when it is laid over them as a whole.
 
     Args:
@@ -70,7 +70,7 @@ def propose_by_correlation(query: Query, index: CollectionIndex, quads: Consensu
     return proposals
 
 
-def _survey(query: Query, index: CollectionIndex, quads: Consensus | None) -> list[Place]:
+def _survey(query: Query, index: CollectionIndex, quads: QuadConsensus | None) -> list[Place]:
     """The submaps and rotations to try, the most promising first."""
     if quads is None or is_small(index):
         return [(key, 0.0, math.pi) for key in index]
@@ -93,7 +93,7 @@ def _correlate(query: Query, places: list[Place]) -> list[Peaks]:
             for key, yaw, half in block:
                 read += len(query.submaps.features(key).landmarks)
                 count = _PEAKS if half == math.pi else _FEWER_PEAKS
-                peaks = glance(query.pattern, query.submaps.pattern(key), count, yaw, half, query.budget)
+                peaks = correlate(query.grid, query.submaps.grid(key), count, yaw, half, query.budget)
                 if len(peaks):
                     found.append((key, peaks))
     # What stands out by the landmarks as a whole is judged by itself: the votes of quads no longer count.

@@ -9,7 +9,8 @@ from urquhart.index.collection_index import CollectionIndex
 from urquhart.paper.matching import match_landmarks
 from urquhart.paper.ransac import ransac
 from urquhart.propose.query import Proposal, Query
-from urquhart.verify.evidence import Verified, verify
+from urquhart.verify.evidence import PoseEvidence
+from urquhart.verify.refinement import verify
 
 
 def propose_by_paper(query: Query, index: CollectionIndex, rng: np.random.Generator) -> list[Proposal]:
@@ -36,7 +37,7 @@ def propose_by_paper(query: Query, index: CollectionIndex, rng: np.random.Genera
     return proposals
 
 
-def _paper_pose(query: Query, key: int, rng: np.random.Generator) -> Verified | None:
+def _paper_pose(query: Query, key: int, rng: np.random.Generator) -> PoseEvidence | None:
     """The pose on which correspondences in one submap agree, verified; None where they are too few.
 
     Raises:
@@ -57,4 +58,4 @@ def _paper_pose(query: Query, key: int, rng: np.random.Generator) -> Verified | 
     )
     if consensus is None:
         return None
-    return verify(query.pattern, query.submaps.pattern(key), consensus.transform, query.reach, query.budget)
+    return verify(query.grid, query.submaps.grid(key), consensus.transform, query.reach, query.budget)

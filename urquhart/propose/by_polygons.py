@@ -10,7 +10,7 @@ from urquhart.index.collection_index import CollectionIndex
 from urquhart.propose.by_quads import TIGHT
 from urquhart.propose.polygon_votes import Votes, vote_polygons
 from urquhart.propose.query import Proposal, Query
-from urquhart.verify.evidence import best_hypotheses, verify_best
+from urquhart.verify.refinement import best_hypotheses, verify_best
 
 
 def propose_by_polygons(query: Query, index: CollectionIndex) -> list[Proposal]:
@@ -37,8 +37,8 @@ def propose_by_polygons(query: Query, index: CollectionIndex) -> list[Proposal]:
 
 def _best_aligned(query: Query, votes: Votes, i: int, key: int) -> Proposal:
     """The best of the transforms that polygons voted for in submap `votes.keys[i]`, verified."""
-    submap = query.submaps.pattern(key)
+    submap = query.submaps.grid(key)
     hypotheses = votes.hypotheses(i)[: query.config.hypotheses]
-    starts = best_hypotheses(query.pattern, submap, hypotheses, query.reach, 1, query.budget)
-    verified = verify_best(query.pattern, submap, starts, query.reach, query.budget)
+    starts = best_hypotheses(query.grid, submap, hypotheses, query.reach, 1, query.budget)
+    verified = verify_best(query.grid, submap, starts, query.reach, query.budget)
     return Proposal(key, "polygons", int(votes.counts[i]), verified)

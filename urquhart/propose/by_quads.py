@@ -8,9 +8,11 @@ from numpy.typing import NDArray
 
 from urquhart.budget import OutOfTime
 from urquhart.index.collection_index import CollectionIndex
-from urquhart.propose.quad_consensus import Consensus, Room
+from urquhart.propose.hit_buffer import HitBuffer
+from urquhart.propose.quad_consensus import QuadConsensus
 from urquhart.propose.query import Proposal, Query
-from urquhart.verify.evidence import Verified, settle_rough, weigh_settled
+from urquhart.verify.evidence import PoseEvidence, evidence_of_row
+from urquhart.verify.refinement import refine_rough
 
 TIGHT: Final = 2.0
 """Lengths of a quad may be off by this many usual errors of a coordinate; so may a polygon's vertex."""
@@ -24,18 +26,18 @@ _EACH: Final = 4
 """Quad hits that are enough for each submap of a collection, in addition to `Config.quad_hits`."""
 
 
-def search_quads(query: Query, index: CollectionIndex, errors: float, room: Room) -> Consensus:
+def search_quads(query: Query, index: CollectionIndex, errors: float, buffer: HitBuffer) -> QuadConsensus:
     """A search for the query's quads whose lengths may be off by so many usual errors of a coordinate.
 
-    It ends every earlier search in the same `room`.
+    It ends every earlier search in the same `buffer`.
     """
     most = query.config.quad_hits + _EACH * len(index)
     landmarks, quads = query.features.landmarks, query.features.tessellation.quads
-    return Consensus(index.lots(), landmarks, quads, errors * query.config.sigma, most, room, query.budget)
+    return QuadConsensus(index.quad_shards(), landmarks, quads, errors * query.config.sigma, most, buffer, query.budget)
 
 
 def propose_by_quads(
-    query: Query, index: CollectionIndex, search: Consensus, share: float, count: int
+    query: Query, index: CollectionIndex, search: QuadConsensus, share: float, count: int
 ) -> list[Proposal]:
     """The `count` submaps in which quads agree best on a pose, after a search for `share` of the query's quads."""
     with query.trace.timed("search quads") as counts:
@@ -59,12 +61,12 @@ def propose_by_quads(
     return proposals
 
 
-def verify_rough(query: Query, key: int, poses: NDArray[np.float64]) -> Verified:
+def verify_rough(query: Query, key: int, poses: NDArray[np.float64]) -> PoseEvidence:
     """The best of `poses` (P, 3) in one submap, good to a metre or two, verified.
 
     Raises:
         OutOfTime: the deadline passed before all were verified.
     """
-    submap = query.submaps.pattern(key)
-    settled = settle_rough(query.pattern, submap, poses, query.reach, _VERIFIED, query.budget)
-    return weigh_settled(query.pattern, submap, settled)
+    submap = query.submaps.grid(key)
+    settled = refine_rough(query.grid, submap, poses, query.reach, _VERIFIED, query.budget)
+    return evidence_of_row(query.grid, submap, settled)

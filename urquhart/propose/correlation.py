@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from urquhart._kernel import kernel
 from urquhart.budget import UNBOUNDED, Budget
-from urquhart.verify.pairing import Pattern
+from urquhart.verify.landmark_grid import LandmarkGrid
 
 _CELL: Final = (0.5, 1.15)
 """Metres: finest and coarsest side of a cell."""
@@ -49,12 +49,12 @@ _LARGER: Final = 2.0
 
 
 @kernel
-def sees_ends(query: Pattern, submap: Pattern) -> bool:
+def covers_ends(query: LandmarkGrid, submap: LandmarkGrid) -> bool:
     """Whether a sweep looks at every shift that leaves a fair part of the query in the submap, its ends included."""
     return bool((submap.landmarks**2).sum(axis=1).max() <= _LARGER**2 * (query.landmarks**2).sum(axis=1).max())
 
 
-class Grid(NamedTuple):
+class ShiftGrid(NamedTuple):
     """Two sets of landmarks ready to be turned and shifted over each other.
 
     Attributes:
@@ -77,13 +77,13 @@ class Grid(NamedTuple):
     fresh: NDArray[np.uint32]
 
 
-def sweep(query: Pattern, submap: Pattern, peaks: int) -> NDArray[np.float64]:
-    """The `peaks` poses that stand out most from chance under any rotation; see `glance`."""
-    return glance(query, submap, peaks, 0.0, math.pi)
+def correlate_all(query: LandmarkGrid, submap: LandmarkGrid, peaks: int) -> NDArray[np.float64]:
+    """The `peaks` poses that stand out most from chance under any rotation; see `correlate`."""
+    return correlate(query, submap, peaks, 0.0, math.pi)
 
 
-def glance(
-    query: Pattern, submap: Pattern, peaks: int, yaw: float, half: float, budget: Budget = UNBOUNDED
+def correlate(
+    query: LandmarkGrid, submap: LandmarkGrid, peaks: int, yaw: float, half: float, budget: Budget = UNBOUNDED
 ) -> NDArray[np.float64]:
     """The `peaks` poses that stand out most from chance among rotations within `half` radians of `yaw`.
 
@@ -108,15 +108,15 @@ def find_peaks(
     half: float,
     budget: Budget = UNBOUNDED,
 ) -> NDArray[np.float64]:
-    """The peaks (P, 4) of `glance`; `cell` metres."""
+    """The peaks (P, 4) of `correlate`; `cell` metres."""
     pairs = len(query) * len(submap)
     if budget.fits(_MOST, pairs):
         return find_peaks_at_once(query, submap, cell, peaks, yaw, half)
     best = np.zeros((peaks, 4))
     # A part of many landmarks shows where the rest belong, and keeps one rotation to some 10 ms.
-    grid = lay_grid(np.ascontiguousarray(query[:: 1 + (pairs - 1) // _PAIRS]), submap, cell)
+    grid = build_shift_grid(np.ascontiguousarray(query[:: 1 + (pairs - 1) // _PAIRS]), submap, cell)
     for turns in budget.portions(grid.steps, len(grid.query) * len(submap) + len(grid.fresh)):
-        turn_over(grid, yaw, half, turns.start, turns.stop, best)
+        count_rotations(grid, yaw, half, turns.start, turns.stop, best)
     return best[best[:, 3] > 0.0]
 
 
@@ -126,8 +126,8 @@ def find_peaks_at_once(
 ) -> NDArray[np.float64]:
     """What `find_peaks` gives, in one step: for ordinary sizes that is fastest."""
     best = np.zeros((peaks, 4))
-    grid = lay_grid(query, submap, cell)
-    turn_over(grid, yaw, half, 0, grid.steps, best)
+    grid = build_shift_grid(query, submap, cell)
+    count_rotations(grid, yaw, half, 0, grid.steps, best)
     found = 0
     while found < peaks and best[found, 3] > 0.0:
         found += 1
@@ -135,8 +135,8 @@ def find_peaks_at_once(
 
 
 @kernel
-def lay_grid(query: NDArray[np.float64], submap: NDArray[np.float64], cell: float) -> Grid:
-    """The `Grid` of two sets of landmarks (N, 2), metres, centred; cells of `cell` metres or more."""
+def build_shift_grid(query: NDArray[np.float64], submap: NDArray[np.float64], cell: float) -> ShiftGrid:
+    """The `ShiftGrid` of two sets of landmarks (N, 2), metres, centred; cells of `cell` metres or more."""
     n, m = len(query), len(submap)
     extent = math.sqrt((query**2).sum(axis=1).max()) + math.sqrt((submap**2).sum(axis=1).max())
     # Only shifts that leave a fair overlap have cells of their own; all others end in the rim, which is not looked at.
@@ -155,11 +155,11 @@ def lay_grid(query: NDArray[np.float64], submap: NDArray[np.float64], cell: floa
     for j in range(m):
         target_x[j] = int((submap[j, 0] / cell + middle) * _FINE)
         target_y[j] = int((submap[j, 1] / cell + middle) * _FINE)
-    return Grid(query, target_x, target_y, cell, side, steps, rate, fresh)
+    return ShiftGrid(query, target_x, target_y, cell, side, steps, rate, fresh)
 
 
 @kernel
-def turn_over(laid: Grid, yaw: float, half: float, first: int, last: int, best: NDArray[np.float64]) -> None:
+def count_rotations(laid: ShiftGrid, yaw: float, half: float, first: int, last: int, best: NDArray[np.float64]) -> None:
     """Try the rotations `first` to `last` that are within `half` of `yaw`, and enter what stands out into `best`."""
     query, target_x, target_y, cell, side, steps, rate, fresh = laid
     n, m, peaks, middle = len(query), len(target_x), len(best), 0.5 * side
@@ -205,7 +205,7 @@ def turn_over(laid: Grid, yaw: float, half: float, first: int, last: int, best: 
                     score = total * math.log(total / expected) - (total - expected)
                     if score > best[peaks - 1, 3]:
                         x, y = (row + da + 1 - middle) * cell, (column + db + 1 - middle) * cell
-                        keep_peak(best, x, y, turn, score, 2.5 * cell, 5.0 * math.pi / steps)
+                        insert_peak(best, x, y, turn, score, 2.5 * cell, 5.0 * math.pi / steps)
 
 
 @kernel
@@ -260,7 +260,7 @@ def expected_counts(
 
 
 @kernel
-def keep_peak(
+def insert_peak(
     best: NDArray[np.float64], x: float, y: float, yaw: float, score: float, near: float, turn: float
 ) -> None:
     """Enter a peak into `best` (P, 4), highest score first; of peaks at one place only the highest stays."""

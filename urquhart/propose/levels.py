@@ -8,8 +8,9 @@ from urquhart.index.collection_index import CollectionIndex
 from urquhart.propose.by_correlation import is_large, is_small, propose_by_correlation
 from urquhart.propose.by_polygons import propose_by_polygons
 from urquhart.propose.by_quads import LOOSE, TIGHT, propose_by_quads, search_quads
-from urquhart.propose.correlation import sees_ends
-from urquhart.propose.quad_consensus import ROOMS, Consensus, Room
+from urquhart.propose.correlation import covers_ends
+from urquhart.propose.hit_buffer import BUFFERS, HitBuffer
+from urquhart.propose.quad_consensus import QuadConsensus
 from urquhart.propose.query import Proposal, Query
 
 _RARE: Final = 0.5
@@ -33,19 +34,19 @@ class Search:
     query: Query
     index: CollectionIndex
     limit: int
-    room: Room
+    buffer: HitBuffer
     is_single: bool
-    quads: Consensus | None = None
-    loose_quads: Consensus | None = None
+    quads: QuadConsensus | None = None
+    loose_quads: QuadConsensus | None = None
 
     def propose_by_quads(self, share: float, count: int) -> list[Proposal]:
         """Go on with tight lengths until `share` of the query's quads have been looked for."""
-        self.quads = self.quads or search_quads(self.query, self.index, TIGHT, self.room)
+        self.quads = self.quads or search_quads(self.query, self.index, TIGHT, self.buffer)
         return propose_by_quads(self.query, self.index, self.quads, share, count)
 
     def propose_by_loose_quads(self, share: float) -> list[Proposal]:
         """Go on with loose lengths until `share` of the query's quads have been looked for."""
-        self.loose_quads = self.loose_quads or search_quads(self.query, self.index, LOOSE, self.room)
+        self.loose_quads = self.loose_quads or search_quads(self.query, self.index, LOOSE, self.buffer)
         return propose_by_quads(self.query, self.index, self.loose_quads, share, self.query.config.candidates)
 
     def propose_by_correlation(self) -> list[Proposal]:
@@ -106,9 +107,9 @@ def propose_on(
         Abandoned: nobody waits for the answer any more.
     """
     # A correlation leaves out the ends of a submap that is much larger than the query.
-    single = len(index) == 1 and sees_ends(query.pattern, query.submaps.pattern(next(iter(index))))
-    with ROOMS.lend() as room:
-        search = Search(query, index, limit, room, single)
+    single = len(index) == 1 and covers_ends(query.grid, query.submaps.grid(next(iter(index))))
+    with BUFFERS.borrow() as buffer:
+        search = Search(query, index, limit, buffer, single)
         for level in LEVELS:
             if level.applies(search, is_lost()):
                 yield level.propose(search)

@@ -8,25 +8,19 @@ a common one. Quads are looked for in the order of their rarity: the rarer half 
 """
 
 import math
-import os
-from collections import deque
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from urquhart.budget import Budget
-from urquhart.index.quad_search import HIT, Lot, count_neighbourhoods, gather
+from urquhart.index.quad_search import QuadShard, count_neighbourhoods, gather
 from urquhart.index.quad_table import TURNS, measure_quads
-from urquhart.propose.quad_votes import STANDING, TURN_BINS, fit_poses, near_slots_together, rank_turns, tally, vote
+from urquhart.propose.hit_buffer import HitBuffer
+from urquhart.propose.quad_votes import SLOT_VOTES, TURN_BINS, fit_poses, order_by_slots, rank_turns, tally, vote
 
-_FIRST: Final = 4096
-"""Hits that there is room for at first,"""
-_MANY: Final = 1 << 18
-"""and those up to which room is made for four times as many."""
 _CHUNK: Final = 32
 """Query quads looked for in all tables before it is asked whether there are hits enough."""
 _SEEN: Final = 0.2
@@ -41,57 +35,12 @@ TURN: Final = 1.2 * 2.0 * math.pi / TURN_BINS
 """Radians: how far the rotation of a submap may be from the peak of its votes."""
 
 
-class Room:
-    """Memory for hits, which the system has to find and clear anew for every search that does not get it lent.
-
-    Attributes:
-        hits: (R,) of `HIT`; what lies in it is another search's.
-        totals: (R,) float32, what each of them and those that agree with it are worth.
-    """
-
-    def __init__(self) -> None:
-        """Make some room."""
-        self.hits: NDArray[Any] = np.empty(_FIRST, HIT)
-        self.totals: NDArray[np.float32] = np.empty(_FIRST, np.float32)
-
-    def grow(self) -> None:
-        """Make more, and keep what is there."""
-        size = (4 if len(self.hits) < _MANY else 2) * len(self.hits)
-        hits, totals = np.empty(size, HIT), np.empty(size, np.float32)
-        hits[: len(self.hits)], totals[: len(self.totals)] = self.hits, self.totals
-        self.hits, self.totals = hits, totals
-
-
-class Rooms:
-    """Rooms that are lent to one search after the other, by any thread; no more are kept than are of use at once."""
-
-    def __init__(self, kept: int) -> None:
-        """Have none yet, and keep up to `kept` that come back."""
-        self._free: deque[Room] = deque(maxlen=kept)
-
-    @contextmanager
-    def lend(self) -> Iterator[Room]:
-        """A room for one search at a time, to be forgotten at the end."""
-        try:
-            room = self._free.pop()
-        except IndexError:
-            room = Room()
-        try:
-            yield room
-        finally:
-            self._free.append(room)
-
-
-ROOMS: Final = Rooms(os.cpu_count() or 1)
-"""Those of this process: as many as searches can compute at once."""
-
-
 @dataclass(frozen=True, slots=True, eq=False)
-class Leaders:
+class QuadLeaders:
     """Submaps in which quads agree best on a pose, the best first.
 
     Attributes:
-        slots: (K,) int64, numbered through all lots.
+        slots: (K,) int64, numbered through all shards.
         scores: (K,) float64, logarithm of how much likelier the hits are under the right pose than by chance.
         votes: (K,) int64, hits that agree on the best pose.
         poses: (K, P, 3) float64, x, y, yaw of `submap_T_query` between centred frames, good to about a metre; the best
@@ -104,7 +53,7 @@ class Leaders:
     poses: NDArray[np.float64]
 
 
-class Consensus:
+class QuadConsensus:
     """One search. `advance` goes on with the next query quads; `leaders` says where they agree best.
 
     Attributes:
@@ -114,38 +63,38 @@ class Consensus:
 
     def __init__(
         self,
-        lots: Sequence[Lot],
+        shards: Sequence[QuadShard],
         landmarks: NDArray[np.float64],
         quads: NDArray[np.int32],
         tolerance: float,
         most: int,
-        room: "Room | None" = None,
+        buffer: "HitBuffer | None" = None,
         budget: Budget | None = None,
     ) -> None:
-        """Prepare to search `lots` for the quads (Q, 4) of landmarks (N, 2), metres.
+        """Prepare to search `shards` for the quads (Q, 4) of landmarks (N, 2), metres.
 
         Args:
             tolerance: metres that a length may be off by.
             most: hits that are enough. A query quad that has a large part of them to itself is passed over: in rows of
                 trees all quads are alike, and looking for each in every row would take longer than everything else.
-            room: where hits are put, for as long as this is asked for anything; its own by default.
+            buffer: where hits are put, for as long as this is asked for anything; its own by default.
             budget: when it is spent, the search ends with what has been found; by default never.
         """
-        self._lots, self._tolerance, self._most = lots, tolerance, most
-        self._living = max(sum(int(np.count_nonzero(lot.alive)) for lot in lots), 1)
+        self._shards, self._tolerance, self._most = shards, tolerance, most
+        self._living = max(sum(int(np.count_nonzero(shard.alive)) for shard in shards), 1)
         self._lengths, directions, self._centres = measure_quads(landmarks, quads)
         self._directions = (directions * TURNS + 0.5).astype(np.int64) % TURNS
         rarity = np.zeros(len(quads), np.int64)
-        for lot in lots:
-            count_neighbourhoods(lot.table.codes, lot.table.starts, self._lengths, rarity)
+        for shard in shards:
+            count_neighbourhoods(shard.table.codes, shard.table.starts, self._lengths, rarity)
         self._order = np.argsort(rarity, kind="stable")
         self._looked = self.hits = self._listed = self.passed_over = 0
         self._weights, self._shares = np.zeros(len(quads)), np.zeros(len(quads))
-        self._room = room if room is not None else Room()
+        self._buffer = buffer if buffer is not None else HitBuffer()
         self._budget = budget or Budget()
-        slots = sum(len(lot.alive) for lot in lots)
+        slots = sum(len(shard.alive) for shard in shards)
         # Zeros cost nothing until they are touched.
-        self._standings, self._listed_slots = np.zeros(slots, STANDING), np.empty(slots, np.int32)
+        self._slot_votes, self._listed_slots = np.zeros(slots, SLOT_VOTES), np.empty(slots, np.int32)
 
     @property
     def finished(self) -> bool:
@@ -164,27 +113,27 @@ class Consensus:
         while not self.finished and self._looked < target and not self._budget.is_spent():
             chunk = self._order[self._looked : self._looked + _CHUNK]
             first = 0
-            for lot in self._lots:
+            for shard in self._shards:
                 if self._budget.is_spent():
                     break
-                self._gather(lot, first, chunk)
-                first += len(lot.alive)
+                self._gather(shard, first, chunk)
+                first += len(shard.alive)
             self._looked += len(chunk)
         self._vote(before, self._order[began : self._looked])
 
-    def leaders(self, count: int, poses: int) -> Leaders:
+    def leaders(self, count: int, poses: int) -> QuadLeaders:
         """The `count` submaps with the best score, with up to `poses` distinct poses each."""
         listed = self._listed_slots[: self._listed]
-        scores = self._standings["score"][listed]
+        scores = self._slot_votes["score"][listed]
         if len(listed) > count:
             chosen = np.argpartition(-scores, count)[:count]
             listed, scores = listed[chosen], scores[chosen]
         order = np.lexsort((listed, -scores))
         listed, scores = listed[order], scores[order]
         votes, rows = fit_poses(
-            listed, poses, self._standings, self._room.hits, self._room.totals, self._centres, self._weights
+            listed, poses, self._slot_votes, self._buffer.hits, self._buffer.totals, self._centres, self._weights
         )
-        return Leaders(listed.astype(np.int64), scores, votes, rows)
+        return QuadLeaders(listed.astype(np.int64), scores, votes, rows)
 
     def turns(self, count: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """The `count` pairs of a slot (K,) and a rotation (K,), radians, that hits agree on best, the best first.
@@ -193,20 +142,20 @@ class Consensus:
         peak of its votes; `TURN` is how far a peak may be off.
         """
         slots, peaks, weights = rank_turns(
-            self._listed_slots[: self._listed], count, self._standings, self._room.hits, self._shares
+            self._listed_slots[: self._listed], count, self._slot_votes, self._buffer.hits, self._shares
         )
         order = np.lexsort((slots, -weights))
         return slots[order].astype(np.int64), np.asarray(peaks[order] * (2.0 * np.pi / TURN_BINS), np.float64)
 
-    def _gather(self, lot: Lot, first: int, chunk: NDArray[np.int64]) -> None:
+    def _gather(self, shard: QuadShard, first: int, chunk: NDArray[np.int64]) -> None:
         done = 0
         while done < len(chunk):
             done, self.hits, passed, full = gather(
-                lot.table.codes,
-                lot.table.starts,
-                lot.table.words,
-                lot.scales,
-                lot.alive,
+                shard.table.codes,
+                shard.table.starts,
+                shard.table.words,
+                shard.scales,
+                shard.alive,
                 first,
                 self._lengths,
                 self._directions,
@@ -214,30 +163,30 @@ class Consensus:
                 done,
                 self._tolerance,
                 max(self._most // _COMMON, 1),
-                self._room.hits,
+                self._buffer.hits,
                 self.hits,
             )
             self.passed_over += passed
             if full:
-                self._room.grow()
+                self._buffer.grow()
             if self._budget.is_spent():
                 return
 
     def _vote(self, before: int, quads: NDArray[np.int64]) -> None:
-        found, likely = tally(before, self.hits, self._room.hits, len(self._weights))
+        found, likely = tally(before, self.hits, self._buffer.hits, len(self._weights))
         self._weights[quads] = np.log(_SEEN * self._living / (_AGREE * (found[quads] + 1.0)))
         self._shares[quads] = 1.0 / (likely[quads] + 0.1)
-        order = near_slots_together(before, self.hits, self._room.hits, len(self._standings))
+        order = order_by_slots(before, self.hits, self._buffer.hits, len(self._slot_votes))
         for begin in range(0, len(order), _COMPARED):
             if self._budget.is_spent():
                 return
             self._listed = vote(
                 order[begin : begin + _COMPARED],
-                self._room.hits,
+                self._buffer.hits,
                 self._centres,
                 self._weights,
-                self._room.totals,
-                self._standings,
+                self._buffer.totals,
+                self._slot_votes,
                 self._listed_slots,
                 self._listed,
             )

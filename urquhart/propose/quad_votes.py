@@ -16,7 +16,7 @@ _STRETCH: Final = 1.2
 _BEND: Final = 0.22
 """Share of that distance that the second may lie beside where the first has it."""
 _BLOCK: Final = 65536
-"""Slots whose standings and hits find room in a processor's cache."""
+"""Slots whose slot_votes and hits find room in a processor's cache."""
 _AHEAD: Final = 64
 """Hits that are fetched from memory together."""
 _WALK: Final = 48
@@ -28,7 +28,7 @@ _DEEP: Final = 1024
 TURN_BINS: Final = 30
 """Bins of rotation; a vote is shared between the two nearest, so that no border splits a true peak."""
 
-STANDING: Final = np.dtype([("latest", np.int32), ("best", np.int32), ("score", np.float64)])
+SLOT_VOTES: Final = np.dtype([("latest", np.int32), ("best", np.int32), ("score", np.float64)])
 """Of a slot: its latest hit and the one that most agrees with, numbered from 1; what that and the others are worth."""
 
 
@@ -43,7 +43,7 @@ def tally(before: int, count: int, hits: NDArray[Any], quads: int) -> tuple[NDAr
 
 
 @kernel
-def near_slots_together(before: int, count: int, hits: NDArray[Any], slots: int) -> NDArray[np.int32]:
+def order_by_slots(before: int, count: int, hits: NDArray[Any], slots: int) -> NDArray[np.int32]:
     """The hits `before` to `count` in an order in which those of `_BLOCK` neighbouring slots follow each other.
 
     Those of one slot stay in theirs. Compared in this order, what a hit is compared with is still in the cache.
@@ -67,7 +67,7 @@ def vote(
     centres: NDArray[np.float64],
     weights: NDArray[np.float64],
     totals: NDArray[np.float32],
-    standings: NDArray[Any],
+    slot_votes: NDArray[Any],
     listed_slots: NDArray[np.int32],
     listed: int,
 ) -> int:
@@ -78,23 +78,23 @@ def vote(
         if i % _AHEAD == 0:
             # Hits lie anywhere in memory: asked for together, they come together.
             for k in range(i, min(i + _AHEAD, len(order))):
-                touched += standings[hits[order[k]].slot].latest
+                touched += slot_votes[hits[order[k]].slot].latest
             for k in range(i, min(i + _AHEAD, len(order))):
-                touched += hits[max(standings[hits[order[k]].slot].latest - 1, 0)].turn
+                touched += hits[max(slot_votes[hits[order[k]].slot].latest - 1, 0)].turn
         slot = hits[h].slot
         total = max(weights[hits[h].quad] + hits[h].fit, 0.0)
-        other, walked = standings[slot].latest - 1, 0
+        other, walked = slot_votes[slot].latest - 1, 0
         while other >= 0 and walked < _WALK:
             if agree(h, other, hits, centres):
                 total += max(weights[hits[other].quad] + hits[other].fit, 0.0)
             other = hits[other].earlier - 1
             walked += 1
-        hits[h].earlier, standings[slot].latest, totals[h] = standings[slot].latest, h + 1, total
-        if standings[slot].best == 0:
+        hits[h].earlier, slot_votes[slot].latest, totals[h] = slot_votes[slot].latest, h + 1, total
+        if slot_votes[slot].best == 0:
             listed_slots[listed] = slot
             listed += 1
-        if standings[slot].best == 0 or total > standings[slot].score:
-            standings[slot].score, standings[slot].best = total, h + 1
+        if slot_votes[slot].best == 0 or total > slot_votes[slot].score:
+            slot_votes[slot].score, slot_votes[slot].best = total, h + 1
     # `touched` is never negative: only so are its loads not left out.
     return listed if touched >= 0 else -1
 
@@ -128,7 +128,7 @@ def agree(
 def fit_poses(
     chosen: NDArray[np.int32],
     count: int,
-    standings: NDArray[Any],
+    slot_votes: NDArray[Any],
     hits: NDArray[Any],
     totals: NDArray[np.float32],
     centres: NDArray[np.float64],
@@ -143,7 +143,7 @@ def fit_poses(
     picked = np.empty(count, np.int64)
     for i in range(len(chosen)):
         picks = 0
-        pick = standings[chosen[i]].best - 1
+        pick = slot_votes[chosen[i]].best - 1
         while picks < count and pick >= 0:
             total = px = py = ux = uy = dot = cross = 0.0
             other, walked, agreeing = pick, 0, 0
@@ -171,7 +171,7 @@ def fit_poses(
                 votes[i] = agreeing
             picked[picks] = pick
             picks += 1
-            pick, other, walked = -1, standings[chosen[i]].latest - 1, 0
+            pick, other, walked = -1, slot_votes[chosen[i]].latest - 1, 0
             while other >= 0 and walked < _DEEP:
                 if pick < 0 or totals[other] > totals[pick]:
                     new = True
@@ -190,7 +190,7 @@ def fit_poses(
 def rank_turns(
     listed: NDArray[np.int32],
     count: int,
-    standings: NDArray[Any],
+    slot_votes: NDArray[Any],
     hits: NDArray[Any],
     shares: NDArray[np.float64],
 ) -> tuple[NDArray[np.int32], NDArray[np.int64], NDArray[np.float64]]:
@@ -201,7 +201,7 @@ def rank_turns(
     found = 0
     for i in range(len(listed)):
         table[:] = 0.0
-        h = standings[listed[i]].latest - 1
+        h = slot_votes[listed[i]].latest - 1
         while h >= 0:
             place = hits[h].turn * (TURN_BINS / TURNS)
             below = int(place)

@@ -13,10 +13,10 @@ from urquhart.features.describe import Features, describe
 from urquhart.index.collection import FeatureSource
 from urquhart.propose.submaps import Submaps
 from urquhart.trace import Trace
-from urquhart.verify.evidence import Verified, pattern
-from urquhart.verify.pairing import Pattern
+from urquhart.verify.evidence import PoseEvidence
+from urquhart.verify.landmark_grid import LandmarkGrid, landmark_grid
 
-Level = Literal["polygons", "quads", "sweep", "paper", "given"]
+LevelName = Literal["polygons", "quads", "sweep", "paper", "given"]
 """Which search proposed a pose."""
 
 _READ: Final = 32
@@ -28,9 +28,9 @@ class Proposal:
     """A verified pose in one submap: the submap's key, what proposed it, how many features voted for it."""
 
     key: int
-    level: Level
+    level: LevelName
     votes: int
-    verified: Verified
+    verified: PoseEvidence
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,7 +39,7 @@ class Query:
 
     Attributes:
         features: what is known of the observation.
-        pattern: its landmarks, ready for verification.
+        grid: its landmarks, ready for verification.
         config: of the method.
         submaps: features of the submaps that poses are proposed in, read when they are first asked for.
         volume: logarithm of the volume of all poses there are to choose from; see `log_volume`.
@@ -48,7 +48,7 @@ class Query:
     """
 
     features: Features
-    pattern: Pattern
+    grid: LandmarkGrid
     config: Config
     submaps: Submaps
     volume: float
@@ -91,11 +91,11 @@ def make_query(
     with trace.timed("describe") as counts:
         features = describe(xy, config, diameters)
         counts.update(features.counts())
-        laid = pattern(features, config.reach)
+        laid = landmark_grid(features, config.reach)
     submaps, volume = Submaps(source, config.reach), log_volume(searched, laid)
     return Query(features, laid, config, submaps, volume, budget or Budget(), trace)
 
 
-def log_volume(submaps: int, query: Pattern) -> float:
+def log_volume(submaps: int, query: LandmarkGrid) -> float:
     """Logarithm of the volume of all poses, square metres times radians, in `submaps` footprints like the query's."""
     return math.log(max(submaps, 1)) + math.log(2.0 * math.pi * query.area)

@@ -4,8 +4,7 @@ from collections.abc import Iterable
 
 from urquhart.features.describe import Features
 from urquhart.index.collection import FeatureSource
-from urquhart.verify.evidence import pattern
-from urquhart.verify.pairing import Pattern
+from urquhart.verify.landmark_grid import LandmarkGrid, landmark_grid
 
 
 class Submaps:
@@ -14,7 +13,7 @@ class Submaps:
     def __init__(self, source: FeatureSource, reach: float) -> None:
         self._source, self._reach = source, reach
         self._features: dict[int, Features] = {}
-        self._patterns: dict[int, Pattern] = {}
+        self._grids: dict[int, LandmarkGrid] = {}
 
     def read(self, keys: Iterable[int]) -> None:
         """Read many at once, which is far cheaper than one by one. Raises KeyError."""
@@ -27,8 +26,8 @@ class Submaps:
         self.read((key,))
         return self._features[key]
 
-    def pattern(self, key: int) -> Pattern:
+    def grid(self, key: int) -> LandmarkGrid:
         """A submap ready for verification. Raises KeyError."""
-        if key not in self._patterns:
-            self._patterns[key] = pattern(self.features(key), self._reach)
-        return self._patterns[key]
+        if key not in self._grids:
+            self._grids[key] = landmark_grid(self.features(key), self._reach)
+        return self._grids[key]

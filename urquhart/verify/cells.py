@@ -1,7 +1,7 @@
 """Landmarks sorted into square cells, and within a crowded cell into a k-d tree."""
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +13,23 @@ CROWD: Final = 32
 all others share one."""
 
 
+class Cells(NamedTuple):
+    """Landmarks by square cell.
+
+    Attributes:
+        starts: (C + 1,) int64, where each cell's landmarks begin in `order`; cells are numbered column by column.
+        order: (N,) int64, landmark indices by cell.
+        frame: (5,) float64: lowest x and y, metres, cells per metre, columns, rows.
+    """
+
+    starts: NDArray[np.int64]
+    order: NDArray[np.int64]
+    frame: NDArray[np.float64]
+
+
 @kernel
-def build_grid(
-    landmarks: NDArray[np.float64], cell: float
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-    """Sort landmarks (N, 2) into square cells of at least `cell` metres: `cells`, `order`, `grid` of a `Pattern`."""
+def sort_into_cells(landmarks: NDArray[np.float64], cell: float) -> Cells:
+    """Sort landmarks (N, 2), metres, into square cells of at least `cell` metres."""
     n = len(landmarks)
     low_x, low_y = landmarks[:, 0].min(), landmarks[:, 1].min()
     width, height = landmarks[:, 0].max() - low_x, landmarks[:, 1].max() - low_y
@@ -25,20 +37,20 @@ def build_grid(
     size = max(cell, math.sqrt(width * height / (4.0 * n)), max(width, height) / 1024.0)
     columns, rows = int(width / size) + 1, int(height / size) + 1
     place = np.empty(n, np.int64)
-    cells = np.zeros(columns * rows + 1, np.int64)
+    starts = np.zeros(columns * rows + 1, np.int64)
     for i in range(n):
         place[i] = int((landmarks[i, 0] - low_x) / size) * rows + int((landmarks[i, 1] - low_y) / size)
-        cells[place[i] + 1] += 1
+        starts[place[i] + 1] += 1
     for c in range(columns * rows):
-        cells[c + 1] += cells[c]
-    order, cursor = np.empty(n, np.int64), cells[:-1].copy()
+        starts[c + 1] += starts[c]
+    order, cursor = np.empty(n, np.int64), starts[:-1].copy()
     for i in range(n):
         order[cursor[place[i]]] = i
         cursor[place[i]] += 1
     for c in range(columns * rows):
-        if cells[c + 1] - cells[c] > CROWD:
-            build_tree(landmarks, order, cells[c], cells[c + 1])
-    return cells, order, np.array([low_x, low_y, 1.0 / size, float(columns), float(rows)])
+        if starts[c + 1] - starts[c] > CROWD:
+            build_tree(landmarks, order, starts[c], starts[c + 1])
+    return Cells(starts, order, np.array([low_x, low_y, 1.0 / size, float(columns), float(rows)]))
 
 
 @kernel
@@ -66,18 +78,16 @@ def build_tree(landmarks: NDArray[np.float64], order: NDArray[np.int64], first: 
 @kernel
 def search_tree(
     landmarks: NDArray[np.float64],
-    order: NDArray[np.int64],
-    first: int,
-    last: int,
+    tree: NDArray[np.int64],
     x: float,
     y: float,
     best: int,
     best_distance: float,
 ) -> tuple[int, float]:
-    """The landmark of a k-d tree that is nearest to (x, y), and its squared distance, or the best so far."""
+    """The landmark of a k-d tree (K,) that is nearest to (x, y), and its squared distance, or the best so far."""
     begins, ends, axes = np.empty(64, np.int64), np.empty(64, np.int64), np.empty(64, np.int64)
     beyond = np.empty(64)
-    begins[0], ends[0], axes[0], beyond[0] = first, last, 0, 0.0
+    begins[0], ends[0], axes[0], beyond[0] = 0, len(tree), 0, 0.0
     waiting = 1
     while waiting > 0:
         waiting -= 1
@@ -85,7 +95,7 @@ def search_tree(
         if b <= a or beyond[waiting] > best_distance:
             continue
         middle = (a + b) // 2
-        k = order[middle]
+        k = tree[middle]
         dx, dy = x - landmarks[k, 0], y - landmarks[k, 1]
         distance = dx * dx + dy * dy
         if distance <= best_distance:

@@ -31,7 +31,7 @@ _LARGEST: Final = 0.9
 
 
 @kernel
-def score_diameters(diameters: NDArray[np.float32]) -> tuple[NDArray[np.float64], float]:
+def standardize_diameters(diameters: NDArray[np.float32]) -> tuple[NDArray[np.float64], float]:
     """Scores (N,) of diameters within their own stand, NaN where not known, and the spread of their logarithms.
 
     Scores are empty, and the spread is 0, where too few diameters are known or all are alike.
@@ -53,7 +53,7 @@ def score_diameters(diameters: NDArray[np.float32]) -> tuple[NDArray[np.float64]
 
 
 @kernel
-def weigh_diameters(
+def score_diameter_pairs(
     query: NDArray[np.float64],
     query_spread: float,
     submap: NDArray[np.float64],
@@ -63,7 +63,7 @@ def weigh_diameters(
 ) -> float:
     """Evidence from the diameters of partners `first` (K,) of the query and `second` (K,) of the submap.
 
-    `query`, `submap`: scores as `score_diameters` gives them.
+    `query`, `submap`: scores as `standardize_diameters` gives them.
     """
     if len(query) == 0 or len(submap) == 0:
         return 0.0

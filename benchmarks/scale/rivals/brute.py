@@ -5,9 +5,9 @@ from numpy.typing import NDArray
 
 from benchmarks.scale.rivals.rival import REACHED, Described, Ranking
 from urquhart import Features
-from urquhart.propose.correlation import sweep
-from urquhart.verify.evidence import LOOSE
-from urquhart.verify.pairing import Pattern, refine
+from urquhart.propose.correlation import correlate_all
+from urquhart.verify.landmark_grid import LOOSE, LandmarkGrid
+from urquhart.verify.pairing import refine
 
 _PEAKS = 8
 
@@ -18,11 +18,11 @@ class SweepRival:
     refined = 2
 
     def __init__(self) -> None:
-        self._patterns: list[Pattern] = []
+        self._grids: list[LandmarkGrid] = []
 
     def add(self, features: Features) -> None:
         """Take the next submap in."""
-        self._patterns.append(Described.of(features).pattern)
+        self._grids.append(Described.of(features).grid)
 
     def build(self) -> None:
         """Nothing is made."""
@@ -33,7 +33,7 @@ class SweepRival:
 
     def rank(self, query: Described, count: int) -> Ranking:
         """By what stands out most in each."""
-        peaks = [sweep(query.pattern, submap, _PEAKS) for submap in self._patterns]
+        peaks = [correlate_all(query.grid, submap, _PEAKS) for submap in self._grids]
         scores = np.array([found[0, 3] if len(found) else 0.0 for found in peaks])
         chosen = np.argsort(-scores, kind="stable")[:count].astype(np.int64)
         return Ranking(chosen, [peaks[k] for k in chosen.tolist()])
@@ -42,4 +42,4 @@ class SweepRival:
         """The peaks, refined with partners farther away."""
         found: NDArray[np.float64] = ranking.evidence[at]
         landmarks = query.features.landmarks
-        return np.array([refine(landmarks, submap.pattern, x, y, yaw, LOOSE * REACHED) for x, y, yaw, _ in found])
+        return np.array([refine(landmarks, submap.grid, x, y, yaw, LOOSE * REACHED) for x, y, yaw, _ in found])

@@ -17,7 +17,8 @@ from benchmarks.scale.simulate import SUBMAPS
 from benchmarks.scale.world import KINDS, World
 from server.platform.threads import pin_threads
 from urquhart import SE2, describe, warm_up
-from urquhart.verify.evidence import Verified, best_hypotheses, verify_best
+from urquhart.verify.evidence import PoseEvidence
+from urquhart.verify.refinement import best_hypotheses, verify_best
 
 _MADE: Final[dict[str, Callable[[], Rival]]] = {
     "rival-quads": QuadRival,
@@ -86,14 +87,16 @@ def _ask_all(job: Job, rival: Rival, submaps: Observations, kind: str) -> Figure
     }
 
 
-def _verify(rival: Rival, query: Described, ranking: Ranking, there: list[Described]) -> tuple[int, Verified] | None:
+def _verify(
+    rival: Rival, query: Described, ranking: Ranking, there: list[Described]
+) -> tuple[int, PoseEvidence] | None:
     """The pose with most evidence in any of the submaps of a ranking, and which of them that is."""
-    best: tuple[int, Verified] | None = None
+    best: tuple[int, PoseEvidence] | None = None
     for at, submap in enumerate(there):
         poses = rival.poses(query, ranking, at, submap)
         if len(poses):
-            starts = best_hypotheses(query.pattern, submap.pattern, np.ascontiguousarray(poses), REACHED, rival.refined)
-            found = verify_best(query.pattern, submap.pattern, starts, REACHED)
+            starts = best_hypotheses(query.grid, submap.grid, np.ascontiguousarray(poses), REACHED, rival.refined)
+            found = verify_best(query.grid, submap.grid, starts, REACHED)
             if best is None or found.evidence > best[1].evidence:
                 best = at, found
     return best

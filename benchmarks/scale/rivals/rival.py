@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from urquhart import Config, Features
-from urquhart.verify.evidence import pattern
-from urquhart.verify.pairing import Pattern
+from urquhart.verify.landmark_grid import LandmarkGrid, landmark_grid
 
 CONFIG = Config()
 REACHED = CONFIG.reach
@@ -22,12 +21,12 @@ class Described:
     """An observation, ready to be searched for or verified."""
 
     features: Features
-    pattern: Pattern
+    grid: LandmarkGrid
 
     @staticmethod
     def of(features: Features) -> "Described":
         """From its features."""
-        return Described(features, pattern(features, REACHED))
+        return Described(features, landmark_grid(features, REACHED))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

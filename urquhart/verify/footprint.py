@@ -1,0 +1,92 @@
+"""The footprint of a submap: where its landmarks would have been seen, had there been any.
+
+A robot's track bends, and a plot may have a lake in it. Where no landmark is near, nobody need have looked, so a
+missing partner there is no evidence against a pose.
+"""
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from urquhart._kernel import kernel
+
+_NEAR: Final = 1.5
+"""Distances between trees: what is farther from every landmark is no part of the footprint."""
+_MANY_CORNERS: Final = 64
+"""Corners of a hull beyond which bisection is faster than asking at each side; hulls of forests have 10 to 30."""
+_COARSE: Final = 0.5
+"""Distances between trees: side of a cell of the footprint."""
+
+
+class Footprint(NamedTuple):
+    """The cells near a landmark, cut off at the hull of all landmarks.
+
+    Attributes:
+        hull: (H, 2) float64, metres, counter-clockwise.
+        cover: (A, B) uint8, 1 in square cells that are within `_NEAR` distances between trees of a landmark.
+        frame: (3,) float64: lowest x and y of `cover`, metres, and cells per metre.
+    """
+
+    hull: NDArray[np.float64]
+    cover: NDArray[np.uint8]
+    frame: NDArray[np.float64]
+
+
+@kernel
+def build_footprint(landmarks: NDArray[np.float64], hull: NDArray[np.float64], spacing: float) -> Footprint:
+    """The footprint of landmarks (N, 2), metres, with corners `hull` (H, 2) and neighbours about `spacing` apart."""
+    low_x, low_y = landmarks[:, 0].min(), landmarks[:, 1].min()
+    width, height = landmarks[:, 0].max() - low_x, landmarks[:, 1].max() - low_y
+    size = max(_COARSE * spacing, max(width, height) / 256.0)
+    columns, rows = int(width / size) + 1, int(height / size) + 1
+    reach = _NEAR * spacing / size
+    around = int(reach) + 1
+    cover = np.zeros((columns, rows), np.uint8)
+    for i in range(len(landmarks)):
+        a, b = (landmarks[i, 0] - low_x) / size, (landmarks[i, 1] - low_y) / size
+        for c in range(max(int(a) - around, 0), min(int(a) + around + 1, columns)):
+            for d in range(max(int(b) - around, 0), min(int(b) + around + 1, rows)):
+                if (c + 0.5 - a) ** 2 + (d + 0.5 - b) ** 2 <= reach * reach:
+                    cover[c, d] = 1
+    return Footprint(hull, cover, np.array([low_x, low_y, 1.0 / size]))
+
+
+@kernel
+def is_inside(footprint: Footprint, x: float, y: float) -> bool:
+    """Whether (x, y) lies in the footprint: near a landmark, and in the hull, its edge included."""
+    hull, cover, frame = footprint
+    a, b = math.floor((x - frame[0]) * frame[2]), math.floor((y - frame[1]) * frame[2])
+    if a < 0 or b < 0 or a >= cover.shape[0] or b >= cover.shape[1] or cover[a, b] == 0:
+        return False
+    n = len(hull)
+    if n > _MANY_CORNERS:
+        return is_inside_hull(hull, x, y)
+    for i in range(n):
+        j = i + 1 if i + 1 < n else 0
+        if (hull[j, 0] - hull[i, 0]) * (y - hull[i, 1]) - (hull[j, 1] - hull[i, 1]) * (x - hull[i, 0]) < 0.0:
+            return False
+    return True
+
+
+@kernel
+def is_inside_hull(hull: NDArray[np.float64], x: float, y: float) -> bool:
+    """Whether (x, y) lies in a convex polygon (H, 2), counter-clockwise, its edge included: by bisection."""
+    n = len(hull)
+    if side_of_edge(hull, 0, 1, x, y) < 0.0 or side_of_edge(hull, n - 1, 0, x, y) < 0.0:
+        return False
+    low, high = 1, n - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if side_of_edge(hull, 0, middle, x, y) >= 0.0:
+            low = middle
+        else:
+            high = middle
+    return side_of_edge(hull, low, high, x, y) >= 0.0
+
+
+@kernel
+def side_of_edge(hull: NDArray[np.float64], i: int, j: int, x: float, y: float) -> float:
+    """Above zero where (x, y) lies to the left of the line from corner `i` to corner `j`."""
+    return float((hull[j, 0] - hull[i, 0]) * (y - hull[i, 1]) - (hull[j, 1] - hull[i, 1]) * (x - hull[i, 0]))
