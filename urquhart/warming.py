@@ -1,5 +1,7 @@
 """Compiling ahead of the first query."""
 
+import functools
+
 import numpy as np
 
 from urquhart.budget import Budget
@@ -8,8 +10,9 @@ from urquhart.features.describe import Features, describe
 from urquhart.recognizer import Recognizer
 
 
+@functools.cache
 def warm_up(config: Config) -> None:
-    """Compile every kernel, or load it from the cache, so that no query has to wait for that."""
+    """Compile every kernel, or load it from the cache, so that no query has to wait for that; once in a process."""
     rng = np.random.default_rng(0)
     recognizer = Recognizer(config)
     here, elsewhere, unknown = (rng.uniform(-20.0, 20.0, (60, 2)) for _ in range(3))

@@ -2,14 +2,13 @@
 
 import os
 import re
-import signal
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
 
 import httpx
+
+from tests.server.forked import Forked
 
 _ROOT = Path(__file__).parents[2]
 _LISTENING = re.compile(r"running on (http://127\.0\.0\.1:\d+)")
@@ -35,20 +34,20 @@ class Server:
 
     def __init__(self, database: Path, log: Path, **settings: str) -> None:
         self.log = log
-        with log.open("wb") as output:
-            self.process = subprocess.Popen(
-                [sys.executable, "-m", "uvicorn", "--factory", "server.app:create_app_from_env", "--port", "0"],
-                cwd=_ROOT,
-                env=os.environ | {"URQUHART_DATABASE": str(database)} | settings,
-                stdout=output,
-                stderr=subprocess.STDOUT,
-            )
+        self.process = Forked(
+            "uvicorn",
+            ["--factory", "server.app:create_app_from_env", "--port", "0"],
+            folder=_ROOT,
+            environment=os.environ | {"URQUHART_DATABASE": str(database)} | settings,
+            output=log,
+            errors=log,
+        )
         self.client = httpx.Client(base_url=self._address(), timeout=60.0)
         self._wait_until(lambda: self.client.get("/readyz").status_code == 200)
 
     def kill(self) -> None:
         """SIGKILL: no handler runs, nothing is closed."""
-        self.process.send_signal(signal.SIGKILL)
+        self.process.kill()
         self.process.wait()
 
     def stop(self) -> int:

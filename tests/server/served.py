@@ -5,8 +5,6 @@ import queue
 import re
 import signal
 import socket
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -22,6 +20,7 @@ from server.commands.serve import bind
 from server.config.settings import Limits, Settings
 from server.http.serving.connections import Connection, ServerConfig
 from server.runtime import Service
+from tests.server.forked import Forked
 from tests.server.processes import spawned
 
 _ROOT = Path(__file__).parents[2]
@@ -34,28 +33,30 @@ _ASKED = 12
 class Served:
     """The command on a free port; `client` talks to it once it is ready."""
 
-    def __init__(self, folder: Path, *options: str, files: str = "", **environment: str) -> None:
-        """`files`: how many it may have open; empty: as many as the tests."""
+    def __init__(self, folder: Path, *options: str, files: int | None = None, **environment: str) -> None:
+        """`files`: how many it may have open; None: as many as the tests."""
         self.log = folder / "served.log"
         self.temporary = folder / "tmp"
         self.temporary.mkdir(exist_ok=True)
         self.database = folder / "urquhart.db"
-        command = [sys.executable, "-m", "server.cli", "serve", "--port", "0", "--database", str(self.database)]
-        if files:
-            command = ["sh", "-c", f'ulimit -n {files} && exec "$0" "$@"', *command]
-        with self.log.open("wb") as errors:
-            self.process = subprocess.Popen(
-                [*command, *options],
-                cwd=folder,
-                env=os.environ | {"PYTHONPATH": str(_ROOT), "TMPDIR": str(self.temporary)} | environment,
-                stdout=subprocess.PIPE,
-                stderr=errors,
-                text=True,
-            )
-        assert self.process.stdout is not None
-        found = _SERVING.search(self.process.stdout.readline())
-        assert found, self.log.read_text()
-        self.url, self.port = found.group(1), int(found.group(2))
+        self.said = folder / "served.out"
+        self.process = Forked(
+            "urquhart",
+            ["serve", "--port", "0", "--database", str(self.database), *options],
+            folder=folder,
+            environment=os.environ | {"PYTHONPATH": str(_ROOT), "TMPDIR": str(self.temporary)} | environment,
+            output=self.said,
+            errors=self.log,
+            files=files,
+        )
+        found: list[tuple[str, str]] = []
+
+        def listening() -> bool:
+            found.extend(_SERVING.findall(self.said.read_text()))
+            return bool(found)
+
+        wait_until(listening, self)
+        self.url, self.port = found[0][0], int(found[0][1])
         self.client = httpx.Client(base_url=self.url, timeout=60.0)
         # Any of the processes may answer, so many are asked for before all are taken to be ready.
         asked = _ASKED if "--workers" in options else 1
@@ -92,8 +93,6 @@ class Served:
                     os.kill(pid, signal.SIGKILL)
                 except ProcessLookupError:
                     continue
-        assert self.process.stdout is not None
-        self.process.stdout.close()
 
 
 def wait_until(condition: Callable[[], bool], served: Served | None = None) -> None:

@@ -67,7 +67,7 @@ def test_what_cannot_be_accepted_is_one_line(caplog: pytest.LogCaptureFixture) -
 
 
 def test_more_connections_than_files(tmp_path: Path) -> None:
-    served = Served(tmp_path, files="300")
+    served = Served(tmp_path, files=300)
     try:
         served.client.put("/v1/collections/plots", json={}).raise_for_status()
         idle = [socket.create_connection(("127.0.0.1", served.port), timeout=PATIENCE) for _ in range(400)]

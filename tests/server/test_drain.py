@@ -33,7 +33,7 @@ def start(tmp_path: Path) -> Iterator[Start]:
     started: list[Served] = []
 
     def start(*options: str, **environment: str) -> Served:
-        started.append(Served(tmp_path, *options, **environment))
+        started.append(Served(tmp_path, *options, files=None, **environment))
         started[-1].client.put("/v1/collections/plots", json={}).raise_for_status()
         return started[-1]
 
