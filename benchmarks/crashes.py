@@ -27,13 +27,13 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from server.checks.agreement import index_findings
-from server.checks.integrity import findings
+from server.checks.agreement import index_discrepancies
+from server.checks.integrity import discrepancies
 from server.collections import registry
 from server.config.settings import IndexSettings
 from server.errors import NotFound
 from server.index.catalog import Catalog
-from server.index.maintenance import Upkeep
+from server.index.maintenance import Maintenance
 from server.index.segment_folder import SegmentFolder
 from server.observability.metrics import Metrics
 from server.schemas.collections import CollectionPut
@@ -133,7 +133,7 @@ def _work(path: Path, journal: Path, seed: int, at_event: int | None) -> None:
     logging.disable(logging.CRITICAL)
     rng, database, metrics = random.Random(seed), Database(path), Metrics()
     catalog = Catalog(database, metrics, _FEW)
-    upkeep = Upkeep(database, catalog, metrics)
+    maintenance = Maintenance(database, catalog, metrics)
     if at_event is not None:
         _kill_at(at_event)
     with journal.open("a", buffering=1) as file:
@@ -155,13 +155,13 @@ def _work(path: Path, journal: Path, seed: int, at_event: int | None) -> None:
                     with catalog.view(_COLLECTION):
                         pass
                 case 5:
-                    upkeep.settle(_COLLECTION)
+                    maintenance.flush_and_merge(_COLLECTION)
                 case 6:
                     with database.write_connection() as connection:
                         connection.exec_driver_sql("SELECT 1")
                     database.dispose()  # the last connection folds the log into the file
                 case _:
-                    upkeep.run()
+                    maintenance.run()
 
 
 def _put(database: Database, changes: dict[str, int]) -> None:
@@ -187,10 +187,10 @@ def _problems(path: Path, expected: Expected, rng: random.Random) -> list[str]:
     """Open the database again and look at everything; what was under way is settled in `expected`."""
     database, problems = Database(path), list[str]()
     try:
-        problems += [f"{found.where}: {found.what}" for found in findings(database)]
+        problems += [f"{found.where}: {found.what}" for found in discrepancies(database)]
         catalog = Catalog(database, Metrics(), _FEW)
         # Before anything is mended: what a process finds when it starts again.
-        problems += [f"{found.where}: {found.what}" for found in index_findings(database)]
+        problems += [f"{found.where}: {found.what}" for found in index_discrepancies(database)]
         with catalog.view(_COLLECTION) as view:
             keys = Submaps(view.session, view.collection.key).keys({*expected.submaps, *(expected.under_way or ())})
             if len(view.recognizer) != len(keys) or set(view.recognizer.index) != set(keys.values()):

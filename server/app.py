@@ -15,12 +15,12 @@ from server.config import settings_loading
 from server.config.settings import Settings
 from server.errors import DomainError
 from server.http import problems
-from server.http.admission.admission import Shared
+from server.http.admission.admission import AdmissionState
 from server.http.admission.gate import Gate
 from server.http.admission.job_waits import JobWaits
-from server.http.admission.overload import Overload
-from server.http.admission.readiness import SHUTDOWN, Readiness
-from server.http.admission.repeated_requests import Repetitions
+from server.http.admission.overload import AdmissionMiddleware
+from server.http.admission.readiness import SHUTDOWN, ReadinessChecks
+from server.http.admission.repeated_requests import RepeatedRequests
 from server.http.admission.revocation import watch_keys
 from server.http.body_limit import BodyLimit
 from server.http.browser_protection import KnownHosts, SafeAnswers
@@ -28,21 +28,21 @@ from server.http.compression import DeflateAnswers, InflateRequests
 from server.http.documentation.openapi_document import openapi_document
 from server.http.request_context import RequestContext
 from server.index.catalog import Catalog
-from server.index.maintenance import Upkeep
-from server.jobs.assignment import Tools
+from server.index.maintenance import Maintenance
+from server.jobs.assignment import JobContext
 from server.jobs.folder import JobFolder
 from server.jobs.runner import Runner
-from server.jobs.types.job_types import WORKS
+from server.jobs.types.job_types import JOB_TYPES
 from server.observability import logs
 from server.observability.metrics import Metrics
-from server.observability.metrics_exchange import Exchange
+from server.observability.metrics_exchange import MetricsExchange
 from server.parsing import strict_json
 from server.platform.threads import pin_threads
 from server.platform.version import service_version
 from server.routes import collections, imports, jobs, pages, queries, snapshots, submap_writes, submaps, system
-from server.runtime import JobRoom, Service
-from server.security.authenticator import Doorkeeper, check_exposure
-from server.security.rate_limit import Rates
+from server.runtime import JobRuntime, Service
+from server.security.authenticator import Authenticator, check_exposure
+from server.security.rate_limit import RateLimiter
 from server.snapshots.snapshot_folder import SnapshotFolder
 from server.store.feature_backfill import bring_up_to_date
 from server.store.sqlite.database import Database
@@ -79,10 +79,10 @@ Transforms are `submap_T_query`: p_submap = R(yaw) p_query + t, in metres and ra
 Errors are `application/problem+json` (RFC 9457), and their `type` leads to an explanation."""
 
 
-def create_app(settings: Settings, exchange: Exchange | None = None, *, create_database: bool = True) -> FastAPI:
+def create_app(settings: Settings, exchange: MetricsExchange | None = None, *, create_database: bool = True) -> FastAPI:
     """The service over the database that the settings name; the database is opened when the app starts.
 
-    With an `exchange`, this is one process of several whose metrics are told together. `create_database`: make the file
+    With an `exchange`, this is one process of several whose metrics are merged. `create_database`: make the file
     where there is none; not for a process that goes on with what another one opened.
     """
     database = Database(
@@ -93,8 +93,8 @@ def create_app(settings: Settings, exchange: Exchange | None = None, *, create_d
     )
     metrics = Metrics(settings.metrics_collections)
     catalog = Catalog(database, metrics, settings.index)
-    tools = Tools(settings, database, catalog, metrics, JobFolder(database))
-    gate, readiness = Gate(settings.limits), Readiness(database.trouble)
+    context = JobContext(settings, database, catalog, metrics, JobFolder(database))
+    gate, readiness = Gate(settings.limits), ReadinessChecks(database.trouble)
     metrics.in_flight.set_function(lambda: gate.running)
     metrics.queued.set_function(lambda: gate.waiting)
     waits = JobWaits(database, settings.limits, lambda: readiness.stopping)
@@ -105,13 +105,13 @@ def create_app(settings: Settings, exchange: Exchange | None = None, *, create_d
         catalog,
         metrics,
         readiness,
-        Upkeep(database, catalog, metrics),
-        JobRoom(tools.folder, Runner(tools, WORKS)),
-        Rates(settings.limits.requests_per_second),
+        Maintenance(database, catalog, metrics),
+        JobRuntime(context.folder, Runner(context, JOB_TYPES)),
+        RateLimiter(settings.limits.requests_per_second),
         exchange,
         gate,
         SnapshotFolder(database.path),
-        Repetitions(),
+        RepeatedRequests(),
         waits,
     )
     app = FastAPI(
@@ -127,7 +127,7 @@ def create_app(settings: Settings, exchange: Exchange | None = None, *, create_d
     # The documentation's scripts come from an installed package: a forest has no internet.
     app.mount(pages.ASSETS, StaticFiles(packages=[("fastapi_offline", "static")]), name="assets")
     app.state.service = service
-    app.state.doorkeeper = Doorkeeper(settings, database)
+    app.state.authenticator = Authenticator(settings, database)
     app.state.routers = _ROUTERS
     for router in _ROUTERS:
         app.include_router(router)
@@ -136,12 +136,12 @@ def create_app(settings: Settings, exchange: Exchange | None = None, *, create_d
     app.add_middleware(InflateRequests, limit=settings.limits.body_bytes)
     app.add_middleware(DeflateAnswers)
     app.add_middleware(BodyLimit, limit=settings.limits.body_bytes)
-    app.state.shared = Shared(settings.limits, gate, metrics, readiness)
-    app.add_middleware(Overload, shared=app.state.shared)
+    app.state.shared = AdmissionState(settings.limits, gate, metrics, readiness)
+    app.add_middleware(AdmissionMiddleware, shared=app.state.shared)
     app.add_middleware(
         KnownHosts,
         allowed=settings.host_names,
-        keeper=app.state.doorkeeper,
+        authenticator=app.state.authenticator,
         everywhere=settings.host in ("0.0.0.0", "::", "[::]"),
     )
     app.add_middleware(SafeAnswers)
@@ -179,19 +179,19 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         service.exchange.start(service.metrics)
     await anyio.to_thread.run_sync(_sweep_snapshots, service)
     stop, warm = threading.Event(), threading.Event()
-    service.upkeep.start(warm)
+    service.maintenance.start(warm)
     warm_up = threading.Thread(target=_warm_up, args=(service, stop, warm), name="warm-up", daemon=True)
     warm_up.start()
     service.jobs.runner.start()
-    key_watch = asyncio.create_task(watch_keys(app.state.shared, app.state.doorkeeper))
+    key_watch = asyncio.create_task(watch_keys(app.state.shared, app.state.authenticator))
     try:
         yield
     finally:
         key_watch.cancel()
         service.readiness.report(SHUTDOWN, "the service is stopping")
         stop.set()
-        # The upkeep first: it also stops the job that writes an index anew.
-        await anyio.to_thread.run_sync(service.upkeep.stop)
+        # Maintenance first: stopping it also stops the job that rewrites an index.
+        await anyio.to_thread.run_sync(service.maintenance.stop)
         await anyio.to_thread.run_sync(service.jobs.runner.stop)
         await anyio.to_thread.run_sync(warm_up.join, _WARMING)
         await anyio.to_thread.run_sync(service.database.dispose)

@@ -13,7 +13,7 @@ from typer.exceptions import TyperException
 
 from server.commands import config, db, index, jobs, keys, locate, reference, serve, snapshot
 from server.commands.demo import command as demo
-from server.commands.support.failure import Failure
+from server.commands.support.failure import CommandError
 from server.config.settings_sources import Misconfigured
 from server.errors import DomainError
 from server.platform.version import service_version
@@ -66,7 +66,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
         code = app(args=arguments, prog_name="urquhart", standalone_mode=False)
     except TyperException as error:
         return _refuse(f"{error.format_message()} (see urquhart --help)")
-    except (Failure, Misconfigured, DomainError, StemMapError, ConfigError, LandmarkError) as error:
+    except (CommandError, Misconfigured, DomainError, StemMapError, ConfigError, LandmarkError) as error:
         return _refuse(str(error))
     except OSError as error:
         if error.filename is None:

@@ -6,21 +6,21 @@ from dataclasses import dataclass
 from server.config.settings import Limits, Settings
 from server.http.admission.gate import Gate
 from server.http.admission.job_waits import JobWaits
-from server.http.admission.readiness import Readiness
-from server.http.admission.repeated_requests import Repetitions
+from server.http.admission.readiness import ReadinessChecks
+from server.http.admission.repeated_requests import RepeatedRequests
 from server.index.catalog import Catalog
-from server.index.maintenance import Upkeep
+from server.index.maintenance import Maintenance
 from server.jobs.folder import JobFolder
 from server.jobs.runner import Runner
 from server.observability.metrics import Metrics
-from server.observability.metrics_exchange import Exchange
-from server.security.rate_limit import Rates
+from server.observability.metrics_exchange import MetricsExchange
+from server.security.rate_limit import RateLimiter
 from server.snapshots.snapshot_folder import SnapshotFolder
 from server.store.sqlite.database import Database
 
 
 @dataclass(frozen=True, slots=True)
-class JobRoom:
+class JobRuntime:
     """Where jobs lie, and who does them."""
 
     folder: JobFolder
@@ -35,18 +35,18 @@ class Service:
     database: Database
     catalog: Catalog
     metrics: Metrics
-    readiness: Readiness
-    upkeep: Upkeep
-    jobs: JobRoom
-    rates: Rates
-    exchange: Exchange | None
+    readiness: ReadinessChecks
+    maintenance: Maintenance
+    jobs: JobRuntime
+    rates: RateLimiter
+    exchange: MetricsExchange | None
     gate: Gate
     snapshots: SnapshotFolder
-    repetitions: Repetitions
+    repetitions: RepeatedRequests
     waits: JobWaits
 
     def hand_back(self) -> None:
-        """Let jobs and the upkeep of the index end soon; what they did not finish is gone on with at the next start."""
+        """Let jobs and the maintenance of the index end soon; what they did not finish is resumed at the next start."""
         self.catalog.stopping.set()
         self.jobs.runner.hand_back()
 

@@ -14,7 +14,7 @@ import orjson
 from benchmarks.scale.observations import Observations
 from server.collections import registry
 from server.index.catalog import Catalog, View
-from server.index.maintenance import Upkeep
+from server.index.maintenance import Maintenance
 from server.observability.metrics import Metrics
 from server.schemas.collections import CollectionPut
 from server.store import migrations_runner
@@ -65,7 +65,7 @@ def settle(path: Path) -> None:
     """Write the index of what is stored and merge it, as a bulk import ends."""
     database, metrics = Database(path), Metrics()
     try:
-        Upkeep(database, Catalog(database, metrics), metrics).settle(COLLECTION)
+        Maintenance(database, Catalog(database, metrics), metrics).flush_and_merge(COLLECTION)
     finally:
         database.dispose()
 

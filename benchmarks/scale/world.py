@@ -100,7 +100,7 @@ class World:
         return self._look(pose, STORED, 0, rng)
 
     def query(self, name: str, number: int) -> Seen:
-        """Query `number` of a kind of `KINDS`: uniform over the area in which the centres lie, any heading."""
+        """Query `number` of a kind of `PROBLEM_TYPES`: uniform over the area in which the centres lie, any heading."""
         kind = KINDS[name]
         rng = np.random.default_rng([self.seed, _ASKED, list(KINDS).index(name), number])
         east, north = self.sides

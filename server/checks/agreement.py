@@ -6,30 +6,30 @@ import numpy as np
 from numpy.typing import NDArray
 from sqlalchemy.orm import Session
 
-from server.checks.integrity import Finding
+from server.checks.integrity import Discrepancy
 from server.index.derived import config_of
-from server.index.live_index import lay_out
+from server.index.live_index import assemble
 from server.index.segment_folder import SegmentFolder
 from server.store.repositories.collections import Collections
-from server.store.repositories.feature_rows import Described
-from server.store.repositories.segments import Listed, Segments, trusted
+from server.store.repositories.feature_rows import FeatureRows
+from server.store.repositories.segments import SegmentRecord, Segments, trusted
 from server.store.sqlite.database import Database
 from server.store.tables import CollectionRow
 from urquhart.index.segment import Segment
 from urquhart.index.segment_file import SegmentDamaged
 
 
-def index_findings(database: Database) -> Iterator[Finding]:
+def index_discrepancies(database: Database) -> Iterator[Discrepancy]:
     """All that is wrong with the segments: gaps, files damaged or missing, submaps that they lack or should not have.
 
-    None of it makes an answer wrong: a segment that cannot be used is made anew. Raises StorageError.
+    None of it makes an answer wrong: a segment that cannot be used is rebuilt. Raises StorageError.
     """
     folder = SegmentFolder(database)
     with database.read() as session:
         ids = [collection_id for _, collection_id, _ in Collections(session).revisions()]
     for collection_id in ids:
         for what in _current(database, folder, collection_id):
-            yield Finding(collection_id, what)
+            yield Discrepancy(collection_id, what)
 
 
 def _current(database: Database, folder: SegmentFolder, collection_id: str) -> list[str]:
@@ -54,7 +54,7 @@ def _current(database: Database, folder: SegmentFolder, collection_id: str) -> l
 
 
 def _collection(session: Session, folder: SegmentFolder, collection: CollectionRow) -> Iterator[str]:
-    config, described = config_of(collection), Described(session, collection.key)
+    config, described = config_of(collection), FeatureRows(session, collection.key)
     chain = Segments(session, collection.key).chain()
     if trusted(chain) < len(chain):
         yield f"the segments leave a gap before {chain[trusted(chain)].name}"
@@ -78,7 +78,7 @@ def _collection(session: Session, folder: SegmentFolder, collection: CollectionR
         segments.append(segment)
     covered = chain[-1].revision if chain else 0
     gone = np.concatenate([keys[revisions > covered], np.array(described.deleted_since(0), np.int64)])
-    living = [part.segment.keys[part.alive > 0] for part in lay_out(segments, gone)]
+    living = [part.segment.keys[part.alive > 0] for part in assemble(segments, gone)]
     held = np.concatenate([*living, keys[revisions > covered]])
     yield from _difference("the index", held, keys)
     if len(np.unique(held)) < len(held):
@@ -87,7 +87,9 @@ def _collection(session: Session, folder: SegmentFolder, collection: CollectionR
         yield f"the index holds {len(keys)} submaps of {collection.submap_count}"
 
 
-def _contents(segment: Segment, listed: Listed, keys: NDArray[np.int64], revisions: NDArray[np.int64]) -> Iterator[str]:
+def _contents(
+    segment: Segment, listed: SegmentRecord, keys: NDArray[np.int64], revisions: NDArray[np.int64]
+) -> Iterator[str]:
     """Whether a segment has what it is listed for, and besides only what was changed or deleted since."""
     expected = keys[(revisions > listed.since) & (revisions <= listed.revision)]
     changed = keys[revisions > listed.revision]

@@ -7,7 +7,7 @@ import numpy as np
 from sqlalchemy import select
 from sqlalchemy.orm import Session, undefer
 
-from server.checks.integrity import Finding
+from server.checks.integrity import Discrepancy
 from server.schemas.common import check_id
 from server.schemas.poses import PlacedPose
 from server.store.codec import unpack_positions
@@ -20,15 +20,15 @@ _BATCH: Final = 200
 _FOOTPRINT: Final = ("map_min_x", "map_min_y", "map_max_x", "map_max_y")
 
 
-def content_findings(database: Database) -> Iterator[Finding]:
+def content_discrepancies(database: Database) -> Iterator[Discrepancy]:
     """All submaps whose derived columns are not what their content makes. Raises StorageError."""
     with database.read() as session:
         for collection in session.scalars(select(CollectionRow).order_by(CollectionRow.key)).all():
             if not _is_id(collection.id):
-                yield Finding(collection.id, "its id is none that a collection can have")
+                yield Discrepancy(collection.id, "its id is none that a collection can have")
             for row in _rows(session, collection.key):
                 for what in _submap(row):
-                    yield Finding(f"{collection.id}/{row.id}", what)
+                    yield Discrepancy(f"{collection.id}/{row.id}", what)
                 session.expunge(row)
 
 

@@ -2,23 +2,23 @@
 
 from collections.abc import Iterator
 
-from server.checks.agreement import index_findings
-from server.checks.contents import content_findings
-from server.checks.integrity import Finding, findings
+from server.checks.agreement import index_discrepancies
+from server.checks.contents import content_discrepancies
+from server.checks.integrity import Discrepancy, discrepancies
 from server.store import migrations_runner
 from server.store.sqlite.database import Database
 
 
-def inspect(database: Database) -> Iterator[Finding]:
+def inspect(database: Database) -> Iterator[Discrepancy]:
     """All that does not agree, in the order in which one thing stands on another; what stands on nothing is left out.
 
     Nothing is changed. Raises StorageError.
     """
     migrations_runner.claim(database)
     sound = True
-    for finding in findings(database):
+    for finding in discrepancies(database):
         sound = False
         yield finding
     if sound:
-        yield from content_findings(database)
-        yield from index_findings(database)
+        yield from content_discrepancies(database)
+        yield from index_discrepancies(database)

@@ -1,4 +1,4 @@
-"""Does everything in a database agree? Read only; what is derived is made again and compared."""
+"""Does everything in a database agree? Read only; what is derived is rebuilt and compared."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 import urquhart
-from server.checks.row_invariants import impossible_rows
+from server.checks.row_invariants import row_violations
 from server.store import migrations_runner
 from server.store.codec import digest, unpack_attributes, unpack_diameters, unpack_ids, unpack_positions
 from server.store.sqlite.database import Database
@@ -19,43 +19,43 @@ _BATCH = 200
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class Discrepancy:
     """Something that does not agree: where (a collection, a submap in it, or "" for the file), and what."""
 
     where: str
     what: str
 
 
-def findings(database: Database) -> Iterator[Finding]:
+def discrepancies(database: Database) -> Iterator[Discrepancy]:
     """All that does not agree, in one snapshot: file, schema, counts, revisions, features. Nothing is changed.
 
-    Features are unpacked and compared with those made anew of the stored landmarks and diameters. Raises StorageError
+    Features are unpacked and compared with those rebuilt from the stored landmarks and diameters. Raises StorageError
     when the file cannot be read at all, DatabaseTooNew, NotADatabase.
     """
     revision, expected = migrations_runner.current_revision(database), migrations_runner.expected_revision()
     if revision != expected:
-        yield Finding("", f"the schema is {revision}, this version needs {expected}; run `urquhart db upgrade`")
+        yield Discrepancy("", f"the schema is {revision}, this version needs {expected}; run `urquhart db upgrade`")
         return
     broken = False
-    for finding in file_findings(database):
+    for finding in file_discrepancies(database):
         broken = True
         yield finding
     if broken:
         return  # what follows would read the damaged pages
     for difference in migrations_runner.drift(database):
-        yield Finding("", f"the schema differs from what this version needs: {difference}")
+        yield Discrepancy("", f"the schema differs from what this version needs: {difference}")
     with database.read() as session:
         unreadable = False
-        for impossible in impossible_rows(session):
+        for impossible in row_violations(session):
             unreadable = unreadable or impossible.unreadable
-            yield Finding(impossible.where, impossible.what)
+            yield Discrepancy(impossible.where, impossible.what)
         if unreadable:
             return  # what follows would stumble over it
         for collection in session.scalars(select(CollectionRow).order_by(CollectionRow.key)).all():
             yield from _collection(session, collection)
 
 
-def file_findings(database: Database, *, quick: bool = False) -> Iterator[Finding]:
+def file_discrepancies(database: Database, *, quick: bool = False) -> Iterator[Discrepancy]:
     """What SQLite itself finds wrong with the file; `quick` leaves out whether indexes agree with their tables.
 
     Raises StorageError.
@@ -66,21 +66,21 @@ def file_findings(database: Database, *, quick: bool = False) -> Iterator[Findin
         for (line,) in connection.exec_driver_sql(check).all():
             if line != "ok":
                 broken = True
-                yield Finding("", f"integrity check: {line}")
+                yield Discrepancy("", f"integrity check: {line}")
         if broken:
             return
         for table, row, parent, _ in connection.exec_driver_sql("PRAGMA foreign_key_check").all():
-            yield Finding("", f"row {row} of {table} belongs to a row of {parent} that is not there")
+            yield Discrepancy("", f"row {row} of {table} belongs to a row of {parent} that is not there")
 
 
-def _collection(session: Session, collection: CollectionRow) -> Iterator[Finding]:
+def _collection(session: Session, collection: CollectionRow) -> Iterator[Discrepancy]:
     try:
         config = Config.from_dict(collection.config)
     except ConfigError as error:
-        yield Finding(collection.id, f"the configuration cannot be used: {error}")
+        yield Discrepancy(collection.id, f"the configuration cannot be used: {error}")
         return
     if config.fingerprint() != collection.fingerprint:
-        yield Finding(
+        yield Discrepancy(
             collection.id, f"the fingerprint is {collection.fingerprint}, the configuration's is {config.fingerprint()}"
         )
     yield from _totals(session, collection)
@@ -100,12 +100,12 @@ def _collection(session: Session, collection: CollectionRow) -> Iterator[Finding
     for row in session.execute(rows.execution_options(yield_per=_BATCH)):
         where = f"{collection.id}/{row.id}"
         if not 0 < row.content_revision <= row.revision <= collection.revision:
-            yield Finding(
+            yield Discrepancy(
                 where,
                 f"revisions {row.content_revision}, {row.revision} do not fit the collection's {collection.revision}",
             )
         if len(row.landmarks) != 16 * row.landmark_count or digest(row.landmarks) != row.landmarks_hash:
-            yield Finding(where, "the landmarks are not those that were stored")
+            yield Discrepancy(where, "the landmarks are not those that were stored")
             continue
         try:
             ids = unpack_ids(row.landmark_ids, row.landmark_count)
@@ -113,16 +113,16 @@ def _collection(session: Session, collection: CollectionRow) -> Iterator[Finding
             counted = all(isinstance(values, list) and len(values) == row.landmark_count for values in lists)
             unpack_diameters(row.attributes)
         except (ValueError, TypeError, OverflowError) as error:
-            yield Finding(where, f"ids or attributes cannot be read: {error}")
+            yield Discrepancy(where, f"ids or attributes cannot be read: {error}")
             continue
         if not counted or len(set(ids)) < len(ids):
-            yield Finding(where, "ids or attributes are not one for each landmark")
+            yield Discrepancy(where, "ids or attributes are not one for each landmark")
             continue
         for what in _features(row.features, row.landmarks, row.attributes, row.counts, row.polygon_count, config):
-            yield Finding(where, what)
+            yield Discrepancy(where, what)
 
 
-def _totals(session: Session, collection: CollectionRow) -> Iterator[Finding]:
+def _totals(session: Session, collection: CollectionRow) -> Iterator[Discrepancy]:
     counted = session.execute(
         select(
             func.count(),
@@ -133,20 +133,20 @@ def _totals(session: Session, collection: CollectionRow) -> Iterator[Finding]:
     kept = (collection.submap_count, collection.landmark_count, collection.polygon_count)
     for name, there, said in zip(("submaps", "landmarks", "polygons"), counted, kept, strict=True):
         if there != said:
-            yield Finding(collection.id, f"holds {there} {name}, its row says {said}")
+            yield Discrepancy(collection.id, f"holds {there} {name}, its row says {said}")
     ghosts = select(func.count()).where(
         DeletionRow.collection_key == collection.key, DeletionRow.submap_key.in_(select(SubmapRow.key))
     )
     if session.scalar(ghosts):
-        yield Finding(collection.id, "submaps are noted as deleted that are there")
+        yield Discrepancy(collection.id, "submaps are noted as deleted that are there")
     last_deletion = session.scalar(
         select(func.max(DeletionRow.revision)).where(DeletionRow.collection_key == collection.key)
     )
     if (last_deletion or 0) > collection.revision:
-        yield Finding(collection.id, f"a deletion is of revision {last_deletion}, after {collection.revision}")
+        yield Discrepancy(collection.id, f"a deletion is of revision {last_deletion}, after {collection.revision}")
     last_query = session.scalar(select(func.max(QueryRow.number)).where(QueryRow.collection_key == collection.key))
     if (last_query or 0) > collection.query_sequence:
-        yield Finding(
+        yield Discrepancy(
             collection.id, f"query {last_query} is stored, but the last number is {collection.query_sequence}"
         )
 

@@ -12,7 +12,7 @@ from sqlalchemy.orm import Session
 
 
 @dataclass(frozen=True, slots=True)
-class Impossible:
+class RowViolation:
     """A row that cannot be: where, and what about it; `unreadable` where it stops whoever reads the table."""
 
     where: str
@@ -20,7 +20,7 @@ class Impossible:
     unreadable: bool
 
 
-def impossible_rows(session: Session) -> Iterator[Impossible]:
+def row_violations(session: Session) -> Iterator[RowViolation]:
     """All rows that break a rule. Raises StorageError."""
     connection = session.connection()
     for unreadable, rules in ((True, _UNREADABLE), (False, _RULES)):
@@ -28,7 +28,7 @@ def impossible_rows(session: Session) -> Iterator[Impossible]:
         for what, statement in rules:
             for (where,) in connection.exec_driver_sql(statement):
                 found = True
-                yield Impossible(str(where), what, unreadable)
+                yield RowViolation(str(where), what, unreadable)
         if found and unreadable:
             return
 

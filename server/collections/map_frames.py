@@ -7,7 +7,7 @@ from sqlalchemy.orm import Session
 from server.collections.georeference import Georeference, check_crs
 from server.errors import Conflict, InvalidField
 from server.schemas.collections import MapFrame
-from server.store.repositories.map_frames import DEFAULT_FRAME, FrameReference, Frames
+from server.store.repositories.map_frames import DEFAULT_FRAME, FrameReference, MapFrames
 from server.store.tables import CollectionRow
 
 
@@ -26,7 +26,7 @@ def check_frames(frames: Mapping[str, MapFrame | None] | None) -> None:
 
 def must_agree(session: Session, row: CollectionRow, frames: Mapping[str, MapFrame] | None) -> None:
     """Raise Conflict when one of the frames is another one in the collection."""
-    known = Frames(session, row).some(list(frames or {}))
+    known = MapFrames(session, row).some(list(frames or {}))
     for frame_id, frame in (frames or {}).items():
         if known.get(frame_id) != _reference(frame):
             raise Conflict(
@@ -40,7 +40,7 @@ def set_frames(session: Session, row: CollectionRow, frames: Mapping[str, MapFra
 
     Raises InvalidField when a submap would lie where the frame's system does not reach.
     """
-    repository = Frames(session, row)
+    repository = MapFrames(session, row)
     known = repository.some(list(frames or {}))
     changed = False
     for frame_id, frame in (frames or {}).items():
@@ -56,13 +56,13 @@ def set_frames(session: Session, row: CollectionRow, frames: Mapping[str, MapFra
 
 def check_default_frame(session: Session, row: CollectionRow, pointer: str) -> None:
     """Raise InvalidField when a submap of the default frame would lie where the collection's CRS does not reach."""
-    repository = Frames(session, row)
+    repository = MapFrames(session, row)
     reference = repository.some([DEFAULT_FRAME]).get(DEFAULT_FRAME)
     if reference is not None:
         check_submaps(repository, DEFAULT_FRAME, reference, pointer)
 
 
-def check_submaps(repository: Frames, frame_id: str, reference: FrameReference, pointer: str) -> None:
+def check_submaps(repository: MapFrames, frame_id: str, reference: FrameReference, pointer: str) -> None:
     """Raise InvalidField naming the first submap of a frame that the reference would put where it does not reach."""
     extent = repository.extent(frame_id)
     if extent is None:

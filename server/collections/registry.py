@@ -11,7 +11,7 @@ from server.config.settings import Limits
 from server.errors import Conflict, InvalidField, NotFound
 from server.index.derived import config_of
 from server.resources import links
-from server.resources.idempotency import NO_CONTENT, Kept
+from server.resources.idempotency import NO_CONTENT, StoredResponse
 from server.resources.paging import page_size, read_cursor, write_cursor
 from server.resources.preconditions import ANYTHING, Preconditions
 from server.schemas.collections import (
@@ -26,9 +26,9 @@ from server.schemas.collections import (
     SpatialExtent,
 )
 from server.schemas.common import Counts
-from server.security.principal import Caller
+from server.security.principal import Principal
 from server.store.repositories.collections import Collections
-from server.store.repositories.map_frames import Frames
+from server.store.repositories.map_frames import MapFrames
 from server.store.sqlite.database import Database
 from server.store.tables import CollectionRow
 from urquhart import Config, ConfigError
@@ -106,7 +106,9 @@ def known_collections(database: Database) -> list[str]:
         return Collections(session).ids()
 
 
-def page(database: Database, limits: Limits, caller: Caller, limit: int | None, cursor: str | None) -> CollectionPage:
+def page(
+    database: Database, limits: Limits, caller: Principal, limit: int | None, cursor: str | None
+) -> CollectionPage:
     """A page of the collections that the caller sees, oldest first. Raises InvalidField."""
     size = page_size(limit, limits)
     with database.read() as session:
@@ -159,7 +161,7 @@ def delete(database: Database, collection_id: str, preconditions: Preconditions 
         delete_in(session, collection_id, preconditions)
 
 
-def delete_in(session: Session, collection_id: str, preconditions: Preconditions) -> Kept:
+def delete_in(session: Session, collection_id: str, preconditions: Preconditions) -> StoredResponse:
     """The same in a write transaction of the caller's; what is answered."""
     row = get_collection(session, collection_id)
     preconditions.check(etag_of(row))
@@ -236,12 +238,12 @@ def _full(session: Session, row: CollectionRow) -> Collection:
         for extent in collections.extents(row.key)
     ]
     return Collection(
-        # What a stored configuration does not name has its default: it is told whole.
+        # What a stored configuration does not name has its default: it is reported whole.
         **_summary(row),
         config=Config().to_dict() | row.config,
         frames={
             frame_id: MapFrame(crs=reference.crs, origin=reference.origin)
-            for frame_id, reference in Frames(session, row).named().items()
+            for frame_id, reference in MapFrames(session, row).named().items()
         },
         extent=Extent(spatial=spatial, temporal=collections.interval(row.key)),
     )

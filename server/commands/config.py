@@ -24,5 +24,5 @@ def config(
         typer.echo(settings_report.as_markdown(), nl=False)
         return
     settings = settings_loading.load(config=file)
-    told = settings_report.told(settings, config=file)
+    told = settings_report.describe(settings, config=file)
     typer.echo(settings_report.as_json(told) if as_json else settings_report.as_text(told))

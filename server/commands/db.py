@@ -14,9 +14,9 @@ from server.commands.support.options import DatabaseOption
 from server.commands.support.progress import progress_bar
 from server.index.catalog import Catalog
 from server.index.flushing import rebuild
-from server.index.maintenance import Upkeep
+from server.index.maintenance import Maintenance
 from server.observability.metrics import Metrics
-from server.store.feature_backfill import bring_up_to_date, renew
+from server.store.feature_backfill import backfill, bring_up_to_date
 from server.store.migrations_runner import expected_revision, upgrade
 from server.store.sqlite.database import Database
 
@@ -33,13 +33,13 @@ def upgrade_database(database: DatabaseOption = None) -> None:
     try:
         changed, renewed = upgrade(store), 0
         with progress_bar(Console(stderr=True)) as progress:
-            task = progress.add_task("features made anew", total=None)
-            for step in renew(store, all_rows=True):
+            task = progress.add_task("features rebuilt", total=None)
+            for step in backfill(store, all_rows=True):
                 renewed = step.made
                 progress.update(task, completed=step.done, total=step.total)
     finally:
         store.dispose()
-    features = f", features of {renewed} submaps made anew" if renewed else ""
+    features = f", features of {renewed} submaps rebuilt" if renewed else ""
     typer.echo(f"{store.path}: schema {expected_revision()}{features or ('' if changed else ', nothing to do')}")
 
 
@@ -78,7 +78,7 @@ def reindex_database(
     ] = None,
     database: DatabaseOption = None,
 ) -> None:
-    """Write the index of collections anew, from what is stored. A service on the database goes on meanwhile."""
+    """Rewrite the index of collections, from what is stored. A service on the database goes on meanwhile."""
     settings = settings_with(database=database)
     store = existing_database(settings)
     try:
@@ -88,8 +88,8 @@ def reindex_database(
             with progress_bar(Console(stderr=True)) as progress:
                 total = read(store, collection_id)[0].counts.submaps
                 task = progress.add_task(collection_id, total=total)
-                written = rebuild(catalog.shop, collection_id, progress=partial(progress.advance, task))
-            Upkeep(store, catalog, metrics).merge_all(collection_id)
-            typer.echo(f"{collection_id}: {written} submaps indexed anew")
+                written = rebuild(catalog.flush_context, collection_id, progress=partial(progress.advance, task))
+            Maintenance(store, catalog, metrics).merge_all(collection_id)
+            typer.echo(f"{collection_id}: {written} submaps reindexed")
     finally:
         store.dispose()

@@ -12,13 +12,13 @@ from rich.console import Console
 import urquhart
 from server.collections.registry import ensure
 from server.commands.support.database import open_database, settings_with
-from server.commands.support.failure import Failure
+from server.commands.support.failure import CommandError
 from server.commands.support.options import DbhUnit, Ignored
 from server.commands.support.progress import progress_bar
 from server.config.settings import IndexSettings
 from server.errors import StorageError
 from server.index.catalog import Catalog
-from server.index.maintenance import Upkeep
+from server.index.maintenance import Maintenance
 from server.observability.metrics import Metrics
 from server.schemas.collections import CollectionPut
 from server.schemas.common import check_id
@@ -66,13 +66,13 @@ def index(
     names = [stem_map.name for stem_map in stem_maps]
     for name in names:
         if names.count(name) > 1:
-            raise Failure(f"two files are called {name!r}, and their submaps would have the same ids: rename one")
+            raise CommandError(f"two files are called {name!r}, and their submaps would have the same ids: rename one")
     stands = []
     for path, stem_map in zip(files, stem_maps, strict=True):
         try:
             stands.append(cut_stand(stem_map, radius, spacing, settings.limits))
         except (CuttingError, StandError) as error:
-            raise Failure(f"{path}: {error}") from error
+            raise CommandError(f"{path}: {error}") from error
 
     store = open_database(settings)
     console = Console(stderr=True)
@@ -97,7 +97,7 @@ def index(
                         )
                     )
                 except StandError as error:
-                    raise Failure(f"{path}: {error}") from error
+                    raise CommandError(f"{path}: {error}") from error
             task = progress.add_task("index", total=None)
             _write_index(store, settings.index, collection, partial(progress.advance, task))
     finally:
@@ -110,9 +110,9 @@ def index(
 def _write_index(store: Database, settings: IndexSettings, collection: str, advance: Callable[[int], Any]) -> None:
     """Write what was stored to segments where it is much: a service would have to do it before it answers."""
     metrics = Metrics()
-    upkeep = Upkeep(store, Catalog(store, metrics, settings), metrics)
+    maintenance = Maintenance(store, Catalog(store, metrics, settings), metrics)
     try:
-        upkeep.settle(collection, least=settings.flush_submaps + 1, progress=advance)
+        maintenance.flush_and_merge(collection, least=settings.flush_submaps + 1, progress=advance)
     except (OSError, StorageError) as error:
         typer.echo(f"everything is stored, but the index is not written: {error}", err=True)
 
@@ -126,7 +126,7 @@ def ensure_collection(database: Database, collection: str) -> None:
     try:
         check_id(collection)
     except ValueError as error:
-        raise Failure(f"collection {collection!r}: {error}") from error
+        raise CommandError(f"collection {collection!r}: {error}") from error
     ensure(database, collection, CollectionPut())
 
 

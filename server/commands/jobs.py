@@ -8,7 +8,7 @@ from rich.table import Table
 
 from server.commands.support.console import wide_console
 from server.commands.support.database import check_there, open_database, settings_with
-from server.commands.support.failure import Failure
+from server.commands.support.failure import CommandError
 from server.commands.support.options import DatabaseOption
 from server.jobs import operator
 from server.store.sqlite.database import Database
@@ -45,9 +45,9 @@ def cancel(
     every: Annotated[bool, typer.Option("--all", help="All unfinished jobs.")] = False,
     database: DatabaseOption = None,
 ) -> None:
-    """Cancel jobs: one that is running ends after what is at hand, and what it did stays."""
+    """Cancel jobs: one that is running ends after what is in progress, and what it did stays."""
     if sum((bool(ids), key is not None, every)) != 1:
-        raise Failure("say which jobs: their ids, --key KEY, or --all")
+        raise CommandError("say which jobs: their ids, --key KEY, or --all")
     store = _existing(database)
     try:
         ended = operator.cancel(store, ids=ids or (), key=key, every=every)

@@ -12,7 +12,7 @@ from rich.table import Table
 from server.commands.support.console import wide_console
 from server.commands.support.database import existing_database, settings_with
 from server.commands.support.explanation_tables import print_explanation
-from server.commands.support.failure import Failure
+from server.commands.support.failure import CommandError
 from server.commands.support.options import DbhUnit, Ignored
 from server.index.catalog import Catalog
 from server.observability.metrics import Metrics
@@ -99,7 +99,9 @@ def _query(observation: StemMap, limit: int, seed: int | None, file: Path, *, ex
         return QueryInput(landmarks=landmarks_of(observation), limit=limit, seed=seed, explain=explain)
     except ValidationError as error:
         first = error.errors()[0]
-        raise Failure(f"{file}: tree value {first['input']!r}: {first['msg'].removeprefix('Value error, ')}") from error
+        raise CommandError(
+            f"{file}: tree value {first['input']!r}: {first['msg'].removeprefix('Value error, ')}"
+        ) from error
 
 
 def _print(console: Console, answer: QueryAnswer) -> None:

@@ -9,7 +9,7 @@ import typer
 
 from server.app import create_app
 from server.commands.support.database import open_database, settings_with
-from server.commands.support.failure import Failure
+from server.commands.support.failure import CommandError
 from server.commands.support.options import ConfigOption
 from server.commands.support.supervisor import supervise
 from server.http.serving.file_descriptors import reserve_files
@@ -53,7 +53,7 @@ def serve(
     Settings come from a file (urquhart.toml) and from the environment (URQUHART_...); the environment goes before the
     file, and an option given here before both: see urquhart config. The documentation of the API is served at /docs.
 
-    SIGTERM and Ctrl-C let it finish the requests at hand; a second one ends it at once.
+    SIGTERM and Ctrl-C let it finish the requests in progress; a second one ends it at once.
     """
     settings = settings_with(host=host, port=port, database=database, insecure=insecure or None, config=config)
     logs.configure(settings.log)
@@ -69,7 +69,7 @@ def serve(
     typer.echo(f"urquhart: serving on http://{address}:{listener.getsockname()[1]} ; API at /docs, stop with Ctrl-C")
     with listener:
         if workers == 1:
-            serve_app(create_app(settings, create_database=False), listener, alone=True)
+            serve_app(create_app(settings, create_database=False), listener, single_process=True)
         else:
             code = supervise(workers, settings, listener)
             if code:
@@ -85,7 +85,7 @@ def bind(host: str, port: int) -> socket.socket:
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
     except socket.gaierror as error:
-        raise Failure(f"address {host!r} is not known on this machine: {error.strerror}") from error
+        raise CommandError(f"address {host!r} is not known on this machine: {error.strerror}") from error
     listener = socket.socket(family, kind, protocol)
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
@@ -94,8 +94,8 @@ def bind(host: str, port: int) -> socket.socket:
     except OSError as error:
         listener.close()
         if error.errno == errno.EADDRINUSE:
-            raise Failure(
+            raise CommandError(
                 f"port {port} of {host} is in use: stop what listens there, or choose another --port"
             ) from error
-        raise Failure(f"cannot listen on {host}, port {port}: {error.strerror}") from error
+        raise CommandError(f"cannot listen on {host}, port {port}: {error.strerror}") from error
     return listener

@@ -120,7 +120,7 @@ def restore(
         migrations_runner.claim(store)
         lost = restoring.forget_unusable(store)
         if lost:
-            typer.echo(f"{lost} segments of the index are not here and will be written anew")
+            typer.echo(f"{lost} segments of the index are not here and will be rewritten")
         now = datetime.now(UTC)
         usable = sum(key.state(now) == "usable" for key in api_keys.listed(store))
         if usable:

@@ -157,7 +157,7 @@ class JobSettings(BaseModel):
         description="Seconds after which a job gives way while one of another key, or on another collection, waits.",
     )
     keep_days: float = Field(7.0, gt=0, le=3650, description="Days for which results of finished jobs are kept.")
-    keep_rows: int = Field(10_000, ge=1, description="Finished jobs that are told of; the oldest are forgotten first.")
+    keep_rows: int = Field(10_000, ge=1, description="Finished jobs that are listed; the oldest are forgotten first.")
 
 
 class LogSettings(BaseModel):
@@ -223,7 +223,7 @@ class Settings(BaseSettings):
         15.0,
         ge=0,
         le=3600,
-        description="Seconds that requests at hand have to be finished when the service ends; then they are cut off.",
+        description="Seconds that requests in progress have to finish when the service ends; then they are cut off.",
     )
     metrics_collections: int = Field(
         20, ge=0, le=1000, description="Collections that metrics tell by name, the largest; the rest is `other`."
@@ -236,7 +236,7 @@ class Settings(BaseSettings):
 
     @property
     def stop_seconds(self) -> float:
-        """Seconds after SIGTERM within which the service has ended, whatever is at hand."""
+        """Seconds after SIGTERM within which the service has ended, whatever is in progress."""
         return self.notice_seconds + self.drain_seconds + STOP_SPARE
 
     @field_validator("database")

@@ -43,8 +43,8 @@ format = "json"
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
-    """A setting as it is told.
+class SettingReport:
+    """A setting as it is reported.
 
     Attributes:
         name, variable: in the file (dotted), and in the environment.
@@ -61,12 +61,12 @@ class Told:
     about: str
 
 
-def told(settings: Settings, **given: Any) -> list[Told]:
+def describe(settings: Settings, **given: Any) -> list[SettingReport]:
     """Every setting, in the order in which the model has them; `given` are those that were options."""
     sources = Origins(Settings, given)
     values = flat(settings.model_dump())
     return [
-        Told(
+        SettingReport(
             name,
             variable(name),
             HIDDEN if is_secret(field) and values[name] else values[name],
@@ -78,12 +78,12 @@ def told(settings: Settings, **given: Any) -> list[Told]:
     ]
 
 
-def as_json(settings: list[Told]) -> str:
+def as_json(settings: list[SettingReport]) -> str:
     """A JSON array of them."""
     return json.dumps([asdict(one) for one in settings], indent=2, default=str)
 
 
-def as_text(settings: list[Told]) -> str:
+def as_text(settings: list[SettingReport]) -> str:
     """A table in plain text."""
     rows = [("setting", "value", "default", "from")]
     rows += [(one.name, _shown(one.value), _shown(one.default), one.source) for one in settings]

@@ -12,7 +12,7 @@ import numpy as np
 
 from server.collections.registry import get_collection
 from server.errors import InvalidField
-from server.queries.lookup import Look
+from server.queries.lookup import LookupResult
 from server.queries.poses import flat, transform_answer
 from server.schemas.constraints import ConstraintsInput
 from server.schemas.queries import Exclude, QueryInput
@@ -64,7 +64,7 @@ def question(row: SubmapRow, body: ConstraintsInput, most: int) -> QueryInput:
     return QueryInput(submap_id=row.id, limit=min(body.per_submap, most), exclude=exclude, pairs=False)
 
 
-def from_look(row: SubmapRow, look: Look, body: ConstraintsInput) -> list[Found]:
+def from_look(row: SubmapRow, look: LookupResult, body: ConstraintsInput) -> list[Found]:
     """Those candidates of a submap's look-up that are accepted and pass the gates, as constraints."""
     gates = body.gates
     if look.answer.verdict != "matched":

@@ -23,14 +23,14 @@ from urquhart.uncertainty import PoseUncertainty
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
+class StoredSubmap:
     """A submap that is stored now: the revision at which its landmarks came, and where it is in a map."""
 
     content_revision: int
     place: Place | None
 
 
-def is_stale(one: Found, known: Mapping[str, Known]) -> bool:
+def is_stale(one: Found, known: Mapping[str, StoredSubmap]) -> bool:
     """Whether a submap of a constraint is gone, or has other landmarks than those that were compared.
 
     `known`: the submaps there are now, by id. What an older version found names no revisions: then only those that are
@@ -44,7 +44,7 @@ def is_stale(one: Found, known: Mapping[str, Known]) -> bool:
 
 
 def write_out(
-    found: Sequence[Found], wanted: ConstraintFormat, known: Mapping[str, Known], frame_id: str | None = None
+    found: Sequence[Found], wanted: ConstraintFormat, known: Mapping[str, StoredSubmap], frame_id: str | None = None
 ) -> bytes:
     """Constraints, each with `stale`, in a format; `known` and `frame_id`: where g2o begins, see `_starts`."""
     if wanted == "json":

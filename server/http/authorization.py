@@ -9,16 +9,16 @@ from fastapi.routing import APIRoute
 
 from server.errors import InvalidField, NotFound, TooManyRequests, Unauthorized
 from server.http.body_limit import is_streamed
-from server.security.authenticator import Doorkeeper
-from server.security.principal import NOBODY, Caller
-from server.security.rate_limit import Rates
+from server.security.authenticator import Authenticator
+from server.security.principal import ANONYMOUS, Principal
+from server.security.rate_limit import RateLimiter
 from server.security.scopes import ALSO, SCOPES
 
 
 class GuardedRoute(APIRoute):
     """A route that lets callers in whose key has the scope of its operation and sees the collection in its path.
 
-    A collection that the key does not see is told of as one that is not there.
+    A collection that the key does not see is reported as missing.
     """
 
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
@@ -38,7 +38,7 @@ class GuardedRoute(APIRoute):
             return handle_whole
 
         async def handle_admitted(request: Request) -> Response:
-            caller = await _who_may_ask_now(request)
+            caller = await _authenticate_and_count(request)
             request.state.caller = caller
             if not caller.scopes & also:
                 caller.require(scope)
@@ -68,34 +68,34 @@ def _check_parameters(request: Request, known: Set[str]) -> None:
             raise InvalidField("is given more than once", code="repeated_parameter", parameter=name)
 
 
-async def who_asks(request: Request) -> Caller:
+async def authenticate(request: Request) -> Principal:
     """The caller. Raises Unauthorized."""
-    keeper: Doorkeeper = request.app.state.doorkeeper
+    authenticator: Authenticator = request.app.state.authenticator
     given = request.headers.getlist("authorization")
     if len(given) > 1:
         # Whoever looks at it before us may have looked at the other one.
         raise Unauthorized("Authorization came more than once; send one key.")
     authorization = given[0] if given else None
-    remembered = keeper.recall(authorization)
+    remembered = authenticator.from_cache(authorization)
     if remembered is not None:
         return remembered
-    return await anyio.to_thread.run_sync(keeper.ask, authorization)
+    return await anyio.to_thread.run_sync(authenticator.authenticate, authorization)
 
 
-async def _who_may_ask_now(request: Request) -> Caller:
+async def _authenticate_and_count(request: Request) -> Principal:
     """The caller, counted: by key, or by address where there is none. Raises Unauthorized, TooManyRequests."""
-    rates: Rates = request.app.state.service.rates
+    rates: RateLimiter = request.app.state.service.rates
     address = request.client.host if request.client is not None else ""
     try:
-        caller = await who_asks(request)
+        caller = await authenticate(request)
     except Unauthorized:
-        _take(request, rates, f"address {address}")
+        _count(request, rates, f"address {address}")
         raise
-    _take(request, rates, f"key {caller.id}" if caller.id else f"address {address}")
+    _count(request, rates, f"key {caller.id}" if caller.id else f"address {address}")
     return caller
 
 
-def _take(request: Request, rates: Rates, caller: str) -> None:
+def _count(request: Request, rates: RateLimiter, caller: str) -> None:
     try:
         rates.take(caller)
     except TooManyRequests:
@@ -103,15 +103,15 @@ def _take(request: Request, rates: Rates, caller: str) -> None:
         raise
 
 
-async def get_caller(request: Request) -> Caller:
+async def get_principal(request: Request) -> Principal:
     """The caller that a guarded route let in."""
-    caller: Caller = getattr(request.state, "caller", NOBODY)
+    caller: Principal = getattr(request.state, "caller", ANONYMOUS)
     return caller
 
 
-async def get_visitor(request: Request) -> Caller:
+async def get_visitor(request: Request) -> Principal:
     """The caller of a page that is open to all, and shows each what they see."""
     try:
-        return await who_asks(request)
+        return await authenticate(request)
     except Unauthorized:
-        return NOBODY
+        return ANONYMOUS

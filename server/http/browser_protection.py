@@ -19,7 +19,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from server.errors import StorageError, UnknownHost
 from server.http.problems import domain_problem
-from server.security.authenticator import Doorkeeper
+from server.security.authenticator import Authenticator
 
 ANY: Final = "*"
 _SCRIPT: Final = re.compile(r"<script>(.*?)</script>", re.DOTALL)
@@ -80,8 +80,8 @@ class KnownHosts:
     (`everywhere`), under any IP address, which no foreign page can have as its name.
     """
 
-    def __init__(self, app: ASGIApp, allowed: Sequence[str], keeper: Doorkeeper, *, everywhere: bool) -> None:
-        self._app, self._keeper, self._everywhere = app, keeper, everywhere
+    def __init__(self, app: ASGIApp, allowed: Sequence[str], authenticator: Authenticator, *, everywhere: bool) -> None:
+        self._app, self._keeper, self._everywhere = app, authenticator, everywhere
         self._allowed = frozenset(name.lower() for name in allowed)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:

@@ -15,8 +15,18 @@ from starlette.types import Scope
 
 from server import errors
 from server.http.routing import allowed_methods
-from server.parsing.field_errors import field_problems, told
-from server.problem_types import INTERNAL, METHOD, NO_ROUTE, OTHER, VALIDATION, Kind, document, kind_of, plain
+from server.parsing.field_errors import describe, field_problems
+from server.problem_types import (
+    INTERNAL,
+    METHOD,
+    NO_ROUTE,
+    OTHER,
+    VALIDATION,
+    ProblemType,
+    document,
+    plain,
+    problem_type_of,
+)
 
 MEDIA_TYPE = "application/problem+json"
 _log = logging.getLogger("server")
@@ -26,7 +36,7 @@ _RETRY = {errors.StorageBusy, errors.NotReady}
 
 
 def problem(
-    kind: Kind, detail: str, scope: Scope, *, headers: Mapping[str, str] | None = None, **members: Any
+    kind: ProblemType, detail: str, scope: Scope, *, headers: Mapping[str, str] | None = None, **members: Any
 ) -> Response:
     """A problem response; members that are None are left out."""
     return _response(plain(kind, detail) | members, scope, headers or {})
@@ -34,7 +44,7 @@ def problem(
 
 def domain_problem(error: errors.DomainError, scope: Scope) -> Response:
     """The response for a domain error."""
-    kind = kind_of(error)
+    kind = problem_type_of(error)
     headers: dict[str, str] = {}
     match error:
         case errors.PreconditionFailed() if error.etag is not None:
@@ -65,7 +75,7 @@ def install(app: FastAPI) -> None:
     @app.exception_handler(RequestValidationError)
     async def on_invalid_request(request: Request, error: RequestValidationError) -> Response:
         entries = field_problems(error.errors())
-        return problem(VALIDATION, told(entries), request.scope, errors=entries)
+        return problem(VALIDATION, describe(entries), request.scope, errors=entries)
 
     @app.exception_handler(HTTPException)
     async def on_http_exception(request: Request, error: HTTPException) -> Response:

@@ -93,7 +93,7 @@ class RequestContext:
                     "bytes_out": bytes_out,
                     "key": caller.id if caller is not None else "",
                     "collection": parameters.get("collection", ""),
-                    **notes.told(),
+                    **notes.log_members(),
                 }
             )
 

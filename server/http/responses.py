@@ -9,7 +9,7 @@ from fastapi import Request, Response
 from pydantic import BaseModel
 
 from server.http.problems import MEDIA_TYPE
-from server.resources.idempotency import Kept
+from server.resources.idempotency import StoredResponse
 from server.schemas.common import (
     PROBLEM_EXAMPLE,
     Problem,
@@ -37,10 +37,12 @@ def json_response(
     return Response(body, status, headers=headers, media_type=media_type)
 
 
-def kept_response(kept: Kept) -> Response:
+def stored_response(response: StoredResponse) -> Response:
     """An answer that was kept, or would be if it were asked for."""
-    headers = kept.headers | ({"Idempotency-Replayed": "true"} if kept.replayed else {})
-    return Response(kept.body, kept.status, headers=headers, media_type="application/json" if kept.body else None)
+    headers = response.headers | ({"Idempotency-Replayed": "true"} if response.replayed else {})
+    return Response(
+        response.body, response.status, headers=headers, media_type="application/json" if response.body else None
+    )
 
 
 def etag_header(etag: str) -> dict[str, str]:

@@ -18,12 +18,12 @@ from sqlalchemy.orm import Session
 from server.config.settings import IndexSettings
 from server.errors import DomainError, NotFound, StorageError
 from server.index.feature_cache import FeatureCache, FeatureReader
-from server.index.flushing import Shop, Stopped, flush
-from server.index.live_index import LiveIndex, Obstacle, State, TooMany, Unusable
+from server.index.flushing import FlushContext, Stopped, flush
+from server.index.live_index import CatchUpError, IndexVersion, LiveIndex, TooManyChanges, UnusableSegment
 from server.index.segment_folder import SegmentFolder
 from server.observability.metrics import Metrics
 from server.store.repositories.collections import Collections
-from server.store.repositories.segments import Listed, Segments
+from server.store.repositories.segments import SegmentRecord, Segments
 from server.store.sqlite.database import Database
 from server.store.tables import CollectionRow
 from urquhart import Abandoned, Recognizer
@@ -57,7 +57,7 @@ class Catalog:
         self.settings = settings or IndexSettings()
         self.folder = SegmentFolder(database)
         self.stopping = threading.Event()
-        self.shop = Shop(database, self.folder, self.settings.block_submaps, self.stopping.is_set)
+        self.flush_context = FlushContext(database, self.folder, self.settings.block_submaps, self.stopping.is_set)
         self._cache = FeatureCache(self.settings.cache_mb * 1_000_000)
         self._indexes: dict[str, LiveIndex] = {}
         self._guard = threading.Lock()
@@ -78,23 +78,23 @@ class Catalog:
         """
         most: int | None = self._most()
         missed: set[str] = set()
-        alone = flushed = False
+        exclusive = flushed = False
         while True:
             with ExitStack() as stack:
                 try:
-                    view = self._enter(stack, collection_id, most, alone=alone)
-                except Obstacle as error:
+                    view = self._enter(stack, collection_id, most, exclusive=exclusive)
+                except CatchUpError as error:
                     obstacle = error
                 else:
                     yield view
                     return
             # Outside of the snapshot: what is done about it is seen by the next one.
-            alone = True
-            if isinstance(obstacle, TooMany):
+            exclusive = True
+            if isinstance(obstacle, TooManyChanges):
                 # Once: where submaps are stored faster than segments are written, it takes what there is.
                 most = self._most() if self._flush(collection_id) and not flushed else None
                 flushed = True
-            elif isinstance(obstacle, Unusable):
+            elif isinstance(obstacle, UnusableSegment):
                 self._look_into(collection_id, obstacle, missed)
 
     def whatever_happens(self, collection_id: str, work: Callable[[], Result]) -> Result:
@@ -124,13 +124,13 @@ class Catalog:
         segments = zip(state.chain, state.files, strict=False)
         return not all(self.verify(live, listed, part) for listed, part in segments)
 
-    def verify(self, live: LiveIndex, listed: Listed, part: LiveSegment) -> bool:
+    def verify(self, live: LiveIndex, listed: SegmentRecord, part: LiveSegment) -> bool:
         """Compare a mapped segment with its checksums; whether it is sound, else it is used no more."""
         try:
             if part.segment.file is not None:
                 part.segment.file.check()
         except SegmentDamaged as error:
-            self.distrust(live, Unusable(listed, error))
+            self.quarantine(live, UnusableSegment(listed, error))
             return False
         return True
 
@@ -168,15 +168,15 @@ class Catalog:
                 if collection is not None and collection.key == live.key:
                     live.refresh(session, collection)
                     self._observe(live)
-        except Unusable as obstacle:
+        except UnusableSegment as obstacle:
             self._look_into(collection_id, obstacle, set())
 
-    def distrust(self, live: LiveIndex, obstacle: Unusable) -> None:
-        """A segment turned out to be damaged, or gone: what it held is read from the rows until it is made anew."""
+    def quarantine(self, live: LiveIndex, obstacle: UnusableSegment) -> None:
+        """A segment turned out to be damaged, or gone: what it held is read from the rows until it is rebuilt."""
         name, why = obstacle.listed.name, str(obstacle.error)
         self._distrusted += 1
         self._metrics.segments_damaged.inc()
-        _log.warning("collection %s: segment %s cannot be used (%s); making it anew", live.id, name, why)
+        _log.warning("collection %s: segment %s cannot be used (%s); rebuilding it", live.id, name, why)
         # One that cannot be read today may be sound: it is not given up for that.
         lost = isinstance(obstacle.error, FileNotFoundError) or not isinstance(obstacle.error, OSError)
         try:
@@ -198,15 +198,15 @@ class Catalog:
             known.drop()
             self._metrics.forget_index(collection_id)
 
-    def _enter(self, stack: ExitStack, collection_id: str, most: int | None, *, alone: bool) -> View:
+    def _enter(self, stack: ExitStack, collection_id: str, most: int | None, *, exclusive: bool) -> View:
         live = self._indexes.get(collection_id)
-        if live is None or not alone:
+        if live is None or not exclusive:
             return self._snapshot(stack, collection_id, live.state if live is not None else None, most)
         # Nobody can go on while the snapshot is taken: this attempt is not overtaken like the one before.
         with live.mutex:
             return self._snapshot(stack, collection_id, live.state, most)
 
-    def _snapshot(self, stack: ExitStack, collection_id: str, seen: State | None, most: int | None) -> View:
+    def _snapshot(self, stack: ExitStack, collection_id: str, seen: IndexVersion | None, most: int | None) -> View:
         session = stack.enter_context(self._database.read())
         collection = Collections(session).get(collection_id)
         if collection is None:
@@ -221,7 +221,7 @@ class Catalog:
         source = FeatureReader(session, live.key, live.config, self._cache, live.owner, state.revision)
         return View(session, collection, Recognizer(live.config, state.index, source), state.revision)
 
-    def _check_touched(self, state: State) -> None:
+    def _check_touched(self, state: IndexVersion) -> None:
         """Compare segments whose files were written to, which nobody should, with their checksums. Raises Unusable."""
         for listed, part in zip(state.chain, state.files, strict=False):
             file = part.segment.file
@@ -233,7 +233,7 @@ class Catalog:
                     file.check()
                     self._sound[listed.name] = stamp
             except (SegmentDamaged, OSError) as error:
-                raise Unusable(listed, error) from error
+                raise UnusableSegment(listed, error) from error
 
     def _live(self, collection: CollectionRow) -> LiveIndex:
         with self._guard:
@@ -252,8 +252,8 @@ class Catalog:
 
     def _flush(self, collection_id: str) -> bool:
         try:
-            with self._metrics.upkeep("flush"):
-                return flush(self.shop, collection_id) > 0
+            with self._metrics.maintenance("flush"):
+                return flush(self.flush_context, collection_id) > 0
         except (OSError, StorageError, Stopped) as error:
             _log.warning(
                 "collection %s: what changed is held in memory, it cannot be written: %s", collection_id, error
@@ -261,12 +261,12 @@ class Catalog:
             self._not_before = time.monotonic() + _AGAIN
             return False
 
-    def _look_into(self, collection_id: str, obstacle: Unusable, missed: set[str]) -> None:
+    def _look_into(self, collection_id: str, obstacle: UnusableSegment, missed: set[str]) -> None:
         live, name = self._indexes.get(collection_id), obstacle.listed.name
         if isinstance(obstacle.error, FileNotFoundError) and name not in missed:
             missed.add(name)  # merged away since the snapshot was taken, or so the next one will show
         elif live is not None:
-            self.distrust(live, obstacle)
+            self.quarantine(live, obstacle)
 
     def _observe(self, live: LiveIndex) -> None:
         state = live.state

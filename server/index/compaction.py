@@ -7,9 +7,9 @@ of these, too. Sizes that grow by a factor from each segment to the one before i
 from collections.abc import Sequence
 from typing import Final
 
-from server.index.flushing import Shop, register, write
-from server.index.live_index import State, Unusable
-from server.store.repositories.segments import Listed
+from server.index.flushing import FlushContext, register, write
+from server.index.live_index import IndexVersion, UnusableSegment
+from server.store.repositories.segments import SegmentRecord
 from urquhart.index.collection_index import LiveSegment
 from urquhart.index.quad_table import MOST_SLOTS
 from urquhart.index.segment_file import SegmentDamaged
@@ -21,7 +21,7 @@ _DEAD: Final = 0.25
 
 
 def plan(living: Sequence[int], sizes: Sequence[int]) -> list[range]:
-    """Runs of segments that are to be merged into one each, or written anew without what is gone.
+    """Runs of segments that are to be merged into one each, or rewritten without what is gone.
 
     Args:
         living, sizes: submaps that live, and that lie, in each segment, the oldest first.
@@ -35,12 +35,12 @@ def plan(living: Sequence[int], sizes: Sequence[int]) -> list[range]:
     return [run for run, _ in runs if len(run) > 1 or sizes[run[0]] - living[run[0]] > _DEAD * sizes[run[0]]]
 
 
-def due(state: State) -> list[range]:
+def due(state: IndexVersion) -> list[range]:
     """What is to be merged of an index."""
     return plan([part.living for part in state.files], [len(part.segment) for part in state.files])
 
 
-def merge(shop: Shop, collection_key: int, state: State, run: range) -> bool:
+def merge(flush_context: FlushContext, collection_key: int, state: IndexVersion, run: range) -> bool:
     """Merge a run of a state's segments and list the result in their place; whether that was done.
 
     Not where another process merges. What is read is checked first: a sum over what is damaged would make it sound.
@@ -49,26 +49,26 @@ def merge(shop: Shop, collection_key: int, state: State, run: range) -> bool:
         Unusable: a segment is not what was written.
         OSError, StorageError, Stopped.
     """
-    with shop.folder.lock("merge") as held:
+    with flush_context.folder.lock("merge") as held:
         if not held:
             return False
         parts, old = [state.files[i] for i in run], [state.chain[i] for i in run]
         stamps = [_stamp(part) for part in parts]
         for part, listed in zip(parts, old, strict=True):
             _check(part, listed)
-            shop.check()
+            flush_context.check()
         revision = old[-1].revision
         if run.stop == len(state.chain) and not state.delta:
             # Nothing changed since: it holds everything up to now, and what was deleted until now can be forgotten.
             revision = state.revision
-        new = write(shop, collection_key, parts, old[0].since, revision)
+        new = write(flush_context, collection_key, parts, old[0].since, revision)
         if stamps != [_stamp(part) for part in parts]:
             # Somebody wrote to what was being read, after it was checked.
-            shop.folder.remove([new.name])
-            raise Unusable(old[0], SegmentDamaged("it was written to while it was merged"))
-        if not register(shop, collection_key, old, [new]):
+            flush_context.folder.remove([new.name])
+            raise UnusableSegment(old[0], SegmentDamaged("it was written to while it was merged"))
+        if not register(flush_context, collection_key, old, [new]):
             return False
-        shop.folder.remove(segment.name for segment in old)
+        flush_context.folder.remove(segment.name for segment in old)
     return True
 
 
@@ -76,9 +76,9 @@ def _stamp(part: LiveSegment) -> tuple[int, int, int] | None:
     return None if part.segment.file is None else part.segment.file.stamp_now()
 
 
-def _check(part: LiveSegment, listed: Listed) -> None:
+def _check(part: LiveSegment, listed: SegmentRecord) -> None:
     try:
         if part.segment.file is not None:
             part.segment.file.check()
     except SegmentDamaged as error:
-        raise Unusable(listed, error) from error
+        raise UnusableSegment(listed, error) from error

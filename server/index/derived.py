@@ -1,4 +1,4 @@
-"""What is read from the store for the method: configurations, and features, made again where they cannot be used."""
+"""What is read from the store for the method: configurations, and features, rebuilt where they cannot be used."""
 
 import logging
 

@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable, Mapping
 from sqlalchemy.orm import Session
 
 from server.index.derived import features_of
-from server.store.repositories.feature_rows import Described
+from server.store.repositories.feature_rows import FeatureRows
 from urquhart import Config, Features, FeaturesError
 
 _OVERHEAD = 2_000
@@ -99,7 +99,7 @@ class FeatureReader:
         self, session: Session, collection_key: int, config: Config, cache: FeatureCache, owner: int, revision: int
     ) -> None:
         """`session` is on a snapshot at `revision`; `owner` is known to the cache."""
-        self._described = Described(session, collection_key)
+        self._described = FeatureRows(session, collection_key)
         self._config = config
         self._cache, self._owner, self._revision = cache, owner, revision
 

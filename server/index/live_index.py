@@ -19,8 +19,8 @@ from sqlalchemy.orm import Session
 from server.index.derived import config_of, features_of
 from server.index.feature_cache import FeatureCache
 from server.index.segment_folder import SegmentFolder
-from server.store.repositories.feature_rows import Described, StoredFeatures
-from server.store.repositories.segments import Listed, Segments, trusted
+from server.store.repositories.feature_rows import FeatureRows, StoredFeatures
+from server.store.repositories.segments import SegmentRecord, Segments, trusted
 from server.store.tables import CollectionRow
 from urquhart import Config, Features
 from urquhart.index.collection_index import CollectionIndex, LiveSegment
@@ -34,28 +34,28 @@ _owners = itertools.count(1)
 _log = logging.getLogger(__name__)
 
 
-class Obstacle(Exception):
+class CatchUpError(Exception):
     """Why an index cannot be brought to a snapshot as it is."""
 
 
-class Overtaken(Obstacle):
+class Superseded(CatchUpError):
     """Another thread brought it to a later revision meanwhile: take a new snapshot."""
 
 
-class TooMany(Obstacle):
+class TooManyChanges(CatchUpError):
     """More submaps changed than are to be taken into memory: write them to segments first."""
 
 
-class Unusable(Obstacle):
+class UnusableSegment(CatchUpError):
     """A listed segment cannot be trusted, or not be read: `listed`, and the error that tells why."""
 
-    def __init__(self, listed: Listed, error: Exception) -> None:
+    def __init__(self, listed: SegmentRecord, error: Exception) -> None:
         super().__init__(str(error))
         self.listed, self.error = listed, error
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class State:
+class IndexVersion:
     """A collection's index at one revision.
 
     Attributes:
@@ -67,7 +67,7 @@ class State:
 
     revision: int
     updated: datetime
-    chain: tuple[Listed, ...]
+    chain: tuple[SegmentRecord, ...]
     opened: int
     index: CollectionIndex
 
@@ -91,7 +91,7 @@ class State:
         return self.revision == collection.revision and self.updated == collection.updated
 
 
-def lay_out(segments: Sequence[Segment], gone: NDArray[np.int64]) -> list[LiveSegment]:
+def assemble(segments: Sequence[Segment], gone: NDArray[np.int64]) -> list[LiveSegment]:
     """Segments of a collection, the oldest first, with what lives in them.
 
     Without `gone` (K,) int64, the keys of submaps that were deleted, or changed after the last segment; and without
@@ -114,12 +114,14 @@ class LiveIndex:
         self.owner = next(_owners)
         self.mutex = threading.RLock()
         """Held by the one who makes the next state; never during a search."""
-        self.state: State | None = None
+        self.state: IndexVersion | None = None
         self.left_out: dict[str, str] = {}
         """Segments that this process does without although they are listed, by name, and why."""
         self._folder, self._cache = folder, cache
 
-    def catch_up(self, session: Session, collection: CollectionRow, seen: State | None, most: int | None) -> State:
+    def catch_up(
+        self, session: Session, collection: CollectionRow, seen: IndexVersion | None, most: int | None
+    ) -> IndexVersion:
         """The state at the revision of the session's snapshot, in which `collection` was read.
 
         Args:
@@ -138,7 +140,7 @@ class LiveIndex:
                 return state
             if state is not None and state.revision >= collection.revision:
                 if state is not seen:
-                    raise Overtaken
+                    raise Superseded
                 # The snapshot was taken after that state was made: the database was put back by a restored backup,
                 # and what the state holds may never have been.
                 _log.warning("collection %s went back to revision %d", self.id, collection.revision)
@@ -161,12 +163,14 @@ class LiveIndex:
                 self.state = self._assembled(session, collection, state, chain, None)
 
     def drop(self) -> None:
-        """Forget the state: the next view makes it anew."""
+        """Forget the state: the next view rebuilds it."""
         with self.mutex:
             self.state = None
             self._cache.forget(self.owner)
 
-    def _go_on(self, session: Session, collection: CollectionRow, state: State | None, most: int | None) -> State:
+    def _go_on(
+        self, session: Session, collection: CollectionRow, state: IndexVersion | None, most: int | None
+    ) -> IndexVersion:
         chain = Segments(session, self.key).chain()
         if state is not None and state.chain == chain and collection.pruned_revision <= state.revision:
             new = self._advanced(session, collection, state, most)
@@ -175,38 +179,40 @@ class LiveIndex:
         self.state = new
         return new
 
-    def _advanced(self, session: Session, collection: CollectionRow, state: State, most: int | None) -> State:
-        described = Described(session, self.key)
+    def _advanced(
+        self, session: Session, collection: CollectionRow, state: IndexVersion, most: int | None
+    ) -> IndexVersion:
+        described = FeatureRows(session, self.key)
         if most is not None and state.opened == len(state.chain):
             room = max(most - sum(part.living for part in state.delta), 0)
             if described.count_changed(state.revision, room + 1) > room:
-                raise TooMany
+                raise TooManyChanges
         gone, changed = described.deleted_since(state.revision), list[int]()
         index = state.index.with_changes(removed=gone) if gone else state.index
         for batch in self._batches(described.changed_since(state.revision, batch=_BATCH)):
             index = index.with_changes(batch)
             changed.extend(key for key, _ in batch)
         self._cache.advance(self.owner, collection.revision, gone + changed)
-        return State(collection.revision, collection.updated, state.chain, state.opened, index)
+        return IndexVersion(collection.revision, collection.updated, state.chain, state.opened, index)
 
     def _assembled(
         self,
         session: Session,
         collection: CollectionRow,
-        state: State | None,
-        chain: tuple[Listed, ...],
+        state: IndexVersion | None,
+        chain: tuple[SegmentRecord, ...],
         most: int | None,
-    ) -> State:
+    ) -> IndexVersion:
         """The state made of the segments that are listed, and of what `state` holds in memory and is still right."""
-        described = Described(session, self.key)
+        described = FeatureRows(session, self.key)
         segments = self._opened(chain, state)
         covered = chain[len(segments) - 1].revision if segments else 0
         # What a segment holds that must be left out is not to be written again: it has to be taken into memory.
         if most is not None and len(segments) == len(chain) and described.count_changed(covered, most + 1) > most:
-            raise TooMany
+            raise TooManyChanges
         uncovered = described.content_revisions(covered)
         gone = np.array([*uncovered, *(described.deleted_since(0) if segments else ())], np.int64)
-        files = lay_out(segments, gone)
+        files = assemble(segments, gone)
         held: list[LiveSegment] = []
         if state is not None:
             same = [key for key, changed in uncovered.items() if changed <= state.revision]
@@ -218,9 +224,9 @@ class LiveIndex:
         for batch in self._batches(described.stored(uncovered)):
             index = index.with_changes(batch)
         self._cache.advance(self.owner, collection.revision, self._touched(described, state))
-        return State(collection.revision, collection.updated, chain, len(segments), index)
+        return IndexVersion(collection.revision, collection.updated, chain, len(segments), index)
 
-    def _opened(self, chain: tuple[Listed, ...], state: State | None) -> list[Segment]:
+    def _opened(self, chain: tuple[SegmentRecord, ...], state: IndexVersion | None) -> list[Segment]:
         """The segments that can be used, from the first one on. Raises Unusable."""
         mapped = {} if state is None else dict(zip(state.chain, (p.segment for p in state.files), strict=False))
         good, segments = trusted(chain), list[Segment]()
@@ -229,14 +235,16 @@ class LiveIndex:
             if listed.name in self.left_out:
                 break
             if i == good:
-                raise Unusable(listed, SegmentDamaged(f"it is listed from {listed.since} on, which leaves a gap"))
+                raise UnusableSegment(
+                    listed, SegmentDamaged(f"it is listed from {listed.since} on, which leaves a gap")
+                )
             try:
                 segments.append(mapped.get(listed) or self._folder.open(listed, self.key, self.config))
             except (SegmentDamaged, OSError) as error:
-                raise Unusable(listed, error) from error
+                raise UnusableSegment(listed, error) from error
         return segments
 
-    def _touched(self, described: Described, state: State | None) -> Iterable[int] | None:
+    def _touched(self, described: FeatureRows, state: IndexVersion | None) -> Iterable[int] | None:
         if state is None or described.count_changed(state.revision, _MANY + 1) > _MANY:
             return None
         return described.content_revisions(state.revision)

@@ -15,11 +15,11 @@ from typing import Final
 from server.index.catalog import Catalog
 from server.index.compaction import due, merge
 from server.index.flushing import Progress, Stopped, count_uncovered, flush, flush_state
-from server.index.live_index import LiveIndex, Unusable
+from server.index.live_index import LiveIndex, UnusableSegment
 from server.observability.metrics import Metrics
 from server.platform.threads import pin_threads
 from server.store.repositories.collections import Collections
-from server.store.repositories.segments import Listed, all_chains
+from server.store.repositories.segments import SegmentRecord, all_chains
 from server.store.sqlite.database import Database
 from urquhart.index.collection_index import LiveSegment
 
@@ -37,7 +37,7 @@ _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
-class _Failure:
+class _FailedTask:
     """Of a task: what it was, how often in a row, and when to try again (`time.monotonic`)."""
 
     cause: str
@@ -45,17 +45,17 @@ class _Failure:
     again: float
 
 
-class Upkeep:
+class Maintenance:
     """The work on the segments of one process's database; started as a thread, or done at once by `run`."""
 
     def __init__(self, database: Database, catalog: Catalog, metrics: Metrics) -> None:
         self._database, self._catalog, self._metrics = database, catalog, metrics
-        self._settled: dict[int, tuple[int, tuple[Listed, ...]]] = {}
+        self._up_to_date: dict[int, tuple[int, tuple[SegmentRecord, ...]]] = {}
         """Revision and segments at which there was nothing to do for a collection, by key."""
         self._checked: dict[str, float] = {}
         """When each segment that is mapped was compared with its checksums last (`time.monotonic`), by name."""
         self._next_check = 0.0
-        self._failures: dict[str, _Failure] = {}
+        self._failures: dict[str, _FailedTask] = {}
         self._swept = -_SWEEP
         self._look_seconds = 0.0
         self._thread: threading.Thread | None = None
@@ -84,25 +84,25 @@ class Upkeep:
         self._look_seconds = time.monotonic() - began
         for key, collection_id, revision in revisions:
             seen = (revision, chains.get(key, ()))
-            if self._settled.get(key) != seen:
-                self._settled.pop(key, None)
+            if self._up_to_date.get(key) != seen:
+                self._up_to_date.pop(key, None)
                 if self._try(f"collection {collection_id}", partial(self._tend, collection_id)):
-                    self._settled[key] = seen
+                    self._up_to_date[key] = seen
         there = {key for key, _, _ in revisions}
-        self._settled = {key: seen for key, seen in self._settled.items() if key in there}
+        self._up_to_date = {key: seen for key, seen in self._up_to_date.items() if key in there}
         self._try("checks of segments", self._check_again)
         if time.monotonic() - self._swept >= _SWEEP:
             self._swept = time.monotonic()
             self._try("left-over segments", self._sweep)
-        return len(self._settled) == len(there)
+        return len(self._up_to_date) == len(there)
 
-    def settle(self, collection_id: str, *, least: int = 1, progress: Progress | None = None) -> int:
+    def flush_and_merge(self, collection_id: str, *, least: int = 1, progress: Progress | None = None) -> int:
         """Write what no segment holds, `least` submaps or more, and merge what is to be merged; how many were written.
 
         Raises OSError, StorageError.
         """
-        with self._metrics.upkeep("flush"):
-            written = flush(self._catalog.shop, collection_id, least=least, progress=progress)
+        with self._metrics.maintenance("flush"):
+            written = flush(self._catalog.flush_context, collection_id, least=least, progress=progress)
         self.merge_all(collection_id)
         return written
 
@@ -136,7 +136,7 @@ class Upkeep:
             times = 1 if failure is None else failure.times + 1
             if failure is None or failure.cause != cause:
                 _log.warning("segments, %s: %s; trying again later", task, cause, exc_info=error)
-            self._failures[task] = _Failure(cause, times, time.monotonic() + min(2.0**times, _PATIENCE))
+            self._failures[task] = _FailedTask(cause, times, time.monotonic() + min(2.0**times, _PATIENCE))
             return False
         self._failures.pop(task, None)
         return done
@@ -155,11 +155,11 @@ class Upkeep:
             return True
         live = self._catalog.live(collection_id)
         state = live.state if live is not None else None
-        with self._metrics.upkeep("flush"):
+        with self._metrics.maintenance("flush"):
             if live is not None and state is not None and sum(part.living for part in state.delta) > most // 2:
-                written = flush_state(self._catalog.shop, live.key, state)
+                written = flush_state(self._catalog.flush_context, live.key, state)
             else:
-                written = flush(self._catalog.shop, collection_id, least=most + 1, wait=False)
+                written = flush(self._catalog.flush_context, collection_id, least=most + 1, wait=False)
         self._catalog.refresh(collection_id)
         return written > 0
 
@@ -169,11 +169,11 @@ class Upkeep:
             return True  # nobody has asked for it here
         while (state := live.state) is not None and (runs := due(state)):
             try:
-                with self._metrics.upkeep("merge"):
-                    if not merge(self._catalog.shop, live.key, state, runs[0]):
+                with self._metrics.maintenance("merge"):
+                    if not merge(self._catalog.flush_context, live.key, state, runs[0]):
                         return False
-            except Unusable as obstacle:
-                self._catalog.distrust(live, obstacle)
+            except UnusableSegment as obstacle:
+                self._catalog.quarantine(live, obstacle)
                 return False
             self._catalog.refresh(collection_id)
             if live.state is state:
@@ -209,9 +209,9 @@ class Upkeep:
             self._next_check = time.monotonic() + _SHARE * (time.monotonic() - began)
         return True
 
-    def _verify(self, live: LiveIndex, listed: Listed, part: LiveSegment) -> bool:
-        self._catalog.shop.check()
-        with self._metrics.upkeep("check"):
+    def _verify(self, live: LiveIndex, listed: SegmentRecord, part: LiveSegment) -> bool:
+        self._catalog.flush_context.check()
+        with self._metrics.maintenance("check"):
             sound = self._catalog.verify(live, listed, part)
         self._checked[listed.name] = time.monotonic()
         return sound
@@ -221,8 +221,8 @@ class Upkeep:
             if live.left_out:
                 live.left_out.clear()
                 self._catalog.refresh(live.id)
-        self._settled.clear()
+        self._up_to_date.clear()
         if not self._database.read_only:
-            with self._metrics.upkeep("sweep"):
+            with self._metrics.maintenance("sweep"):
                 self._catalog.folder.sweep()
         return True

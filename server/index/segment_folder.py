@@ -1,7 +1,7 @@
 """The files of a database's index, in a folder beside it: named, opened with suspicion, locked, swept.
 
 What counts is listed in the database. A file that is not listed is left over, and one that is listed and cannot be
-trusted is made anew.
+trusted is rebuilt.
 """
 
 import time
@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import Final, Literal
 
 from server.platform.file_locks import try_lock
-from server.store.repositories.segments import Listed, all_names
+from server.store.repositories.segments import SegmentRecord, all_names
 from server.store.sqlite.database import Database
 from urquhart import Config
 from urquhart.index.segment import Segment
 from urquhart.index.segment_file import SegmentDamaged
 
-Work = Literal["flush", "merge"]
+LockName = Literal["flush", "merge"]
 """What only one process does at a time."""
 
 _ENDING: Final = ".segment"
@@ -46,7 +46,7 @@ class SegmentFolder:
         name = uuid.uuid4().hex
         return name, self.file(name)
 
-    def open(self, listed: Listed, collection_key: int, config: Config) -> Segment:
+    def open(self, listed: SegmentRecord, collection_key: int, config: Config) -> Segment:
         """Map a listed segment.
 
         Raises:
@@ -59,7 +59,7 @@ class SegmentFolder:
         except (KeyError, TypeError) as error:
             raise SegmentDamaged(f"{path.name} lacks {error}") from error
         kept = segment.file.about if segment.file is not None else {}
-        for what, value in about(listed.name, collection_key, listed.since, listed.revision).items():
+        for what, value in is_of(listed.name, collection_key, listed.since, listed.revision).items():
             if kept.get(what) != value:
                 raise SegmentDamaged(f"{path.name} is of {what} {kept.get(what)}, {value} is listed")
         if len(segment) != listed.submaps:
@@ -69,7 +69,7 @@ class SegmentFolder:
         return segment
 
     @contextmanager
-    def lock(self, work: Work, *, wait: Callable[[], bool] = lambda: False) -> Iterator[bool]:
+    def lock(self, work: LockName, *, wait: Callable[[], bool] = lambda: False) -> Iterator[bool]:
         """Be the only one, in this process or another, that does such work; whether it is so.
 
         Args:
@@ -111,7 +111,7 @@ class SegmentFolder:
         return len(left)
 
 
-def about(name: str, collection_key: int, since: int, revision: int) -> dict[str, str | int]:
+def is_of(name: str, collection_key: int, since: int, revision: int) -> dict[str, str | int]:
     """What a segment's file says of itself, so that no other can stand in its place."""
     return {"name": name, "collection": collection_key, "since": since, "revision": revision}
 

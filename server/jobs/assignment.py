@@ -28,7 +28,7 @@ class Interrupted(Exception):
     """The service stops: the job goes on another time."""
 
 
-class GaveWay(Exception):
+class Yielded(Exception):
     """The job had its turn, and another one waits."""
 
 
@@ -37,7 +37,7 @@ class Dismissed(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Tools:
+class JobContext:
     """What jobs work with."""
 
     settings: Settings
@@ -47,16 +47,16 @@ class Tools:
     folder: JobFolder
 
 
-class Work(Protocol):
+class JobFunction(Protocol):
     """A kind of job: a function that does one from where it stands to its end.
 
     It calls `assignment.report` now and then, best in the transaction of what it reports; that raises when it is to
     stop, and undoes that transaction. After that it calls `assignment.give_way`, where it can go on from there another
     time. What it needs to go on after a restart it leaves in `progress`. What it raises
-    of `DomainError` is told as the reason why the job failed.
+    of `DomainError` is the reason given for the job's failure.
     """
 
-    def __call__(self, assignment: "Assignment", tools: Tools) -> None: ...
+    def __call__(self, assignment: "Assignment", context: JobContext) -> None: ...
 
 
 class Assignment:
@@ -76,7 +76,7 @@ class Assignment:
         self._began, self._before = self._reported, float(row.progress.get("worked", 0.0))
 
     def collection(self, session: Session) -> CollectionRow:
-        """The collection that the job was taken on for. Raises NotFound, also where another has its name by now."""
+        """The collection that the job was accepted for. Raises NotFound, also where another has its name by now."""
         collection = Collections(session).get(self.collection_id)
         if collection is None or collection.key != self.collection_key:
             raise NotFound("collection", self.collection_id)
@@ -104,7 +104,7 @@ class Assignment:
         """Seconds since the last report."""
         return time.monotonic() - self._reported
 
-    def give_way(self) -> None:
+    def yield_turn(self) -> None:
         """Raise GaveWay when the job's turn is over and a job of another key, or on another collection, waits.
 
         What was reported is where it goes on. Raises StorageError.
@@ -113,7 +113,7 @@ class Assignment:
             return
         with self._database.read() as session:
             if Jobs(session).others_wait(self._queue):
-                raise GaveWay
+                raise Yielded
 
     def _note(self, session: Session) -> None:
         jobs = Jobs(session)

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 from datetime import datetime
 
 from server.errors import Conflict, NotFound
-from server.problem_types import kind_of, plain
+from server.problem_types import plain, problem_type_of
 from server.store.repositories.jobs import UNFINISHED, Jobs
 from server.store.sqlite.database import Database
 from server.store.tables import JobRow
 
-_CANCELLED = plain(kind_of(Conflict("")), "The operator of the service cancelled this job.")
+_CANCELLED = plain(problem_type_of(Conflict("")), "The operator of the service cancelled this job.")
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Jobs as callers see them: taken on, told of, dismissed."""
+"""Jobs as callers see them: accepted, reported, dismissed."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -10,42 +10,42 @@ from sqlalchemy.orm import Session
 
 from server.collections.registry import get_collection
 from server.config.settings import Limits
-from server.constraints.formats import Known, is_stale, write_out
+from server.constraints.formats import StoredSubmap, is_stale, write_out
 from server.errors import Conflict, Forbidden, Gone, NotFound, StorageReadOnly
 from server.jobs.folder import JobFolder
 from server.jobs.quota import check_key, check_quota
 from server.jobs.refusals import summary
 from server.platform.ids import new_id
 from server.resources import links
-from server.resources.idempotency import NO_CONTENT, Kept, Once, keep, recall
+from server.resources.idempotency import NO_CONTENT, IdempotencyKey, StoredResponse, find_response, store_response
 from server.resources.paging import page_size, read_cursor, write_cursor
 from server.schemas.common import to_json
 from server.schemas.constraints import ConstraintFormat
 from server.schemas.jobs import JobAnswer, JobLinks, JobPage, JobState
-from server.security.principal import Caller, Scope
+from server.security.principal import Principal, Scope
 from server.store.repositories.jobs import UNFINISHED, Jobs
 from server.store.repositories.submaps import Submaps, stored_place
 from server.store.sqlite.database import Database
 from server.store.sqlite.sqlite_errors import storage_errors
 from server.store.tables import JobRow
 
-Kind = Literal["import", "reindex", "constraints"]
+JobType = Literal["import", "reindex", "constraints"]
 
 
 def accept(
     database: Database,
     collection_id: str,
-    caller: Caller,
-    kind: Kind,
-    once: Once | None,
+    caller: Principal,
+    kind: JobType,
+    idempotency_key: IdempotencyKey | None,
     limits: Limits,
     *,
     job_id: str | None = None,
     parameters: dict[str, Any] | None = None,
     total: int | None = None,
-    alone: bool = False,
+    exclusive: bool = False,
     collection_key: int | None = None,
-) -> Kept:
+) -> StoredResponse:
     """Take a job on, unless the same was done before; what is answered.
 
     `alone`: not beside another unfinished one of its kind on the collection.
@@ -57,13 +57,13 @@ def accept(
         if collection_key not in (None, collection.key):
             raise NotFound("collection", collection_id)
         operation = f"{kind} {collection.key}"
-        kept = recall(session, once, operation)
-        if kept is not None:
-            return kept
+        response = find_response(session, idempotency_key, operation)
+        if response is not None:
+            return response
         jobs = Jobs(session)
         check_key(session, caller)
         check_quota(session, caller, limits)
-        if alone and jobs.unfinished(collection.key, kind):
+        if exclusive and jobs.unfinished(collection.key, kind):
             raise Conflict(f"A job of the kind {kind} is at work on {collection_id!r}; wait for it, or dismiss it.")
         row = jobs.add(
             job_id=job_id or new_id(),
@@ -74,12 +74,12 @@ def accept(
             parameters=parameters or {},
             total=total,
         )
-        answer = Kept(202, {"Location": links.job(row.id), "Retry-After": "1"}, to_json(describe(row)))
-        return keep(session, once, operation, answer)
+        answer = StoredResponse(202, {"Location": links.job(row.id), "Retry-After": "1"}, to_json(describe(row)))
+        return store_response(session, idempotency_key, operation, answer)
 
 
 def check(database: Database, collection_id: str) -> int:
-    """Refuse what could not be taken on, before all of it is sent; the collection's key.
+    """Refuse what could not be accepted, before all of it is sent; the collection's key.
 
     Raises NotFound and StorageError.
     """
@@ -90,7 +90,7 @@ def check(database: Database, collection_id: str) -> int:
     return collection.key
 
 
-def read(database: Database, caller: Caller, job_id: str) -> JobAnswer:
+def read(database: Database, caller: Principal, job_id: str) -> JobAnswer:
     """A job. Raises NotFound."""
     with database.read() as session:
         return describe(_row(session, caller, job_id))
@@ -99,7 +99,7 @@ def read(database: Database, caller: Caller, job_id: str) -> JobAnswer:
 def page(
     database: Database,
     limits: Limits,
-    caller: Caller,
+    caller: Principal,
     *,
     state: JobState | None,
     collection_id: str | None,
@@ -130,16 +130,18 @@ def unfinished(database: Database, job_ids: Collection[str]) -> set[str]:
         return Jobs(session).unfinished_among(job_ids)
 
 
-def dismiss(database: Database, folder: JobFolder, caller: Caller, job_id: str, once: Once | None) -> Kept:
-    """End a job, at once or when what is at hand is done; or forget a finished one with its files. What is answered.
+def dismiss(
+    database: Database, folder: JobFolder, caller: Principal, job_id: str, idempotency_key: IdempotencyKey | None
+) -> StoredResponse:
+    """End a job, at once or after the work in progress; or forget a finished one with its files. The response.
 
     Raises NotFound, Forbidden (another's job, and a key that may only read), KeyReused and StorageError.
     """
     operation = f"deleteJob {job_id}"
     with database.write() as session:
-        kept = recall(session, once, operation)
-        if kept is not None:
-            return kept
+        response = find_response(session, idempotency_key, operation)
+        if response is not None:
+            return response
         row, jobs = _row(session, caller, job_id), Jobs(session)
         if not (row.caller == caller.id or caller.scopes & {Scope.WRITE, Scope.ADMIN}):
             raise Forbidden("This is a job of another key; to dismiss it, a key needs the scope write or admin.")
@@ -154,13 +156,18 @@ def dismiss(database: Database, folder: JobFolder, caller: Caller, job_id: str, 
         if row.state in UNFINISHED:
             session.refresh(row)
             answer = describe(row)
-        kept = keep(session, once, operation, NO_CONTENT if answer is None else Kept(202, {}, to_json(answer)))
+        response = store_response(
+            session,
+            idempotency_key,
+            operation,
+            NO_CONTENT if answer is None else StoredResponse(202, {}, to_json(answer)),
+        )
     with storage_errors(folder.path):
         if answer is None:
             folder.remove(job_id)
         elif answer.finished is not None:
             folder.clear(job_id)
-    return kept
+    return response
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,7 +181,7 @@ class Results:
     rest: bytes
 
 
-def results(database: Database, folder: JobFolder, caller: Caller, job_id: str) -> Results:
+def results(database: Database, folder: JobFolder, caller: Principal, job_id: str) -> Results:
     """A job's results, to be closed.
 
     Raises NotFound, Conflict (unfinished), Gone (kept long enough, or the collection is gone).
@@ -211,7 +218,8 @@ def constraints(
     with database.read() as session:
         submaps = Submaps(session, left.collection_key)
         known = {
-            row.id: Known(row.content_revision, stored_place(row)) for row in submaps.rows(submaps.keys(names).values())
+            row.id: StoredSubmap(row.content_revision, stored_place(row))
+            for row in submaps.rows(submaps.keys(names).values())
         }
     told = [one | {"stale": is_stale(one, known)} for one in found]
     return write_out(told, wanted, known, frame_id), sum(one["stale"] for one in told)
@@ -246,7 +254,7 @@ def describe(row: JobRow) -> JobAnswer:
     )
 
 
-def _row(session: Session, caller: Caller, job_id: str) -> JobRow:
+def _row(session: Session, caller: Principal, job_id: str) -> JobRow:
     jobs = Jobs(session)
     row = jobs.get(job_id)
     if row is None or not caller.sees(row.collection_id):

@@ -1,7 +1,7 @@
 """What an import tells of lines that it refuses: a limited number of bytes, however many there are.
 
-A refused line may have three bytes, and its problem a hundred times as many. So the first refusals are told in full,
-the next ones in short, and the rest are counted by kind. Nothing is left out silently: each is told or counted.
+A refused line may have three bytes, and its problem a hundred times as many. So the first refusals are reported
+in full, the next ones in short, and the rest are counted by kind. Each is reported or counted.
 """
 
 from collections.abc import Mapping
@@ -10,7 +10,7 @@ from typing import Any, Final
 import orjson
 
 from server.problem_types import document
-from server.submaps.bulk import Line
+from server.submaps.bulk import LineOutcome
 
 _IN_FULL: Final = 0.5
 """Share of the bytes for refusals in full; the rest is for short ones."""
@@ -23,7 +23,7 @@ class Refusals:
     """Lines of results for refused lines, and the state that a job keeps between two of its batches.
 
     Args:
-        most: bytes of lines for them, about; the one that reaches the limit is still told.
+        most: bytes of lines for them, about; the one that reaches the limit is still reported.
         state: what `state()` said when the job was left, or None.
     """
 
@@ -33,10 +33,10 @@ class Refusals:
         self._counted: dict[str, list[int]] = {kind: list(known) for kind, known in state["counted"]} if state else {}
 
     def state(self) -> dict[str, Any]:
-        """How much was told, and what was counted, ready for JSON."""
+        """How much was reported, and what was counted, ready for JSON."""
         return {"bytes": self._written, "counted": [[kind, known] for kind, known in self._counted.items()]}
 
-    def told(self, line: Line) -> bytes | None:
+    def describe(self, line: LineOutcome) -> bytes | None:
         """A line of results for one that was refused, or None where it is only counted."""
         assert line.error is not None
         problem = document(line.error)

@@ -3,7 +3,7 @@
 Jobs of one key on one collection are done one after the other, in the order they came; the keys, and the collections of
 a key, take turns. Who does a job holds the collection's lock,
 which the kernel frees when the process ends; so a job that is `running` while its lock is free was left by a process
-that is gone, and whoever gets the lock goes on with it. No clock is asked.
+that is gone, and the process that gets the lock resumes it. The lock decides, not a timeout.
 """
 
 import logging
@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from server.errors import DomainError, StorageBusy, StorageError, StorageFull, WorkerLost
-from server.jobs.assignment import Assignment, Dismissed, GaveWay, Interrupted, Tools, Work
+from server.jobs.assignment import Assignment, Dismissed, Interrupted, JobContext, JobFunction, Yielded
 from server.jobs.folder import ARRIVING, FOUND, INPUT, RESULTS
 from server.platform.threads import pin_threads
 from server.problem_types import INTERNAL, document
@@ -26,7 +26,7 @@ _LOOK: Final = 0.5
 """Seconds between two looks at what other processes took on."""
 _SWEEP: Final = 600.0
 _PATIENCE: Final = 3.0
-"""Seconds that what is at hand may take when the service stops."""
+"""Seconds that what is in progress may take when the service stops."""
 _LONGEST_PAUSE: Final = 60.0
 """Seconds between two looks, as long as these fail."""
 _STARTS: Final = 5
@@ -37,8 +37,8 @@ _log = logging.getLogger(__name__)
 class Runner:
     """Does the jobs of a database, one at a time in this process."""
 
-    def __init__(self, tools: Tools, works: Mapping[str, Work]) -> None:
-        self._tools, self._works = tools, works
+    def __init__(self, context: JobContext, job_types: Mapping[str, JobFunction]) -> None:
+        self._context, self._job_types = context, job_types
         self._stopping, self._news = threading.Event(), threading.Event()
         self._swept = -_SWEEP
         self._thread: threading.Thread | None = None
@@ -48,7 +48,7 @@ class Runner:
 
     def start(self) -> None:
         """Begin, in the background."""
-        if self._tools.database.read_only:
+        if self._context.database.read_only:
             return
         self._stopping.clear()
         self._budget = Budget()
@@ -56,11 +56,11 @@ class Runner:
         self._thread.start()
 
     def wake(self) -> None:
-        """There is news: a job was taken on, or dismissed."""
+        """There is news: a job was accepted, or dismissed."""
         self._news.set()
 
     def hand_back(self) -> None:
-        """Tell the job at hand to end soon; it goes on where it was when a service is started again.
+        """Tell the job in progress to end soon; it goes on where it was when a service is started again.
 
         A job that writes segments ends when the catalog's `stopping` is set, too: set that before.
         """
@@ -69,7 +69,7 @@ class Runner:
         self._news.set()
 
     def stop(self) -> None:
-        """Hand the job at hand back, and wait until that is done, but not for long: else its lock does it."""
+        """Hand the job in progress back, and wait until that is done, but not for long: else its lock does it."""
         self.hand_back()
         if self._thread is not None:
             self._thread.join(_PATIENCE)
@@ -96,12 +96,12 @@ class Runner:
         Callers take turns, and so do the collections of one caller: however many jobs somebody has, a job of another
         waits for one turn of each caller.
         """
-        with self._tools.database.read() as session:
+        with self._context.database.read() as session:
             queues = Jobs(session).queues()
         callers = {queue.caller for queue in queues}
         self._served = {one: turn for one, turn in self._served.items() if one in callers or one in queues}
         for queue in sorted(queues, key=self._last_served):
-            with self._tools.folder.turn(queue.collection_key) as ours:
+            with self._context.folder.turn(queue.collection_key) as ours:
                 if ours and self._take(queue):
                     return True
             if self._stopping.is_set():
@@ -116,16 +116,16 @@ class Runner:
 
         Raises OSError and StorageError.
         """
-        with self._tools.database.read() as session:
-            surplus = Jobs(session).surplus(self._tools.settings.jobs.keep_rows)
+        with self._context.database.read() as session:
+            surplus = Jobs(session).surplus(self._context.settings.jobs.keep_rows)
         if surplus:
-            with self._tools.database.write() as session:
+            with self._context.database.write() as session:
                 Jobs(session).remove(surplus)
-        self._tools.folder.sweep(self._unwanted)
+        self._context.folder.sweep(self._unwanted)
 
     def _unwanted(self, paths: Sequence[Path]) -> list[Path]:
-        since = datetime.now(UTC) - timedelta(days=self._tools.settings.jobs.keep_days)
-        with self._tools.database.read() as session:
+        since = datetime.now(UTC) - timedelta(days=self._context.settings.jobs.keep_days)
+        with self._context.database.read() as session:
             unfinished, with_results = Jobs(session).unfinished_ids(), Jobs(session).with_results(since)
         wanted = {INPUT: unfinished, FOUND: unfinished, RESULTS: with_results, ARRIVING: set[str]()}
         return [path for path in paths if path.suffix in wanted and path.stem not in wanted[path.suffix]]
@@ -133,7 +133,7 @@ class Runner:
     def _take(self, queue: Queue) -> bool:
         self._turns += 1
         self._served[queue.caller] = self._served[queue] = self._turns
-        with self._tools.database.write() as session:
+        with self._context.database.write() as session:
             jobs = Jobs(session)
             row = jobs.next(queue)
             if row is None:
@@ -146,8 +146,8 @@ class Runner:
                 progress={**row.progress, "starts": starts},
             )
             session.refresh(row)
-            turn = self._tools.settings.jobs.slice_seconds
-            assignment = Assignment(row, self._tools.database, self._stopping, turn, self._budget)
+            turn = self._context.settings.jobs.slice_seconds
+            assignment = Assignment(row, self._context.database, self._stopping, turn, self._budget)
             dismissed = row.dismissed
         if dismissed:
             self._finish(row.id, "dismissed")
@@ -160,8 +160,8 @@ class Runner:
     def _do(self, kind: str, assignment: Assignment) -> bool:
         """Bring a job to its end, or as far as possible now; whether it is at its end, or had its turn."""
         try:
-            self._works[kind](assignment, self._tools)
-        except GaveWay:
+            self._job_types[kind](assignment, self._context)
+        except Yielded:
             self._put_back(assignment.id, starts=-1)
             return True
         except (Interrupted, Abandoned):
@@ -186,13 +186,13 @@ class Runner:
 
     def _finish(self, job_id: str, state: str, problem: dict[str, Any] | None = None) -> None:
         def note() -> None:
-            with self._tools.database.write() as session:
+            with self._context.database.write() as session:
                 # Who dismissed it may have said why.
                 why = {} if state == "dismissed" else {"problem": problem}
                 Jobs(session).change(job_id, state=state, finished=datetime.now(UTC), **why)
 
         def make_room() -> None:
-            self._tools.folder.clear(job_id)
+            self._context.folder.clear(job_id)
 
         # Until it is noted somebody may go on with the job. He finds that nothing is left to do, or fails for want of
         # the input, which is as good; but on a full disk it may be the input that leaves no room for the note.
@@ -203,7 +203,7 @@ class Runner:
         """Leave a job to whoever takes it next, with so much more on the count of its starts."""
 
         def note() -> None:
-            with self._tools.database.write() as session:
+            with self._context.database.write() as session:
                 jobs = Jobs(session)
                 # What the assignment says of its progress may be of a transaction that was undone.
                 if (row := jobs.get(job_id)) is not None:

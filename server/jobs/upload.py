@@ -29,7 +29,7 @@ class Inflating(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Spooled:
+class ReceivedUpload:
     """What arrived: bytes and lines of it, and its SHA-256."""
 
     size: int
@@ -38,9 +38,9 @@ class Spooled:
 
 
 @asynccontextmanager
-async def spooled(
+async def receive_upload(
     folder: JobFolder, job_id: str, pieces: AsyncIterator[bytes], limit: int, inflater: Inflating | None
-) -> AsyncIterator[Spooled]:
+) -> AsyncIterator[ReceivedUpload]:
     """Write an upload to the job's input, and onto the disk; within the block its job is taken on.
 
     Raises TooLarge, MalformedBody, StorageError, and what ends the pieces. Then, and where the block raises, nothing is
@@ -59,7 +59,7 @@ async def spooled(
                         await anyio.to_thread.run_sync(writer.write, piece)
                 await anyio.to_thread.run_sync(writer.close)
                 folder.publish(path, folder.input(job_id))
-            yield Spooled(writer.size, writer.lines, writer.digest.hexdigest())
+            yield ReceivedUpload(writer.size, writer.lines, writer.digest.hexdigest())
     except Exception:
         folder.remove(job_id)
         raise

@@ -7,8 +7,8 @@ from typing import Final
 from server.errors import StorageError
 from server.observability.metric_samples import Family, Key, merged
 from server.observability.metrics import OTHER, Metrics, text_of
-from server.observability.metrics_exchange import Exchange
-from server.store.repositories.collections import Collections, Size
+from server.observability.metrics_exchange import MetricsExchange
+from server.store.repositories.collections import Collections, CollectionSize
 from server.store.repositories.jobs import Jobs
 from server.store.sqlite.database import Database
 
@@ -19,14 +19,14 @@ _UP: Final = "Whether the database could be read for this answer."
 class Sizes:
     """The largest collections, and all of them together; unfinished jobs by their state."""
 
-    largest: Sequence[Size]
+    largest: Sequence[CollectionSize]
     collections: int
     submaps: int
     landmarks: int
     jobs: dict[str, int]
 
 
-def exposition(database: Database, metrics: Metrics, exchange: Exchange | None) -> bytes:
+def exposition(database: Database, metrics: Metrics, exchange: MetricsExchange | None) -> bytes:
     """The metrics of all processes, in Prometheus' text format. The database not being there is a metric, too."""
     elsewhere = [] if exchange is None else exchange.others()
     told = merged([metrics.families(), *elsewhere])

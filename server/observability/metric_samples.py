@@ -1,4 +1,4 @@
-"""Samples of metrics apart from the process that counted them: put into words, and several processes' into one."""
+"""Samples of metrics apart from the process that counted them: as JSON, and merged over several processes."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -70,12 +70,12 @@ def merged(several: Sequence[Sequence[Family]]) -> list[Family]:
     return list(made.values())
 
 
-def lasting(told: Iterable[Family]) -> list[Family]:
+def cumulative(told: Iterable[Family]) -> list[Family]:
     """What counts on after a process has ended."""
     return [family for family in told if family.kind in _KEPT]
 
 
-def to_words(told: Iterable[Family]) -> list[Any]:
+def to_json(told: Iterable[Family]) -> list[Any]:
     """As JSON can hold it."""
     return [
         [family.name, family.kind, family.about, [[name, labels, value] for (name, labels), value in samples.items()]]
@@ -84,7 +84,7 @@ def to_words(told: Iterable[Family]) -> list[Any]:
     ]
 
 
-def from_words(words: list[Any]) -> list[Family]:
+def from_json(words: list[Any]) -> list[Family]:
     """The reverse."""
     return [
         Family(

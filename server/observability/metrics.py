@@ -15,7 +15,7 @@ from prometheus_client.registry import Collector
 from server.observability.metric_samples import Family, families
 
 OTHER: Final = "other"
-"""Label of all collections that are not told by name; one that is called so counts among them."""
+"""Label of all collections that are not named; one that is called so counts among them."""
 _SECONDS = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0)
 
 
@@ -35,7 +35,7 @@ class Metrics:
     content_type = CONTENT_TYPE_LATEST
 
     def __init__(self, collections: int = 20) -> None:
-        """With at most `collections` told by name."""
+        """With at most `collections` named."""
         self.collections = collections
         self.registry = CollectorRegistry()
         self.requests = self._counter("requests", "Requests answered.", "route", "method", "status")
@@ -66,8 +66,8 @@ class Metrics:
         self.registry.register(_Indexes(self.index_states))
 
     @contextmanager
-    def upkeep(self, task: str) -> Iterator[None]:
-        """Count and time a task of the upkeep."""
+    def maintenance(self, task: str) -> Iterator[None]:
+        """Count and time a maintenance task."""
         began = time.perf_counter()
         try:
             yield
@@ -100,7 +100,7 @@ class Metrics:
             self._indexes.pop(collection, None)
 
     def index_states(self) -> list[tuple[str, IndexState]]:
-        """The largest live indexes by collection, as many as are told by name."""
+        """The largest live indexes by collection, as many as are named."""
         with self._guard:
             known = [(name, state) for name, state in self._indexes.items() if name != OTHER]
         return sorted(known, key=lambda one: (-one[1].submaps, one[0]))[: self.collections]
@@ -135,7 +135,7 @@ class _Given(Collector):
 
 
 class _Indexes(Collector):
-    """The live indexes, told when they are asked for: a gauge for each collection would be kept for all of them."""
+    """The live indexes, reported when they are asked for: a gauge for each collection would be kept for all of them."""
 
     def __init__(self, states: Callable[[], list[tuple[str, IndexState]]]) -> None:
         self._states = states

@@ -16,7 +16,7 @@ from typing import Final
 
 import orjson
 
-from server.observability.metric_samples import Family, from_words, lasting, merged, to_words
+from server.observability.metric_samples import Family, cumulative, from_json, merged, to_json
 from server.observability.metrics import Metrics
 
 _EVERY: Final = 1.0
@@ -25,7 +25,7 @@ _PAST: Final = "past"
 _log = logging.getLogger(__name__)
 
 
-class Exchange:
+class MetricsExchange:
     """The folder of one service, as one of its processes sees it. Can be sent to a process that is started."""
 
     def __init__(self, folder: Path) -> None:
@@ -56,7 +56,7 @@ class Exchange:
             own = f"{os.getpid()}.json"
             return [self._read(path) for path in sorted(self._folder.glob("*.json")) if path.name != own]
 
-    def bury(self, living: Set[int]) -> None:
+    def fold_exited(self, living: Set[int]) -> None:
         """Add the counters of processes that are not among the `living` to what is past, and forget the rest."""
         dead = [path for path in self._folder.glob("*.json") if path.stem != _PAST and int(path.stem) not in living]
         if not dead:
@@ -64,7 +64,7 @@ class Exchange:
         with self._locked(fcntl.LOCK_EX):
             past = self._folder / f"{_PAST}.json"
             known = [self._read(past)] if past.exists() else []
-            self._write(_PAST, merged([*known, *(lasting(self._read(path)) for path in dead)]))
+            self._write(_PAST, merged([*known, *(cumulative(self._read(path)) for path in dead)]))
             for path in dead:
                 path.unlink()
 
@@ -80,17 +80,17 @@ class Exchange:
                 self.publish(metrics)
             except OSError as error:
                 if not failed:
-                    _log.warning("metrics cannot be told to the other processes, and are tried again: %s", error)
+                    _log.warning("metrics cannot be shared with the other processes; trying again: %s", error)
                 failed = True
             if ended:
                 return
 
     def _read(self, path: Path) -> list[Family]:
-        return from_words(orjson.loads(path.read_bytes()))
+        return from_json(orjson.loads(path.read_bytes()))
 
     def _write(self, name: str, told: list[Family]) -> None:
         unfinished = self._folder / f"{name}.part"
-        unfinished.write_bytes(orjson.dumps(to_words(told)))
+        unfinished.write_bytes(orjson.dumps(to_json(told)))
         unfinished.replace(self._folder / f"{name}.json")
 
     @contextmanager

@@ -1,4 +1,4 @@
-"""What the parts note about the request at hand, for the line that the log has of it."""
+"""What the service notes about a request for its line in the log."""
 
 from collections import Counter
 from collections.abc import Iterable
@@ -8,13 +8,13 @@ from typing import Any
 
 
 @dataclass(slots=True)
-class Notes:
+class RequestNotes:
     """Verdicts of the queries that a request asked, and the milliseconds of their stages, summed."""
 
     verdicts: Counter[str] = field(default_factory=Counter)
     stages: dict[str, float] = field(default_factory=dict)
 
-    def told(self) -> dict[str, Any]:
+    def log_members(self) -> dict[str, Any]:
         """As members of a log line: `verdict` of one query, `verdicts` of several, `stages`."""
         if not self.verdicts:
             return {}
@@ -23,18 +23,18 @@ class Notes:
         return {**verdict, "stages": {name: round(spent, 3) for name, spent in self.stages.items()}}
 
 
-_notes: ContextVar[Notes | None] = ContextVar("notes", default=None)
+_notes: ContextVar[RequestNotes | None] = ContextVar("notes", default=None)
 
 
-def begin() -> Notes:
+def begin() -> RequestNotes:
     """Notes of the request that this task, and the threads it waits for, work on from now on."""
-    notes = Notes()
+    notes = RequestNotes()
     _notes.set(notes)
     return notes
 
 
 def note_query(verdict: str, stages: Iterable[tuple[str, float]]) -> None:
-    """A query was answered; `stages` are names and milliseconds. Nothing happens where no request is at hand."""
+    """A query was answered; `stages` are names and milliseconds. Nothing happens where no request is in progress."""
     notes = _notes.get()
     if notes is None:
         return

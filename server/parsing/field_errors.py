@@ -48,10 +48,10 @@ def field_problems(found: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
 def invalid_body(error: ValidationError) -> InvalidBody:
     """What is wrong with a body that was not read by the framework."""
     entries = field_problems([{**one, "loc": ("body", *one["loc"])} for one in error.errors(include_url=False)])
-    return InvalidBody(told(entries), entries)
+    return InvalidBody(describe(entries), entries)
 
 
-def told(entries: Sequence[Mapping[str, Any]]) -> str:
+def describe(entries: Sequence[Mapping[str, Any]]) -> str:
     """What a problem with these `errors` says in its `detail`: where and what, or how many."""
     if len(entries) > 1:
         return f"{len(entries)} things are wrong, see errors."

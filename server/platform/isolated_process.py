@@ -28,7 +28,7 @@ class Outcome:
     in_time: bool = True
 
 
-class Isolated:
+class IsolatedProcess:
     """A process that does one task at a time; a new one takes its place when a task ends it or takes too long."""
 
     def __init__(self, warm_up: Callable[[], object]) -> None:

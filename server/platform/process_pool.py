@@ -16,7 +16,7 @@ from types import TracebackType
 from typing import Any, Final, Generic, Self, TypeVar
 
 from server.errors import WorkerLost
-from server.platform.isolated_process import Isolated, Outcome
+from server.platform.isolated_process import IsolatedProcess, Outcome
 from server.platform.worker_process import attempt, start_worker
 
 _Given = TypeVar("_Given")
@@ -31,7 +31,7 @@ PATIENCE: Final = 1.0
 
 
 @dataclass(frozen=True, slots=True)
-class Work(Generic[_Given, _Task, _Result]):
+class PoolTask(Generic[_Given, _Task, _Result]):
     """How something that is given becomes a result, in this process or in another.
 
     Attributes:
@@ -44,11 +44,11 @@ class Work(Generic[_Given, _Task, _Result]):
     here: Callable[[_Given], _Result]
     pack: Callable[[_Given], _Task]
     there: Callable[[_Task], _Result]
-    apart: "Apart[_Given, _Result] | None" = None
+    apart: "IsolationPolicy[_Given, _Result] | None" = None
 
 
 @dataclass(frozen=True, slots=True)
-class Apart(Generic[_Given, _Result]):
+class IsolationPolicy(Generic[_Given, _Result]):
     """How a task that is too much for a process is taken apart, so that only what is to blame is refused.
 
     Attributes:
@@ -73,7 +73,7 @@ class _Worker:
     since: float = 0.0
 
 
-class Workers:
+class ProcessPool:
     """A pool of processes, to be shared by all that needs one; closed, it can be used again.
 
     Processes are spawned, not forked: a program that uses them must be importable, its work behind
@@ -97,7 +97,7 @@ class Workers:
         self._workers: list[_Worker] = []
         self._sequence = self._first = 0
         self._busy = threading.Lock()
-        self._isolated = Isolated(warm_up)
+        self._isolated = IsolatedProcess(warm_up)
 
     def __enter__(self) -> Self:
         """The pool."""
@@ -125,7 +125,7 @@ class Workers:
             worker.process.join()
             worker.process.close()
 
-    def map(self, work: Work[_Given, _Task, _Result], given: Iterable[_Given]) -> Generator[_Result, None, None]:
+    def map(self, work: PoolTask[_Given, _Task, _Result], given: Iterable[_Given]) -> Generator[_Result, None, None]:
         """Results in the order of what is given, of which no more than a few are taken in advance.
 
         Where `given` ends with an exception, it is raised after the results of all before it. While another thread has
@@ -137,11 +137,11 @@ class Workers:
             yield from map(work.here, given)
             return
         try:
-            yield from self._map(work, _Source(given))
+            yield from self._map(work, _TaskSource(given))
         finally:
             self._busy.release()
 
-    def _map(self, work: Work[_Given, _Task, _Result], source: "_Source[_Given]") -> Iterator[_Result]:
+    def _map(self, work: PoolTask[_Given, _Task, _Result], source: "_TaskSource[_Given]") -> Iterator[_Result]:
         done: dict[int, list[tuple[Any, Exception | None]]] = {}
         following = self._first = self._sequence
         while True:
@@ -165,7 +165,7 @@ class Workers:
                 source.check()
                 return
 
-    def _give(self, idle: _Worker, work: Work[_Given, _Task, _Result], given: _Given, done: dict[int, Any]) -> None:
+    def _give(self, idle: _Worker, work: PoolTask[_Given, _Task, _Result], given: _Given, done: dict[int, Any]) -> None:
         task, error = attempt(work.pack, given)
         if error is not None:
             done[self._sequence] = [(None, error)]
@@ -179,7 +179,7 @@ class Workers:
                 self._replace(idle, work, done, gone)
         self._sequence += 1
 
-    def _here(self, work: Work[_Given, _Task, _Result], given: _Given) -> list[tuple[Any, Exception | None]]:
+    def _here(self, work: PoolTask[_Given, _Task, _Result], given: _Given) -> list[tuple[Any, Exception | None]]:
         if work.apart is not None and not work.apart.is_light(given):
             return self._apart(work, work.apart, given)
         began = time.perf_counter()
@@ -191,7 +191,7 @@ class Workers:
         return [made]
 
     def _apart(
-        self, work: Work[_Given, _Task, _Result], apart: Apart[_Given, _Result], given: _Given
+        self, work: PoolTask[_Given, _Task, _Result], apart: IsolationPolicy[_Given, _Result], given: _Given
     ) -> list[tuple[Any, Exception | None]]:
         """The results of a task that may be too much for a process: whole if possible, else part by part."""
         whole = self._isolated.attempt(work.there, work.pack(given), 2.0 * apart.seconds)
@@ -213,7 +213,7 @@ class Workers:
         free = [worker for worker in self._workers if worker.ready and len(worker.tasks) < _AHEAD]
         return min(free, key=lambda worker: len(worker.tasks), default=None)
 
-    def _receive(self, work: Work[_Given, _Task, _Result], done: dict[int, Any], timeout: float) -> None:
+    def _receive(self, work: PoolTask[_Given, _Task, _Result], done: dict[int, Any], timeout: float) -> None:
         """Wait for processes and take what they have; results of before the first belong to a map that was given up."""
         by_connection = {worker.connection: worker for worker in self._workers}
         for connection in wait(list(by_connection), timeout):
@@ -237,7 +237,7 @@ class Workers:
                 worker.process.kill()  # noticed as any other end
 
     def _replace(
-        self, worker: _Worker, work: Work[_Given, _Task, _Result], done: dict[int, Any], gone: Exception
+        self, worker: _Worker, work: PoolTask[_Given, _Task, _Result], done: dict[int, Any], gone: Exception
     ) -> None:
         """Go on without a process that ended, and do apart what it was at. Raises WorkerLost where that cannot be."""
         if work.apart is None or not worker.ready:
@@ -262,7 +262,7 @@ class Workers:
         )
 
 
-class _Source(Generic[_Given]):
+class _TaskSource(Generic[_Given]):
     """An iterator whose exception is kept until what came before it is done."""
 
     def __init__(self, given: Iterable[_Given]) -> None:

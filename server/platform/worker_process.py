@@ -93,7 +93,7 @@ def _send(connection: Connection, results: "queue.SimpleQueue[Any]") -> None:
 
 
 def _fail(failed: threading.ExceptHookArgs) -> None:
-    """A thread that ends leaves the parent waiting; the end of the process is told to it."""
+    """A thread that ends leaves the parent waiting; the end of the process is reported to it."""
     traceback.print_exception(failed.exc_value)
     os._exit(1)
 

@@ -12,9 +12,9 @@ from server.problem_types import document
 from server.queries.answers import Shares, carried
 from server.queries.lookup import answer_query, shown
 from server.queries.stored import kept_answer
-from server.resources.idempotency import Once
+from server.resources.idempotency import IdempotencyKey
 from server.schemas.queries import BatchAnswer, BatchInput, BatchProblem, QueryAnswer, QueryInput
-from server.security.principal import Caller, Scope
+from server.security.principal import Principal, Scope
 from server.store.sqlite.database import Database
 from urquhart import Budget
 
@@ -24,11 +24,11 @@ def answer_batch(
     catalog: Catalog,
     metrics: Metrics,
     limits: Limits,
-    caller: Caller,
+    caller: Principal,
     collection_id: str,
     body: BatchInput,
     budget: Budget,
-    once: Once | None = None,
+    idempotency_key: IdempotencyKey | None = None,
 ) -> BatchAnswer:
     """Look queries up one after the other; what is wrong with one stands in its place.
 
@@ -61,7 +61,7 @@ def answer_batch(
             query = QueryInput.model_validate(members)
             if query.store:
                 caller.require(Scope.WRITE)
-            kept = kept_answer(database, collection_id, once, position) if query.store else None
+            response = kept_answer(database, collection_id, idempotency_key, position) if query.store else None
             answer = (
                 answer_query(
                     database,
@@ -70,13 +70,13 @@ def answer_batch(
                     limits,
                     collection_id,
                     query,
-                    once=once,
+                    idempotency_key=idempotency_key,
                     position=position,
                     pairs=share,
                     budget=own,
                 )
-                if kept is None
-                else shown(kept, query, share)
+                if response is None
+                else shown(response, query, share)
             )
             pairs.used(carried(answer))
             results.append(answer)

@@ -16,7 +16,7 @@ from urquhart.verify.distortion import WARNINGS
 
 
 @dataclass(frozen=True, slots=True)
-class Explained:
+class QueryExplanation:
     """An answer with what its explanation needs.
 
     Attributes:

@@ -26,13 +26,13 @@ from server.queries.answers import (
     strongest,
     within,
 )
-from server.queries.explanations import Explained, sentences
+from server.queries.explanations import QueryExplanation, sentences
 from server.queries.filters import keys_excluded, keys_near
 from server.queries.per_session import by_session
 from server.queries.search import search_in, try_mirrored
 from server.queries.stored import keep
 from server.resources import links
-from server.resources.idempotency import Once
+from server.resources.idempotency import IdempotencyKey
 from server.schemas.queries import QueryAnswer, QueryInput, QueryLinks
 from server.store.codec import position_names, unpack_diameters, unpack_ids, unpack_positions
 from server.store.repositories.candidate_rows import FoundSubmap, found_submaps
@@ -52,7 +52,7 @@ P = ParamSpec("P")
 
 
 @dataclass(frozen=True, slots=True)
-class Observation:
+class QueryLandmarks:
     """What is asked with: landmarks (N, 2) float64, metres, query frame; `ids` None where they are the positions.
 
     `diameters`: (N,) float64, metres, NaN where one is not known; None where none is.
@@ -69,7 +69,7 @@ class Observation:
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class LookupResult:
     """A query that was looked up: the answer, and what a drawing of it needs.
 
     `submaps` are the landmarks of the candidates and the strongest rival, (N, 2) float64, metres, submap frame, by
@@ -77,7 +77,7 @@ class Look:
     if it was one, by submap id: the collection's revision at which their landmarks came.
     """
 
-    asked: Observation
+    asked: QueryLandmarks
     collection: CollectionRow
     answer: QueryAnswer
     candidates: tuple[Candidate, ...]
@@ -89,9 +89,9 @@ class Look:
         xy = self.submaps[self.answer.candidates[rank - 1].submap_id]
         return urquhart.draw_match(self.asked.xy, xy, self.candidates[rank - 1], title=title)
 
-    def explain(self, name: str) -> Explained:
+    def explain(self, name: str) -> QueryExplanation:
         """The explanation of the answer; `name` of the query, for people."""
-        return Explained(name, self.answer, self.asked.xy, self.submaps)
+        return QueryExplanation(name, self.answer, self.asked.xy, self.submaps)
 
 
 def answer_query(
@@ -103,7 +103,7 @@ def answer_query(
     body: QueryInput,
     *,
     own_id: str | None = None,
-    once: Once | None = None,
+    idempotency_key: IdempotencyKey | None = None,
     position: int = 0,
     pairs: int | None = None,
     budget: Budget | None = None,
@@ -120,7 +120,9 @@ def answer_query(
     answer = look.answer
     if body.store:
         asked = look.asked
-        answer = keep(database, limits, look.collection, asked.xy, asked.ids, look.candidates, answer, once, position)
+        answer = keep(
+            database, limits, look.collection, asked.xy, asked.ids, look.candidates, answer, idempotency_key, position
+        )
     return shown(answer, body, pairs)
 
 
@@ -134,15 +136,15 @@ def shown(answer: QueryAnswer, body: QueryInput, pairs: int | None = None) -> Qu
     return answer if body.explain else answer.model_copy(update=unasked)
 
 
-def _on_sound_segments(
-    look: Callable[Concatenate[Catalog, Metrics, Limits, str, P], Look],
-) -> Callable[Concatenate[Catalog, Metrics, Limits, str, P], Look]:
+def _retry_without_damaged_segments(
+    look: Callable[Concatenate[Catalog, Metrics, Limits, str, P], LookupResult],
+) -> Callable[Concatenate[Catalog, Metrics, Limits, str, P], LookupResult]:
     """Look up again where a segment turned out to be damaged meanwhile."""
 
     @wraps(look)
     def looked_up(
         catalog: Catalog, metrics: Metrics, limits: Limits, collection_id: str, /, *args: P.args, **named: P.kwargs
-    ) -> Look:
+    ) -> LookupResult:
         return catalog.whatever_happens(
             collection_id, lambda: look(catalog, metrics, limits, collection_id, *args, **named)
         )
@@ -150,7 +152,7 @@ def _on_sound_segments(
     return looked_up
 
 
-@_on_sound_segments
+@_retry_without_damaged_segments
 def look_up(
     catalog: Catalog,
     metrics: Metrics,
@@ -161,7 +163,7 @@ def look_up(
     own_id: str | None = None,
     to_draw: bool = False,
     budget: Budget | None = None,
-) -> Look:
+) -> LookupResult:
     """Place an observation in a collection; with `to_draw`, read the landmarks of candidates and first rival too.
 
     The submap `own_id` is left out of the search: what is stored there, if anything, is the observation itself.
@@ -177,7 +179,7 @@ def look_up(
         submaps = Submaps(view.session, view.collection.key)
         row = None
         if body.submap_id is None:
-            asked = Observation(body.positions(), body.diameters(), body.landmark_ids(), body.frame_id, body.stamp)
+            asked = QueryLandmarks(body.positions(), body.diameters(), body.landmark_ids(), body.frame_id, body.stamp)
         else:
             row = submaps.get_whole(body.submap_id)
             if row is None:
@@ -211,7 +213,7 @@ def look_up(
     for stage in answer.stages:
         metrics.observe_stage(stage.name, stage.milliseconds)
     note_query(answer.verdict, ((stage.name, stage.milliseconds) for stage in answer.stages))
-    return Look(asked, view.collection, answer, found.candidates, landmarks, revisions)
+    return LookupResult(asked, view.collection, answer, found.candidates, landmarks, revisions)
 
 
 def share_of(budget: Budget, body: QueryInput, limits: Limits) -> Budget:
@@ -231,17 +233,17 @@ def _check_sizes(body: QueryInput, limits: Limits) -> None:
         raise TooLarge("excluded_submaps", limits.excluded_submaps, excluded, "Exclude fewer submaps.")
 
 
-def _stored_observation(row: SubmapRow, body: QueryInput) -> Observation:
+def _stored_observation(row: SubmapRow, body: QueryInput) -> QueryLandmarks:
     xy = unpack_positions(row.landmarks)
     ids = None if row.landmark_ids is None else unpack_ids(row.landmark_ids, len(xy))
     diameters = unpack_diameters(row.attributes)
-    return Observation(xy, diameters, ids, body.frame_id or row.frame_id, body.stamp or row.stamp)
+    return QueryLandmarks(xy, diameters, ids, body.frame_id or row.frame_id, body.stamp or row.stamp)
 
 
 def _answer(
     view: View,
     body: QueryInput,
-    asked: Observation,
+    asked: QueryLandmarks,
     found: Recognition,
     rows: dict[int, FoundSubmap],
     pairs: int,

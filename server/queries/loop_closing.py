@@ -16,10 +16,10 @@ from server.observability.metrics import Metrics
 from server.queries.filters import keys_excluded, keys_near
 from server.queries.lookup import look_up, share_of, shown
 from server.schemas.queries import QueryAnswer, QueryInput
-from server.store.repositories.feature_rows import Described
+from server.store.repositories.feature_rows import FeatureRows
 from server.store.repositories.submaps import Submaps
 from server.store.tables import CollectionRow
-from server.submaps.ingest import AskAgain
+from server.submaps.question import SearchOutdated
 from urquhart import Budget, Recognizer
 
 _AT_LEISURE: Final = 2
@@ -65,13 +65,13 @@ class LoopQuestion:
         self._answer = shown(look.answer, self._body)
         return self._answer
 
-    def settle(self, session: Session, collection: CollectionRow, own_key: int | None, turn: int) -> QueryAnswer:
+    def confirm(self, session: Session, collection: CollectionRow, own_key: int | None, turn: int) -> QueryAnswer:
         """The last answer, once nothing that was committed since could change it. Raises AskAgain."""
         answer = self._answer
         assert answer is not None, "ask comes before settle"
         new = self._unseen(session, collection, answer.revision, own_key)
         if new and (turn < _AT_LEISURE or len(new) > _FEW or self._may_find(session, collection, new)):
-            raise AskAgain
+            raise SearchOutdated
         return answer.model_copy(update={"revision": collection.revision})
 
     def _unseen(self, session: Session, collection: CollectionRow, revision: int, own_key: int | None) -> list[int]:
@@ -94,7 +94,7 @@ class LoopQuestion:
         recognizer = Recognizer(config)
         recognizer.add(
             (row.key, features_of(row.features, row.landmarks, row.attributes, config))
-            for row in Described(session, collection.key).stored(keys)
+            for row in FeatureRows(session, collection.key).stored(keys)
         )
         found = recognizer.recognize(
             self._body.positions(), diameters=self._body.diameters(), budget=self._budget.within(_SECONDS)

@@ -15,10 +15,10 @@ from server.config.settings import Limits
 from server.errors import Gone, NotFound
 from server.index.derived import config_of
 from server.queries.answers import gates_answer
-from server.queries.explanations import Explained
+from server.queries.explanations import QueryExplanation
 from server.queries.older_answers import completed, gone, read_older
 from server.resources import idempotency, links
-from server.resources.idempotency import Kept, Once, recall
+from server.resources.idempotency import IdempotencyKey, StoredResponse, find_response
 from server.schemas.candidates import CandidateAnswer, CandidateLinks
 from server.schemas.queries import MatchAnswer, QueryAnswer, QueryLinks
 from server.store.codec import pack_json, pack_positions, unpack_positions
@@ -40,7 +40,7 @@ def keep(
     ids: list[str] | None,
     found: Sequence[Candidate],
     answer: QueryAnswer,
-    once: Once | None,
+    idempotency_key: IdempotencyKey | None,
     position: int = 0,
 ) -> QueryAnswer:
     """Store an answer, unless that was done before; the answer with its id and links. The oldest beyond the limit go.
@@ -50,9 +50,9 @@ def keep(
     with database.write() as session:
         if get_collection(session, collection.id).key != collection.key:
             raise NotFound("collection", collection.id)
-        kept = recall(session, once, _keeping(collection, position))
-        if kept is not None:
-            return _again(session, collection, kept)
+        response = find_response(session, idempotency_key, _keeping(collection, position))
+        if response is not None:
+            return _again(session, collection, response)
         number = Collections(session).next_query_number(collection.key)
         candidates = [
             shown.model_copy(
@@ -83,27 +83,31 @@ def keep(
         )
         queries.drop_through(number - limits.stored_queries)
         # The answer itself is kept with the query: here it is named.
-        idempotency.keep(session, once, _keeping(collection, position), Kept(200, {}, str(number).encode()))
+        idempotency.store_response(
+            session, idempotency_key, _keeping(collection, position), StoredResponse(200, {}, str(number).encode())
+        )
     return answer
 
 
-def kept_answer(database: Database, collection_id: str, once: Once | None, position: int = 0) -> QueryAnswer | None:
+def kept_answer(
+    database: Database, collection_id: str, idempotency_key: IdempotencyKey | None, position: int = 0
+) -> QueryAnswer | None:
     """What was answered to a query that was sent before, to be kept; `position` in its batch.
 
     Raises NotFound, KeyReused, and Gone for an answer that is no longer kept.
     """
-    if once is None:
+    if idempotency_key is None:
         return None
     with database.read() as session:
         collection = get_collection(session, collection_id)
-        kept = recall(session, once, _keeping(collection, position))
-        return None if kept is None else _again(session, collection, kept)
+        response = find_response(session, idempotency_key, _keeping(collection, position))
+        return None if response is None else _again(session, collection, response)
 
 
-def _again(session: Session, collection: CollectionRow, kept: Kept) -> QueryAnswer:
-    if not kept.body.isdigit():  # versions before kept the whole answer once more
-        return read_older(QueryAnswer, orjson.loads(kept.body), "The answer to this Idempotency-Key")
-    number = kept.body.decode()
+def _again(session: Session, collection: CollectionRow, response: StoredResponse) -> QueryAnswer:
+    if not response.body.isdigit():  # versions before kept the whole answer once more
+        return read_older(QueryAnswer, orjson.loads(response.body), "The answer to this Idempotency-Key")
+    number = response.body.decode()
     return read_older(QueryAnswer, _answer_of(_stored(session, collection, number), collection), f"Query {number}")
 
 
@@ -173,7 +177,7 @@ def stored_match(database: Database, collection_id: str, query_id: str, rank: in
         return Match(query_id, shown, query_xy, submap_xy, candidate)
 
 
-def stored_explanation(database: Database, collection_id: str, query_id: str) -> Explained:
+def stored_explanation(database: Database, collection_id: str, query_id: str) -> QueryExplanation:
     """Why a stored answer is what it is. Raises NotFound, and Gone for a query that is no longer kept.
 
     Submaps whose landmarks changed since are left out of it.
@@ -186,7 +190,7 @@ def stored_explanation(database: Database, collection_id: str, query_id: str) ->
         shown = {one.submap_id for one in answer.candidates[:1]} | {one.submap_id for one in answer.rivals[:1]}
         rows = [row for row in map(submaps.get_whole, shown) if row is not None]
         landmarks = {row.id: unpack_positions(row.landmarks) for row in rows if row.content_revision <= answer.revision}
-        return Explained(f"query {query_id}", answer, unpack_positions(stored.landmarks), landmarks)
+        return QueryExplanation(f"query {query_id}", answer, unpack_positions(stored.landmarks), landmarks)
 
 
 def _answer_of(stored: QueryRow, collection: CollectionRow) -> dict[str, Any]:

@@ -1,11 +1,11 @@
-"""A write that is sent again, because its answer was lost, does nothing again and gets that answer.
+"""Writes that are safe to repeat: a request with a known Idempotency-Key gets the stored response and does nothing.
 
-The answer is kept in the transaction of what the write does, so there is never one without the other. A route that
-takes an Idempotency-Key hands its `Once` on, and where the work is done:
+The response is stored in the transaction of the write, so neither exists without the other. A route that takes an
+Idempotency-Key passes it on as an `IdempotencyKey`, and the write is:
 
-    return do_once(database, once, f"deleteSubmap {collection}/{submap}", lambda session: ...)
+    return run_once(database, key, f"deleteSubmap {collection}/{submap}", lambda session: ...)
 
-or, where more is to be done in that transaction than that, `recall` at its beginning and `keep` at its end.
+or, if the transaction does more, `find_response` at its beginning and `store_response` at its end.
 """
 
 from collections.abc import Callable
@@ -15,13 +15,13 @@ from datetime import UTC, datetime, timedelta
 from sqlalchemy.orm import Session
 
 from server.errors import KeyReused
-from server.store.repositories.stored_responses import Answers
+from server.store.repositories.stored_responses import StoredResponses
 from server.store.sqlite.database import Database
 
 
 @dataclass(frozen=True, slots=True)
-class Once:
-    """What tells one write from another.
+class IdempotencyKey:
+    """The Idempotency-Key of a write, with what it is bound to.
 
     Attributes:
         caller: id of the API key, empty without one.
@@ -37,13 +37,13 @@ class Once:
 
     @property
     def since(self) -> datetime:
-        """Answers from before are forgotten."""
+        """Responses stored before this moment have expired."""
         return datetime.now(UTC) - timedelta(hours=self.hours)
 
 
 @dataclass(frozen=True, slots=True)
-class Kept:
-    """An answer as it was, or will be, sent; `replayed` where nothing was done for it."""
+class StoredResponse:
+    """A response that was sent, or will be; `replayed` if it comes from the database."""
 
     status: int
     headers: dict[str, str]
@@ -51,49 +51,56 @@ class Kept:
     replayed: bool = False
 
 
-def recall(session: Session, once: Once | None, operation: str) -> Kept | None:
-    """The answer that this write got already, None where there is none. Raises KeyReused."""
-    if once is None:
+def find_response(session: Session, idempotency_key: IdempotencyKey | None, operation: str) -> StoredResponse | None:
+    """The response that this write got already; None if it was not done yet. Raises KeyReused."""
+    if idempotency_key is None:
         return None
-    row = Answers(session).find(once.caller, operation, once.name, once.since)
+    row = StoredResponses(session).find(idempotency_key.caller, operation, idempotency_key.name, idempotency_key.since)
     if row is None:
         return None
-    if row.digest != once.digest:
+    if row.digest != idempotency_key.digest:
         raise KeyReused(
-            f"The Idempotency-Key {once.name!r} was sent before with other content; take a new one for a new request."
+            f"The Idempotency-Key {idempotency_key.name!r} was sent before with other content; "
+            "take a new one for a new request."
         )
-    return Kept(row.status, row.headers, row.body, replayed=True)
+    return StoredResponse(row.status, row.headers, row.body, replayed=True)
 
 
-def keep(session: Session, once: Once | None, operation: str, answer: Kept) -> Kept:
-    """Note what is going to be answered; the answer."""
-    if once is not None:
-        Answers(session).keep(
-            once.caller,
+def store_response(
+    session: Session, idempotency_key: IdempotencyKey | None, operation: str, answer: StoredResponse
+) -> StoredResponse:
+    """Store the response that is about to be sent, and return it."""
+    if idempotency_key is not None:
+        StoredResponses(session).keep(
+            idempotency_key.caller,
             operation,
-            once.name,
-            digest=once.digest,
+            idempotency_key.name,
+            digest=idempotency_key.digest,
             status=answer.status,
             headers=answer.headers,
             body=answer.body,
-            since=once.since,
+            since=idempotency_key.since,
         )
     return answer
 
 
-def do_once(database: Database, once: Once | None, operation: str, do: Callable[[Session], Kept]) -> Kept:
-    """What `do` answers in a write transaction, unless that was done before. Raises KeyReused, and what `do` raises."""
+def run_once(
+    database: Database, idempotency_key: IdempotencyKey | None, operation: str, do: Callable[[Session], StoredResponse]
+) -> StoredResponse:
+    """Run `do` in a write transaction, unless it was done before. Raises KeyReused, and what `do` raises."""
     with database.write() as session:
-        return recall(session, once, operation) or keep(session, once, operation, do(session))
+        return find_response(session, idempotency_key, operation) or store_response(
+            session, idempotency_key, operation, do(session)
+        )
 
 
-def done(database: Database, once: Once | None, operation: str) -> Kept | None:
-    """The answer that this write got already, looked for before any work is done. Raises KeyReused."""
-    if once is None:
+def find_before(database: Database, idempotency_key: IdempotencyKey | None, operation: str) -> StoredResponse | None:
+    """The response that this write got already, looked up before any work is done. Raises KeyReused."""
+    if idempotency_key is None:
         return None
     with database.read() as session:
-        return recall(session, once, operation)
+        return find_response(session, idempotency_key, operation)
 
 
-NO_CONTENT = Kept(204, {}, b"")
+NO_CONTENT = StoredResponse(204, {}, b"")
 """What a DELETE answers."""

@@ -4,17 +4,17 @@ from fastapi import APIRouter, Request, Response
 
 from server.collections import registry
 from server.http.json_body import JsonRoute
-from server.http.responses import etag_header, json_response, kept_response, next_link, not_modified, problems
+from server.http.responses import etag_header, json_response, next_link, not_modified, problems, stored_response
 from server.resources import links
-from server.resources.idempotency import Kept, do_once, done
+from server.resources.idempotency import StoredResponse, find_before, run_once
 from server.routes.dependencies import (
-    CallerDep,
     CollectionId,
+    IdempotencyKeyDep,
     IfNoneMatch,
-    OnceDep,
     PageCursor,
     PageLimit,
     PreconditionsDep,
+    PrincipalDep,
     ServiceDep,
 )
 from server.schemas.collections import (
@@ -47,7 +47,7 @@ _SUMMARY = {name: value for name, value in COLLECTION_EXAMPLE.items() if name no
 def list_collections(
     request: Request,
     service: ServiceDep,
-    caller: CallerDep,
+    caller: PrincipalDep,
     limit: PageLimit = None,
     cursor: PageCursor = None,
 ) -> Response:
@@ -73,25 +73,25 @@ def put_collection(
     body: CollectionPut,
     service: ServiceDep,
     preconditions: PreconditionsDep,
-    once: OnceDep,
+    idempotency_key: IdempotencyKeyDep,
 ) -> Response:
     """Make it, or find it there. What the body leaves out has no opinion, so `{}` only asks that it exists.
 
     409 when it exists and differs in something that is given.
     """
-    if once is None:  # mostly it is there, and then nothing is to be written
-        return kept_response(_answered(registry.ensure(service.database, collection, body, preconditions)))
+    if idempotency_key is None:  # mostly it is there, and then nothing is to be written
+        return stored_response(_answered(registry.ensure(service.database, collection, body, preconditions)))
     operation = f"putCollection {collection}"
-    kept = done(service.database, once, operation)
-    if kept is None:
+    response = find_before(service.database, idempotency_key, operation)
+    if response is None:
         config = registry.checked(body)
-        kept = do_once(
+        response = run_once(
             service.database,
-            once,
+            idempotency_key,
             operation,
             lambda session: _answered(registry.ensure_in(session, collection, body, config, preconditions)),
         )
-    return kept_response(kept)
+    return stored_response(response)
 
 
 @router.get(
@@ -119,17 +119,17 @@ def patch_collection(
     body: CollectionPatch,
     service: ServiceDep,
     preconditions: PreconditionsDep,
-    once: OnceDep,
+    idempotency_key: IdempotencyKeyDep,
 ) -> Response:
     """Title, crs, origin and frames; null clears, what is left out stays. The configuration cannot be changed (409).
 
     422 when a crs or an origin puts a submap that is there outside the area where the CRS is used.
     """
     config = registry.checked(body)
-    return kept_response(
-        do_once(
+    return stored_response(
+        run_once(
             service.database,
-            once,
+            idempotency_key,
             f"patchCollection {collection}",
             lambda session: _answered(registry.patch_in(session, collection, body, config, preconditions)),
         )
@@ -145,22 +145,22 @@ def patch_collection(
     responses=problems(404, 412, 422, 503, 507),
 )
 def delete_collection(
-    collection: CollectionId, service: ServiceDep, preconditions: PreconditionsDep, once: OnceDep
+    collection: CollectionId, service: ServiceDep, preconditions: PreconditionsDep, idempotency_key: IdempotencyKeyDep
 ) -> Response:
     """With everything in it."""
-    kept = do_once(
+    response = run_once(
         service.database,
-        once,
+        idempotency_key,
         f"deleteCollection {collection}",
         lambda session: registry.delete_in(session, collection, preconditions),
     )
-    if not kept.replayed:
+    if not response.replayed:
         service.catalog.forget(collection)
-    return kept_response(kept)
+    return stored_response(response)
 
 
-def _answered(ensured: registry.Ensured) -> Kept:
+def _answered(ensured: registry.Ensured) -> StoredResponse:
     headers = etag_header(ensured.etag)
     if ensured.created:
         headers["Location"] = links.collection(ensured.collection.id)
-    return Kept(201 if ensured.created else 200, headers, to_json(ensured.collection))
+    return StoredResponse(201 if ensured.created else 200, headers, to_json(ensured.collection))

@@ -7,13 +7,13 @@ from typing import Annotated
 from fastapi import Depends, Header, Path, Query, Request
 from pydantic import BeforeValidator
 
-from server.http.authorization import get_caller, get_visitor
+from server.http.authorization import get_principal, get_visitor
 from server.http.responses import entity_tags
-from server.resources.idempotency import Once
+from server.resources.idempotency import IdempotencyKey
 from server.resources.preconditions import Preconditions
 from server.runtime import Service
 from server.schemas.common import ResourceId, check_digits
-from server.security.principal import Caller
+from server.security.principal import Principal
 
 
 # Not `async` for what they wait for: the framework would send a plain function to a thread and back.
@@ -31,7 +31,7 @@ async def get_preconditions(
     return Preconditions(entity_tags(if_match), entity_tags(if_none_match))
 
 
-IdempotencyKey = Annotated[
+IdempotencyKeyHeader = Annotated[
     str | None,
     Header(
         description="The same for every attempt to send this request: what was done is not done again.",
@@ -42,20 +42,20 @@ IdempotencyKey = Annotated[
 ]
 
 
-def once_of(service: Service, caller: Caller, key: str | None, sent: bytes) -> Once | None:
-    """What tells a request, and all that was sent with it, from others; None without a key."""
+def idempotency_key_of(service: Service, caller: Principal, key: str | None, sent: bytes) -> IdempotencyKey | None:
+    """The idempotency key of a request, bound to all that was sent with it; None without one."""
     if key is None:
         return None
-    return Once(caller.id, key, hashlib.sha256(sent).hexdigest(), service.settings.idempotency_hours)
+    return IdempotencyKey(caller.id, key, hashlib.sha256(sent).hexdigest(), service.settings.idempotency_hours)
 
 
-async def get_once(
+async def get_idempotency_key(
     request: Request,
-    caller: Annotated[Caller, Depends(get_caller)],
+    caller: Annotated[Principal, Depends(get_principal)],
     service: Annotated[Service, Depends(get_service)],
-    idempotency_key: IdempotencyKey = None,
-) -> AsyncIterator[Once | None]:
-    """What tells this request from others; None without Idempotency-Key.
+    idempotency_key: IdempotencyKeyHeader = None,
+) -> AsyncIterator[IdempotencyKey | None]:
+    """The idempotency key of this request; None without the header.
 
     While another attempt to send it is at work in this process, it waits for that one. Raises StillRunning.
     """
@@ -66,19 +66,19 @@ async def get_once(
     about = "".join(f"\n{condition}" for condition in conditions if condition is not None)
     sent = f"{request.url.query}{about}\n".encode() + await request.body()
     async with service.repetitions.turn((caller.id, request.method, request.url.path, idempotency_key)):
-        yield once_of(service, caller, idempotency_key, sent)
+        yield idempotency_key_of(service, caller, idempotency_key, sent)
 
 
 ServiceDep = Annotated[Service, Depends(get_service)]
 
 
-CallerDep = Annotated[Caller, Depends(get_caller)]
+PrincipalDep = Annotated[Principal, Depends(get_principal)]
 
 
-OnceDep = Annotated[Once | None, Depends(get_once)]
+IdempotencyKeyDep = Annotated[IdempotencyKey | None, Depends(get_idempotency_key)]
 
 
-VisitorDep = Annotated[Caller, Depends(get_visitor)]
+VisitorDep = Annotated[Principal, Depends(get_visitor)]
 
 
 PreconditionsDep = Annotated[Preconditions, Depends(get_preconditions)]

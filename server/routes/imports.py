@@ -10,12 +10,12 @@ from server.http.authorization import GuardedRoute
 from server.http.body_limit import declared_length
 from server.http.compression import Inflater
 from server.http.negotiation import NDJSON
-from server.http.responses import kept_response, problems
+from server.http.responses import problems, stored_response
 from server.jobs import queue
 from server.jobs.quota import check_room
-from server.jobs.upload import spooled
+from server.jobs.upload import receive_upload
 from server.platform.ids import new_id
-from server.routes.dependencies import CallerDep, CollectionId, IdempotencyKey, ServiceDep, once_of
+from server.routes.dependencies import CollectionId, IdempotencyKeyHeader, PrincipalDep, ServiceDep, idempotency_key_of
 from server.routes.jobs import ACCEPTED
 from server.schemas.jobs import JobAnswer
 from server.submaps.bulk import OnConflict
@@ -44,14 +44,14 @@ async def post_import(
     request: Request,
     collection: CollectionId,
     service: ServiceDep,
-    caller: CallerDep,
+    caller: PrincipalDep,
     on_conflict: Annotated[
         OnConflict, Query(description="Where an id is taken by other content: replace it, skip the line, or refuse it.")
     ] = "replace",
     mode: Annotated[
         Literal["continue", "all"], Query(description="Go on past lines that are refused, or store all or none.")
     ] = "continue",
-    idempotency_key: IdempotencyKey = None,
+    idempotency_key: IdempotencyKeyHeader = None,
 ) -> Response:
     """As NDJSON, which goes to the disk as it comes in; then a job stores it, with a line of result for each line.
 
@@ -65,15 +65,15 @@ async def post_import(
     if idempotency_key is None:  # one that is sent again is answered whatever else waits
         await anyio.to_thread.run_sync(check_room, service.database, caller, service.settings.limits)
     folder, job_id = service.jobs.folder, new_id()
-    async with spooled(folder, job_id, request.stream(), limit, inflater) as arrived:
-        once = once_of(service, caller, idempotency_key, request.url.query.encode() + arrived.digest.encode())
-        kept = await anyio.to_thread.run_sync(
+    async with receive_upload(folder, job_id, request.stream(), limit, inflater) as arrived:
+        key = idempotency_key_of(service, caller, idempotency_key, request.url.query.encode() + arrived.digest.encode())
+        response = await anyio.to_thread.run_sync(
             lambda: queue.accept(
                 service.database,
                 collection,
                 caller,
                 "import",
-                once,
+                key,
                 service.settings.limits,
                 job_id=job_id,
                 parameters={"on_conflict": on_conflict, "mode": mode},
@@ -81,10 +81,10 @@ async def post_import(
                 collection_key=collection_key,
             )
         )
-    if kept.replayed:
+    if response.replayed:
         folder.remove(job_id)
     service.jobs.runner.wake()
-    return kept_response(kept)
+    return stored_response(response)
 
 
 def _check_length(declared: int | None, limit: int) -> None:

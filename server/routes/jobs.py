@@ -1,4 +1,4 @@
-"""Long work: taken on, followed, dismissed, and what came of it."""
+"""Long work: accepted, followed, dismissed, and its results."""
 
 from collections.abc import Iterator
 from typing import Annotated, Any
@@ -12,9 +12,9 @@ from server.constraints.extraction import check_ids, chosen_submaps
 from server.http.admission.admission import AdmissionDep
 from server.http.json_body import JsonRoute
 from server.http.negotiation import JSON, NDJSON
-from server.http.responses import json_response, kept_response, next_link, problems
+from server.http.responses import json_response, next_link, problems, stored_response
 from server.jobs import queue
-from server.routes.dependencies import CallerDep, CollectionId, OnceDep, PageCursor, PageLimit, ServiceDep
+from server.routes.dependencies import CollectionId, IdempotencyKeyDep, PageCursor, PageLimit, PrincipalDep, ServiceDep
 from server.schemas.constraints import CONSTRAINT_EXAMPLE, ConstraintFormat, ConstraintsInput
 from server.schemas.jobs import JOB_EXAMPLE, JobAnswer, JobPage, JobState
 
@@ -45,16 +45,20 @@ JobId = Annotated[str, Path(description="`id` of the job.", examples=[JOB_EXAMPL
 @router.post(
     "/v1/collections/{collection}/reindex",
     operation_id="postReindex",
-    summary="Write the index anew",
+    summary="Rewrite the index",
     response_model=JobAnswer,
     status_code=202,
     responses={202: ACCEPTED, **problems(404, 409, 422, 429, 503, 507)},
 )
-def post_reindex(collection: CollectionId, service: ServiceDep, caller: CallerDep, once: OnceDep) -> Response:
+def post_reindex(
+    collection: CollectionId, service: ServiceDep, caller: PrincipalDep, idempotency_key: IdempotencyKeyDep
+) -> Response:
     """From the landmarks; the old index serves until the new one takes its place. 409 while one is at work."""
-    kept = queue.accept(service.database, collection, caller, "reindex", once, service.settings.limits, alone=True)
+    response = queue.accept(
+        service.database, collection, caller, "reindex", idempotency_key, service.settings.limits, exclusive=True
+    )
     service.jobs.runner.wake()
-    return kept_response(kept)
+    return stored_response(response)
 
 
 @router.post(
@@ -66,24 +70,28 @@ def post_reindex(collection: CollectionId, service: ServiceDep, caller: CallerDe
     responses={202: ACCEPTED, **problems(400, 404, 413, 415, 422, 503, 507)},
 )
 def post_constraints(
-    collection: CollectionId, body: ConstraintsInput, service: ServiceDep, caller: CallerDep, once: OnceDep
+    collection: CollectionId,
+    body: ConstraintsInput,
+    service: ServiceDep,
+    caller: PrincipalDep,
+    idempotency_key: IdempotencyKeyDep,
 ) -> Response:
     """Each chosen submap is looked up in all others; what is accepted becomes a constraint `from_T_to` of a pose graph,
     one for each pair. The job's results come as NDJSON, JSON, g2o or 4 x 4 matrices.
     """
     chosen_submaps(body)
     check_ids(service.database, collection, body)
-    kept = queue.accept(
+    response = queue.accept(
         service.database,
         collection,
         caller,
         "constraints",
-        once,
+        idempotency_key,
         service.settings.limits,
         parameters=body.model_dump(mode="json"),
     )
     service.jobs.runner.wake()
-    return kept_response(kept)
+    return stored_response(response)
 
 
 @router.get(
@@ -96,7 +104,7 @@ def post_constraints(
 def list_jobs(
     request: Request,
     service: ServiceDep,
-    caller: CallerDep,
+    caller: PrincipalDep,
     state: Annotated[JobState | None, Query(description="Only jobs in this state.")] = None,
     collection: Annotated[str | None, Query(description="Only jobs on this collection.", max_length=128)] = None,
     limit: PageLimit = None,
@@ -126,7 +134,7 @@ def list_jobs(
 async def get_job(
     job: JobId,
     service: ServiceDep,
-    caller: CallerDep,
+    caller: PrincipalDep,
     request: AdmissionDep,
     wait: Annotated[
         float, Query(ge=0, le=60, description="Seconds to wait for its end before answering.", examples=[25])
@@ -151,15 +159,15 @@ async def get_job(
     summary="Dismiss or forget a job",
     response_class=Response,
     status_code=204,
-    responses={202: ACCEPTED | {"description": "It ends after what is at hand."}, **problems(404, 422, 503, 507)},
+    responses={202: ACCEPTED | {"description": "It ends after what is in progress."}, **problems(404, 422, 503, 507)},
 )
-def delete_job(job: JobId, service: ServiceDep, caller: CallerDep, once: OnceDep) -> Response:
-    """An unfinished one ends after what is at hand, and what it did stays (202); a finished one is forgotten with its
-    results (204). A key may dismiss its own jobs whatever its scope; those of others need `write` or `admin`.
+def delete_job(job: JobId, service: ServiceDep, caller: PrincipalDep, idempotency_key: IdempotencyKeyDep) -> Response:
+    """An unfinished job ends after the work in progress, and keeps what it did (202); a finished one is forgotten with
+    its results (204). A key may dismiss its own jobs whatever its scope; those of others need `write` or `admin`.
     """
-    kept = queue.dismiss(service.database, service.jobs.folder, caller, job, once)
+    response = queue.dismiss(service.database, service.jobs.folder, caller, job, idempotency_key)
     service.jobs.runner.wake()
-    return kept_response(kept)
+    return stored_response(response)
 
 
 @router.get(
@@ -172,7 +180,7 @@ def delete_job(job: JobId, service: ServiceDep, caller: CallerDep, once: OnceDep
 def get_job_results(
     job: JobId,
     service: ServiceDep,
-    caller: CallerDep,
+    caller: PrincipalDep,
     wanted: Annotated[
         ConstraintFormat | None,
         Query(alias="format", description="Format of constraints; ndjson by default."),
@@ -188,7 +196,7 @@ def get_job_results(
 ) -> Response:
     """Of an import: for each line of input a line with its number, `outcome`, and `problem` where it was refused.
     `created`, `replaced`, `unchanged` are as of a PUT. `skipped` is left out: for what is there, with on_conflict=skip;
-    or, with mode=all, because other lines were refused. Of very many refused lines later ones are told in short, and
+    or, with mode=all, because other lines were refused. Of very many refused lines later ones are shortened, and
     those beyond `import_refusal_bytes` are counted: one line for each kind of problem, with `lines`, the first (`line`)
     and the `last_line`.
 
@@ -213,7 +221,7 @@ def get_job_results(
     response_class=Response,
     responses={200: _LINES, **problems(404, 409, 410, 422, 503)},
 )
-def get_job_errors(job: JobId, service: ServiceDep, caller: CallerDep) -> Response:
+def get_job_errors(job: JobId, service: ServiceDep, caller: PrincipalDep) -> Response:
     """The lines of the results that tell of something refused."""
     found = queue.results(service.database, service.jobs.folder, caller, job)
     return StreamingResponse(_refused(found), media_type=NDJSON)

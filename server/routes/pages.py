@@ -12,7 +12,7 @@ from server.http.browser_protection import page_policy
 from server.http.documentation import pages
 from server.http.negotiation import HTML, JSON, choose
 from server.http.responses import json_response, problems
-from server.problem_types import KINDS
+from server.problem_types import PROBLEM_TYPES
 from server.routes.dependencies import Accept, ServiceDep, VisitorDep
 
 router = APIRouter(route_class=GuardedRoute, tags=["pages"])
@@ -84,7 +84,7 @@ def problem_page(
     slug: Annotated[str, Path(description="Last part of the problem's type.", examples=["gone"])], accept: Accept = None
 ) -> Response:
     """The `type` of every problem leads here."""
-    kind = KINDS.get(slug)
+    kind = PROBLEM_TYPES.get(slug)
     if kind is None:
         raise NotFound("kind of problem", slug[:100])
     media_type = choose(accept, [JSON, HTML])

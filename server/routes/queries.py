@@ -10,7 +10,7 @@ from server.http.negotiation import JSON, SVG, choose
 from server.http.responses import json_response, problems
 from server.queries import lookup, stored
 from server.queries.batch import answer_batch
-from server.routes.dependencies import Accept, CallerDep, CollectionId, OnceDep, ServiceDep
+from server.routes.dependencies import Accept, CollectionId, IdempotencyKeyDep, PrincipalDep, ServiceDep
 from server.schemas import examples
 from server.schemas.queries import BatchAnswer, BatchInput, ExplanationAnswer, MatchAnswer, QueryAnswer, QueryInput
 from server.security.principal import Scope
@@ -42,25 +42,32 @@ def query(
     collection: CollectionId,
     body: QueryInput,
     service: ServiceDep,
-    caller: CallerDep,
-    once: OnceDep,
+    caller: PrincipalDep,
+    idempotency_key: IdempotencyKeyDep,
     budget: BudgetDep,
 ) -> Response:
     """Act on `verdict`: `matched`, `ambiguous` or `no_match`, with a `reason`. Too few trees in view is an answer, too.
 
     Every submap that was acknowledged before the question is searched. To `store` the answer is a write: sent again
-    with the same `Idempotency-Key`, it is answered as the first time. Others change nothing, and are answered anew.
+    with the same `Idempotency-Key`, it is answered as the first time. Others change nothing, and are answered again.
     """
     headers = {}
     if body.store:
         caller.require(Scope.WRITE)
-    answer = stored.kept_answer(service.database, collection, once) if body.store else None
+    answer = stored.kept_answer(service.database, collection, idempotency_key) if body.store else None
     if answer is not None:
         answer, headers = lookup.shown(answer, body), {"Idempotency-Replayed": "true"}
     else:
         limits = service.limits
         answer = lookup.answer_query(
-            service.database, service.catalog, service.metrics, limits, collection, body, once=once, budget=budget
+            service.database,
+            service.catalog,
+            service.metrics,
+            limits,
+            collection,
+            body,
+            idempotency_key=idempotency_key,
+            budget=budget,
         )
     if answer.links.self:
         headers["Location"] = answer.links.self
@@ -81,17 +88,27 @@ def query_batch(
     collection: CollectionId,
     body: BatchInput,
     service: ServiceDep,
-    caller: CallerDep,
+    caller: PrincipalDep,
     budget: BudgetDep,
-    once: OnceDep,
+    idempotency_key: IdempotencyKeyDep,
 ) -> Response:
     """Each is answered as if it had come alone, in their order; one that is wrong has a `problem` in its place.
 
-    Sent again with the same `Idempotency-Key`, those with `store` are answered as the first time, the others anew.
+    Sent again with the same `Idempotency-Key`, those with `store` are answered as the first time, the others again.
     """
     limits = service.limits
     return json_response(
-        answer_batch(service.database, service.catalog, service.metrics, limits, caller, collection, body, budget, once)
+        answer_batch(
+            service.database,
+            service.catalog,
+            service.metrics,
+            limits,
+            caller,
+            collection,
+            body,
+            budget,
+            idempotency_key,
+        )
     )
 
 

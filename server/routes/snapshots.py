@@ -9,9 +9,17 @@ from starlette.types import Message, Receive, Scope, Send
 
 from server.http.json_body import JsonRoute
 from server.http.negotiation import JSON, SQLITE, choose
-from server.http.responses import etag_header, json_response, kept_response, next_link, not_modified, problems
+from server.http.responses import etag_header, json_response, next_link, not_modified, problems, stored_response
 from server.resources import links
-from server.routes.dependencies import Accept, CallerDep, IfNoneMatch, OnceDep, PageCursor, PageLimit, ServiceDep
+from server.routes.dependencies import (
+    Accept,
+    IdempotencyKeyDep,
+    IfNoneMatch,
+    PageCursor,
+    PageLimit,
+    PrincipalDep,
+    ServiceDep,
+)
 from server.schemas.common import ResourceId
 from server.schemas.snapshots import SNAPSHOT_EXAMPLE, Snapshot, SnapshotInput, SnapshotPage
 from server.snapshots import snapshots
@@ -31,8 +39,8 @@ class _Download(FileResponse):
         async def checked(message: Message) -> None:
             if message["type"] == "http.response.start" and message["status"] in {400, 416}:
                 headers = {name.decode(): value.decode() for name, value in message["headers"]}
-                kept = {name: value for name, value in headers.items() if name == "content-range"}
-                raise HTTPException(message["status"], "The header Range asks for what is not there.", kept)
+                response = {name: value for name, value in headers.items() if name == "content-range"}
+                raise HTTPException(message["status"], "The header Range asks for what is not there.", response)
             await send(message)
 
         await super().__call__(scope, receive, checked)
@@ -49,14 +57,16 @@ class _Download(FileResponse):
         **problems(400, 409, 413, 415, 422, 503, 507),
     },
 )
-def post_snapshot(body: SnapshotInput, service: ServiceDep, caller: CallerDep, once: OnceDep) -> Response:
+def post_snapshot(
+    body: SnapshotInput, service: ServiceDep, caller: PrincipalDep, idempotency_key: IdempotencyKeyDep
+) -> Response:
     """A copy of the whole database, API keys' hashes included, while everybody goes on reading and writing.
 
     What was acknowledged before is in it. The oldest ones beyond `snapshots.keep` are removed. 409 while one is made.
     """
     caller.require_all()
     keep = service.settings.snapshots.keep
-    return kept_response(snapshots.make_once(service.database, service.snapshots, body.name, keep, once))
+    return stored_response(snapshots.make_once(service.database, service.snapshots, body.name, keep, idempotency_key))
 
 
 @router.get(
@@ -74,7 +84,7 @@ def post_snapshot(body: SnapshotInput, service: ServiceDep, caller: CallerDep, o
 def list_snapshots(
     request: Request,
     service: ServiceDep,
-    caller: CallerDep,
+    caller: PrincipalDep,
     limit: PageLimit = None,
     cursor: PageCursor = None,
 ) -> Response:
@@ -108,7 +118,7 @@ def list_snapshots(
 def get_snapshot(
     snapshot: SnapshotName,
     service: ServiceDep,
-    caller: CallerDep,
+    caller: PrincipalDep,
     accept: Accept = None,
     if_none_match: IfNoneMatch = None,
 ) -> Response:
@@ -139,7 +149,9 @@ def get_snapshot(
     response_class=Response,
     responses=problems(404, 422, 503),
 )
-def delete_snapshot(snapshot: SnapshotName, service: ServiceDep, caller: CallerDep, once: OnceDep) -> Response:
+def delete_snapshot(
+    snapshot: SnapshotName, service: ServiceDep, caller: PrincipalDep, idempotency_key: IdempotencyKeyDep
+) -> Response:
     """For good."""
     caller.require_all()
-    return kept_response(snapshots.remove_once(service.database, service.snapshots, snapshot, once))
+    return stored_response(snapshots.remove_once(service.database, service.snapshots, snapshot, idempotency_key))

@@ -7,15 +7,22 @@ from fastapi import APIRouter, Query, Response
 from server.http.admission.admission import BudgetDep
 from server.http.json_body import JsonRoute
 from server.http.negotiation import JSON
-from server.http.responses import kept_response, problems
+from server.http.responses import problems, stored_response
 from server.platform.ids import new_id
 from server.queries.loop_closing import LoopQuestion
-from server.routes.dependencies import CallerDep, CollectionId, OnceDep, PreconditionsDep, ServiceDep, SubmapId
+from server.routes.dependencies import (
+    CollectionId,
+    IdempotencyKeyDep,
+    PreconditionsDep,
+    PrincipalDep,
+    ServiceDep,
+    SubmapId,
+)
 from server.routes.submaps import _SUBMAP
 from server.runtime import Service
 from server.schemas import examples
 from server.schemas.submaps import ArrivingSubmap, Submap, SubmapPatch, SubmapReceipt
-from server.security.principal import Caller, Scope
+from server.security.principal import Principal, Scope
 from server.submaps import ingest
 from urquhart import Budget
 
@@ -46,10 +53,10 @@ def put_submap(
     submap: SubmapId,
     body: ArrivingSubmap,
     service: ServiceDep,
-    caller: CallerDep,
+    caller: PrincipalDep,
     preconditions: PreconditionsDep,
     budget: BudgetDep,
-    once: OnceDep,
+    idempotency_key: IdempotencyKeyDep,
     query: WithQuery = False,
 ) -> Response:
     """Replaces the whole submap: what is left out is cleared, and `cleared` in the answer names it; PATCH changes the
@@ -66,7 +73,7 @@ def put_submap(
             body,
             service.settings.limits,
             preconditions,
-            once=once,
+            idempotency_key=idempotency_key,
             question=_question(service, caller, collection, submap, body, budget, wanted=query),
         ),
     )
@@ -88,8 +95,8 @@ def post_submap(
     collection: CollectionId,
     body: ArrivingSubmap,
     service: ServiceDep,
-    caller: CallerDep,
-    once: OnceDep,
+    caller: PrincipalDep,
+    idempotency_key: IdempotencyKeyDep,
     budget: BudgetDep,
     query: WithQuery = False,
 ) -> Response:
@@ -104,7 +111,7 @@ def post_submap(
             new_id(),
             body,
             service.settings.limits,
-            once=once,
+            idempotency_key=idempotency_key,
             question=_question(service, caller, collection, None, body, budget, wanted=query),
         ),
     )
@@ -112,7 +119,7 @@ def post_submap(
 
 def _question(
     service: Service,
-    caller: Caller,
+    caller: Principal,
     collection: str,
     submap: str | None,
     body: ArrivingSubmap,
@@ -130,7 +137,7 @@ def _question(
 def _answered(service: Service, stored: ingest.Stored) -> Response:
     if stored.outcome is not None:
         service.metrics.submaps_written.labels(stored.outcome).inc()
-    return kept_response(stored.kept)
+    return stored_response(stored.response)
 
 
 @router.patch(
@@ -145,9 +152,9 @@ def patch_submap(
     submap: SubmapId,
     body: SubmapPatch,
     service: ServiceDep,
-    caller: CallerDep,
+    caller: PrincipalDep,
     preconditions: PreconditionsDep,
-    once: OnceDep,
+    idempotency_key: IdempotencyKeyDep,
 ) -> Response:
     """What is given replaces what was there, null clears it, what is left out stays. Landmarks, given as `xy` or as
     `landmarks`, are replaced as a whole and indexed again; nothing else is.
@@ -156,7 +163,9 @@ def patch_submap(
     """
     caller.require(Scope.READ)
     limits = service.settings.limits
-    return kept_response(ingest.patch(service.database, collection, submap, body, limits, preconditions, once=once))
+    return stored_response(
+        ingest.patch(service.database, collection, submap, body, limits, preconditions, idempotency_key=idempotency_key)
+    )
 
 
 @router.delete(
@@ -168,7 +177,13 @@ def patch_submap(
     responses=problems(404, 412, 422, 503, 507),
 )
 def delete_submap(
-    collection: CollectionId, submap: SubmapId, service: ServiceDep, preconditions: PreconditionsDep, once: OnceDep
+    collection: CollectionId,
+    submap: SubmapId,
+    service: ServiceDep,
+    preconditions: PreconditionsDep,
+    idempotency_key: IdempotencyKeyDep,
 ) -> Response:
     """The next query does not find it."""
-    return kept_response(ingest.delete(service.database, collection, submap, preconditions, once=once))
+    return stored_response(
+        ingest.delete(service.database, collection, submap, preconditions, idempotency_key=idempotency_key)
+    )

@@ -7,7 +7,7 @@ from server.http.documentation import published_limits
 from server.http.responses import json_response, problems
 from server.observability import database_gauges
 from server.observability.metrics import Metrics
-from server.routes.dependencies import CallerDep, ServiceDep
+from server.routes.dependencies import PrincipalDep, ServiceDep
 from server.schemas.system import LIMITS_EXAMPLE, READINESS_EXAMPLE, LimitsAnswer, Liveness, Load, Readiness
 
 router = APIRouter(route_class=GuardedRoute, tags=["system"])
@@ -66,7 +66,7 @@ async def readyz(service: ServiceDep) -> Response:
         **problems(),
     },
 )
-def metrics(service: ServiceDep, caller: CallerDep) -> Response:
+def metrics(service: ServiceDep, caller: PrincipalDep) -> Response:
     """Of all processes of this service. They name collections, so a key must see them all."""
     caller.require_all()
     told = database_gauges.exposition(service.database, service.metrics, service.exchange)

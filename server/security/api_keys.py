@@ -14,9 +14,9 @@ from datetime import datetime
 from typing import Final
 
 from server.errors import Conflict, InvalidField, NotFound, Unauthorized
-from server.problem_types import kind_of, plain
+from server.problem_types import plain, problem_type_of
 from server.security.principal import Scope
-from server.store.repositories.api_keys import Keys
+from server.store.repositories.api_keys import ApiKeys
 from server.store.repositories.jobs import Jobs
 from server.store.sqlite.database import Database
 from server.store.tables import KeyRow
@@ -49,7 +49,7 @@ class KeyInfo:
 def make(
     database: Database, name: str, scopes: Sequence[Scope], patterns: Sequence[str], expires: datetime | None = None
 ) -> tuple[str, KeyInfo]:
-    """A new key, which is told this once, and what is kept of it.
+    """A new key, which is shown only now, and what is stored of it.
 
     Raises:
         InvalidField: no scope, no pattern, or one that no collection's id can match.
@@ -69,7 +69,7 @@ def make(
             )
     key_id, secret = _random(_ID), _random(_SECRET)
     with database.write() as session:
-        row = Keys(session).add(
+        row = ApiKeys(session).add(
             key_id=key_id,
             name=name,
             digest=digest_of(secret),
@@ -83,7 +83,7 @@ def make(
 def listed(database: Database) -> list[KeyInfo]:
     """All keys, oldest first, the revoked and expired ones, too."""
     with database.read() as session:
-        return [info_of(row) for row in Keys(session).all()]
+        return [info_of(row) for row in ApiKeys(session).all()]
 
 
 def revoke(database: Database, key_id: str) -> None:
@@ -92,14 +92,14 @@ def revoke(database: Database, key_id: str) -> None:
     Raises NotFound and Conflict (it is already).
     """
     with database.write() as session:
-        keys = Keys(session)
+        keys = ApiKeys(session)
         row = keys.get(key_id)
         if row is None:
             raise NotFound("key", key_id)
         if row.revoked is not None:
             raise Conflict(f"The key {key_id} was revoked on {row.revoked:%Y-%m-%d}.")
         keys.revoke(key_id)
-        problem = plain(kind_of(Unauthorized("")), f"The key {key_id}, which began the job, was revoked.")
+        problem = plain(problem_type_of(Unauthorized("")), f"The key {key_id}, which began the job, was revoked.")
         Jobs(session).end_those_of(key_id, problem)
 
 

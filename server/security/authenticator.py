@@ -10,8 +10,8 @@ from typing import Final
 from server.config.settings import Settings
 from server.errors import Conflict, Unauthorized
 from server.security.api_keys import KEY_FORMAT, digest_of, info_of
-from server.security.principal import ANYBODY, Caller, Scope
-from server.store.repositories.api_keys import Keys
+from server.security.principal import UNRESTRICTED, Principal, Scope
+from server.store.repositories.api_keys import ApiKeys
 from server.store.sqlite.database import Database
 from server.store.tables import KeyRow
 
@@ -33,7 +33,7 @@ def check_exposure(settings: Settings, database: Database) -> None:
     if not is_exposed(settings):
         return
     with database.read() as session:
-        if Keys(session).any_usable(datetime.now(UTC)):
+        if ApiKeys(session).any_usable(datetime.now(UTC)):
             return
     raise Conflict(
         f"host {settings.host!r} can be reached from other machines and there is no key to ask them for: make one with "
@@ -42,37 +42,37 @@ def check_exposure(settings: Settings, database: Database) -> None:
     )
 
 
-class Doorkeeper:
-    """Tells who asks. Keys are asked for as soon as there is one, or where the service is exposed."""
+class Authenticator:
+    """Finds the principal behind an API key. Keys are required as soon as one exists, or if the service is exposed."""
 
     def __init__(self, settings: Settings, database: Database) -> None:
         self._database = database
         self._always = is_exposed(settings)
         self._guard = threading.Lock()
-        self._locked: tuple[float, bool] | None = None
+        self._asks_for_keys: tuple[float, bool] | None = None
         self._known: dict[str, tuple[float, KeyRow | None]] = {}
 
     def asks_for_keys(self) -> bool:
         """Whether callers need a key. Raises StorageError."""
-        return self._is_locked(ask=True) is True
+        return self._keys_exist(ask=True) is True
 
-    def recall(self, authorization: str | None) -> Caller | None:
+    def from_cache(self, authorization: str | None) -> Principal | None:
         """Who asks, from what is remembered; None where the database has to be asked. Raises Unauthorized."""
-        return self._tell(authorization, ask=False)
+        return self._principal_of(authorization, ask=False)
 
-    def ask(self, authorization: str | None) -> Caller:
+    def authenticate(self, authorization: str | None) -> Principal:
         """Who asks. Raises Unauthorized and StorageError."""
-        caller = self._tell(authorization, ask=True)
+        caller = self._principal_of(authorization, ask=True)
         if caller is None:
             raise AssertionError("the database was asked")
         return caller
 
-    def _tell(self, authorization: str | None, *, ask: bool) -> Caller | None:
-        locked = self._is_locked(ask=ask)
-        if locked is None:
+    def _principal_of(self, authorization: str | None, *, ask: bool) -> Principal | None:
+        required = self._keys_exist(ask=ask)
+        if required is None:
             return None
-        if not locked:
-            return ANYBODY
+        if not required:
+            return UNRESTRICTED
         if authorization is None:
             raise Unauthorized("This service asks for a key: send Authorization: Bearer urq_...", given=False)
         kind, _, token = authorization.partition(" ")
@@ -90,20 +90,20 @@ class Doorkeeper:
         state = info_of(row).state(datetime.now(UTC))
         if state != "usable":
             raise Unauthorized(f"The key {row.id} is {state}; ask the operator for another.")
-        return Caller(row.id, frozenset(map(Scope, row.scopes)), tuple(row.patterns))
+        return Principal(row.id, frozenset(map(Scope, row.scopes)), tuple(row.patterns))
 
-    def _is_locked(self, *, ask: bool) -> bool | None:
+    def _keys_exist(self, *, ask: bool) -> bool | None:
         if self._always:
             return True
         now = time.monotonic()
-        if self._locked is not None and now - self._locked[0] < _FRESH:
-            return self._locked[1]
+        if self._asks_for_keys is not None and now - self._asks_for_keys[0] < _FRESH:
+            return self._asks_for_keys[1]
         if not ask:
             return None
         with self._database.read() as session:
-            locked = Keys(session).any()
-        self._locked = (now, locked)
-        return locked
+            required = ApiKeys(session).any()
+        self._asks_for_keys = (now, required)
+        return required
 
     def _row(self, key_id: str, *, ask: bool) -> tuple[KeyRow | None] | None:
         now = time.monotonic()
@@ -114,7 +114,7 @@ class Doorkeeper:
         if not ask:
             return None
         with self._database.read() as session:
-            row = Keys(session).get(key_id)
+            row = ApiKeys(session).get(key_id)
         with self._guard:
             if len(self._known) >= _KNOWN:
                 self._known.clear()

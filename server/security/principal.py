@@ -1,4 +1,4 @@
-"""Who asks, and what they may: scopes, and the collections that a key is bound to."""
+"""The principal behind a request, and what it may do: scopes, and the collections that a key is bound to."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -16,8 +16,8 @@ class Scope(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Caller:
-    """Whoever sent a request.
+class Principal:
+    """The caller behind a request, as identified by the API key.
 
     Attributes:
         id: public part of the key, empty where the service asks for none.
@@ -49,10 +49,10 @@ class Caller:
         return "*" in self.patterns
 
 
-ANYBODY = Caller("", frozenset(Scope), ("*",))
-"""The caller of a service that asks for no key."""
-NOBODY = Caller("", frozenset(), ())
-"""A caller without a key where one is asked for."""
+UNRESTRICTED = Principal("", frozenset(Scope), ("*",))
+"""The principal of every request while the service requires no key."""
+ANONYMOUS = Principal("", frozenset(), ())
+"""A caller without a key where one is required."""
 
 
 def _listed(scopes: frozenset[Scope]) -> str:

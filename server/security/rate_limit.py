@@ -12,7 +12,7 @@ _MOST: Final = 10_000
 """Callers that are remembered; one that was not seen for longest is forgotten, and begins with a full bucket."""
 
 
-class Rates:
+class RateLimiter:
     """Requests a second of each caller of this process. A bucket holds what may be asked in a second, at least one.
 
     Thread-safe.

@@ -15,7 +15,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
-from server.checks.integrity import file_findings
+from server.checks.integrity import file_discrepancies
 from server.collections.registry import get_collection
 from server.errors import Conflict, NotADatabase, NotFound, StorageDamaged, StorageUnavailable
 from server.index.derived import config_of
@@ -30,7 +30,7 @@ from server.store.repositories.collections import Collections
 from server.store.repositories.jobs import Jobs
 from server.store.repositories.segments import Segments
 from server.store.sqlite.database import Database
-from server.store.sqlite.database_lock import alone
+from server.store.sqlite.database_lock import exclusive
 from server.store.sqlite.sqlite_errors import storage_errors
 from urquhart.index.segment_file import SegmentDamaged, sync
 
@@ -41,7 +41,7 @@ _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
+class RestoreSource:
     """A snapshot's file, and what it has to be: by its manifest, by a checksum that was given, or neither."""
 
     file: Path
@@ -50,14 +50,14 @@ class Source:
 
 
 @dataclass(frozen=True, slots=True)
-class Restored:
+class RestoreReport:
     """What came of it: where the old database lies now, and how many jobs were ended that had been under way."""
 
     aside: Path | None
     jobs_ended: int
 
 
-def find(database: Path, wanted: str, checksum: str | None = None) -> Source:
+def find(database: Path, wanted: str, checksum: str | None = None) -> RestoreSource:
     """The snapshot of that name beside a database, or else the file of that name. Raises NotFound and StorageError."""
     folder = SnapshotFolder(database)
     if is_name(wanted) and folder.manifest(wanted).is_file() and folder.file(wanted).is_file():
@@ -70,10 +70,10 @@ def find(database: Path, wanted: str, checksum: str | None = None) -> Source:
         manifest = read_manifest(file.with_suffix(".json"))
     if checksum is None and manifest is not None:
         checksum = manifest.sha256
-    return Source(file, manifest, checksum.lower() if checksum else None)
+    return RestoreSource(file, manifest, checksum.lower() if checksum else None)
 
 
-def verify(source: Source) -> str:
+def verify(source: RestoreSource) -> str:
     """Prove that a snapshot is whole and can be read; its checksum. Raises StorageError and Conflict."""
     _no_log_beside(source.file)
     with storage_errors(source.file):
@@ -83,7 +83,7 @@ def verify(source: Source) -> str:
     return found
 
 
-def restore(source: Source, path: Path, *, force: bool = False, discard: bool = False) -> Restored:
+def restore(source: RestoreSource, path: Path, *, force: bool = False, discard: bool = False) -> RestoreReport:
     """Put a snapshot in the place of the database at `path`, brought to this version's schema and features.
 
     Args:
@@ -96,7 +96,7 @@ def restore(source: Source, path: Path, *, force: bool = False, discard: bool = 
     """
     path = path.resolve()
     _no_log_beside(source.file)
-    with storage_errors(path), alone(path):
+    with storage_errors(path), exclusive(path):
         _mend(path)
         if path.exists() and not force:
             raise Conflict(f"{path} is there already; say --force to put it aside and this in its place.")
@@ -111,11 +111,11 @@ def restore(source: Source, path: Path, *, force: bool = False, discard: bool = 
             _belong(fresh, path)
             sync(fresh)
             aside = _swap(fresh, path, discard=discard)
-    return Restored(aside, ended)
+    return RestoreReport(aside, ended)
 
 
 def forget_unusable(database: Database) -> int:
-    """Take segments off the list that are not there or not sound; how many. The service writes them anew."""
+    """Take segments off the list that are not there or not sound; how many. The service rewrites them."""
     folder, dropped = SegmentFolder(database), 0
     with database.write() as session:
         for key, collection_id, _ in Collections(session).revisions():
@@ -126,13 +126,13 @@ def forget_unusable(database: Database) -> int:
                     if segment.file is not None:
                         segment.file.check()
                 except (SegmentDamaged, OSError) as error:
-                    _log.info("segment %s is made anew: %s", listed.name, error)
+                    _log.info("segment %s is rebuilt: %s", listed.name, error)
                     dropped += segments.drop_from(listed.name)
                     break
     return dropped
 
 
-def _check_sum(source: Source, found: str) -> None:
+def _check_sum(source: RestoreSource, found: str) -> None:
     if source.checksum is not None and found != source.checksum:
         raise StorageDamaged(
             f"{source.file} is not what it was: its SHA-256 is {found}, {source.checksum} is noted. Take another copy."
@@ -145,14 +145,14 @@ def _no_log_beside(file: Path) -> None:
         raise Conflict(f"{file} is a database in use, or was left in the middle of it ({log.name}); take a snapshot.")
 
 
-def _prove(source: Source, file: Path) -> None:
+def _prove(source: RestoreSource, file: Path) -> None:
     """Raise StorageError unless a file is a sound database of ours that holds what its manifest says."""
     copy = Database(file, read_only=True)
     try:
         revision = migrations_runner.current_revision(copy)
         if revision is None:
             raise NotADatabase(f"{source.file} is an empty database, and none of this service.")
-        for finding in file_findings(copy):
+        for finding in file_discrepancies(copy):
             raise StorageDamaged(f"{source.file} is damaged: {finding.what}. Take another snapshot.")
         with copy.read() as session:
             contents = Collections(session).contents()

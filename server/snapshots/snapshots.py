@@ -12,12 +12,19 @@ from typing import Final
 
 from sqlalchemy.orm import Session
 
-from server.checks.integrity import file_findings
+from server.checks.integrity import file_discrepancies
 from server.config.settings import Limits
 from server.errors import Conflict, StorageDamaged, StorageFull, StorageReadOnly
 from server.platform.version import service_version
 from server.resources import links
-from server.resources.idempotency import NO_CONTENT, Kept, Once, do_once, keep, recall
+from server.resources.idempotency import (
+    NO_CONTENT,
+    IdempotencyKey,
+    StoredResponse,
+    find_response,
+    run_once,
+    store_response,
+)
 from server.resources.paging import page_size, read_name_cursor, write_cursor
 from server.schemas.snapshots import Snapshot, SnapshotCollection, SnapshotPage
 from server.snapshots.snapshot_folder import SnapshotFolder, check_name, sha256
@@ -58,39 +65,43 @@ def make(database: Database, folder: SnapshotFolder, name: str | None, keep_last
     return snapshot
 
 
-def make_once(database: Database, folder: SnapshotFolder, name: str | None, keep_last: int, once: Once | None) -> Kept:
+def make_once(
+    database: Database, folder: SnapshotFolder, name: str | None, keep_last: int, idempotency_key: IdempotencyKey | None
+) -> StoredResponse:
     """Make a snapshot, unless this was done before; what is answered. Raises what `make` does, and KeyReused."""
-    _must_keep(database, once)
+    _must_keep(database, idempotency_key)
     with database.read() as session:
-        kept = recall(session, once, _OPERATION)
-    if kept is not None:
-        return kept
+        response = find_response(session, idempotency_key, _OPERATION)
+    if response is not None:
+        return response
     snapshot = make(database, folder, name, keep_last)
-    answer = Kept(
+    answer = StoredResponse(
         201, {"Location": links.snapshot(snapshot.name), "ETag": f'"{snapshot_etag(snapshot)}"'}, snapshot.document()
     )
-    if once is None:
+    if idempotency_key is None:
         return answer
     with database.write() as session:
-        return keep(session, once, _OPERATION, answer)
+        return store_response(session, idempotency_key, _OPERATION, answer)
 
 
-def remove_once(database: Database, folder: SnapshotFolder, name: str, once: Once | None) -> Kept:
+def remove_once(
+    database: Database, folder: SnapshotFolder, name: str, idempotency_key: IdempotencyKey | None
+) -> StoredResponse:
     """Remove a snapshot, unless this was done before; what is answered. Raises NotFound, StorageError and KeyReused."""
-    if once is None:
+    if idempotency_key is None:
         folder.remove(name)
         return NO_CONTENT
 
-    def remove(_: Session) -> Kept:
+    def remove(_: Session) -> StoredResponse:
         folder.remove(name)
         return NO_CONTENT
 
-    _must_keep(database, once)
-    return do_once(database, once, f"deleteSnapshot {name}", remove)
+    _must_keep(database, idempotency_key)
+    return run_once(database, idempotency_key, f"deleteSnapshot {name}", remove)
 
 
-def _must_keep(database: Database, once: Once | None) -> None:
-    if once is not None and database.read_only:
+def _must_keep(database: Database, idempotency_key: IdempotencyKey | None) -> None:
+    if idempotency_key is not None and database.read_only:
         raise StorageReadOnly("The database is only read, so no Idempotency-Key can be kept; send it without.")
 
 
@@ -128,7 +139,7 @@ def _described(file: Path, *, name: str, created: datetime) -> Snapshot:
     """The manifest of a copy, as the copy itself has it. Raises StorageDamaged where it is not sound."""
     copy = Database(file, read_only=True)
     try:
-        for finding in file_findings(copy, quick=True):
+        for finding in file_discrepancies(copy, quick=True):
             raise StorageDamaged(
                 f"The database is damaged, and so is its copy, which was not kept: {finding.what}. Restore a snapshot "
                 "that is sound."

@@ -50,7 +50,7 @@ class Columns:
     polar: tuple[str, ...]
     unused: tuple[str, ...]
 
-    def told(self) -> str:
+    def described(self) -> str:
         """Which column is read as what, and which are not."""
         read = [f"{key} from {self.names[key]!r}" for key in ("tree_id", "x_m", "y_m") if key in self.names]
         if self.dbh_unit is not None:

@@ -231,7 +231,7 @@ class _Trees:
         return tuple(f"{plot}-{tree_id}" for plot, tree_id in self.ids) if self.ids_of_plots else ids
 
     def _told(self) -> str:
-        parts = [self.columns.told()]
+        parts = [self.columns.described()]
         if self.rows.separator != ",":
             decimals = ", decimals with commas" if self.decimal_mark and self.decimal_mark[0] == "," else ""
             parts.append(f"columns separated by {SEPARATORS[self.rows.separator]}{decimals}")

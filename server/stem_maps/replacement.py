@@ -13,7 +13,7 @@ from server.store.repositories.stands import StandRecord, Stands
 from server.store.repositories.submaps import Submaps
 from server.store.sqlite.database import Database
 from server.store.sqlite.sqlite_errors import storage_errors
-from server.submaps.batches import Described, Refusal
+from server.submaps.batches import DescribedBatch, Refusal
 from server.submaps.bulk import BatchResult, write_in
 
 _IN_MEMORY: Final = 32 * 1024 * 1024
@@ -25,7 +25,7 @@ class StandError(ValueError):
 
 
 @dataclass(slots=True)
-class Replaced:
+class ReplacementReport:
     """What became of a stand's submaps, those of before among them.
 
     Attributes:
@@ -55,7 +55,7 @@ class Replaced:
 
 
 @contextmanager
-def spooled(batches: Iterable[Described], folder: Path) -> Iterator[Iterator[Described]]:
+def spool_to_disk(batches: Iterable[DescribedBatch], folder: Path) -> Iterator[Iterator[DescribedBatch]]:
     """Take in all batches first, then hand them out again: the transaction that stores them need not wait for one.
 
     What does not fit into memory waits in a file of `folder` that has no name, so a killed process leaves nothing.
@@ -72,8 +72,8 @@ def spooled(batches: Iterable[Described], folder: Path) -> Iterator[Iterator[Des
 
 
 def replace_stand(
-    database: Database, collection_id: str, record: StandRecord, ids: Collection[str], batches: Iterable[Described]
-) -> Replaced:
+    database: Database, collection_id: str, record: StandRecord, ids: Collection[str], batches: Iterable[DescribedBatch]
+) -> ReplacementReport:
     """Store a stand with the submaps of `batches`, whose ids are among `ids`, and delete all others that it had.
 
     Readers see the stand as it was, or as it is now, and nothing between; so does whoever opens the database after a
@@ -83,7 +83,7 @@ def replace_stand(
         StandError: another's submap has one of the ids, or no submap is left of a stand that had some.
         NotFound, Conflict, StorageError: as `write_in` and the database do. Nothing is changed.
     """
-    done = Replaced()
+    done = ReplacementReport()
     with database.write() as session:
         collection_key = get_collection(session, collection_id).key
         stands = Stands(session, collection_key)

@@ -12,17 +12,17 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from server.config.settings import Limits
-from server.platform.process_pool import Workers
+from server.platform.process_pool import ProcessPool
 from server.schemas.common import check_id
 from server.schemas.landmarks import Landmark
 from server.schemas.poses import MapPose
 from server.stem_maps.reader import StemMap
-from server.stem_maps.replacement import Replaced, StandError, replace_stand, spooled
+from server.stem_maps.replacement import ReplacementReport, StandError, replace_stand, spool_to_disk
 from server.stem_maps.tiling import Cut, cut
 from server.store.codec import digest, pack_positions
 from server.store.repositories.stands import StandRecord
 from server.store.sqlite.database import Database
-from server.submaps.batches import Described
+from server.submaps.batches import DescribedBatch
 from server.submaps.bulk import describe_lines
 
 BATCH = 200
@@ -36,7 +36,7 @@ class StandReport:
 
     name: str
     cut: Cut
-    outcome: Replaced
+    outcome: ReplacementReport
     seconds: float
 
     @property
@@ -53,7 +53,7 @@ def store_stand(
     *,
     limits: Limits,
     advance: Callable[[int], None] | None = None,
-    workers: Workers | None = None,
+    workers: ProcessPool | None = None,
 ) -> StandReport:
     """Store the discs of `stand`, which `stem_map` was cut into, in a collection that exists.
 
@@ -68,13 +68,13 @@ def store_stand(
     describing = describe_lines(
         database, collection, lines_of(stem_map, stand), batch_size=BATCH, limits=limits, workers=workers
     )
-    with closing(describing), spooled(_counted(describing, advance), database.path.parent) as batches:
+    with closing(describing), spool_to_disk(_counted(describing, advance), database.path.parent) as batches:
         ids = [disc.submap_id for disc in stand.discs]
         outcome = replace_stand(database, collection, _record(stem_map, stand), ids, batches)
     return StandReport(stem_map.name, stand, outcome, time.perf_counter() - began)
 
 
-def _counted(batches: Iterable[Described], advance: Callable[[int], None] | None) -> Iterator[Described]:
+def _counted(batches: Iterable[DescribedBatch], advance: Callable[[int], None] | None) -> Iterator[DescribedBatch]:
     for batch in batches:
         if advance is not None:
             advance(len(batch.records) + len(batch.refused))

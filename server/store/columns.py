@@ -27,7 +27,7 @@ def read_instant(value: int | None) -> datetime | None:
     return None if value is None else _EPOCH + timedelta(microseconds=value)
 
 
-class Table(DeclarativeBase):
+class BaseRow(DeclarativeBase):
     """Base of all tables."""
 
     metadata = MetaData(

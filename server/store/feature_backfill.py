@@ -1,4 +1,4 @@
-"""Features of an older format, or described in an older way, are made anew once, so that no start has to do it again.
+"""Features of an older format, or described in an older way, are rebuilt once, so that no start has to do it again.
 
 They are looked for when the file was last brought up to date by a version that made others: its `user_version` says so.
 Every batch is a transaction of its own; what is left when the process ends is done the next time.
@@ -26,8 +26,8 @@ _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
-class Renewal:
-    """How far it is: submaps looked after, of as many; of how many of them the features are made anew."""
+class BackfillProgress:
+    """How far it is: submaps looked after, of as many; of how many the features were rebuilt."""
 
     done: int
     total: int
@@ -40,13 +40,13 @@ def bring_up_to_date(database: Database) -> bool:
     Raises what `schema.upgrade` does.
     """
     changed = migrations_runner.upgrade(database)
-    for step in renew(database):
+    for step in backfill(database):
         changed = changed or step.made > 0
     return changed
 
 
-def renew(database: Database, *, all_rows: bool = False) -> Iterator[Renewal]:
-    """Make features anew that this version cannot use, a batch at a time; nothing is yielded when there are none.
+def backfill(database: Database, *, all_rows: bool = False) -> Iterator[BackfillProgress]:
+    """Rebuild features that this version cannot use, a batch at a time; nothing is yielded when there are none.
 
     The schema must be this version's. A file that is only read stays as it is: what cannot be used is then described at
     every reading.
@@ -61,8 +61,8 @@ def renew(database: Database, *, all_rows: bool = False) -> Iterator[Renewal]:
         stale = [] if marked and not all_rows else _stale(session)
     made = 0
     for start in range(0, len(stale), _BATCH):
-        made += _renew(database, stale[start : start + _BATCH])
-        yield Renewal(min(start + _BATCH, len(stale)), len(stale), made)
+        made += _backfill_batch(database, stale[start : start + _BATCH])
+        yield BackfillProgress(min(start + _BATCH, len(stale)), len(stale), made)
     if not marked:
         with database.write_connection() as connection:
             connection.exec_driver_sql(f"PRAGMA user_version = {FEATURES_VERSION}")
@@ -85,7 +85,7 @@ def _stale(session: Session) -> list[tuple[int, Config]]:
     return found
 
 
-def _renew(database: Database, batch: list[tuple[int, Config]]) -> int:
+def _backfill_batch(database: Database, batch: list[tuple[int, Config]]) -> int:
     configs = dict(batch)
     columns = (SubmapRow.key, SubmapRow.id, SubmapRow.content_revision, SubmapRow.landmarks, SubmapRow.attributes)
     with database.read() as session:

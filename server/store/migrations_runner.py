@@ -41,7 +41,7 @@ def claim(database: Database) -> str | None:
     there = database.path.exists() or database.read_only
     if there and not lock_path(database.path).exists():
         current_revision(database)  # what is not ours gets no lock beside it
-    database.occupy()
+    database.hold_file()
     return current_revision(database) if there else None
 
 

@@ -23,10 +23,10 @@ from sqlalchemy import (
 )
 from sqlalchemy.orm import InstrumentedAttribute, Mapped, mapped_column
 
-from server.store.columns import Instant, Table
+from server.store.columns import BaseRow, Instant
 
 
-class CollectionRow(Table):
+class CollectionRow(BaseRow):
     """Submaps that share a configuration. Counts live here so that reading them never scans."""
 
     __tablename__ = "collections"
@@ -52,7 +52,7 @@ class CollectionRow(Table):
     updated: Mapped[datetime] = mapped_column(Instant)
 
 
-class SubmapRow(Table):
+class SubmapRow(BaseRow):
     """Landmarks in one rigid frame, with the features made of them.
 
     `revision` is the collection's at the last write of any kind, `content_revision` at the last one that
@@ -122,7 +122,7 @@ class SubmapRow(Table):
     stand_key: Mapped[int | None] = mapped_column(Integer, deferred=True)
 
 
-class StandRow(Table):
+class StandRow(BaseRow):
     """What was stored as one thing, such as the discs of one stem map; it is replaced as a whole.
 
     `frame_id` is the map frame of its submaps, `source_hash` the digest of the file as it was read, `trees_hash` that
@@ -145,7 +145,7 @@ class StandRow(Table):
     updated: Mapped[datetime] = mapped_column(Instant)
 
 
-class MapFrameRow(Table):
+class MapFrameRow(BaseRow):
     """Where a map frame other than the default one is on Earth: its system, and its origin there in metres."""
 
     __tablename__ = "map_frames"
@@ -169,7 +169,7 @@ def beside_key(collection_key: Any) -> ColumnElement[bool]:
     return same
 
 
-class DeletionRow(Table):
+class DeletionRow(BaseRow):
     """A submap that is gone, so that the live index of every process can drop it too.
 
     Forgotten once no segment can hold the submap any more: when the collection's first one was made later.
@@ -183,7 +183,7 @@ class DeletionRow(Table):
     revision: Mapped[int] = mapped_column(Integer)
 
 
-class SegmentRow(Table):
+class SegmentRow(BaseRow):
     """A file of the index: the submaps whose `content_revision` is after `since` and up to `revision`.
 
     Rows of a collection make a chain: the first begins at 0, and each of the others where the one before it ends. What
@@ -208,7 +208,7 @@ def matches(column: InstrumentedAttribute[str], patterns: Sequence[str]) -> Colu
     return or_(false(), *(column.op("GLOB")(pattern) for pattern in patterns))
 
 
-class KeyRow(Table):
+class KeyRow(BaseRow):
     """An API key: its secret is not here, only the SHA-256 of it. `id` is the part of the key that may be shown."""
 
     __tablename__ = "api_keys"
@@ -224,10 +224,10 @@ class KeyRow(Table):
     revoked: Mapped[datetime | None] = mapped_column(Instant)
 
 
-class JobRow(Table):
+class JobRow(BaseRow):
     """Long work. It outlives the process that took it; a lock on a file tells whether somebody is at it.
 
-    `collection_id` is a name, not a reference: the job is still told of when the collection is gone.
+    `collection_id` is a name, not a reference: the job is still listed when the collection is gone.
     """
 
     __tablename__ = "jobs"
@@ -257,7 +257,7 @@ class JobRow(Table):
     finished: Mapped[datetime | None] = mapped_column(Instant)
 
 
-class IdempotencyRow(Table):
+class IdempotencyRow(BaseRow):
     """The answer to a POST that carried an Idempotency-Key, written with what the POST did, to be given again."""
 
     __tablename__ = "idempotency"
@@ -274,7 +274,7 @@ class IdempotencyRow(Table):
     created: Mapped[datetime] = mapped_column(Instant)
 
 
-class QueryRow(Table):
+class QueryRow(BaseRow):
     """A stored query. `number` counts up within its collection: one that was given out but has no row is gone."""
 
     __tablename__ = "queries"

@@ -22,10 +22,10 @@ from server.errors import DomainError, InvalidBody, InvalidField, MalformedBody,
 from server.index.derived import config_of
 from server.parsing.field_errors import invalid_body
 from server.parsing.strict_json import read_json
-from server.platform.process_pool import PATIENCE, Apart, Work, Workers
+from server.platform.process_pool import PATIENCE, IsolationPolicy, PoolTask, ProcessPool
 from server.platform.threads import pin_threads
 from server.schemas.submaps import NamedSubmap
-from server.store.repositories.map_frames import Frames
+from server.store.repositories.map_frames import MapFrames
 from server.store.repositories.submaps import SubmapRecord, Submaps
 from server.store.sqlite.database import Database
 from server.submaps.preparation import Prepared
@@ -65,7 +65,7 @@ class Batch(Generic[_Item]):
 
 
 @dataclass(slots=True)
-class Described:
+class DescribedBatch:
     """A batch that is ready to be written.
 
     Attributes:
@@ -92,37 +92,39 @@ class _Task:
     lines: list[bytes]
 
 
-def describers(processes: int | None = None, *, patience: float = PATIENCE) -> Workers:
+def describers(processes: int | None = None, *, patience: float = PATIENCE) -> ProcessPool:
     """Processes that describe batches, this one among them: by default as many as there are cores.
 
     `patience`: seconds of work before processes are started.
     """
-    return Workers(processes, warm_up=_warm_up, patience=patience)
+    return ProcessPool(processes, warm_up=_warm_up, patience=patience)
 
 
-def of_submaps(database: Database, collection_id: str, limits: Limits) -> Work[Batch[NamedSubmap], _Task, Described]:
+def of_submaps(
+    database: Database, collection_id: str, limits: Limits
+) -> PoolTask[Batch[NamedSubmap], _Task, DescribedBatch]:
     """How batches of submaps are described for a collection. The work raises NotFound and StorageError."""
 
-    def here(batch: Batch[NamedSubmap]) -> Described:
+    def here(batch: Batch[NamedSubmap]) -> DescribedBatch:
         given = list(enumerate(batch.items, start=batch.first))
         return _describe(database, collection_id, limits, batch.first + len(given), given, [])
 
     def pack(batch: Batch[NamedSubmap]) -> _Task:
         return _Task(database.path, collection_id, limits, batch.first, [line_of(submap) for submap in batch.items])
 
-    return Work(here, pack, _describe_there)
+    return PoolTask(here, pack, _describe_there)
 
 
 def of_lines(
     database: Database, collection_id: str, limits: Limits, *, careful: bool = False
-) -> Work[Batch[bytes], _Task, Described]:
+) -> PoolTask[Batch[bytes], _Task, DescribedBatch]:
     """How batches of NDJSON lines are described for a collection. The work raises NotFound and StorageError.
 
     A line that ends the process that describes it, or takes too long, is refused, and no other with it. Lines with many
     trees are described in other processes only; where one is `careful`, all are.
     """
 
-    def here(batch: Batch[bytes]) -> Described:
+    def here(batch: Batch[bytes]) -> DescribedBatch:
         return _describe_lines(database, collection_id, limits, batch.first, batch.items)
 
     def pack(batch: Batch[bytes]) -> _Task:
@@ -131,19 +133,19 @@ def of_lines(
     def singles(batch: Batch[bytes]) -> list[Batch[bytes]]:
         return [Batch(batch.first + i, [line]) for i, line in enumerate(batch.items)]
 
-    def refuse(batch: Batch[bytes], why: str) -> Described:
+    def refuse(batch: Batch[bytes], why: str) -> DescribedBatch:
         position, (line,) = batch.first, batch.items
         error = TooCostly("import_line_seconds", limits.import_line_seconds, why)
         with database.read() as session:
             collection = get_collection(session, collection_id)
         submap_id = _id_in(line, error) if _is_json(line) else None
-        return Described(collection.key, position + 1, [], 0, [Refusal(submap_id, error, position)])
+        return DescribedBatch(collection.key, position + 1, [], 0, [Refusal(submap_id, error, position)])
 
     def is_light(batch: Batch[bytes]) -> bool:
         return not careful and all(map(_is_light, batch.items))
 
-    apart = Apart(is_light, singles, refuse, limits.import_line_seconds)
-    return Work(here, pack, _describe_there, apart)
+    apart = IsolationPolicy(is_light, singles, refuse, limits.import_line_seconds)
+    return PoolTask(here, pack, _describe_there, apart)
 
 
 def _is_light(line: bytes) -> bool:
@@ -189,13 +191,13 @@ def read_line(line: bytes, limits: Limits) -> NamedSubmap:
     raise invalid
 
 
-def _describe_there(task: _Task) -> Described:
+def _describe_there(task: _Task) -> DescribedBatch:
     return _describe_lines(_opened(task.path), task.collection_id, task.limits, task.first, task.lines)
 
 
 def _describe_lines(
     database: Database, collection_id: str, limits: Limits, first: int, lines: Iterable[bytes]
-) -> Described:
+) -> DescribedBatch:
     submaps: list[tuple[int, NamedSubmap]] = []
     refused: list[Refusal] = []
     position = first - 1
@@ -218,15 +220,15 @@ def _describe(
     following: int,
     submaps: list[tuple[int, NamedSubmap]],
     refused: list[Refusal],
-) -> Described:
+) -> DescribedBatch:
     """What can be used of some submaps, with features but for those that are there already with the same trees."""
     with database.read() as session:
         collection = get_collection(session, collection_id)
         known = Submaps(session, collection.key).identities({submap.id for _, submap in submaps})
         maps = {submap.map_pose.frame_id for _, submap in submaps if submap.map_pose is not None}
-        references = Frames(session, collection).some(maps)
+        references = MapFrames(session, collection).some(maps)
     config = config_of(collection)
-    described = Described(collection.key, following, [], 0, refused)
+    described = DescribedBatch(collection.key, following, [], 0, refused)
     for position, submap in submaps:
         try:
             prepared = Prepared(submap.id, submap, limits)

@@ -9,13 +9,13 @@ from sqlalchemy.orm import Session
 
 from server.config.settings import Limits
 from server.errors import Conflict, DomainError
-from server.platform.process_pool import Work, Workers
+from server.platform.process_pool import PoolTask, ProcessPool
 from server.platform.threads import pin_threads
 from server.schemas.submaps import NamedSubmap
 from server.store.repositories.submaps import SubmapRecord, Submaps
 from server.store.sqlite.database import Database
 from server.submaps import batches
-from server.submaps.batches import Described, Refusal
+from server.submaps.batches import DescribedBatch, Refusal
 from server.submaps.ingest import same_collection, store
 from server.submaps.receipts import Outcome
 
@@ -27,7 +27,7 @@ _Task = TypeVar("_Task")
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class LineOutcome:
     """What became of one submap.
 
     Attributes:
@@ -50,7 +50,7 @@ class Line:
 class BatchResult:
     """What became of one batch; durable when it is yielded."""
 
-    lines: list[Line]
+    lines: list[LineOutcome]
     landmarks: int
     revision: int
     following: int
@@ -84,7 +84,7 @@ class BatchResult:
         return sum(line.outcome == outcome for line in self.lines)
 
 
-Witness = Callable[[Session, BatchResult], None]
+OnWritten = Callable[[Session, BatchResult], None]
 """Told of a batch in its transaction, just before it is committed; what it raises undoes the batch."""
 
 
@@ -95,7 +95,7 @@ def ingest_many(
     *,
     batch_size: int = 500,
     limits: Limits | None = None,
-    workers: Workers | None = None,
+    workers: ProcessPool | None = None,
 ) -> Iterator[BatchResult]:
     """Store many submaps, a transaction for each batch; yields what became of each batch once it is durable.
 
@@ -119,10 +119,10 @@ def ingest_lines(
     *,
     batch_size: int = 500,
     limits: Limits | None = None,
-    workers: Workers | None = None,
+    workers: ProcessPool | None = None,
     first: int = 0,
     on_conflict: OnConflict = "replace",
-    witness: Witness | None = None,
+    on_written: OnWritten | None = None,
     careful: bool = False,
 ) -> Generator[BatchResult, None, None]:
     """Store submaps that come as lines of NDJSON, each the body of a PUT with the submap's `id`; as `ingest_many`.
@@ -143,7 +143,7 @@ def ingest_lines(
     # Closed here, where what it waits for is known, and not when it is found to be garbage.
     with closing(described_lines):
         for described in described_lines:
-            yield write(database, collection_id, described, on_conflict, witness)
+            yield write(database, collection_id, described, on_conflict, on_written)
 
 
 def describe_lines(
@@ -153,10 +153,10 @@ def describe_lines(
     *,
     batch_size: int = 500,
     limits: Limits | None = None,
-    workers: Workers | None = None,
+    workers: ProcessPool | None = None,
     first: int = 0,
     careful: bool = False,
-) -> Generator[Described, None, None]:
+) -> Generator[DescribedBatch, None, None]:
     """The same without storing: what each batch of lines holds. Raises NotFound, StorageError and WorkerLost."""
     work = batches.of_lines(database, collection_id, limits or Limits(), careful=careful)
     return _described(work, batches.cut(lines, batch_size, len, first), workers)
@@ -165,19 +165,19 @@ def describe_lines(
 def write(
     database: Database,
     collection_id: str,
-    batch: Described,
+    batch: DescribedBatch,
     on_conflict: OnConflict = "replace",
-    witness: Witness | None = None,
+    on_written: OnWritten | None = None,
 ) -> BatchResult:
     """Store a batch in a transaction of its own. Raises NotFound, Conflict (another collection now), StorageError."""
     with database.write() as session:
         result = write_in(session, collection_id, batch, on_conflict)
-        if witness is not None:
-            witness(session, result)
+        if on_written is not None:
+            on_written(session, result)
     return result
 
 
-def write_in(session: Session, collection_id: str, batch: Described, on_conflict: OnConflict) -> BatchResult:
+def write_in(session: Session, collection_id: str, batch: DescribedBatch, on_conflict: OnConflict) -> BatchResult:
     """Store a batch in a transaction that others share, as if one submap were stored after the other.
 
     Of an id that comes again the last one is written, and each has the outcome that it would have had by itself.
@@ -188,7 +188,7 @@ def write_in(session: Session, collection_id: str, batch: Described, on_conflict
     etags = {submap_id: identity.etag for submap_id, identity in known.items()}
     chosen: dict[str, SubmapRecord] = {}
     told: list[tuple[int, str, Outcome | Literal["skipped"]]] = []
-    lines = [Line(one.position, one.submap_id, "refused", error=one.error) for one in batch.refused]
+    lines = [LineOutcome(one.position, one.submap_id, "refused", error=one.error) for one in batch.refused]
     for position, record in batch.records:
         there = etags.get(record.id)
         if there is None or there == record.etag or on_conflict == "replace":
@@ -197,11 +197,11 @@ def write_in(session: Session, collection_id: str, batch: Described, on_conflict
         elif on_conflict == "skip":
             told.append((position, record.id, "skipped"))
         else:
-            lines.append(Line(position, record.id, "refused", error=_conflict(record.id, record.id in known)))
+            lines.append(LineOutcome(position, record.id, "refused", error=_conflict(record.id, record.id in known)))
     receipts = store(session, collection, [(known.get(record.id), record) for record in chosen.values()])
     revisions = {submap_id: identity.revision for submap_id, identity in known.items()}
     revisions |= {submap_id: receipt.revision for submap_id, receipt in zip(chosen, receipts, strict=True)}
-    lines += [Line(position, submap_id, outcome, revisions[submap_id]) for position, submap_id, outcome in told]
+    lines += [LineOutcome(position, submap_id, outcome, revisions[submap_id]) for position, submap_id, outcome in told]
     lines.sort(key=lambda line: line.position)
     revision = max((receipt.revision for receipt in receipts), default=collection.revision)
     return BatchResult(lines, batch.landmarks, revision, batch.following)
@@ -221,8 +221,8 @@ def _conflict(submap_id: str, known: bool) -> Conflict:
 
 
 def _described(
-    work: Work[_Given, _Task, Described], given: Iterable[_Given], workers: Workers | None
-) -> Generator[Described, None, None]:
+    work: PoolTask[_Given, _Task, DescribedBatch], given: Iterable[_Given], workers: ProcessPool | None
+) -> Generator[DescribedBatch, None, None]:
     pin_threads()
     with (
         nullcontext(workers) if workers is not None else batches.describers() as pool,

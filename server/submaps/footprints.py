@@ -5,7 +5,7 @@ from typing import Any
 from server.collections.georeference import Georeference
 from server.errors import NotAcceptable
 from server.store.codec import unpack_positions
-from server.store.repositories.map_frames import DEFAULT_FRAME, FrameReference, Frames
+from server.store.repositories.map_frames import DEFAULT_FRAME, FrameReference, MapFrames
 from server.store.repositories.submaps import stored_place
 from server.store.sqlite.database import Database
 from server.store.tables import CollectionRow, SubmapRow
@@ -14,7 +14,7 @@ from server.store.tables import CollectionRow, SubmapRow
 def references_of(database: Database, collection: CollectionRow, frame_ids: set[str]) -> dict[str, FrameReference]:
     """Where map frames are on Earth. Raises NotAcceptable for a collection none of whose frames has a CRS."""
     with database.read() as session:
-        frames = Frames(session, collection)
+        frames = MapFrames(session, collection)
         if not frames.any():
             raise NotAcceptable(
                 f"The collection {collection.id!r} has no crs, so its submaps have no longitude and latitude. "

@@ -7,7 +7,7 @@ told of another caller's write.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final, Protocol
+from typing import Final
 
 from sqlalchemy.orm import Session
 
@@ -17,18 +17,18 @@ from server.config.settings import Limits
 from server.errors import Conflict, InvalidLandmarks, NotFound, Overloaded
 from server.index.derived import config_of
 from server.platform.threads import pin_threads
-from server.resources.idempotency import NO_CONTENT, Kept, Once, keep, recall
+from server.resources.idempotency import NO_CONTENT, IdempotencyKey, StoredResponse, find_response, store_response
 from server.resources.preconditions import ANYTHING, Preconditions
-from server.schemas.queries import QueryAnswer
 from server.schemas.submaps import SubmapInput, SubmapPatch
 from server.store.codec import MEMBERS
 from server.store.repositories.collections import Collections
-from server.store.repositories.map_frames import Frames
+from server.store.repositories.map_frames import MapFrames
 from server.store.repositories.submaps import Identity, Place, SubmapRecord, Submaps
 from server.store.sqlite.database import Database
 from server.store.tables import CollectionRow
 from server.submaps import reader
-from server.submaps.preparation import Prepared, Trees, check_properties, patched, settle
+from server.submaps.preparation import Prepared, Trees, check_properties, patched, reconcile
+from server.submaps.question import Question, SearchOutdated
 from server.submaps.receipts import Outcome, Receipt, receipt_answer, refusal_answer, submap_answer
 
 _TURNS: Final = 8
@@ -42,24 +42,7 @@ class Stored:
     """What is answered to a submap that was sent; `outcome` is None where this request stored nothing."""
 
     outcome: Outcome | None
-    kept: Kept
-
-
-class AskAgain(Exception):
-    """Others stored submaps between a search and the write that relies on it."""
-
-
-class Question(Protocol):
-    """What is asked of the collection before a submap is stored in it."""
-
-    def ask(self) -> QueryAnswer:
-        """Search what is stored now."""
-
-    def settle(self, session: Session, collection: CollectionRow, own_key: int | None, turn: int) -> QueryAnswer:
-        """The answer, in the transaction that stores the submap, after `turn` + 1 searches.
-
-        `own_key`: what is stored under the submap's id. Raises AskAgain.
-        """
+    response: StoredResponse
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +51,7 @@ class _Terms:
 
     operation: str
     preconditions: Preconditions
-    once: Once | None
+    idempotency_key: IdempotencyKey | None
     question: Question | None
     is_named: bool
 
@@ -81,7 +64,7 @@ def put(
     limits: Limits,
     preconditions: Preconditions = ANYTHING,
     *,
-    once: Once | None = None,
+    idempotency_key: IdempotencyKey | None = None,
     question: Question | None = None,
 ) -> Stored:
     """Store a submap under an id: created, replaced, or unchanged when it is there already with the same content.
@@ -96,18 +79,20 @@ def put(
     with database.read() as session:
         collection = get_collection(session, collection_id)
         operation = f"putSubmap {collection.key} {submap_id}"
-        kept = recall(session, once, operation)
-        if kept is not None:
-            return Stored(None, kept)
+        response = find_response(session, idempotency_key, operation)
+        if response is not None:
+            return Stored(None, response)
         check_place(session, collection, prepared.place)
         known = Submaps(session, collection.key).identities([submap_id]).get(submap_id)
     preconditions.check(known.etag if known else None)
     same = known is not None and known.etag == prepared.etag
-    if known is not None and same and once is None:
+    if known is not None and same and idempotency_key is None:
         found = None if question is None else question.ask()
         receipt = Receipt("unchanged", known.etag, known.revision, known.counts)
         return Stored("unchanged", receipt_answer(collection_id, submap_id, receipt, found))
-    return _store(database, collection, prepared, known, _Terms(operation, preconditions, once, question, True))
+    return _store(
+        database, collection, prepared, known, _Terms(operation, preconditions, idempotency_key, question, True)
+    )
 
 
 def post(
@@ -117,7 +102,7 @@ def post(
     body: SubmapInput,
     limits: Limits,
     *,
-    once: Once | None = None,
+    idempotency_key: IdempotencyKey | None = None,
     question: Question | None = None,
 ) -> Stored:
     """Store a new submap under an id that is not taken, unless the same was done before. Otherwise as `put`."""
@@ -126,11 +111,11 @@ def post(
     with database.read() as session:
         collection = get_collection(session, collection_id)
         operation = f"postSubmap {collection.key}"
-        kept = recall(session, once, operation)
-        if kept is not None:
-            return Stored(None, kept)
+        response = find_response(session, idempotency_key, operation)
+        if response is not None:
+            return Stored(None, response)
         check_place(session, collection, prepared.place)
-    return _store(database, collection, prepared, None, _Terms(operation, ANYTHING, once, question, False))
+    return _store(database, collection, prepared, None, _Terms(operation, ANYTHING, idempotency_key, question, False))
 
 
 def _store(
@@ -151,7 +136,7 @@ def _store(
     for turn in range(_TURNS):
         try:
             return _write(database, collection, prepared, terms, turn)
-        except AskAgain:
+        except SearchOutdated:
             if question is not None and turn + 1 < _TURNS:
                 question.ask()
     raise Overloaded(
@@ -164,20 +149,20 @@ def _write(database: Database, collection: CollectionRow, prepared: Prepared, te
     config, question, submap_id = config_of(collection), terms.question, prepared.id
     with database.write() as session:
         now = same_collection(session, collection.id, collection.key)
-        kept = recall(session, terms.once, terms.operation)
-        if kept is not None:
-            return Stored(None, kept)
+        response = find_response(session, terms.idempotency_key, terms.operation)
+        if response is not None:
+            return Stored(None, response)
         submaps = Submaps(session, now.key)
         known = submaps.identities([submap_id]).get(submap_id)
         terms.preconditions.check(known.etag if known else None)
-        found = None if question is None else question.settle(session, now, known.key if known else None, turn)
+        found = None if question is None else question.confirm(session, now, known.key if known else None, turn)
         before = frozenset[str]() if known is None else submaps.members(known.key)
         record = prepared.record(known, config)
         receipt = store(session, now, [(known, record)])[0]
         gone = before - record.members()
         receipt = replace(receipt, cleared=tuple(name for name in MEMBERS if name in gone))
         answer = receipt_answer(now.id, submap_id, receipt, found)
-        return Stored(receipt.outcome, keep(session, terms.once, terms.operation, answer))
+        return Stored(receipt.outcome, store_response(session, terms.idempotency_key, terms.operation, answer))
 
 
 def patch(
@@ -188,8 +173,8 @@ def patch(
     limits: Limits,
     preconditions: Preconditions = ANYTHING,
     *,
-    once: Once | None = None,
-) -> Kept:
+    idempotency_key: IdempotencyKey | None = None,
+) -> StoredResponse:
     """Change what the body names of a submap; the index is concerned only where it gives landmarks. What is answered.
 
     Raises NotFound, PreconditionFailed, InvalidLandmarks, TooLarge, KeyReused and StorageError; then nothing changes.
@@ -205,9 +190,9 @@ def patch(
     with database.write() as session:
         now = same_collection(session, collection_id, collection.key)
         operation = f"patchSubmap {now.key} {submap_id}"
-        kept = recall(session, once, operation)
-        if kept is not None:
-            return kept
+        response = find_response(session, idempotency_key, operation)
+        if response is not None:
+            return response
         submaps = Submaps(session, now.key)
         row, known = submaps.get_whole(submap_id), submaps.identities([submap_id]).get(submap_id)
         if row is None or known is None:
@@ -220,7 +205,9 @@ def patch(
         session.expire(row)
         changed = submaps.get_whole(submap_id)
         assert changed is not None
-        return keep(session, once, operation, submap_answer(reader.submap_of(collection_id, changed)))
+        return store_response(
+            session, idempotency_key, operation, submap_answer(reader.submap_of(collection_id, changed))
+        )
 
 
 def delete(
@@ -229,15 +216,15 @@ def delete(
     submap_id: str,
     preconditions: Preconditions = ANYTHING,
     *,
-    once: Once | None = None,
-) -> Kept:
+    idempotency_key: IdempotencyKey | None = None,
+) -> StoredResponse:
     """Remove a submap; what is answered. Raises NotFound, PreconditionFailed, KeyReused and StorageError."""
     with database.write() as session:
         collection = get_collection(session, collection_id)
         operation = f"deleteSubmap {collection.key} {submap_id}"
-        kept = recall(session, once, operation)
-        if kept is not None:
-            return kept
+        response = find_response(session, idempotency_key, operation)
+        if response is not None:
+            return response
         submaps = Submaps(session, collection.key)
         known = submaps.identities([submap_id]).get(submap_id)
         if known is None:
@@ -247,13 +234,15 @@ def delete(
             collection.key, submaps=-1, landmarks=-known.landmark_count, polygons=-known.polygon_count
         )
         submaps.delete(known.key, revision)
-        return keep(session, once, operation, NO_CONTENT)
+        return store_response(session, idempotency_key, operation, NO_CONTENT)
 
 
 def check_place(session: Session, collection: CollectionRow, place: Place | None) -> None:
     """Raise InvalidField when the pose in the map is where the map frame's CRS does not reach."""
     if place is not None:
-        georeference.check_place(place, Frames(session, collection).some([place.map_frame_id]).get(place.map_frame_id))
+        georeference.check_place(
+            place, MapFrames(session, collection).some([place.map_frame_id]).get(place.map_frame_id)
+        )
 
 
 def same_collection(session: Session, collection_id: str, key: int) -> CollectionRow:
@@ -270,7 +259,9 @@ def store(
     """Write what differs from what is known, under one new revision."""
     config = config_of(collection)
     changes = [
-        (known, settle(record, known, config)) for known, record in pairs if known is None or known.etag != record.etag
+        (known, reconcile(record, known, config))
+        for known, record in pairs
+        if known is None or known.etag != record.etag
     ]
     revision = collection.revision
     if changes:

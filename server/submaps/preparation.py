@@ -148,7 +148,7 @@ def patched(row: SubmapRow, body: SubmapPatch, trees: Trees | None, config: Conf
     )
 
 
-def settle(record: SubmapRecord, known: Identity | None, config: Config) -> SubmapRecord:
+def reconcile(record: SubmapRecord, known: Identity | None, config: Config) -> SubmapRecord:
     """A record that was made earlier, made to fit what is known to be there by now.
 
     Features are left out where they are there, and made where another write took them away meanwhile.

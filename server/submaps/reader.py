@@ -28,7 +28,7 @@ from server.schemas.submaps import (
     TessellationPolygon,
 )
 from server.store.codec import digest, unpack_attributes, unpack_ids, unpack_positions
-from server.store.repositories.map_frames import Frames
+from server.store.repositories.map_frames import MapFrames
 from server.store.repositories.sessions import Sessions
 from server.store.repositories.submaps import Submaps, stored_place
 from server.store.sqlite.database import Database
@@ -113,7 +113,7 @@ class Tessellated:
             self._row = row
             frame_id = row.map_frame_id
             self._reference = (
-                None if frame_id is None else Frames(session, self._collection).some([frame_id]).get(frame_id)
+                None if frame_id is None else MapFrames(session, self._collection).some([frame_id]).get(frame_id)
             )
         self._features = features_of(row.features, row.landmarks, row.attributes, config_of(self._collection))
         self.etag = digest(row.etag.encode(), self._features.fingerprint.encode(), self._geo_etag())

@@ -5,7 +5,7 @@ from typing import Literal
 
 from server.errors import InvalidLandmarks
 from server.resources import links
-from server.resources.idempotency import Kept
+from server.resources.idempotency import StoredResponse
 from server.schemas.common import to_json
 from server.schemas.queries import QueryAnswer
 from server.schemas.submaps import Submap, SubmapReceipt
@@ -30,7 +30,7 @@ class Receipt:
     cleared: tuple[str, ...] = ()
 
 
-def receipt_answer(collection_id: str, submap_id: str, receipt: Receipt, found: QueryAnswer | None) -> Kept:
+def receipt_answer(collection_id: str, submap_id: str, receipt: Receipt, found: QueryAnswer | None) -> StoredResponse:
     """The answer to a PUT or POST, with what the question found, if one was asked."""
     headers = {"ETag": f'"{receipt.etag}"'}
     if receipt.outcome == "created":
@@ -46,7 +46,7 @@ def receipt_answer(collection_id: str, submap_id: str, receipt: Receipt, found: 
         links=reader.submap_links(collection_id, submap_id),
         query=found,
     )
-    return Kept(201 if receipt.outcome == "created" else 200, headers, to_json(answer))
+    return StoredResponse(201 if receipt.outcome == "created" else 200, headers, to_json(answer))
 
 
 def refusal_answer(
@@ -55,7 +55,7 @@ def refusal_answer(
     known: Identity | None,
     error: InvalidLandmarks,
     found: QueryAnswer,
-) -> Kept:
+) -> StoredResponse:
     """The answer to a submap that was asked about, and of which none can be made; `known` is what stays stored."""
     answer = SubmapReceipt(
         id=submap_id,
@@ -69,9 +69,9 @@ def refusal_answer(
         links=None if known is None or submap_id is None else reader.submap_links(collection.id, submap_id),
         query=found,
     )
-    return Kept(200, {} if known is None else {"ETag": f'"{known.etag}"'}, to_json(answer))
+    return StoredResponse(200, {} if known is None else {"ETag": f'"{known.etag}"'}, to_json(answer))
 
 
-def submap_answer(submap: Submap) -> Kept:
+def submap_answer(submap: Submap) -> StoredResponse:
     """The answer to a PATCH."""
-    return Kept(200, {"ETag": f'"{submap.etag}"'}, to_json(submap))
+    return StoredResponse(200, {"ETag": f'"{submap.etag}"'}, to_json(submap))

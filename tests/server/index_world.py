@@ -8,16 +8,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from server.checks.agreement import index_findings
-from server.checks.integrity import findings
+from server.checks.agreement import index_discrepancies
+from server.checks.integrity import discrepancies
 from server.config.settings import IndexSettings, Limits
 from server.index.catalog import Catalog
-from server.index.maintenance import Upkeep
+from server.index.maintenance import Maintenance
 from server.observability.metrics import Metrics
 from server.queries import lookup
 from server.schemas.queries import QueryAnswer, QueryInput
 from server.schemas.submaps import NamedSubmap, SubmapInput
-from server.store.repositories.segments import Listed, Segments
+from server.store.repositories.segments import SegmentRecord, Segments
 from server.store.sqlite.database import Database
 from server.submaps import bulk, ingest
 from tests.server.world import forest, points
@@ -42,7 +42,7 @@ class Process:
         self.database = Database(path, read_only=read_only)
         self.metrics = Metrics()
         self.catalog = Catalog(self.database, self.metrics, settings)
-        self.upkeep = Upkeep(self.database, self.catalog, self.metrics)
+        self.maintenance = Maintenance(self.database, self.catalog, self.metrics)
 
     def put(self, name: str, seed: int) -> None:
         """Store a forest."""
@@ -69,7 +69,7 @@ class Process:
         answer = self.ask(seed)
         return answer.candidates[0].submap_id if answer.verdict == "matched" else None
 
-    def chain(self) -> tuple[Listed, ...]:
+    def chain(self) -> tuple[SegmentRecord, ...]:
         """The segments that are listed."""
         with self.catalog.view("plots") as view:
             return Segments(view.session, view.collection.key).chain()
@@ -92,8 +92,8 @@ class Process:
 
     def agreed(self) -> None:
         """Everything in the database and its index agrees."""
-        assert list(findings(self.database)) == []
-        assert list(index_findings(self.database)) == []
+        assert list(discrepancies(self.database)) == []
+        assert list(index_discrepancies(self.database)) == []
 
     def close(self) -> None:
         """Close the connections."""

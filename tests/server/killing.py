@@ -25,14 +25,14 @@ from server.config.settings import JobSettings, Limits, Settings
 from server.index.catalog import Catalog
 from server.jobs import folder as job_folder
 from server.jobs import queue
-from server.jobs.assignment import Tools
+from server.jobs.assignment import JobContext
 from server.jobs.folder import JobFolder
 from server.jobs.runner import Runner
 from server.jobs.types import import_submaps
-from server.jobs.types.job_types import WORKS
+from server.jobs.types.job_types import JOB_TYPES
 from server.observability.metrics import Metrics
 from server.schemas.collections import CollectionPut
-from server.security.principal import ANYBODY
+from server.security.principal import UNRESTRICTED
 from server.store import migrations_runner
 from server.store.sqlite.database import Database
 from server.submaps import bulk
@@ -87,7 +87,7 @@ def _prepare(path: Path, mode: str, content: bytes) -> None:
     queue.accept(
         database,
         "plots",
-        ANYBODY,
+        UNRESTRICTED,
         "import",
         None,
         Limits(),
@@ -102,7 +102,7 @@ def _runner(path: Path) -> Runner:
     settings = Settings(database=str(path), jobs=JobSettings(processes=1))
     database, metrics = Database(path), Metrics()
     catalog = Catalog(database, metrics, settings.index)
-    return Runner(Tools(settings, database, catalog, metrics, JobFolder(database)), WORKS)
+    return Runner(JobContext(settings, database, catalog, metrics, JobFolder(database)), JOB_TYPES)
 
 
 def _work(path: Path, point: int) -> None:
@@ -147,19 +147,19 @@ def _tell(path: Path) -> None:
     job_folder._GRACE = -1.0  # type: ignore[misc]
     runner = _runner(path)
     runner.sweep()
-    tools = runner._tools
-    found = queue.results(tools.database, tools.folder, ANYBODY, _JOB)
+    context = runner._context
+    found = queue.results(context.database, context.folder, UNRESTRICTED, _JOB)
     with found.file as file:
         results = [orjson.loads(line) for line in file.read(found.size).splitlines()]
-    job = queue.read(tools.database, ANYBODY, _JOB)
-    collection, _ = registry.read(tools.database, "plots")
+    job = queue.read(context.database, UNRESTRICTED, _JOB)
+    collection, _ = registry.read(context.database, "plots")
     told = {
         "state": job.state,
         "done": job.done,
         "counts": job.counts,
         "results": [(line["line"], line["outcome"]) for line in results],
         "submaps": collection.counts.submaps,
-        "files": sorted(file.name for file in tools.folder.path.iterdir() if file.suffix != ".lock"),
+        "files": sorted(file.name for file in context.folder.path.iterdir() if file.suffix != ".lock"),
     }
     print(orjson.dumps(told).decode())
 

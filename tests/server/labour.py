@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from server.errors import TooLarge
-from server.platform.process_pool import Apart, Work, Workers
+from server.platform.process_pool import IsolationPolicy, PoolTask, ProcessPool
 
 
 class Unsendable(Exception):
@@ -63,10 +63,10 @@ def hang(path: str) -> None:
     time.sleep(600)
 
 
-SQUARES: Work[int, int, tuple[int, int]] = Work(square, int, square)
-REFUSALS: Work[int, int, int] = Work(refuse, int, refuse)
-UNSENDABLE: Work[int, int, Callable[[], int]] = Work(unsendable, int, unsendable)
-LARGE: Work[int, bytes, bytes] = Work(lambda number: length(large(number)), large, length)
+SQUARES: PoolTask[int, int, tuple[int, int]] = PoolTask(square, int, square)
+REFUSALS: PoolTask[int, int, int] = PoolTask(refuse, int, refuse)
+UNSENDABLE: PoolTask[int, int, Callable[[], int]] = PoolTask(unsendable, int, unsendable)
+LARGE: PoolTask[int, bytes, bytes] = PoolTask(lambda number: length(large(number)), large, length)
 
 
 def until(condition: Callable[[], bool]) -> None:
@@ -77,7 +77,7 @@ def until(condition: Callable[[], bool]) -> None:
         time.sleep(0.02)
 
 
-def start(workers: Workers) -> None:
+def start(workers: ProcessPool) -> None:
     """Wait until each of the processes works."""
     until(lambda: {pid for _, pid in workers.map(SQUARES, [1, 1, 1, 1])} >= set(workers.pids) != set())
 
@@ -104,11 +104,11 @@ def hostile(numbers: list[int]) -> list[int]:
     return numbers
 
 
-HOSTILE: Work[list[int], list[int], list[int]] = Work(
+HOSTILE: PoolTask[list[int], list[int], list[int]] = PoolTask(
     hostile,
     list,
     hostile,
-    Apart(
+    IsolationPolicy(
         is_light=lambda numbers: not {13, 17, 19} & set(numbers),
         singles=lambda numbers: [[number] for number in numbers],
         refuse=lambda numbers, why: [-number for number in numbers],

@@ -23,7 +23,7 @@ from server.config.settings import Limits, Settings
 from server.errors import InvalidField, Unauthorized
 from server.runtime import Service
 from server.security import api_keys, authenticator
-from server.security.principal import Caller, Scope
+from server.security.principal import Principal, Scope
 from server.snapshots import restoring
 from server.store.repositories.collections import Collections
 from server.store.sqlite.database import Database
@@ -226,7 +226,7 @@ def test_lists_and_the_door_read_patterns_alike(database: Database) -> None:
     patterns = ["*", "?", "a*", "*a", "a?", "??", "a-*", "a.*", "?*", "*?*?", "_", "é*", "日?", "A*", "a*" * 30]
     for pattern in patterns:
         api_keys.make(database, "one", [Scope.READ], [pattern])
-        caller = Caller("", frozenset(), (pattern,))
+        caller = Principal("", frozenset(), (pattern,))
         with database.read() as session:
             listed = [row.id for row in Collections(session).page([pattern], limit=100)]
         assert listed == [name for name in ids if caller.sees(name)], pattern
@@ -697,12 +697,14 @@ def test_who_may_only_write_reads_nothing(house: House) -> None:
 
 
 def test_a_key_that_is_narrowed_takes_what_was_begun_along(house: House) -> None:
-    who, once = "turning", {"Idempotency-Key": "narrowed"}
+    who, idempotency_key = "turning", {"Idempotency-Key": "narrowed"}
     cursor = house.ask(who, "GET", "/v1/collections?limit=1").json()["next"]
     jobs = house.ask(who, "GET", "/v1/jobs").json()["jobs"]
     job = next(one["id"] for one in jobs if one["collection"] == "a-1")
     etag = house.ask(who, "GET", A).headers["ETag"]
-    posted = house.ask(who, "POST", f"{A}/submaps", json={"xy": points(forest(40))}, headers=once).raise_for_status()
+    posted = house.ask(
+        who, "POST", f"{A}/submaps", json={"xy": points(forest(40))}, headers=idempotency_key
+    ).raise_for_status()
     with house.database.write() as session:
         key_id = house.secrets[who].split("_")[1]
         session.execute(update(KeyRow).where(KeyRow.id == key_id).values(patterns=["a-2"], scopes=["read", "write"]))
@@ -710,7 +712,7 @@ def test_a_key_that_is_narrowed_takes_what_was_begun_along(house: House) -> None
     assert house.ask(who, "GET", A, headers={"If-None-Match": etag}).status_code == 404
     for end in ("", "/results", "?wait=1"):
         assert house.ask(who, "GET", f"/v1/jobs/{job}{end}").status_code == 404
-    again = house.ask(who, "POST", f"{A}/submaps", json={"xy": points(forest(40))}, headers=once)
+    again = house.ask(who, "POST", f"{A}/submaps", json={"xy": points(forest(40))}, headers=idempotency_key)
     assert (again.status_code, "Idempotency-Replayed" in again.headers) == (404, False)
     page = house.ask(who, "GET", "/v1/collections", params={"cursor": cursor}).json()
     assert [one["id"] for one in page["collections"]] in ([], ["a-2"])
@@ -735,14 +737,14 @@ def test_a_key_is_changed_for_another_without_a_gap(house: House) -> None:
     """But what was sent under the old one is sent for the first time under the new one."""
     old, first = api_keys.make(house.database, "robot", [Scope.READ, Scope.WRITE], ["a-*"])
     house.secrets["old"] = old
-    body, once = {"xy": points(forest(50))}, {"Idempotency-Key": "rotated"}
-    begun = house.ask("old", "POST", f"{A}/submaps", json=body, headers=once).raise_for_status()
+    body, idempotency_key = {"xy": points(forest(50))}, {"Idempotency-Key": "rotated"}
+    begun = house.ask("old", "POST", f"{A}/submaps", json=body, headers=idempotency_key).raise_for_status()
     house.secrets["new"], _ = api_keys.make(house.database, "robot", [Scope.READ, Scope.WRITE], ["a-*"])
     for who in ("old", "new"):
         assert house.ask(who, "GET", A).status_code == 200
     api_keys.revoke(house.database, first.id)
     wait_until(lambda: house.ask("old", "GET", A).status_code == 401)
-    again = house.ask("new", "POST", f"{A}/submaps", json=body, headers=once).raise_for_status()
+    again = house.ask("new", "POST", f"{A}/submaps", json=body, headers=idempotency_key).raise_for_status()
     assert again.json()["id"] != begun.json()["id"]
     for made in (begun, again):
         house.ask("new", "DELETE", made.headers["Location"]).raise_for_status()
@@ -765,7 +767,7 @@ def test_a_secret_is_compared_in_any_case(database: Database, monkeypatch: pytes
     monkeypatch.setattr(hmac, "compare_digest", compare)
     given = f"urq_{'z' * 8 if header == 'unknown' else info.id}_{'z' * 43}"
     with pytest.raises(Unauthorized, match="no such key"):
-        authenticator.Doorkeeper(Settings(database=str(database.path)), database).ask(f"Bearer {given}")
+        authenticator.Authenticator(Settings(database=str(database.path)), database).authenticate(f"Bearer {given}")
     assert compared == [(32, 32)]
     assert secret != given
 
@@ -860,7 +862,7 @@ def test_a_private_database_stays_private_while_it_is_put_back(
     seen: list[bool] = []
     prove = restoring._prove
 
-    def watched(source: restoring.Source, file: Path) -> None:
+    def watched(source: restoring.RestoreSource, file: Path) -> None:
         seen.append(_open_to_others(file) and _open_to_others(file.parent))
         prove(source, file)
 

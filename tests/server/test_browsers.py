@@ -69,7 +69,7 @@ def test_the_services_own_page_may_ask(client: httpx.Client, origin: str) -> Non
 
 def test_a_service_with_keys_answers_under_any_name(client: httpx.Client, service: Service) -> None:
     secret, _ = api_keys.make(service.database, "robot", [Scope.READ], ["*"])
-    client.app.state.doorkeeper._locked = None  # type: ignore[attr-defined]
+    client.app.state.authenticator._locked = None  # type: ignore[attr-defined]
     headers = {"Authorization": f"Bearer {secret}"}
     assert asked(client, Host="forest.example", **headers).status_code == 200
     assert asked(client, Host="forest.example").status_code == 401

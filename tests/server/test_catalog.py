@@ -8,18 +8,18 @@ from typing import Any
 import pytest
 from sqlalchemy.orm import Session
 
-from server.checks.integrity import findings
+from server.checks.integrity import discrepancies
 from server.collections import registry
 from server.config.settings import Limits
 from server.errors import NotFound
 from server.index.catalog import Catalog
-from server.index.live_index import LiveIndex, State
+from server.index.live_index import IndexVersion, LiveIndex
 from server.observability.metrics import Metrics
 from server.queries import lookup
 from server.schemas.collections import CollectionPut
 from server.schemas.queries import QueryAnswer, QueryInput
 from server.schemas.submaps import NamedSubmap, SubmapInput
-from server.store.repositories.feature_rows import Described, StoredFeatures
+from server.store.repositories.feature_rows import FeatureRows, StoredFeatures
 from server.store.sqlite.database import Database
 from server.store.tables import CollectionRow
 from server.submaps import bulk, ingest
@@ -102,14 +102,14 @@ def test_only_landmarks_concern_the_index(pair: tuple[Process, Process], monkeyp
     one.put("b", 2)
     assert two.found(1) == "a"
     streamed: list[int] = []
-    changed_since = Described.changed_since
+    changed_since = FeatureRows.changed_since
 
-    def watched(self: Described, revision: int, *, batch: int) -> Iterator[StoredFeatures]:
+    def watched(self: FeatureRows, revision: int, *, batch: int) -> Iterator[StoredFeatures]:
         for row in changed_since(self, revision, batch=batch):
             streamed.append(row.key)
             yield row
 
-    monkeypatch.setattr(Described, "changed_since", watched)
+    monkeypatch.setattr(FeatureRows, "changed_since", watched)
     body = SubmapInput.model_validate({"xy": points(forest(1)), "session": "s", "ids": [f"t{i}" for i in range(60)]})
     assert ingest.put(one.database, "plots", "a", body, LIMITS).outcome == "replaced"
     answer = two.ask(1)
@@ -135,12 +135,12 @@ def test_damaged_features_are_made_again(pair: tuple[Process, Process], caplog: 
     one, two = pair
     one.put("a", 1)
     one.put("b", 2)
-    assert list(findings(one.database)) == []
+    assert list(discrepancies(one.database)) == []
     with one.database.write_connection() as connection:
         connection.exec_driver_sql("UPDATE submaps SET features = x'00112233' WHERE id = 'a'")
     assert two.found(1) == "a"
     assert "describing the landmarks again" in caplog.text
-    (finding,) = findings(one.database)
+    (finding,) = discrepancies(one.database)
     assert (finding.where, finding.what.split(":")[0]) == ("plots/a", "the features cannot be unpacked")
 
 
@@ -198,7 +198,7 @@ def test_readers_and_writers_together(pair: tuple[Process, Process]) -> None:
     stop.set()
     writer.join()
     assert failures == []
-    assert list(findings(one.database)) == []
+    assert list(discrepancies(one.database)) == []
 
 
 def test_every_view_is_of_one_revision(database: Database) -> None:
@@ -220,7 +220,7 @@ def test_every_view_is_of_one_revision(database: Database) -> None:
 
     def look_after() -> None:
         while not stop.is_set():
-            process.upkeep.run()
+            process.maintenance.run()
             stop.wait(0.01)
 
     def read() -> None:
@@ -262,7 +262,7 @@ def test_a_reader_that_is_always_overtaken_gets_its_turn(
     assert two.found(1) == "a"
     catch_up, overtaken = LiveIndex.catch_up, list[int]()
 
-    def late(self: LiveIndex, session: Session, collection: CollectionRow, *rest: Any) -> State:
+    def late(self: LiveIndex, session: Session, collection: CollectionRow, *rest: Any) -> IndexVersion:
         # Another reader is faster, each time that it can be: between this one's snapshot and its catch-up.
         if not overtaken:
             overtaken.append(1)
@@ -325,7 +325,7 @@ def test_ingest_many(database: Database) -> None:
     (batch,) = bulk.ingest_many(database, "plots", twice)
     assert (batch.submaps, batch.created, batch.replaced) == (2, 1, 1)
     assert (process.found(50), process.found(51)) == (None, "t")
-    assert list(findings(database)) == []
+    assert list(discrepancies(database)) == []
     with pytest.raises(NotFound):
         list(bulk.ingest_many(database, "nope", submaps(0)))
     process.database.dispose()
@@ -346,7 +346,7 @@ def test_findings_tell_what_does_not_agree(database: Database) -> None:
     with database.write_connection() as connection:
         for statement in statements:
             connection.exec_driver_sql(statement)
-    found = {(finding.where, finding.what) for finding in findings(database)}
+    found = {(finding.where, finding.what) for finding in discrepancies(database)}
     wheres = [where for where, _ in found]
     assert sorted(set(wheres)) == ["plots", "plots/p0", "plots/p1", "plots/p3"]
     assert ("plots/p1", "the features are not those of the landmarks") in found
@@ -354,5 +354,5 @@ def test_findings_tell_what_does_not_agree(database: Database) -> None:
     with database.write_connection() as connection:
         connection.exec_driver_sql("UPDATE submaps SET landmark_ids = '[\"a\"]' WHERE id = 'p2'")
     # What cannot be read is told alone: the rest would stumble over it.
-    assert {finding.where for finding in findings(database)} == {"plots/p2"}
+    assert {finding.where for finding in discrepancies(database)} == {"plots/p2"}
     process.database.dispose()

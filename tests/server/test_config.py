@@ -51,7 +51,7 @@ def test_option_before_environment_before_file(file: Path, monkeypatch: pytest.M
     # A group is put together from all of them.
     assert (settings.limits.page, settings.limits.page_max, settings.limits.landmarks) == (7, 12, 13)
     assert settings.limits.candidates == 100
-    told = {one.name: one for one in settings_report.told(settings, port=3333, database=None)}
+    told = {one.name: one for one in settings_report.describe(settings, port=3333, database=None)}
     assert told["port"].source == "option"
     assert told["busy_timeout"].source == "URQUHART_BUSY_TIMEOUT"
     assert told["limits.page"].source == "urquhart_limits__page"
@@ -75,7 +75,7 @@ def test_the_file_is_named_by_the_environment_or_an_option(
 
 def test_nothing_is_read_where_there_is_no_file() -> None:
     assert Settings() == settings_loading.load()
-    assert {one.source for one in settings_report.told(Settings())} == {"default"}
+    assert {one.source for one in settings_report.describe(Settings())} == {"default"}
 
 
 @pytest.mark.parametrize(
@@ -160,7 +160,7 @@ def test_secrets_are_never_told(monkeypatch: pytest.MonkeyPatch) -> None:
     for module in (settings_loading, settings_report):
         monkeypatch.setattr(module, "Settings", WithSecret)
     monkeypatch.setenv("URQUHART_PASSWORD", "open sesame")
-    told = settings_report.told(settings_loading.load())
+    told = settings_report.describe(settings_loading.load())
     assert next(one for one in told if one.name == "password").value == settings_report.HIDDEN
     for text in (settings_report.as_text(told), settings_report.as_json(told), settings_report.as_markdown(WithSecret)):
         assert "password" in text
@@ -194,4 +194,4 @@ def test_the_clients_variables_are_none_of_ours(monkeypatch: pytest.MonkeyPatch)
     """Who has both at hand in one shell can use both."""
     monkeypatch.setenv("URQUHART_URL", "http://127.0.0.1:8420")
     monkeypatch.setenv("URQUHART_API_KEY", "urq_secret")
-    assert "secret" not in settings_report.as_json(settings_report.told(settings_loading.load()))
+    assert "secret" not in settings_report.as_json(settings_report.describe(settings_loading.load()))

@@ -10,7 +10,7 @@ import orjson
 import pytest
 
 from server.constraints.extraction import agree
-from server.constraints.formats import Known, write_out
+from server.constraints.formats import StoredSubmap, write_out
 from server.errors import StorageBusy
 from server.jobs import assignment, runner
 from server.jobs.assignment import Assignment
@@ -207,8 +207,8 @@ def constraint(first: str, second: str, pose: SE2, inliers: int, trees: tuple[fl
     }
 
 
-def placed(frame_id: str, pose: SE2) -> Known:
-    return Known(1, Place(frame_id, pose.x, pose.y, pose.yaw, None, 0.0, 0.0, 0.0, 0.0))
+def placed(frame_id: str, pose: SE2) -> StoredSubmap:
+    return StoredSubmap(1, Place(frame_id, pose.x, pose.y, pose.yaw, None, 0.0, 0.0, 0.0, 0.0))
 
 
 def test_two_finds_of_a_pair_have_to_agree() -> None:

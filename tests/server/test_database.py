@@ -11,7 +11,7 @@ from fastapi import FastAPI
 from sqlalchemy import event
 
 from server.app import create_app
-from server.checks.integrity import findings
+from server.checks.integrity import discrepancies
 from server.collections import registry
 from server.config.settings import Limits, Settings
 from server.errors import (
@@ -44,7 +44,7 @@ def test_migrations_make_what_the_tables_declare(tmp_path: Path) -> None:
     assert migrations_runner.drift(database) != []
     assert migrations_runner.upgrade(database) is True
     assert migrations_runner.drift(database) == []
-    assert list(findings(database)) == []
+    assert list(discrepancies(database)) == []
     database.dispose()
 
 
@@ -200,7 +200,7 @@ def test_a_full_disk_refuses_writes_and_keeps_what_is_there(client: Client, app:
         assert answer.json()["verdict"] == "matched"
         assert client.get("/v1/collections/plots").json()["revision"] == revision + stored
     assert put_submap(client, "plots", "last", 99).status_code == 201
-    assert list(findings(service.database)) == []
+    assert list(discrepancies(service.database)) == []
 
 
 def test_another_writer_for_too_long_is_busy(database: Database) -> None:
@@ -240,7 +240,7 @@ def test_a_full_disk_is_an_error_of_the_domain(database: Database) -> None:
     )
     with full_disk(database), pytest.raises(StorageFull):
         list(bulk.ingest_many(database, "plots", bodies, batch_size=1))
-    assert list(findings(database)) == []
+    assert list(discrepancies(database)) == []
 
 
 @pytest.mark.parametrize(
@@ -259,13 +259,13 @@ def test_findings_name_each_kind_of_disagreement(database: Database, statement: 
     ingest.put(database, "plots", "p", SubmapInput.model_validate({"xy": points(forest(1))}), Limits())
     with closing(sqlite3.connect(database.path, isolation_level=None)) as connection:
         connection.execute(statement)
-    assert told in "; ".join(finding.what for finding in findings(database))
+    assert told in "; ".join(finding.what for finding in discrepancies(database))
 
 
 def test_findings_of_a_database_that_is_not_upgraded(tmp_path: Path) -> None:
     (tmp_path / "empty.db").touch()
     database = Database(tmp_path / "empty.db")
-    (finding,) = findings(database)
+    (finding,) = discrepancies(database)
     assert "urquhart db upgrade" in finding.what
     database.dispose()
 

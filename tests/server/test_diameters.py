@@ -10,7 +10,7 @@ from fastapi import FastAPI
 from numpy.typing import NDArray
 
 from server.app import create_app
-from server.checks.integrity import findings
+from server.checks.integrity import discrepancies
 from server.config.settings import Settings
 from server.runtime import Service
 from server.stem_maps.reader import read_stem_map
@@ -116,7 +116,7 @@ def test_other_diameters_alone_are_found_by_the_next_query(client: httpx.Client,
     after = ask(client, HERE)
     assert evidence(after) > evidence(before) + 20.0
     assert put(client, "rows", THERE)["outcome"] == "unchanged"
-    assert list(findings(service.database)) == []
+    assert list(discrepancies(service.database)) == []
 
 
 def test_what_is_known_besides_describes_nothing_anew(client: httpx.Client) -> None:
@@ -143,7 +143,7 @@ def test_features_of_an_older_format_are_described_again(
         connection.exec_driver_sql(
             "UPDATE submaps SET features = CAST(substr(features, 1, 4) || x'0100' || substr(features, 7) AS BLOB)"
         )
-    (found,) = findings(database)
+    (found,) = discrepancies(database)
     assert (found.where, "features of format 1" in found.what) == ("plots/rows", True)
     database.dispose()
     with TestClient(create_app(settings)) as client:
@@ -157,12 +157,12 @@ def test_features_of_an_older_format_are_described_again(
 def test_the_check_finds_features_without_the_stored_diameters(client: httpx.Client, service: Service) -> None:
     put(client, "rows", THERE)
     put(client, "plain", None)
-    assert list(findings(service.database)) == []
+    assert list(discrepancies(service.database)) == []
     with service.database.write_connection() as connection:
         connection.exec_driver_sql(
             "UPDATE submaps SET features = (SELECT features FROM submaps WHERE id = 'plain') WHERE id = 'rows'"
         )
-    (found,) = findings(service.database)
+    (found,) = discrepancies(service.database)
     assert (found.where, found.what) == ("plots/rows", "the features are not those of the landmarks")
 
 
@@ -225,4 +225,4 @@ def test_bulk_ingest_describes_with_diameters(service: Service, client: httpx.Cl
     assert report.outcome.created == 1
     assert ask(client, None)["verdict"] == "ambiguous"
     assert ask(client, HERE)["verdict"] == "matched"
-    assert list(findings(service.database)) == []
+    assert list(discrepancies(service.database)) == []

@@ -15,7 +15,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from server.checks.integrity import findings
+from server.checks.integrity import discrepancies
 from server.config.settings import STOP_SPARE, Settings
 from server.store.sqlite.database import Database
 from tests.server.processes import Server
@@ -54,7 +54,7 @@ def stored(served: Served) -> set[str]:
     """Ids of the submaps in the database, which is sound."""
     database = Database(served.database)
     try:
-        assert list(findings(database)) == []
+        assert list(discrepancies(database)) == []
         with database.read() as session:
             return {row[0] for row in session.connection().exec_driver_sql("SELECT id FROM submaps")}
     finally:

@@ -14,11 +14,11 @@ from server import cli
 from server.app import create_app
 from server.config.settings import JobSettings, Limits, Settings
 from server.jobs import operator, queue
-from server.jobs.assignment import Assignment, Tools
+from server.jobs.assignment import Assignment, JobContext
 from server.jobs.types import find_constraints
 from server.runtime import Service
 from server.security import api_keys
-from server.security.principal import ANYBODY, Scope
+from server.security.principal import UNRESTRICTED, Scope
 from server.store.repositories.jobs import Jobs
 from tests.server.test_jobs import finished, line, upload
 from tests.server.world import TestClient, put_submap
@@ -66,7 +66,7 @@ def slow(monkeypatch: pytest.MonkeyPatch) -> Iterator[threading.Event]:
 def key(app: FastAPI, *scopes: Scope) -> tuple[str, dict[str, str]]:
     """A new key: its id, and the header that shows it."""
     secret, info = api_keys.make(app.state.service.database, "robot", scopes or [Scope.READ, Scope.WRITE], ["*"])
-    app.state.doorkeeper._locked = None
+    app.state.authenticator._locked = None
     return info.id, {"Authorization": f"Bearer {secret}"}
 
 
@@ -102,19 +102,19 @@ def test_callers_take_turns(client: httpx.Client, app: FastAPI, service: Service
     """Each gets a turn before anybody gets another, however many jobs the first has."""
     order: list[str] = []
 
-    def work(assignment: Assignment, tools: Tools) -> None:
+    def work(assignment: Assignment, context: JobContext) -> None:
         order.append(assignment.parameters["name"])
         assignment.done += 1
         assignment.report()
         if assignment.done < 2:
-            assignment.give_way()
+            assignment.yield_turn()
 
     runner = service.jobs.runner
     runner.stop()
-    runner._works = {"import": work}
+    runner._job_types = {"import": work}
     limits = service.settings.limits
     for name, caller in (("a1", "a"), ("a2", "a"), ("a3", "a"), ("b1", "b"), ("c1", "c")):
-        of = type(ANYBODY)(caller, ANYBODY.scopes, ANYBODY.patterns)
+        of = type(UNRESTRICTED)(caller, UNRESTRICTED.scopes, UNRESTRICTED.patterns)
         queue.accept(service.database, "plots", of, "import", None, limits, parameters={"name": name})
     runner._stopping.clear()
     while runner.run_once():
@@ -150,12 +150,12 @@ def test_an_upload_beyond_the_quota_is_refused_before_it_is_read(
     client: httpx.Client, app: FastAPI, slow: threading.Event
 ) -> None:
     _, busy = key(app)
-    once = busy | {"Idempotency-Key": "k1"}
-    first = client.post(CONSTRAINTS, json={}, headers=once)
+    idempotency_key = busy | {"Idempotency-Key": "k1"}
+    first = client.post(CONSTRAINTS, json={}, headers=idempotency_key)
     for _ in range(QUOTA - 1):
         client.post(CONSTRAINTS, json={}, headers=busy).raise_for_status()
     assert upload(client, [line("x", 1)], busy).status_code == 429
-    again = client.post(CONSTRAINTS, json={}, headers=once)
+    again = client.post(CONSTRAINTS, json={}, headers=idempotency_key)
     assert (again.status_code, again.headers["Location"]) == (202, first.headers["Location"])
     assert again.headers["Idempotency-Replayed"] == "true"
 

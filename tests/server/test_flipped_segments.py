@@ -11,7 +11,7 @@ import httpx
 import pytest
 
 from server.app import create_app
-from server.checks.agreement import index_findings
+from server.checks.agreement import index_discrepancies
 from server.config.settings import IndexSettings, Settings
 from server.index import maintenance
 from server.runtime import Service
@@ -42,7 +42,7 @@ def running(settings: Settings) -> Iterator[tuple[httpx.Client, Service]]:
 
 
 def settled(client: httpx.Client, service: Service) -> None:
-    """Wait until the upkeep has written most of the submaps to segments, and this process searches these."""
+    """Wait until maintenance has written most of the submaps to segments, and this process searches these."""
     deadline = time.monotonic() + 60.0
     while True:
         ask(client, 0)
@@ -88,7 +88,7 @@ def flip(path: Path, rng: random.Random, count: int, *, silently: bool, part: st
 @pytest.mark.parametrize("silently", [False, True])
 @pytest.mark.parametrize("count", [1, 300])
 def test_bytes_that_flip_anywhere(running: tuple[httpx.Client, Service], count: int, silently: bool) -> None:
-    """No look-up fails, none finds a place where there is none, and the segments are made anew."""
+    """No look-up fails, none finds a place where there is none, and the segments are rebuilt."""
     client, service = running
     rng = random.Random(count)
     for turn in range(25):
@@ -105,8 +105,8 @@ def test_bytes_that_flip_anywhere(running: tuple[httpx.Client, Service], count: 
             else:
                 assert verdict != "matched"
     if silently:
-        for name in service.upkeep._checked:
-            service.upkeep._checked[name] = -maintenance._AGAIN
+        for name in service.maintenance._checked:
+            service.maintenance._checked[name] = -maintenance._AGAIN
         until_sound(client, service)
     settled(client, service)
     for seed in range(COUNT):
@@ -115,11 +115,11 @@ def test_bytes_that_flip_anywhere(running: tuple[httpx.Client, Service], count: 
 
 
 def until_sound(client: httpx.Client, service: Service) -> None:
-    """Wait until the upkeep has found what is damaged."""
+    """Wait until maintenance has found what is damaged."""
     deadline = time.monotonic() + 60.0
-    while list(index_findings(service.database)):
-        for name in service.upkeep._checked:
-            service.upkeep._checked[name] = -maintenance._AGAIN
+    while list(index_discrepancies(service.database)):
+        for name in service.maintenance._checked:
+            service.maintenance._checked[name] = -maintenance._AGAIN
         ask(client, 0)
         assert time.monotonic() < deadline
         time.sleep(0.05)

@@ -91,11 +91,11 @@ class Life(RuleBasedStateMachine):
 
     @rule(who=WHO)
     def look_after(self, who: int) -> None:
-        self.processes[who].upkeep.run()
+        self.processes[who].maintenance.run()
 
     @rule(who=WHO)
     def flush(self, who: int) -> None:
-        self.processes[who].upkeep.settle("plots")
+        self.processes[who].maintenance.flush_and_merge("plots")
         for process in self.processes:
             assert process.held() == set(self.model)
 
@@ -165,9 +165,9 @@ class Life(RuleBasedStateMachine):
         if self.processes:
             # Damage that no query came across is found when all is checked, and mended.
             process = Process(self.path)
-            process.upkeep.run()
-            process.upkeep.settle("plots")
-            process.upkeep.run()
+            process.maintenance.run()
+            process.maintenance.flush_and_merge("plots")
+            process.maintenance.run()
             process.agreed()
             process.close()
         for process in self.processes:

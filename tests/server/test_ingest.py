@@ -16,11 +16,11 @@ from pydantic import ValidationError
 from sqlalchemy import select
 from sqlalchemy.orm import undefer
 
-from server.checks.integrity import findings
+from server.checks.integrity import discrepancies
 from server.collections import registry
 from server.config.settings import Limits
 from server.errors import InvalidBody, InvalidLandmarks, MalformedBody, NotFound, TooLarge
-from server.platform.process_pool import Workers
+from server.platform.process_pool import ProcessPool
 from server.schemas.collections import CollectionPut
 from server.schemas.submaps import NamedSubmap, SubmapInput
 from server.store.repositories.submaps import Submaps
@@ -29,7 +29,7 @@ from server.store.tables import SubmapRow
 from server.submaps import ingest
 from server.submaps.batches import cut, describers, line_of, read_line
 from server.submaps.bulk import BatchResult, ingest_lines, ingest_many
-from server.submaps.preparation import Prepared, settle
+from server.submaps.preparation import Prepared, reconcile
 from tests.server import labour
 from tests.server.world import forest, points
 from urquhart import Config
@@ -39,7 +39,7 @@ POSE = {"x": 1.5, "y": -2.25, "yaw": 0.1, "covariance": [0.1, 0, 0, 0, 0.1, 0, 0
 
 
 @pytest.fixture(scope="module")
-def pool() -> Iterator[Workers]:
+def pool() -> Iterator[ProcessPool]:
     """Two processes beside this one, that describe."""
     with describers(3, patience=0.0) as workers:
         labour.start(workers)
@@ -109,7 +109,7 @@ def test_a_line_is_read_as_the_submap_that_it_was_made_of() -> None:
 
 
 @pytest.mark.parametrize("batch_size", [1, 3, 500])
-def test_it_is_the_same_whatever_process_describes(plots: Database, pool: Workers, batch_size: int) -> None:
+def test_it_is_the_same_whatever_process_describes(plots: Database, pool: ProcessPool, batch_size: int) -> None:
     here = list(ingest_many(plots, "plots", varied(), batch_size=batch_size, workers=describers(1)))
     there = list(ingest_many(plots, "other", varied(), batch_size=batch_size, workers=pool))
     assert here == there
@@ -118,10 +118,10 @@ def test_it_is_the_same_whatever_process_describes(plots: Database, pool: Worker
     lines = [line_of(submap) for submap in varied()]
     for workers in (describers(1), pool):
         assert sums(ingest_lines(plots, "other", lines, batch_size=batch_size, workers=workers))[:3] == (0, 0, 8)
-    assert list(findings(plots)) == []
+    assert list(discrepancies(plots)) == []
 
 
-def test_features_are_made_only_for_other_trees(plots: Database, pool: Workers) -> None:
+def test_features_are_made_only_for_other_trees(plots: Database, pool: ProcessPool) -> None:
     list(ingest_many(plots, "plots", varied(), workers=pool))
     before = {row["id"]: row for row in rows(plots, "plots")}
     moved = [submap.model_copy(update={"session": "later"}) for submap in varied()]
@@ -132,7 +132,7 @@ def test_features_are_made_only_for_other_trees(plots: Database, pool: Workers) 
         assert row["features"] == before[row["id"]]["features"]
 
 
-def test_of_an_id_that_comes_again_the_last_stands(plots: Database, pool: Workers) -> None:
+def test_of_an_id_that_comes_again_the_last_stands(plots: Database, pool: ProcessPool) -> None:
     seeds = [0, 1, 1, 0, 2, 0]
     for workers in (describers(1), pool):
         ingest.put(plots, "plots", "a", SubmapInput.model_validate({"xy": points(forest(0, 30))}), Limits())
@@ -142,7 +142,7 @@ def test_of_an_id_that_comes_again_the_last_stands(plots: Database, pool: Worker
         assert [one.unchanged for one in results] == [1, 0, 1, 0, 0, 0]
         (result,) = ingest_many(plots, "plots", [*again, NamedSubmap.model_validate(body("a", 3))], workers=workers)
         assert (result.replaced, result.unchanged, result.landmarks) == (5, 2, 7 * 30)
-        assert list(findings(plots)) == []
+        assert list(discrepancies(plots)) == []
 
 
 def test_what_was_described_early_is_made_to_fit_what_is_there_by_now(plots: Database) -> None:
@@ -161,16 +161,16 @@ def test_what_was_described_early_is_made_to_fit_what_is_there_by_now(plots: Dat
     known = stored(0)
     bare = prepared(0, session="s").record(known, config)
     assert (bare.features, bare.counts) == (None, whole.counts)
-    assert settle(bare, known, config) == bare
+    assert reconcile(bare, known, config) == bare
     # Other trees took its place, or it is gone: the features have to be made after all.
     for now in (stored(1), None):
-        settled = settle(bare, now, config)
+        settled = reconcile(bare, now, config)
         assert settled == replace(bare, features=whole.features)
     # Somebody else stored the same trees: the features are there.
-    assert settle(whole, stored(0), config).features is None
+    assert reconcile(whole, stored(0), config).features is None
 
 
-def test_a_refused_line_says_which_and_why(plots: Database, pool: Workers) -> None:
+def test_a_refused_line_says_which_and_why(plots: Database, pool: ProcessPool) -> None:
     good = orjson.dumps(body("good", 0))
     lines = [
         good,
@@ -209,7 +209,7 @@ def test_a_refused_line_says_which_and_why(plots: Database, pool: Workers) -> No
     assert [row["id"] for row in rows(plots, "plots")] == ["good", "last"]
 
 
-def test_a_collection_that_is_not_there_is_an_error_from_any_process(plots: Database, pool: Workers) -> None:
+def test_a_collection_that_is_not_there_is_an_error_from_any_process(plots: Database, pool: ProcessPool) -> None:
     for workers in (describers(1), pool):
         with pytest.raises(NotFound, match="'nope'"):
             list(ingest_lines(plots, "nope", [orjson.dumps(body("a", 0))], workers=workers))
@@ -263,7 +263,7 @@ def test_kill_loses_nothing_that_was_told_and_leaves_no_process(plots: Database,
     stored = {row["id"] for row in rows(plots, "plots")}
     assert stored == {f"s{i}" for i in range(len(stored))}
     assert told[-1] <= len(stored) <= told[-1] + 20
-    assert list(findings(plots)) == []
+    assert list(discrepancies(plots)) == []
 
 
 def test_lines_that_are_refused_leave_nothing_in_memory(database: Database) -> None:

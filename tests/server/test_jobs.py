@@ -23,8 +23,8 @@ from server.jobs.types import import_submaps
 from server.platform.file_locks import try_lock
 from server.runtime import Service
 from server.security import api_keys
-from server.security.authenticator import Doorkeeper
-from server.security.principal import ANYBODY, Scope
+from server.security.authenticator import Authenticator
+from server.security.principal import UNRESTRICTED, Scope
 from server.store.repositories.jobs import Jobs, Queue
 from server.store.sqlite.sqlite_errors import storage_errors
 from server.submaps import bulk
@@ -597,7 +597,7 @@ def test_results_are_swept_in_time(
     service.jobs.runner.sweep()
     assert results(client, job)
     old = settings.jobs.model_copy(update={"keep_days": 1e-9})
-    monkeypatch.setattr(service.jobs.runner, "_tools", _with(service.jobs.runner._tools, old))
+    monkeypatch.setattr(service.jobs.runner, "_tools", _with(service.jobs.runner._context, old))
     monkeypatch.setattr("server.jobs.folder._GRACE", 0.0)
     time.sleep(0.01)
     service.jobs.runner.sweep()
@@ -613,7 +613,7 @@ def test_the_newest_jobs_are_remembered(
 ) -> None:
     made = [finished(client, upload(client, [line("a", i)]))["id"] for i in range(3)]
     few = settings.jobs.model_copy(update={"keep_rows": 2})
-    monkeypatch.setattr(service.jobs.runner, "_tools", _with(service.jobs.runner._tools, few))
+    monkeypatch.setattr(service.jobs.runner, "_tools", _with(service.jobs.runner._context, few))
     monkeypatch.setattr("server.jobs.folder._GRACE", 0.0)
     service.jobs.runner.sweep()
     assert [job["id"] for job in client.get("/v1/jobs").json()["jobs"]] == [made[2], made[1]]
@@ -653,15 +653,15 @@ def test_an_upload_that_is_gone_is_no_success(
 
 def test_results_are_read_to_their_end_although_the_job_is_forgotten(client: httpx.Client, service: Service) -> None:
     job = finished(client, upload(client, [line("a", 1)]))
-    found = queue.results(service.database, service.jobs.folder, ANYBODY, job["id"])
+    found = queue.results(service.database, service.jobs.folder, UNRESTRICTED, job["id"])
     assert client.delete(job["links"]["self"]).status_code == 204
     with found.file as file:
         assert orjson.loads(file.read(found.size))["outcome"] == "created"
 
 
-def _with(tools: assignment.Tools, jobs: Any) -> assignment.Tools:
-    settings = tools.settings.model_copy(update={"jobs": jobs})
-    return assignment.Tools(settings, tools.database, tools.catalog, tools.metrics, tools.folder)
+def _with(context: assignment.JobContext, jobs: Any) -> assignment.JobContext:
+    settings = context.settings.model_copy(update={"jobs": jobs})
+    return assignment.JobContext(settings, context.database, context.catalog, context.metrics, context.folder)
 
 
 def test_what_was_never_taken_on_is_swept(client: httpx.Client, service: Service) -> None:
@@ -684,7 +684,7 @@ def test_jobs_of_others_are_not_there(client: httpx.Client, app: FastAPI) -> Non
     job = finished(client, upload(client, [line("a", 1)]))
     store = app.state.service.database
     foreign = {"Authorization": f"Bearer {api_keys.make(store, 'foreign', list(Scope), ['theirs'])[0]}"}
-    app.state.doorkeeper = Doorkeeper(app.state.service.settings, store)
+    app.state.authenticator = Authenticator(app.state.service.settings, store)
     url = job["links"]["self"]
     for method, path in (("GET", url), ("DELETE", url), ("GET", f"{url}/results"), ("GET", f"{url}/errors")):
         there = client.request(method, path, headers=foreign)

@@ -15,7 +15,7 @@ from server.jobs.folder import JobFolder
 from server.runtime import Service
 from server.schemas.collections import CollectionPut
 from server.security import api_keys
-from server.security.authenticator import Doorkeeper
+from server.security.authenticator import Authenticator
 from server.security.principal import Scope
 from server.store.repositories.jobs import Jobs
 from server.store.sqlite.database import Database
@@ -30,7 +30,7 @@ def as_caller(client: httpx.Client, app: FastAPI, service: Service) -> dict[str,
     """Headers of the robots of two tenants, who both may see `plots`, and of the operator."""
     patterns = {"first": ["plots*"], "second": ["plots*"], "operator": ["*"]}
     made = {name: api_keys.make(service.database, name, list(Scope), seen)[0] for name, seen in patterns.items()}
-    app.state.doorkeeper = Doorkeeper(service.settings, service.database)
+    app.state.authenticator = Authenticator(service.settings, service.database)
     return {name: {"Authorization": f"Bearer {secret}"} for name, secret in made.items()}
 
 

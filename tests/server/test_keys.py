@@ -16,8 +16,8 @@ from server.config.settings import Settings
 from server.errors import Conflict, InvalidField, NotFound, Unauthorized
 from server.http.authorization import GuardedRoute
 from server.security import api_keys
-from server.security.authenticator import Doorkeeper, check_exposure
-from server.security.principal import ANYBODY, NOBODY, Caller, Scope
+from server.security.authenticator import Authenticator, check_exposure
+from server.security.principal import ANONYMOUS, UNRESTRICTED, Principal, Scope
 from server.security.scopes import SCOPES
 from server.store.sqlite.database import Database
 from tests.server.processes import Server
@@ -42,7 +42,7 @@ def guarded(client: httpx.Client, settings: Settings, app: FastAPI) -> httpx.Cli
 
 def forgetful(app: FastAPI) -> None:
     """The service looks up keys anew."""
-    app.state.doorkeeper = Doorkeeper(app.state.service.settings, app.state.service.database)
+    app.state.authenticator = Authenticator(app.state.service.settings, app.state.service.database)
 
 
 # --------------------------------------------------------------- the ring
@@ -60,12 +60,16 @@ def test_a_key_is_told_once_and_only_its_hash_is_kept(database: Database) -> Non
 
 def test_who_asks(database: Database) -> None:
     settings = Settings(database=str(database.path))
-    assert Doorkeeper(settings, database).ask(None) == ANYBODY
+    assert Authenticator(settings, database).authenticate(None) == UNRESTRICTED
     secret, info = api_keys.make(database, "robot", [Scope.READ], ["plots-*", "b?"])
-    keeper = Doorkeeper(settings, database)
-    assert keeper.recall(f"Bearer {secret}") is None
-    caller = keeper.ask(f"Bearer {secret}")
-    assert caller == keeper.recall(f"bearer  {secret}") == Caller(info.id, frozenset({Scope.READ}), ("plots-*", "b?"))
+    authenticator = Authenticator(settings, database)
+    assert authenticator.from_cache(f"Bearer {secret}") is None
+    caller = authenticator.authenticate(f"Bearer {secret}")
+    assert (
+        caller
+        == authenticator.from_cache(f"bearer  {secret}")
+        == Principal(info.id, frozenset({Scope.READ}), ("plots-*", "b?"))
+    )
     assert [caller.sees(name) for name in ("plots-1", "plots", "b2", "b22", "Plots-1")] == [
         True,
         False,
@@ -77,7 +81,7 @@ def test_who_asks(database: Database) -> None:
     wrong = secret[:-1] + ("a" if secret[-1] != "a" else "b")
     for header in (None, "", "Bearer", "Bearer x", f"Basic {secret}", f"Bearer {wrong}", f"Bearer {late}"):
         with pytest.raises(Unauthorized):
-            keeper.ask(header)
+            authenticator.authenticate(header)
 
 
 def test_revoking_is_for_good_and_the_last_key_leaves_the_door_shut(database: Database) -> None:
@@ -90,20 +94,20 @@ def test_revoking_is_for_good_and_the_last_key_leaves_the_door_shut(database: Da
         api_keys.revoke(database, "nobody00")
     for header in (None, f"Bearer {secret}"):
         with pytest.raises(Unauthorized):
-            Doorkeeper(settings, database).ask(header)
+            Authenticator(settings, database).authenticate(header)
 
 
 def test_what_is_remembered_gets_old(database: Database, monkeypatch: pytest.MonkeyPatch) -> None:
     secret, info = api_keys.make(database, "robot", ALL, ["*"])
-    keeper = Doorkeeper(Settings(database=str(database.path)), database)
-    keeper.ask(f"Bearer {secret}")
+    authenticator = Authenticator(Settings(database=str(database.path)), database)
+    authenticator.authenticate(f"Bearer {secret}")
     api_keys.revoke(database, info.id)
-    assert keeper.recall(f"Bearer {secret}") is not None
+    assert authenticator.from_cache(f"Bearer {secret}") is not None
     now = time.monotonic()
     monkeypatch.setattr(time, "monotonic", lambda: now + 1.1)
-    assert keeper.recall(f"Bearer {secret}") is None
+    assert authenticator.from_cache(f"Bearer {secret}") is None
     with pytest.raises(Unauthorized, match="revoked"):
-        keeper.ask(f"Bearer {secret}")
+        authenticator.authenticate(f"Bearer {secret}")
 
 
 @pytest.mark.parametrize(("scopes", "patterns"), [([], ["*"]), (ALL, []), (ALL, [""]), (ALL, ["a/b"]), (ALL, ["[a]"])])
@@ -126,7 +130,7 @@ def test_other_machines_are_served_with_a_key_or_on_purpose_only(database: Datab
     for settings in exposed:
         check_exposure(settings, database)
         with pytest.raises(Unauthorized):
-            Doorkeeper(settings, database).ask(None)
+            Authenticator(settings, database).authenticate(None)
     api_keys.revoke(database, info.id)
     with pytest.raises(Conflict, match="keys create"):
         check_exposure(exposed[0], database)
@@ -288,9 +292,9 @@ def _told(response: httpx.Response) -> tuple[Any, ...]:
 
 
 def test_nobody_may_do_nothing() -> None:
-    assert not NOBODY.sees("plots")
-    assert not NOBODY.scopes
-    assert not NOBODY.sees_all
+    assert not ANONYMOUS.sees("plots")
+    assert not ANONYMOUS.scopes
+    assert not ANONYMOUS.sees_all
 
 
 # ---------------------------------------------------------- real processes

@@ -17,7 +17,7 @@ from server.config.settings import LogSettings
 from server.observability import logs, request_log
 from server.runtime import Service
 from server.security import api_keys
-from server.security.authenticator import Doorkeeper
+from server.security.authenticator import Authenticator
 from server.security.principal import Scope
 from tests.server.served import Served
 from tests.server.world import forest, points, put_submap
@@ -92,17 +92,17 @@ def test_lines_are_the_requests_own(client: httpx.Client) -> None:
 
 def test_several_queries_of_a_request_are_summed() -> None:
     noted = request_log.begin()
-    assert noted.told() == {}
+    assert noted.log_members() == {}
     request_log.note_query("matched", [("vote", 1.0), ("verify", 2.0)])
-    assert noted.told() == {"verdict": "matched", "stages": {"vote": 1.0, "verify": 2.0}}
+    assert noted.log_members() == {"verdict": "matched", "stages": {"vote": 1.0, "verify": 2.0}}
     request_log.note_query("no_match", [("vote", 0.5)])
-    assert noted.told() == {"verdicts": {"matched": 1, "no_match": 1}, "stages": {"vote": 1.5, "verify": 2.0}}
+    assert noted.log_members() == {"verdicts": {"matched": 1, "no_match": 1}, "stages": {"vote": 1.5, "verify": 2.0}}
 
 
 def test_keys_are_told_by_id_and_secrets_not_at_all(client: httpx.Client, app: FastAPI, service: Service) -> None:
     secret, info = api_keys.make(service.database, "robot", [Scope.READ], ["*"])
     # What was known of keys a moment ago is forgotten.
-    app.state.doorkeeper = Doorkeeper(service.settings, service.database)
+    app.state.authenticator = Authenticator(service.settings, service.database)
     stream = written("json", "debug")
     key = {"Authorization": f"Bearer {secret}"}
     assert client.get("/v1/collections/plots", headers=key).status_code == 200

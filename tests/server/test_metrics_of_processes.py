@@ -15,9 +15,9 @@ from server.collections.registry import ensure
 from server.config.settings import Settings
 from server.errors import StorageBusy
 from server.observability import database_gauges
-from server.observability.metric_samples import from_words, lasting, merged, to_words
+from server.observability.metric_samples import cumulative, from_json, merged, to_json
 from server.observability.metrics import Metrics
-from server.observability.metrics_exchange import Exchange
+from server.observability.metrics_exchange import MetricsExchange
 from server.schemas.collections import CollectionPut
 from server.store.repositories.collections import Collections
 from server.store.repositories.jobs import Jobs
@@ -105,8 +105,8 @@ def test_words_are_read_as_they_were_written() -> None:
     metrics.request_seconds.labels("/v1", "GET").observe(0.003)
     metrics.observe_index('a"b\\c\n', revision=5, submaps=7)
     told = metrics.families()
-    assert from_words(to_words(told)) == told
-    assert {family.kind for family in lasting(told)} == {"counter", "histogram"}
+    assert from_json(to_json(told)) == told
+    assert {family.kind for family in cumulative(told)} == {"counter", "histogram"}
 
 
 def test_several_are_merged_as_their_kind_wants_it() -> None:
@@ -131,14 +131,14 @@ def test_several_are_merged_as_their_kind_wants_it() -> None:
 
 
 def test_the_dead_are_added_to_what_is_past_once(tmp_path: Path) -> None:
-    exchange, metrics = Exchange(tmp_path), Metrics()
+    exchange, metrics = MetricsExchange(tmp_path), Metrics()
     metrics.verdicts.labels("matched").inc(4)
     key = ("urquhart_query_verdicts_total", (("verdict", "matched"),))
     for pid in (1, 2):
         exchange.publish(metrics)
         (tmp_path / f"{os.getpid()}.json").rename(tmp_path / f"{pid}.json")
         for _ in range(2):
-            exchange.bury({999})
+            exchange.fold_exited({999})
             total = sum(family.samples.get(key, 0.0) for told in exchange.others() for family in told)
             assert total == 4.0 * pid
     assert {path.name for path in tmp_path.iterdir()} == {"past.json", "lock"}

@@ -1,4 +1,4 @@
-"""A database of an older version: its configurations, and features that are made anew once."""
+"""A database of an older version: its configurations, and features that are rebuilt once."""
 
 import json
 from pathlib import Path
@@ -8,10 +8,10 @@ import pytest
 
 import urquhart as method
 from server.app import create_app
-from server.checks.integrity import findings
+from server.checks.integrity import discrepancies
 from server.config.settings import Settings
 from server.store import feature_backfill, migrations_runner
-from server.store.feature_backfill import Renewal, bring_up_to_date, renew
+from server.store.feature_backfill import BackfillProgress, backfill, bring_up_to_date
 from server.store.sqlite.database import Database
 from server.store.tables import SubmapRow
 from tests.server.cli.conftest import urquhart
@@ -92,7 +92,7 @@ def test_a_database_of_the_first_revision_opens_and_answers(tmp_path: Path, capl
         assert client.get(PLOTS).json()["config"] == Config().to_dict()
         assert put_submap(client, "plots", "p1", 1).json()["outcome"] == "unchanged"
     assert "describing the landmarks again" not in caplog.text
-    assert (formats(database), list(findings(database)), migrations_runner.drift(database)) == ({2}, [], [])
+    assert (formats(database), list(discrepancies(database)), migrations_runner.drift(database)) == ({2}, [], [])
     database.dispose()
 
 
@@ -136,15 +136,15 @@ def test_features_are_made_anew_once(tmp_path: Path, monkeypatch: pytest.MonkeyP
     database = make_old(tmp_path / "old.db", OLD, submaps=5)
     monkeypatch.setattr(feature_backfill, "_BATCH", 2)
     migrations_runner.upgrade(database)
-    assert list(renew(database)) == [Renewal(2, 5, 2), Renewal(4, 5, 4), Renewal(5, 5, 5)]
-    assert list(findings(database)) == []
+    assert list(backfill(database)) == [BackfillProgress(2, 5, 2), BackfillProgress(4, 5, 4), BackfillProgress(5, 5, 5)]
+    assert list(discrepancies(database)) == []
     assert marked(database)
     assert bring_up_to_date(database) is False
     # What is damaged later is found when it is asked for.
     execute(database, "UPDATE submaps SET features = x'00' WHERE id = 'p3'")
-    assert list(renew(database)) == []
-    assert list(renew(database, all_rows=True)) == [Renewal(1, 1, 1)]
-    assert list(findings(database)) == []
+    assert list(backfill(database)) == []
+    assert list(backfill(database, all_rows=True)) == [BackfillProgress(1, 1, 1)]
+    assert list(discrepancies(database)) == []
     database.dispose()
 
 
@@ -152,11 +152,11 @@ def test_ended_half_way_it_goes_on_where_it_was(tmp_path: Path, monkeypatch: pyt
     database = make_old(tmp_path / "old.db", OLD, submaps=5)
     monkeypatch.setattr(feature_backfill, "_BATCH", 2)
     migrations_runner.upgrade(database)
-    assert next(renew(database)) == Renewal(2, 5, 2)
+    assert next(backfill(database)) == BackfillProgress(2, 5, 2)
     assert not marked(database)
     assert formats(database) == {1, 2}
-    assert list(renew(database)) == [Renewal(2, 3, 2), Renewal(3, 3, 3)]
-    assert (formats(database), list(findings(database))) == ({2}, [])
+    assert list(backfill(database)) == [BackfillProgress(2, 3, 2), BackfillProgress(3, 3, 3)]
+    assert (formats(database), list(discrepancies(database))) == ({2}, [])
     database.dispose()
 
 
@@ -173,8 +173,8 @@ def test_what_was_replaced_meanwhile_stays(tmp_path: Path, monkeypatch: pytest.M
 
     execute(database, f"PRAGMA user_version = {FEATURES_VERSION}")  # that start must not do it itself
     monkeypatch.setattr(method, "describe", replaced_while_described)
-    assert list(renew(database, all_rows=True)) == [Renewal(2, 2, 1)]
-    assert list(findings(database)) == []
+    assert list(backfill(database, all_rows=True)) == [BackfillProgress(2, 2, 1)]
+    assert list(discrepancies(database)) == []
     with database.read() as session:
         assert session.query(SubmapRow).filter_by(id="p0").one().landmark_count == len(forest(77))
     database.dispose()
@@ -185,13 +185,13 @@ def test_what_cannot_be_described_or_written_is_left(tmp_path: Path, caplog: pyt
     migrations_runner.upgrade(database)
     execute(database, "UPDATE submaps SET landmarks = zeroblob(160) WHERE id = 'p0'")
     reader = Database(database.path, read_only=True)
-    assert list(renew(reader)) == []
+    assert list(backfill(reader)) == []
     reader.dispose()
-    assert list(renew(database)) == [Renewal(2, 2, 1)]
+    assert list(backfill(database)) == [BackfillProgress(2, 2, 1)]
     assert "p0 cannot be described" in caplog.text
     execute(database, "UPDATE collections SET config = '{\"colour\": 1}'")
     execute(database, TO_FORMAT_1)
-    assert list(renew(database, all_rows=True)) == []
+    assert list(backfill(database, all_rows=True)) == []
     database.dispose()
 
 
@@ -202,8 +202,8 @@ def test_diameters_are_made_part_of_the_features(tmp_path: Path) -> None:
     with TestClient(create_app(Settings(database=str(database.path)))) as client:
         client.put(f"{PLOTS}/submaps/p", json={"landmarks": trees}).raise_for_status()
     execute(database, TO_FORMAT_1)
-    assert list(renew(database, all_rows=True)) == [Renewal(1, 1, 1)]
-    assert list(findings(database)) == []
+    assert list(backfill(database, all_rows=True)) == [BackfillProgress(1, 1, 1)]
+    assert list(discrepancies(database)) == []
     database.dispose()
 
 
@@ -213,7 +213,7 @@ def test_the_command_tells_what_it_did(urquhart: Urquhart, tmp_path: Path) -> No
     assert (said.code, said.err) == (0, "")
     assert (
         said.out
-        == f"{tmp_path / 'old.db'}: schema {migrations_runner.expected_revision()}, features of 3 submaps made anew\n"
+        == f"{tmp_path / 'old.db'}: schema {migrations_runner.expected_revision()}, features of 3 submaps rebuilt\n"
     )
     assert "nothing to do" in urquhart("db", "upgrade", "--database", tmp_path / "old.db").out
     assert urquhart("db", "check", "--database", tmp_path / "old.db").out.endswith("clean\n")

@@ -19,7 +19,7 @@ from server.queries import lookup
 from server.schemas.queries import QueryAnswer
 from server.security import api_keys
 from server.security.principal import Scope
-from server.security.rate_limit import Rates
+from server.security.rate_limit import RateLimiter
 from tests.server.served import PATIENCE, Start, Threaded, read_all, starting, together, wait_until
 from tests.server.world import forest, points
 
@@ -185,7 +185,7 @@ def test_the_rate_is_published(start: Start) -> None:
 
 def test_each_caller_has_a_bucket_that_fills() -> None:
     now = 0.0
-    rates = Rates(2.0, clock=lambda: now)
+    rates = RateLimiter(2.0, clock=lambda: now)
     for _ in range(2):
         rates.take("a")
     with pytest.raises(TooManyRequests) as refusal:
@@ -201,13 +201,13 @@ def test_each_caller_has_a_bucket_that_fills() -> None:
         rates.take("a")
     with pytest.raises(TooManyRequests):
         rates.take("a")
-    off = Rates(0.0)
+    off = RateLimiter(0.0)
     for _ in range(1000):
         off.take("a")
 
 
 def test_callers_are_forgotten_before_they_fill_the_memory() -> None:
-    rates = Rates(1.0, clock=lambda: 0.0)
+    rates = RateLimiter(1.0, clock=lambda: 0.0)
     for number in range(10_001):
         rates.take(str(number))
     rates.take("0")  # forgotten

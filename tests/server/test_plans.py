@@ -8,7 +8,7 @@ from sqlalchemy import event
 
 from server.store import migrations_runner
 from server.store.repositories.candidate_rows import found_submaps
-from server.store.repositories.feature_rows import Described
+from server.store.repositories.feature_rows import FeatureRows
 from server.store.repositories.submaps import Submaps
 from server.store.sqlite.database import Database
 
@@ -17,8 +17,8 @@ from server.store.sqlite.database import Database
     "read",
     [
         lambda session: Submaps(session, 1).ids(range(1, 80)),
-        lambda session: list(Described(session, 1).stored(range(1, 80))),
-        lambda session: Described(session, 1).packed(range(1, 80)),
+        lambda session: list(FeatureRows(session, 1).stored(range(1, 80))),
+        lambda session: FeatureRows(session, 1).packed(range(1, 80)),
         lambda session: found_submaps(session, 1, range(1, 80), landmarks=False),
         lambda session: found_submaps(session, 1, range(1, 80), landmarks=True),
     ],

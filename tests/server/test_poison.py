@@ -14,8 +14,8 @@ from server.app import create_app
 from server.config.settings import JobSettings, Limits, Settings
 from server.errors import WorkerLost
 from server.jobs.assignment import Assignment
-from server.platform.isolated_process import Isolated
-from server.platform.process_pool import Workers
+from server.platform.isolated_process import IsolatedProcess
+from server.platform.process_pool import ProcessPool
 from server.store.repositories.jobs import Jobs
 from server.submaps import batches
 from tests.server import labour
@@ -31,7 +31,7 @@ FOUND = [-number if number in (13, 17, 19) else number for number in chain(*GIVE
 @pytest.mark.parametrize("processes", [1, 3])
 @pytest.mark.parametrize("begun", [False, True])
 def test_what_is_too_much_is_refused_alone_and_in_its_place(processes: int, begun: bool) -> None:
-    with Workers(processes, warm_up=labour.load, patience=0.0) as workers:
+    with ProcessPool(processes, warm_up=labour.load, patience=0.0) as workers:
         if begun and processes > 1:
             labour.start(workers)
         assert list(chain(*workers.map(labour.HOSTILE, GIVEN))) == FOUND
@@ -39,7 +39,7 @@ def test_what_is_too_much_is_refused_alone_and_in_its_place(processes: int, begu
 
 
 def test_a_process_that_cannot_begin_is_not_the_fault_of_its_task() -> None:
-    isolated = Isolated(labour.fail_to_load)
+    isolated = IsolatedProcess(labour.fail_to_load)
     with pytest.raises(WorkerLost, match="exit code 7"):
         isolated.attempt(labour.hostile, [1], 60.0)
 

@@ -13,9 +13,9 @@ from fastapi import FastAPI
 from server.platform.ids import new_id
 from server.resources import idempotency
 from server.security import api_keys
-from server.security.authenticator import Doorkeeper
+from server.security.authenticator import Authenticator
 from server.security.principal import Scope
-from server.store.repositories.stored_responses import Answers
+from server.store.repositories.stored_responses import StoredResponses
 from tests.server.world import forest, observed, points, put_submap
 
 SUBMAPS = "/v1/collections/plots/submaps"
@@ -102,7 +102,7 @@ def test_the_answer_and_the_submap_are_stored_together_or_not_at_all(
         raise RuntimeError("the power goes out")
 
     with monkeypatch.context() as patched:
-        patched.setattr(Answers, "keep", fail)
+        patched.setattr(StoredResponses, "keep", fail)
         assert client.post(SUBMAPS, json=body(1), headers={"Idempotency-Key": "k"}).status_code == 500
     assert count(client) == 0
     assert client.post(SUBMAPS, json=body(1), headers={"Idempotency-Key": "k"}).status_code == 201
@@ -118,7 +118,7 @@ def test_answers_are_forgotten_in_time_and_with_the_collection(
     client.put("/v1/collections/plots", json={}).raise_for_status()
     assert "Idempotency-Replayed" not in client.post(SUBMAPS, json=body(1), headers=headers).headers
     with monkeypatch.context() as patched:
-        patched.setattr(idempotency.Once, "since", datetime.now(UTC) + timedelta(hours=1))
+        patched.setattr(idempotency.IdempotencyKey, "since", datetime.now(UTC) + timedelta(hours=1))
         assert "Idempotency-Replayed" not in client.post(SUBMAPS, json=body(1), headers=headers).headers
     assert count(client) == 2
 
@@ -126,7 +126,7 @@ def test_answers_are_forgotten_in_time_and_with_the_collection(
 def test_keys_of_callers_are_their_own(client: httpx.Client, app: FastAPI) -> None:
     store = app.state.service.database
     secrets = [api_keys.make(store, name, list(Scope), ["*"])[0] for name in "ab"]
-    app.state.doorkeeper = Doorkeeper(app.state.service.settings, store)
+    app.state.authenticator = Authenticator(app.state.service.settings, store)
     for secret in secrets:
         headers = {"Idempotency-Key": "k", "Authorization": f"Bearer {secret}"}
         answer = client.post(SUBMAPS, json=body(1), headers=headers)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import httpx
 
-from server.checks.integrity import findings
+from server.checks.integrity import discrepancies
 from server.store.sqlite.database import Database
 from tests.server.processes import Server
 from tests.server.world import forest, observed, points, put_submap
@@ -77,7 +77,7 @@ def test_kill_during_puts_loses_nothing_acknowledged(serve: Callable[[Path], Ser
         writer.join()
 
     database = Database(path)
-    assert list(findings(database)) == []
+    assert list(discrepancies(database)) == []
     database.dispose()
     client = serve(path).client
     for seed in acknowledged:

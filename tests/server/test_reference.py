@@ -6,7 +6,7 @@ from pathlib import Path
 from fastapi import FastAPI
 
 from server.http.documentation.reference import reference
-from server.problem_types import KINDS
+from server.problem_types import PROBLEM_TYPES
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -20,7 +20,7 @@ def test_every_operation_and_problem_is_on_it(app: FastAPI) -> None:
     for item in app.openapi()["paths"].values():
         for operation in item.values():
             assert f"\n### {operation['operationId']}\n" in page
-    for slug in KINDS:
+    for slug in PROBLEM_TYPES:
         assert f'<a id="{slug}"></a>' in page
 
 

@@ -12,10 +12,10 @@ from fastapi import FastAPI
 from sqlalchemy import func, select, update
 
 from server.security import api_keys
-from server.security.authenticator import Doorkeeper
+from server.security.authenticator import Authenticator
 from server.security.principal import Scope
 from server.store.repositories import stored_responses
-from server.store.repositories.stored_responses import Answers
+from server.store.repositories.stored_responses import StoredResponses
 from server.store.sqlite.database import Database
 from server.store.tables import IdempotencyRow
 from tests.server.processes import Server
@@ -59,7 +59,7 @@ def test_old_answers_are_swept_some_at_a_time(database: Database) -> None:
 
     def keep(name: str) -> None:
         with database.write() as session:
-            Answers(session).keep(
+            StoredResponses(session).keep(
                 "", "post", name, digest="d", status=201, headers={}, body=b"{}", since=now - timedelta(hours=24)
             )
 
@@ -86,7 +86,9 @@ def test_only_the_newest_answers_are_kept(database: Database, monkeypatch: pytes
     since = datetime.now(UTC) - timedelta(hours=24)
     for i in range(30):
         with database.write() as session:
-            Answers(session).keep("", "put", str(i), digest="d", status=200, headers={}, body=b"{}", since=since)
+            StoredResponses(session).keep(
+                "", "put", str(i), digest="d", status=200, headers={}, body=b"{}", since=since
+            )
     with database.read() as session:
         names = list(session.scalars(select(IdempotencyRow.name).order_by(IdempotencyRow.key)))
     assert names == [str(i) for i in range(19, 30)]
@@ -97,7 +99,7 @@ def test_a_question_on_the_way_needs_leave_to_read(client: httpx.Client, app: Fa
     writer, both = (
         api_keys.make(store, "a", scopes, ["*"])[0] for scopes in ([Scope.WRITE], [Scope.WRITE, Scope.READ])
     )
-    app.state.doorkeeper = Doorkeeper(app.state.service.settings, store)
+    app.state.authenticator = Authenticator(app.state.service.settings, store)
     for secret, wanted, status in ((writer, False, 201), (writer, True, 403), (both, True, 201)):
         sent: dict[str, Any] = {"xy": points(forest(1))} | ({"query": {}} if wanted else {})
         response = client.post(SUBMAPS, json=sent, headers={"Authorization": f"Bearer {secret}"})

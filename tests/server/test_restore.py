@@ -24,7 +24,7 @@ from server.schemas.submaps import SubmapInput
 from server.security import api_keys
 from server.security.principal import Scope
 from server.snapshots import restoring, snapshots
-from server.snapshots.restoring import Source, find, restore, verify
+from server.snapshots.restoring import RestoreSource, find, restore, verify
 from server.snapshots.snapshot_folder import SnapshotFolder
 from server.store import migrations_runner
 from server.store.repositories.jobs import Jobs
@@ -47,7 +47,7 @@ def process(tmp_path: Path) -> Iterator[Process]:
     made.close()
 
 
-def snapshot(process: Process, name: str = "s") -> Source:
+def snapshot(process: Process, name: str = "s") -> RestoreSource:
     """One made now."""
     path = process.database.path
     snapshots.make(process.database, SnapshotFolder(path), name, 0)
@@ -112,7 +112,7 @@ def test_the_old_database_need_not_be_kept(process: Process) -> None:
 
 def test_on_a_fresh_machine(process: Process, tmp_path: Path) -> None:
     process.put_many(range(6), batch=2)
-    process.upkeep.settle("plots")
+    process.maintenance.flush_and_merge("plots")
     assert len(process.chain())
     source = snapshot(process)
     fresh = tmp_path / "fresh"
@@ -147,10 +147,10 @@ def test_without_manifest_by_its_checksum(process: Process, tmp_path: Path) -> N
 def test_the_same_revision_with_other_submaps(process: Process, flushed_after: bool) -> None:
     """Segments of the time after the snapshot hold the same keys and revisions, and must not be searched."""
     process.put_many(range(4), batch=1)
-    process.upkeep.settle("plots")
+    process.maintenance.flush_and_merge("plots")
     source = snapshot(process)
     process.put_many(range(10, 16), batch=1)
-    process.upkeep.settle("plots")
+    process.maintenance.flush_and_merge("plots")
     before, listed = process.files(), {segment.name for segment in process.chain()}
     assert process.found(12) == "p12"
     process.close()
@@ -159,7 +159,7 @@ def test_the_same_revision_with_other_submaps(process: Process, flushed_after: b
     assert set(again.files()) == set(before)  # the later segments still lie there
     again.put_many(range(20, 26), batch=1)  # comes to the same revision, with the same keys
     if flushed_after:
-        again.upkeep.settle("plots")
+        again.maintenance.flush_and_merge("plots")
         assert not listed <= {segment.name for segment in again.chain()}
     assert [again.found(seed) for seed in (0, 3, 20, 25)] == ["p0", "p3", "p20", "p25"]
     assert [again.found(seed) for seed in range(10, 16)] == [None] * 6
@@ -321,7 +321,7 @@ def test_a_manifest_of_another_content(process: Process) -> None:
     process.close()
     assert source.manifest is not None
     told = source.manifest.collections[0].model_copy(update={"submaps": 2})
-    other = Source(source.file, source.manifest.model_copy(update={"collections": [told]}), source.checksum)
+    other = RestoreSource(source.file, source.manifest.model_copy(update={"collections": [told]}), source.checksum)
     with pytest.raises(StorageDamaged, match="manifest"):
         verify(other)
     assert verify(source) == source.manifest.sha256
@@ -341,7 +341,7 @@ def test_nobody_may_have_the_database_open(process: Process) -> None:
     process.put("p", 1)
     source = snapshot(process)
     path = process.database.path
-    process.database.occupy()
+    process.database.hold_file()
     with pytest.raises(Conflict, match="stop the service"):
         restore(source, path, force=True)
     process.close()
@@ -357,7 +357,7 @@ def test_nobody_may_have_the_database_open(process: Process) -> None:
 def test_who_comes_meanwhile_waits(process: Process) -> None:
     path = process.database.path
     process.close()
-    with database_lock.alone(path):
+    with database_lock.exclusive(path):
         impatient = Database(path, busy_timeout=0.05)
         with pytest.raises(DomainError, match="is being restored"):
             migrations_runner.upgrade(impatient)

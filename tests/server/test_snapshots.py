@@ -25,7 +25,7 @@ from server.runtime import Service
 from server.schemas.collections import CollectionPut
 from server.schemas.submaps import SubmapInput
 from server.security import api_keys
-from server.security.authenticator import Doorkeeper
+from server.security.authenticator import Authenticator
 from server.security.principal import Scope
 from server.snapshots import restoring, snapshot_folder, snapshots
 from server.snapshots.snapshot_folder import SnapshotFolder
@@ -178,7 +178,7 @@ def test_only_for_keys_that_see_everything(client: httpx.Client, app: FastAPI, s
             ("writer", [Scope.READ, Scope.WRITE], ["*"]),
         )
     }
-    app.state.doorkeeper = Doorkeeper(service.settings, ring)
+    app.state.authenticator = Authenticator(service.settings, ring)
 
     def status(who: str, method: str, path: str, **body: Any) -> int:
         headers = {"Authorization": f"Bearer {made[who]}"} if who else {}

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from server.checks.integrity import findings
+from server.checks.integrity import discrepancies
 from server.commands.index import ensure_collection
 from server.config.settings import Limits
 from server.schemas.collections import CollectionPut
@@ -149,7 +149,7 @@ def test_discs_of_a_version_without_stands_are_replaced_as_well(database: Databa
     report = put_stand(database, as_map(trees))
     assert report.outcome.adopted == old
     assert ids_in(database.path) == {disc.submap_id for disc in report.cut.discs}
-    assert list(findings(database)) == []
+    assert list(discrepancies(database)) == []
     with database.write_connection() as connection:
         connection.exec_driver_sql("UPDATE submaps SET stand_key = NULL")
     same = put_stand(database, as_map(trees)).outcome
@@ -168,7 +168,7 @@ def test_only_the_stand_itself_is_replaced(database: Database) -> None:
     others = {name for name in ids_in(database.path) if not name.startswith("stand-") or name.count("-") != 2}
     put_stand(database, as_map(TURN.apply(trees)[:60]))
     assert others <= ids_in(database.path)
-    assert list(findings(database)) == []
+    assert list(discrepancies(database)) == []
 
 
 def test_a_submap_that_somebody_else_stored_is_not_overwritten(service: Any, client: Client) -> None:
@@ -226,7 +226,7 @@ def test_a_kill_leaves_the_old_stand(database: Database, method: str) -> None:
     process.join(timeout=300)
     assert process.exitcode == -signal.SIGKILL
     assert poses_in(database.path) == before
-    assert list(findings(database)) == []
+    assert list(discrepancies(database)) == []
     report = put_stand(database, as_map(stand_trees()))
     assert ids_in(database.path) == {disc.submap_id for disc in report.cut.discs}
 
@@ -247,7 +247,7 @@ def test_two_who_store_the_same_stand_at_once_leave_one_version(database: Databa
         for store in stores:
             store.dispose()
         assert poses_in(database.path) in expected
-    assert list(findings(database)) == []
+    assert list(discrepancies(database)) == []
 
 
 def test_a_running_service_answers_from_the_new_stand_only(service: Any, client: Client) -> None:
@@ -266,6 +266,6 @@ def test_check_finds_submaps_whose_stand_is_not_there(database: Database) -> Non
     put_stand(database, as_map(stand_trees()))
     with database.write_connection() as connection:
         connection.exec_driver_sql("DELETE FROM stands")
-    found = list(findings(database))
+    found = list(discrepancies(database))
     assert len(found) == len(ids_in(database.path))
     assert {one.what for one in found} == {"belongs to a stand that is not there, or to one of another collection"}

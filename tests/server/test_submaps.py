@@ -7,7 +7,7 @@ import httpx
 import numpy as np
 import pytest
 
-from server.checks.contents import content_findings
+from server.checks.contents import content_discrepancies
 from server.runtime import Service
 from tests.server.world import forest, points, put_submap
 
@@ -72,7 +72,7 @@ def test_a_stamp_is_the_same_moment_in_every_offset(client: httpx.Client, servic
     first = put_submap(client, "plots", "p1", 1, stamp="2026-05-04T11:30:00+02:00")
     again = put_submap(client, "plots", "p1", 1, stamp="2026-05-04T09:30:00Z")
     assert (again.json()["outcome"], again.headers["ETag"]) == ("unchanged", first.headers["ETag"])
-    assert list(content_findings(service.database)) == []
+    assert list(content_discrepancies(service.database)) == []
     there = client.get(f"{PLOTS}/submaps/p1").json()
     patched = client.patch(f"{PLOTS}/submaps/p1", json={"properties": {}}, headers={"If-Match": first.headers["ETag"]})
     back = client.patch(f"{PLOTS}/submaps/p1", json={"properties": None})
@@ -86,7 +86,7 @@ def test_what_is_stored_makes_the_entity_tag_that_was_told(client: httpx.Client,
     put_submap(client, "plots", "p1", 1, map_pose=pose, properties=properties).raise_for_status()
     put_submap(client, "plots", "p2", 2).raise_for_status()
     client.patch(f"{PLOTS}/submaps/p2", json={"map_pose": pose, "properties": properties}).raise_for_status()
-    assert list(content_findings(service.database)) == []
+    assert list(content_discrepancies(service.database)) == []
 
 
 def test_preconditions_of_put_and_delete(client: httpx.Client) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from server.app import create_app
 from server.errors import StorageDamaged
-from server.problem_types import KINDS, TABLE
+from server.problem_types import PROBLEM_TYPES, TABLE
 from server.runtime import Service
 from server.store.migrations_runner import expected_revision
 from tests.server.world import TestClient, forest, points, put_submap
@@ -156,8 +156,8 @@ def test_landing_page_for_people_and_programs(client: httpx.Client) -> None:
 
 
 def test_every_problem_type_is_explained(client: httpx.Client) -> None:
-    assert {kind.slug for kind in TABLE.values()} <= set(KINDS)
-    for slug, kind in KINDS.items():
+    assert {kind.slug for kind in TABLE.values()} <= set(PROBLEM_TYPES)
+    for slug, kind in PROBLEM_TYPES.items():
         explained = client.get(f"/problems/{slug}").json()
         assert (explained["status"], explained["title"]) == (kind.status, kind.title)
         assert explained["about"]

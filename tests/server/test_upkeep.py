@@ -1,4 +1,4 @@
-"""The upkeep beside the requests: full disks, back-off, stopping, files left over, several processes."""
+"""Maintenance beside the requests: full disks, back-off, stopping, files left over, several processes."""
 
 import errno
 import itertools
@@ -57,8 +57,8 @@ def test_a_look_at_many_collections_is_one_look(process: Process) -> None:
     process.put_many(range(5))
     for number in range(40):
         registry.ensure(process.database, f"empty{number}", CollectionPut())
-    process.upkeep.run()
-    assert process.upkeep.run()
+    process.maintenance.run()
+    assert process.maintenance.run()
     statements: list[str] = []
 
     def note(_connection: object, _cursor: object, statement: str, *_: object) -> None:
@@ -66,7 +66,7 @@ def test_a_look_at_many_collections_is_one_look(process: Process) -> None:
 
     event.listen(process.database.engine, "before_cursor_execute", note)
     try:
-        assert process.upkeep.run()
+        assert process.maintenance.run()
     finally:
         event.remove(process.database.engine, "before_cursor_execute", note)
     assert 0 < len(statements) < 10
@@ -78,11 +78,11 @@ def test_a_look_at_many_collections_is_one_look(process: Process) -> None:
 def test_what_is_in_memory_is_written_when_it_is_much(process: Process) -> None:
     process.put_many(range(3))
     assert process.held() == {"p0", "p1", "p2"}
-    process.upkeep.run()
+    process.maintenance.run()
     assert process.chain() == ()
     process.put_many(range(3, 5))
     assert len(process.held()) == 5
-    process.upkeep.run()
+    process.maintenance.run()
     assert [(s.since, s.revision, s.submaps) for s in process.chain()] == [(0, 2, 5)]
     live = process.catalog.live("plots")
     assert live is not None and live.state is not None
@@ -93,9 +93,9 @@ def test_what_is_in_memory_is_written_when_it_is_much(process: Process) -> None:
     # In a process that is not asked anything, from the rows.
     silent = Process(process.database.path)
     silent.put_many(range(5, 9))
-    silent.upkeep.run()
+    silent.maintenance.run()
     assert [s.submaps for s in silent.chain()] == [5, 4]
-    process.upkeep.run()
+    process.maintenance.run()
     assert [s.submaps for s in process.chain()] == [9]
     process.agreed()
     silent.close()
@@ -116,8 +116,8 @@ def test_the_service_looks_after_its_segments(tmp_path: Path) -> None:
             return 'urquhart_upkeep_runs_total{task="check"}' in client.get("/metrics").text
 
         wait_for(written)
-    assert service.upkeep._thread is not None
-    assert not service.upkeep._thread.is_alive()
+    assert service.maintenance._thread is not None
+    assert not service.maintenance._thread.is_alive()
     with TestClient(create_app(Settings(database=str(tmp_path / "plots.db"), index=few))) as client:
         answer = client.post("/v1/collections/plots/queries", json={"xy": points(forest(3))}).json()
         assert (answer["verdict"], answer["candidates"][0]["submap_id"]) == ("matched", "p3")
@@ -134,13 +134,13 @@ def test_a_full_disk(
 ) -> None:
     """While segments cannot be written, everything is found; once they can, they are."""
     process.put_many(range(8))
-    process.upkeep.settle("plots")
+    process.maintenance.flush_and_merge("plots")
     before, files = process.chain(), process.files()
     with monkeypatch.context() as patched:
         patched.setattr(call, full)
         process.put_many(range(8, 13))
         for _ in range(3):
-            process.upkeep.run()
+            process.maintenance.run()
         assert process.held() == {f"p{i}" for i in range(13)}
         process.put_many(range(13, 30))  # more than is taken into memory otherwise
         assert process.held() == {f"p{i}" for i in range(30)}
@@ -148,8 +148,8 @@ def test_a_full_disk(
         assert (process.chain(), process.files()) == (before, files)
     assert caplog.text.count("trying again later") == 1
     assert value(process, "urquhart_upkeep_failures_total", task="flush") >= 2.0
-    process.upkeep._failures.clear()  # that it waits is another test
-    process.upkeep.run()
+    process.maintenance._failures.clear()  # that it waits is another test
+    process.maintenance.run()
     assert sum(s.submaps for s in process.chain()) == 30
     assert process.held() == {f"p{i}" for i in range(30)}
     process.agreed()
@@ -157,17 +157,17 @@ def test_a_full_disk(
 
 def test_a_full_disk_while_merging(process: Process, monkeypatch: pytest.MonkeyPatch) -> None:
     process.put_many(range(4))
-    process.upkeep.settle("plots")
+    process.maintenance.flush_and_merge("plots")
     with monkeypatch.context() as patched:
         patched.setattr(maintenance, "merge", full)
         process.put_many(range(4, 8))
         process.held()
-        process.upkeep.run()
+        process.maintenance.run()
         assert [s.submaps for s in process.chain()] == [4, 4]
         assert process.found(5) == "p5"
     assert value(process, "urquhart_upkeep_failures_total", task="merge") == 1.0
-    process.upkeep._failures.clear()
-    process.upkeep.run()
+    process.maintenance._failures.clear()
+    process.maintenance.run()
     assert [s.submaps for s in process.chain()] == [8]
     process.agreed()
 
@@ -188,7 +188,7 @@ def test_a_full_disk_when_the_list_is_to_be_written(process: Process) -> None:
 
     process.database._connect = limited  # type: ignore[method-assign,assignment]
     process.database.engine = process.database._make_engine()
-    process.upkeep.run()
+    process.maintenance.run()
     assert process.held() == {f"p{i}" for i in range(8)}
     assert len(process.files()) == len(process.chain())
     process.agreed()
@@ -202,13 +202,13 @@ process = Process(Path(sys.argv[1]))
 size = max(path.stat().st_size for path in Path(sys.argv[1]).parent.glob("bare.db*") if path.is_file())
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (size // 2, resource.RLIM_INFINITY))
-process.upkeep.run()
+process.maintenance.run()
 assert process.held() == {f"p{i}" for i in range(40)}, process.held()
 assert process.found(17) == "p17"
 assert process.chain() == () and process.files() == [], process.files()
 resource.setrlimit(resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
-process.upkeep._failures.clear()
-process.upkeep.settle("plots")
+process.maintenance._failures.clear()
+process.maintenance.flush_and_merge("plots")
 assert sum(s.submaps for s in process.chain()) == 40
 process.agreed()
 """
@@ -241,14 +241,14 @@ def test_what_fails_is_tried_again_later_and_later(
     with monkeypatch.context() as patched:
         patched.setattr(maintenance, "flush", fail)
         for _ in range(2000):
-            process.upkeep.run()
+            process.maintenance.run()
             now[0] += 1.0
     waits = [b - a for a, b in itertools.pairwise(tried)]
     assert waits[:4] == [2.0, 4.0, 8.0, 16.0]
     assert max(waits) == 300.0
     assert caplog.text.count("trying again later") == 1
     now[0] += 300.0
-    process.upkeep.run()
+    process.maintenance.run()
     assert [s.submaps for s in process.chain()] == [5]
 
 
@@ -263,26 +263,26 @@ def test_stopping_gives_up_what_is_being_written(process: Process, monkeypatch: 
 
     monkeypatch.setattr(flushing, "merge_segments", slowly)
     ready = threading.Event()
-    process.upkeep.start(ready)
+    process.maintenance.start(ready)
     ready.set()
     assert begun.wait(30)
     began = time.monotonic()
-    process.upkeep.stop(0.1)
+    process.maintenance.stop(0.1)
     assert time.monotonic() - began < 20.0
     go_on.set()
-    assert process.upkeep._thread is not None
-    process.upkeep._thread.join(30)
+    assert process.maintenance._thread is not None
+    process.maintenance._thread.join(30)
     assert (process.chain(), process.files()) == ((), [])
     with pytest.raises(Stopped):
-        process.upkeep.settle("plots")
+        process.maintenance.flush_and_merge("plots")
     process.catalog.stopping.clear()
-    process.upkeep.settle("plots")
+    process.maintenance.flush_and_merge("plots")
     process.agreed()
 
 
 def test_files_left_over_are_swept(process: Process, monkeypatch: pytest.MonkeyPatch) -> None:
     process.put_many(range(5))
-    process.upkeep.settle("plots")
+    process.maintenance.flush_and_merge("plots")
     folder = process.catalog.folder.path
     for name in ("a.segment", "b.segment.77.tmp", "notes.txt"):
         (folder / name).write_bytes(b"left over")
@@ -291,7 +291,7 @@ def test_files_left_over_are_swept(process: Process, monkeypatch: pytest.MonkeyP
     with process.catalog.folder.lock("merge") as held:
         assert held
         assert process.catalog.folder.sweep() == 0  # another is at work
-    process.upkeep.run()
+    process.maintenance.run()
     assert sorted(path.name for path in folder.iterdir()) == sorted(
         ["flush.lock", "merge.lock", "notes.txt", "young.segment", f"{process.chain()[0].name}.segment"]
     )
@@ -304,12 +304,12 @@ def test_one_process_works_and_the_others_take_it_over(process: Process) -> None
     assert process.held() == other.held()
     with other.catalog.folder.lock("flush") as held:
         assert held
-        process.upkeep.run()
+        process.maintenance.run()
         assert process.chain() == ()
         assert process.found(2) == "p2"
-    process.upkeep.run()
+    process.maintenance.run()
     (segment,) = process.chain()
-    other.upkeep.run()
+    other.maintenance.run()
     for one in (process, other):
         live = one.catalog.live("plots")
         assert live is not None and live.state is not None
@@ -317,9 +317,9 @@ def test_one_process_works_and_the_others_take_it_over(process: Process) -> None
     other.put_many(range(9, 14))
     other.held()
     with process.catalog.folder.lock("merge"):
-        other.upkeep.run()
+        other.maintenance.run()
         assert [s.submaps for s in other.chain()] == [9, 5]
-    other.upkeep.run()
+    other.maintenance.run()
     assert [s.submaps for s in process.chain()] == [14]
     assert process.found(10) == "p10"
     process.agreed()

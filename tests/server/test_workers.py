@@ -15,18 +15,18 @@ import pytest
 
 from server import errors
 from server.errors import DomainError, InvalidField, InvalidLandmarks, NotFound, TooLarge, WorkerLost
-from server.platform.process_pool import Work, Workers
+from server.platform.process_pool import PoolTask, ProcessPool
 from tests.server import labour
 from tests.server.labour import gone, until
 
 ROOT = Path(__file__).parents[2]
-HANGING: Work[str, str, None] = Work(labour.hang, str, labour.hang)
+HANGING: PoolTask[str, str, None] = PoolTask(labour.hang, str, labour.hang)
 
 
 @pytest.fixture
-def pool() -> Iterator[Workers]:
+def pool() -> Iterator[ProcessPool]:
     """Two processes beside this one, that were waited for."""
-    with Workers(3, warm_up=labour.load, patience=0.0) as workers:
+    with ProcessPool(3, warm_up=labour.load, patience=0.0) as workers:
         labour.start(workers)
         yield workers
 
@@ -37,7 +37,7 @@ def slow_numbers() -> Iterator[int]:
         yield 1
 
 
-def test_results_come_in_order_from_all_processes(pool: Workers) -> None:
+def test_results_come_in_order_from_all_processes(pool: ProcessPool) -> None:
     results = list(pool.map(labour.SQUARES, iter(range(50))))
     assert [square for square, _ in results] == [number * number for number in range(50)]
     assert set(pool.pids) <= {pid for _, pid in results} <= {*pool.pids, os.getpid()}
@@ -45,20 +45,20 @@ def test_results_come_in_order_from_all_processes(pool: Workers) -> None:
 
 
 def test_what_is_short_starts_no_process() -> None:
-    with Workers(3, warm_up=labour.load) as workers:
+    with ProcessPool(3, warm_up=labour.load) as workers:
         results = list(workers.map(labour.SQUARES, range(1, 100)))
         assert {pid for _, pid in results} == {os.getpid()}
         assert workers.pids == []
 
 
 def test_one_process_is_this_one() -> None:
-    with Workers(1, warm_up=labour.load, patience=0.0) as workers:
+    with ProcessPool(1, warm_up=labour.load, patience=0.0) as workers:
         assert {pid for _, pid in workers.map(labour.SQUARES, range(1, 9))} == {os.getpid()}
         assert workers.pids == []
 
 
 def test_work_goes_on_here_until_the_processes_are_there() -> None:
-    with Workers(3, warm_up=labour.load, patience=0.0) as workers:
+    with ProcessPool(3, warm_up=labour.load, patience=0.0) as workers:
         places = []
         for square, pid in workers.map(labour.SQUARES, itertools.count(1)):
             places.append(pid)
@@ -69,7 +69,7 @@ def test_work_goes_on_here_until_the_processes_are_there() -> None:
         assert places[-1] != os.getpid()
 
 
-def test_no_more_is_taken_than_a_few_ahead(pool: Workers) -> None:
+def test_no_more_is_taken_than_a_few_ahead(pool: ProcessPool) -> None:
     taken = 0
 
     def numbers() -> Iterator[int]:
@@ -82,12 +82,12 @@ def test_no_more_is_taken_than_a_few_ahead(pool: Workers) -> None:
         assert taken - done <= 6
 
 
-def test_large_tasks_and_results_do_not_block_each_other(pool: Workers) -> None:
+def test_large_tasks_and_results_do_not_block_each_other(pool: ProcessPool) -> None:
     results = list(pool.map(labour.LARGE, range(12)))
     assert [(len(result), result[0]) for result in results] == [(6_000_000, number) for number in range(12)]
 
 
-def test_an_error_arrives_as_it_was_and_the_pool_goes_on(pool: Workers) -> None:
+def test_an_error_arrives_as_it_was_and_the_pool_goes_on(pool: ProcessPool) -> None:
     results = pool.map(labour.REFUSALS, range(9))
     assert [next(results) for _ in range(3)] == [0, 1, 2]
     with pytest.raises(TooLarge, match=r"The limit landmarks is 3, and 3 were sent\. Take fewer\."):
@@ -107,11 +107,11 @@ def test_an_error_arrives_as_it_was_and_the_pool_goes_on(pool: Workers) -> None:
     with pytest.raises(RuntimeError, match="Unsendable: five is odd"):
         list(pool.map(labour.REFUSALS, [5]))
     with pytest.raises(ZeroDivisionError):
-        list(pool.map(Work(labour.square, lambda number: 1 // number, labour.square), [0]))
+        list(pool.map(PoolTask(labour.square, lambda number: 1 // number, labour.square), [0]))
     assert list(pool.map(labour.REFUSALS, [6, 7, 8])) == [6, 7, 8]
 
 
-def test_a_source_that_fails_does_so_after_what_it_gave(pool: Workers) -> None:
+def test_a_source_that_fails_does_so_after_what_it_gave(pool: ProcessPool) -> None:
     def numbers() -> Iterator[int]:
         yield from range(3)
         raise ValueError("no more of them")
@@ -122,7 +122,7 @@ def test_a_source_that_fails_does_so_after_what_it_gave(pool: Workers) -> None:
         next(results)
 
 
-def test_what_was_given_up_is_not_taken_for_the_next(pool: Workers) -> None:
+def test_what_was_given_up_is_not_taken_for_the_next(pool: ProcessPool) -> None:
     for _ in range(3):
         results = pool.map(labour.SQUARES, iter(range(100, 200)))
         assert next(results)[0] == 10_000
@@ -132,7 +132,7 @@ def test_what_was_given_up_is_not_taken_for_the_next(pool: Workers) -> None:
     until(lambda: {pid for _, pid in pool.map(labour.SQUARES, [1, 1, 1, 1])} == set(pool.pids))
 
 
-def test_while_one_thread_has_the_processes_another_works_here(pool: Workers) -> None:
+def test_while_one_thread_has_the_processes_another_works_here(pool: ProcessPool) -> None:
     results = pool.map(labour.SQUARES, iter(range(1, 100)))
     next(results)
     places: set[int] = set()
@@ -145,7 +145,7 @@ def test_while_one_thread_has_the_processes_another_works_here(pool: Workers) ->
     assert len(list(results)) == 98
 
 
-def test_a_process_that_dies_is_an_error_and_not_a_wait(pool: Workers, tmp_path: Path) -> None:
+def test_a_process_that_dies_is_an_error_and_not_a_wait(pool: ProcessPool, tmp_path: Path) -> None:
     note = tmp_path / "pid"
     results = pool.map(HANGING, [str(note)])
 
@@ -164,18 +164,18 @@ def test_a_process_that_dies_is_an_error_and_not_a_wait(pool: Workers, tmp_path:
 
 def test_a_process_that_cannot_begin_is_an_error() -> None:
     with (
-        Workers(3, warm_up=labour.fail_to_load, patience=0.0) as workers,
+        ProcessPool(3, warm_up=labour.fail_to_load, patience=0.0) as workers,
         pytest.raises(WorkerLost, match="ended with exit code 7"),
     ):
         list(workers.map(labour.SQUARES, slow_numbers()))
 
 
-def test_a_result_that_cannot_be_sent_is_an_error_and_not_a_wait(pool: Workers) -> None:
+def test_a_result_that_cannot_be_sent_is_an_error_and_not_a_wait(pool: ProcessPool) -> None:
     with pytest.raises(WorkerLost, match="ended with exit code 1"):
         list(pool.map(labour.UNSENDABLE, [1]))
 
 
-def test_closing_ends_the_processes_and_what_they_are_at(pool: Workers, tmp_path: Path) -> None:
+def test_closing_ends_the_processes_and_what_they_are_at(pool: ProcessPool, tmp_path: Path) -> None:
     pids = pool.pids
     thread = threading.Thread(target=pool.close, daemon=True)
     thread.start()
@@ -187,12 +187,12 @@ def test_closing_ends_the_processes_and_what_they_are_at(pool: Workers, tmp_path
 SCRIPT = """
 import sys
 from tests.server import labour
-from server.platform.process_pool import Work, Workers
+from server.platform.process_pool import PoolTask, ProcessPool
 if __name__ == "__main__":
-    workers = Workers(3, warm_up=labour.load, patience=0.0)
+    workers = ProcessPool(3, warm_up=labour.load, patience=0.0)
     labour.start(workers)
     print(*workers.pids, flush=True)
-    list(workers.map(Work(labour.hang, str, labour.hang), [sys.argv[1], sys.argv[2]]))
+    list(workers.map(PoolTask(labour.hang, str, labour.hang), [sys.argv[1], sys.argv[2]]))
 """
 
 

@@ -5,7 +5,7 @@ from typing import Annotated, Final
 
 import typer
 
-from server.commands.support.failure import Failure
+from server.commands.support.failure import CommandError
 
 STEM_MAPS: Final = Path(__file__).resolve().parents[3] / "data" / "stem_maps"
 
@@ -42,10 +42,14 @@ def demo(
     except ModuleNotFoundError as error:
         if error.name != "urquhart_client":
             raise
-        raise Failure("the demo asks through the Python client: install clients/python (urquhart-client)") from error
+        raise CommandError(
+            "the demo asks through the Python client: install clients/python (urquhart-client)"
+        ) from error
     try:
         passed = run(out, data, seed=seed, observations=observations, keep=keep)
     except UrquhartError as error:
-        raise Failure(f"the service did not answer as it should: {error} (its log is {out / 'server.log'})") from error
+        raise CommandError(
+            f"the service did not answer as it should: {error} (its log is {out / 'server.log'})"
+        ) from error
     if not passed:
         raise typer.Exit(1)

@@ -12,10 +12,19 @@ from rich.console import Console
 from rich.table import Table
 
 import urquhart
-from server.commands.demo.observations import HARD, RIGHT_DEGREES, RIGHT_METRES, Answer, Question, Stand, ask, judge
+from server.commands.demo.observations import (
+    HARD,
+    RIGHT_DEGREES,
+    RIGHT_METRES,
+    JudgedAnswer,
+    Question,
+    Stand,
+    ask,
+    judge,
+)
 from server.commands.demo.service import running_service
 from server.commands.index import ensure_collection, sentence
-from server.commands.support.failure import Failure
+from server.commands.support.failure import CommandError
 from server.commands.support.progress import progress_bar
 from server.config.settings import Limits
 from server.stem_maps.reader import StemMap, read_stem_map
@@ -85,7 +94,7 @@ def run(out: Path, data: Path, *, seed: int, observations: int, keep: bool) -> b
 def _read(data: Path) -> dict[str, StemMap]:
     names = [stand.name for stand in (*STANDS, FOREIGN)]
     if not data.is_dir():
-        raise Failure(
+        raise CommandError(
             f"{data}: no such directory; the stem maps are in the source repository (data/stem_maps), not in the "
             "installed package: name their directory with --data"
         )
@@ -125,7 +134,7 @@ def _store(path: Path, stem_maps: dict[str, StemMap], console: Console) -> None:
         database.dispose()
 
 
-def _ask_all(client: Client, questions: Sequence[Question], seed: int, console: Console) -> list[Answer]:
+def _ask_all(client: Client, questions: Sequence[Question], seed: int, console: Console) -> list[JudgedAnswer]:
     answers = []
     with progress_bar(console) as progress:
         task = progress.add_task("asking", total=len(questions))
@@ -137,14 +146,14 @@ def _ask_all(client: Client, questions: Sequence[Question], seed: int, console: 
     return answers
 
 
-def _draw(client: Client, answers: Sequence[Answer], out: Path) -> list[Path]:
+def _draw(client: Client, answers: Sequence[JudgedAnswer], out: Path) -> list[Path]:
     """The first right match of the first stand as the service draws it, and the submap it was found in."""
     for answer in answers:
         best = answer.result.best
         if answer.right and best is not None:
             stored = client.query(COLLECTION, answer.question.xy, store=True)
             if stored.id is None or stored.best is None:
-                raise Failure("the service did not keep a query that it was asked to keep")
+                raise CommandError("the service did not keep a query that it was asked to keep")
             match, tessellation = out / "match.svg", out / "tessellation.svg"
             match.write_text(client.match_svg(COLLECTION, stored.id, stored.best.rank), encoding="utf-8")
             tessellation.write_text(client.tessellation_svg(COLLECTION, stored.best.submap_id), encoding="utf-8")
@@ -175,7 +184,7 @@ def _compare(client: Client, hard: Sequence[Question], seed: int, out: Path, con
     return [path]
 
 
-def _table(answers: Sequence[Answer]) -> Table:
+def _table(answers: Sequence[JudgedAnswer]) -> Table:
     table = Table(title="What the service says about each observation")
     for name in ("forest", "trees", "verdict", "error m", "error °", "inliers", "ms"):
         table.add_column(name, justify="left" if name in ("forest", "verdict") else "right", no_wrap=True)
@@ -196,7 +205,7 @@ def _table(answers: Sequence[Answer]) -> Table:
     return table
 
 
-def _summary(answers: Sequence[Answer], console: Console) -> bool:
+def _summary(answers: Sequence[JudgedAnswer], console: Console) -> bool:
     known = [answer for answer in answers if answer.question.stand.radius is not None]
     foreign = [answer for answer in answers if answer.question.stand.radius is None]
     right = sum(answer.right for answer in known)

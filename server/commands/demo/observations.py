@@ -42,7 +42,7 @@ class Question:
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class JudgedAnswer:
     """What came back: errors in metres and degrees where there is a pose to compare, `right` when the answer is.
 
     For a stand in the database, right is `matched` within 1 m and 3 degrees; for another, anything but `matched`.
@@ -90,7 +90,7 @@ def ask(stand: Stand, stem_map: StemMap, rng: np.random.Generator, noise: Noise 
     raise RuntimeError(f"{stand.name} has no place with {stand.minimum_trees} trees within {stand.sensor_range:g} m")
 
 
-def judge(question: Question, result: QueryResult, milliseconds: float) -> Answer:
+def judge(question: Question, result: QueryResult, milliseconds: float) -> JudgedAnswer:
     """Compare an answer with the truth."""
     known = question.stand.radius is not None
     matched = result.verdict == "matched"
@@ -102,7 +102,7 @@ def judge(question: Question, result: QueryResult, milliseconds: float) -> Answe
             metres, radians = SE2(pose.x, pose.y, pose.yaw).distance(question.pose)
             degrees = math.degrees(radians)
     close = metres is not None and degrees is not None and metres <= RIGHT_METRES and degrees <= RIGHT_DEGREES
-    return Answer(
+    return JudgedAnswer(
         question=question,
         result=result,
         milliseconds=milliseconds,

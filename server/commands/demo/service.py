@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
-from server.commands.support.failure import Failure
+from server.commands.support.failure import CommandError
 from server.commands.support.signals import handled
 from urquhart_client import Client, ConnectionFailed, ProblemError
 
@@ -60,14 +60,14 @@ def _wait_until_ready(url: str, process: subprocess.Popen[bytes], log: Path) -> 
             if process.poll() is not None:
                 said = log.read_text(errors="replace").strip().splitlines()
                 reason = said[-1] if said else f"exit code {process.returncode}"
-                raise Failure(f"the service did not start: {reason} (all of it in {log})")
+                raise CommandError(f"the service did not start: {reason} (all of it in {log})")
             try:
                 client.ready()
             except (ConnectionFailed, ProblemError):
                 time.sleep(0.1)
             else:
                 return
-    raise Failure(f"the service was not ready within {START_SECONDS:.0f} s; what it said is in {log}")
+    raise CommandError(f"the service was not ready within {START_SECONDS:.0f} s; what it said is in {log}")
 
 
 def _stop(process: subprocess.Popen[bytes]) -> None:

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from server.commands.support.failure import Failure
+from server.commands.support.failure import CommandError
 from server.config import settings_loading
 from server.config.settings import Settings
 from server.store.feature_backfill import bring_up_to_date
@@ -46,9 +46,11 @@ def existing_database(settings: Settings) -> Database:
 
 
 def check_there(settings: Settings) -> None:
-    """Who mistypes a path is told so, and does not get an empty database. Raises Failure."""
+    """A mistyped path is reported, and does not get an empty database. Raises Failure."""
     if not settings.database_path.is_file():
-        raise Failure(f"{settings.database_path}: no such database; make one with urquhart index or urquhart serve")
+        raise CommandError(
+            f"{settings.database_path}: no such database; make one with urquhart index or urquhart serve"
+        )
 
 
 def _database(settings: Settings) -> Database:

@@ -1,5 +1,5 @@
 """A command that cannot do what it was asked to."""
 
 
-class Failure(Exception):
+class CommandError(Exception):
     """Ends the command with `str(error)` as its one line on standard error, and exit code 2."""

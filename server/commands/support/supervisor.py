@@ -19,7 +19,7 @@ from server.commands.support.signals import handled
 from server.config.settings import Settings
 from server.http.serving.lifecycle import serve_app
 from server.observability import logs
-from server.observability.metrics_exchange import Exchange
+from server.observability.metrics_exchange import MetricsExchange
 
 _SPAWN: Final = multiprocessing.get_context("spawn")
 _TICK: Final = 0.1
@@ -34,9 +34,9 @@ _log = logging.getLogger(__name__)
 def supervise(workers: int, settings: Settings, listener: socket.socket) -> int:
     """Run `workers` processes until a signal says to stop; the exit code.
 
-    A process that ends is replaced. One signal lets them finish what is at hand, a second one ends them at once.
+    A process that ends is replaced. One signal lets them finish what is in progress, a second one ends them at once.
     """
-    exchange = Exchange(Path(tempfile.mkdtemp(prefix="urquhart-metrics-")))
+    exchange = MetricsExchange(Path(tempfile.mkdtemp(prefix="urquhart-metrics-")))
     try:
         return _Supervisor(workers, settings, listener, exchange).run()
     finally:
@@ -44,7 +44,7 @@ def supervise(workers: int, settings: Settings, listener: socket.socket) -> int:
 
 
 class _Supervisor:
-    def __init__(self, workers: int, settings: Settings, listener: socket.socket, exchange: Exchange) -> None:
+    def __init__(self, workers: int, settings: Settings, listener: socket.socket, exchange: MetricsExchange) -> None:
         self._settings, self._listener, self._exchange = settings, listener, exchange
         self._running: list[tuple[SpawnProcess, float]] = []
         self._workers = workers
@@ -60,7 +60,9 @@ class _Supervisor:
                     _log.error("a process cannot start; stopping")
                     self._end()
                     return _STARTUP_FAILURE
-                self._exchange.bury({one.pid for one, _ in self._running if one.pid is not None and one.is_alive()})
+                self._exchange.fold_exited(
+                    {one.pid for one, _ in self._running if one.pid is not None and one.is_alive()}
+                )
             return self._end()
 
     def _fill(self) -> None:
@@ -110,13 +112,13 @@ def _rest(processes: list[SpawnProcess]) -> None:
         time.sleep(_TICK)
 
 
-def _work(settings: Settings, listener: socket.socket, exchange: Exchange) -> None:
+def _work(settings: Settings, listener: socket.socket, exchange: MetricsExchange) -> None:
     """One process: it stops when the one that started it is gone, however that ended."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     logs.configure(settings.log)
     threading.Thread(target=_stop_with_parent, name="parent-watch", daemon=True).start()
     try:
-        serve_app(create_app(settings, exchange, create_database=False), listener, alone=False)
+        serve_app(create_app(settings, exchange, create_database=False), listener, single_process=False)
     finally:
         parent = multiprocessing.parent_process()
         if parent is not None and not parent.is_alive():

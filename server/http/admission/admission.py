@@ -14,10 +14,10 @@ from starlette.types import Message, Receive, Scope, Send
 from server.config.settings import Limits
 from server.errors import DomainError, Overloaded, TooSlow
 from server.http.admission.gate import Gate
-from server.http.admission.readiness import Readiness
+from server.http.admission.readiness import ReadinessChecks
 from server.http.body_limit import is_streamed
 from server.observability.metrics import Metrics
-from server.security.principal import Caller
+from server.security.principal import Principal
 from urquhart import Budget
 
 ALWAYS_ANSWERED: Final = frozenset({"/livez", "/readyz", "/metrics"})
@@ -31,19 +31,19 @@ _EMPTY: Final[Message] = {"type": "http.request", "body": b"", "more_body": Fals
 
 
 @dataclass(slots=True)
-class Shared:
-    """What the requests of a process share. `held`: bytes of bodies in memory; `requests`: those that are at hand."""
+class AdmissionState:
+    """What the requests of a process share. `held`: bytes of bodies in memory; `requests`: those in progress."""
 
     limits: Limits
     gate: Gate
     metrics: Metrics
-    readiness: Readiness
+    readiness: ReadinessChecks
     held: int = 0
     requests: set["Admission"] = field(default_factory=set)
-    unsent: "Unsent" = field(init=False)
+    unsent: "UnreadAnswers" = field(init=False)
 
     def __post_init__(self) -> None:
-        self.unsent = Unsent(self.limits.unsent_bytes, lambda: self.count("unsent"))
+        self.unsent = UnreadAnswers(self.limits.unsent_bytes, lambda: self.count("unsent"))
 
     def hold(self, size: int) -> None:
         """Count bytes of a body that are kept in memory. Raises Overloaded."""
@@ -57,7 +57,7 @@ class Shared:
         self.metrics.rejected.labels(reason).inc()
 
 
-class Unsent:
+class UnreadAnswers:
     """Answers that are held until their callers have read them; those that read nothing for longest are cut off."""
 
     def __init__(self, most: int, count: Callable[[], None]) -> None:
@@ -92,7 +92,7 @@ class Admission:
     whether the caller is still there: if not, the wait ends, and the budget is abandoned.
     """
 
-    def __init__(self, shared: Shared, scope: Scope, receive: Receive, send: Send) -> None:
+    def __init__(self, shared: AdmissionState, scope: Scope, receive: Receive, send: Send) -> None:
         self._shared, self._limits = shared, shared.limits
         self._inner_receive, self._inner_send = receive, send
         self._began = time.monotonic()
@@ -115,9 +115,9 @@ class Admission:
         shared.requests.add(self)
 
     @property
-    def caller(self) -> Caller | None:
+    def caller(self) -> Principal | None:
         """Who asks, when that is known."""
-        caller: Caller | None = self._scope["state"].get("caller")
+        caller: Principal | None = self._scope["state"].get("caller")
         return caller
 
     @property

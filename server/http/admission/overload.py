@@ -4,12 +4,12 @@ from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from server.errors import Overloaded, TooSlow
-from server.http.admission.admission import Admission, Shared
+from server.http.admission.admission import Admission, AdmissionState
 from server.http.problems import domain_problem
 from urquhart import Abandoned
 
 
-class Overload:
+class AdmissionMiddleware:
     """Holds requests to what the service can do.
 
     A request takes a place once it is there as a whole, and gives it back when its answer begins: slow callers take up
@@ -18,7 +18,7 @@ class Overload:
     to close the connection.
     """
 
-    def __init__(self, app: ASGIApp, shared: Shared) -> None:
+    def __init__(self, app: ASGIApp, shared: AdmissionState) -> None:
         self._app, self._shared = app, shared
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:

@@ -10,7 +10,7 @@ SHUTDOWN = "shutdown"
 DATABASE = "database"
 
 
-class Readiness:
+class ReadinessChecks:
     """Named checks, each open with a sentence or passed. Thread-safe."""
 
     def __init__(self, database: Callable[[], str | None] = lambda: None) -> None:

@@ -7,16 +7,16 @@ from typing import Final
 import anyio.to_thread
 
 from server.errors import StorageError, Unauthorized
-from server.http.admission.admission import Admission, Shared
-from server.security.authenticator import Doorkeeper
+from server.http.admission.admission import Admission, AdmissionState
+from server.security.authenticator import Authenticator
 
 _LOOK: Final = 1.0
-"""Seconds between two looks at the keys of the requests at hand."""
+"""Seconds between two looks at the keys of the requests in progress."""
 _log = logging.getLogger(__name__)
 
 
-async def watch_keys(shared: Shared, keeper: Doorkeeper) -> None:
-    """Refuse requests at hand whose key cannot be used any more, soon after it was revoked, until cancelled."""
+async def watch_keys(shared: AdmissionState, authenticator: Authenticator) -> None:
+    """Refuse requests in progress whose key cannot be used any more, soon after it was revoked, until cancelled."""
     while True:
         await asyncio.sleep(_LOOK)
         by_key: dict[str | None, list[Admission]] = {}
@@ -25,9 +25,9 @@ async def watch_keys(shared: Shared, keeper: Doorkeeper) -> None:
                 by_key.setdefault(request.authorization, []).append(request)
         for authorization, requests in by_key.items():
             try:
-                await anyio.to_thread.run_sync(keeper.ask, authorization)
+                await anyio.to_thread.run_sync(authenticator.authenticate, authorization)
             except Unauthorized as error:
                 for request in requests:
                     request.refuse(error)
             except StorageError as error:
-                _log.debug("keys of requests at hand cannot be looked at: %s", error)
+                _log.debug("keys of requests in progress cannot be looked at: %s", error)

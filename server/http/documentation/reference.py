@@ -5,7 +5,7 @@ from typing import Any
 
 import orjson
 
-from server.problem_types import KINDS
+from server.problem_types import PROBLEM_TYPES
 
 _METHODS = ("get", "put", "post", "patch", "delete")
 _HEAD = """\
@@ -21,7 +21,7 @@ routes are used together is told in [guides.md](guides.md); every service shows 
   one that is not there. The scope that an operation asks for stands in its line.
 - A request that takes an `Idempotency-Key` can be sent again with the same key: it is done once, and answered as the
   first time (`Idempotency-Replayed: true`). A query takes one, too; it matters with `store`, because other queries
-  change nothing and are answered anew.
+  change nothing and are answered again.
 - Lists come in pages: `limit`, `cursor`, `next`; there is no `next` on the last page.
 - What can be written over carries an `ETag`: `If-Match` and `If-None-Match` are honoured.
 - Every answer has an `X-Request-Id`, the caller's where it sent a plain one; it stands in the log, too.
@@ -105,7 +105,7 @@ def _problems() -> Iterator[str]:
     yield "`type` of a problem is `/problems/<slug>`, which the service answers with what stands here.\n"
     yield "| type | status | title | |"
     yield "| --- | --- | --- | --- |"
-    for slug, kind in sorted(KINDS.items()):
+    for slug, kind in sorted(PROBLEM_TYPES.items()):
         yield f'| <a id="{slug}"></a>`{slug}` | {kind.status} | {kind.title} | {_text(kind.about)} |'
 
 

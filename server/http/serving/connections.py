@@ -34,7 +34,7 @@ class ServerConfig(Config):
         """`reject` is told the reason when a connection is refused or closed to protect the others."""
         self.limits, self.reject = limits, reject
         self.idle: dict[Connection, None] = {}
-        """Connections without a request at hand, the one that is idle for longest first."""
+        """Connections without a request in progress, the one that is idle for longest first."""
         super().__init__(app, http=Connection, timeout_keep_alive=limits.idle_seconds, **options)  # type: ignore[arg-type]
 
 
@@ -100,7 +100,7 @@ class Connection(H11Protocol):
         self._sort()
 
     def shutdown(self) -> None:
-        """The service ends: finish what is at hand. What is on its way while nothing is may still come."""
+        """The service ends: finish what is in progress. What is on its way while nothing is may still come."""
         if not self.is_idle:
             self.cycle.keep_alive = False
             return
@@ -118,7 +118,7 @@ class Connection(H11Protocol):
 
     @property
     def is_idle(self) -> bool:
-        """Whether no request is at hand: nothing was asked yet, or all is answered."""
+        """Whether no request is in progress: nothing was asked yet, or all is answered."""
         return self.cycle is None or self.cycle.response_complete
 
     @property

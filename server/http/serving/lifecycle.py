@@ -19,7 +19,7 @@ from fastapi import FastAPI
 from uvicorn.server import Server
 
 from server.errors import NotReady
-from server.http.admission.admission import Shared
+from server.http.admission.admission import AdmissionState
 from server.http.admission.readiness import SHUTDOWN
 from server.http.serving.connections import Connection, ServerConfig
 from server.http.serving.file_descriptors import Complaints
@@ -40,7 +40,7 @@ _ENDING: Final = "the service is stopping"
 _log = logging.getLogger("server")
 
 
-def serve_app(app: FastAPI, listener: socket.socket, *, alone: bool) -> None:
+def serve_app(app: FastAPI, listener: socket.socket, *, single_process: bool) -> None:
     """Answer requests on the socket until a signal says to stop.
 
     `alone`: a second signal ends the process at once. Otherwise the process is one of several, whose parent decides
@@ -57,24 +57,24 @@ def serve_app(app: FastAPI, listener: socket.socket, *, alone: bool) -> None:
         backlog=_ACCEPTED,
         timeout_graceful_shutdown=math.ceil(settings.drain_seconds + _LAST_WORDS + _CUT),
     )
-    _Drained(config, app, alone=alone).run(sockets=[listener])
+    _GracefulServer(config, app, single_process=single_process).run(sockets=[listener])
 
 
-class _Drained(Server):
-    """Ends in order: /readyz says so, then nothing more is accepted, then what is at hand is finished, or cut off.
+class _GracefulServer(Server):
+    """Ends in order: /readyz says so, then nothing more is accepted, then what is in progress is finished, or cut off.
 
     A thread of its own sees to it that the process has ended in time, with exit code 0 all the same: what was
-    acknowledged is on the disk, and jobs are gone on with at the next start.
+    acknowledged is on the disk, and jobs are resumed at the next start.
     """
 
-    def __init__(self, config: ServerConfig, app: FastAPI, *, alone: bool) -> None:
+    def __init__(self, config: ServerConfig, app: FastAPI, *, single_process: bool) -> None:
         super().__init__(config)
         service: Service = app.state.service
-        self._service, self._alone = service, alone
-        self._shared: Shared = app.state.shared
+        self._service, self._single_process = service, single_process
+        self._shared: AdmissionState = app.state.shared
         self._signal: int | None = None
         self._until: float | None = None
-        self._settled = False
+        self._frozen = False
         connections = self.server_state.connections
         service.metrics.open_connections.set_function(lambda: len(connections))
 
@@ -91,7 +91,7 @@ class _Drained(Server):
     def capture_signals(self) -> Iterator[None]:
         """Signals are ours while it serves, and not raised again after: to end in order is exit code 0."""
         ours: dict[int, Any] = {signal.SIGTERM: self.handle_exit}
-        ours[signal.SIGINT] = self.handle_exit if self._alone else signal.SIG_IGN
+        ours[signal.SIGINT] = self.handle_exit if self._single_process else signal.SIG_IGN
         before = {number: signal.signal(number, handler) for number, handler in ours.items()}
         threading.Thread(target=self._end_in_time, name="end-watch", daemon=True).start()
         try:
@@ -104,15 +104,15 @@ class _Drained(Server):
         """The first signal begins the end, the second is it. One may come while any lock is held: none is taken."""
         if self._signal is None:
             self._signal = sig
-        elif self._alone:
+        elif self._single_process:
             os._exit(128 + sig)
 
     async def on_tick(self, counter: int) -> bool:
         """Whether the time has come to accept no more."""
         ended: bool = await super().on_tick(counter)
-        if not self._settled and self._service.readiness.ready:
-            self._settled = True
-            _settle()
+        if not self._frozen and self._service.readiness.ready:
+            self._frozen = True
+            _freeze_loaded_objects()
         if self._signal is not None and self._until is None:
             # Who presses Ctrl-C looks at no probe.
             notice = self._service.settings.notice_seconds if self._signal == signal.SIGTERM else 0.0
@@ -162,7 +162,7 @@ async def _accept_all(listeners: list[socket.socket]) -> None:
         await asyncio.sleep(0)
 
 
-def _settle() -> None:
+def _freeze_loaded_objects() -> None:
     """Spare what is loaded by now from the garbage collector, for good: to look through it again and again holds up
     every request for a tenth of a second.
     """

@@ -10,10 +10,10 @@ from sqlalchemy.orm import Session
 
 from server.constraints.extraction import agree, chosen_submaps, from_look, question
 from server.errors import Conflict, NotFound
-from server.jobs.assignment import Assignment, Tools
+from server.jobs.assignment import Assignment, JobContext
 from server.jobs.folder import cut
 from server.queries.contradictions import REASON
-from server.queries.lookup import Look, look_up
+from server.queries.lookup import LookupResult, look_up
 from server.schemas.constraints import ConstraintsInput
 from server.store.repositories.submaps import Submaps
 from server.store.sqlite.sqlite_errors import storage_errors
@@ -27,7 +27,7 @@ CONTRADICTING: Final = "contradicting_maps"
 """Count of submaps whose look-up came to nothing because the maps that it was found in contradict each other."""
 
 
-def run_constraints(assignment: Assignment, tools: Tools) -> None:
+def run_constraints(assignment: Assignment, context: JobContext) -> None:
     """Look submaps up one by one; at the end keep one constraint for each pair. Raises NotFound, StorageError ..."""
     if "written" in assignment.progress:
         return  # only the end could not be noted
@@ -37,17 +37,17 @@ def run_constraints(assignment: Assignment, tools: Tools) -> None:
         raise Conflict(
             "Another version of the service took this job on, and this one cannot read its parameters; post it again."
         ) from error
-    found_file, results_file = tools.folder.found(assignment.id), tools.folder.results(assignment.id)
+    found_file, results_file = context.folder.found(assignment.id), context.folder.results(assignment.id)
     if assignment.total is None:
-        with tools.database.read() as session:
+        with context.database.read() as session:
             assignment.total = len(_matching(assignment, session, body))
-    with storage_errors(tools.folder.path):
+    with storage_errors(context.folder.path):
         with found_file.open("a+b") as found:
-            tools.folder.sync()
+            context.folder.sync()
             cut(found, assignment.progress.get("found", 0))
             contradicting = int(assignment.progress.get(CONTRADICTING, 0))
-            for row, is_last in _rows(assignment, tools, body):
-                look = _look_up(assignment, tools, row, body)
+            for row, is_last in _rows(assignment, context, body):
+                look = _look_up(assignment, context, row, body)
                 if look is not None:
                     contradicting += look.answer.reason == REASON
                     found.writelines(orjson.dumps(one) + b"\n" for one in from_look(row, look, body))
@@ -57,11 +57,11 @@ def run_constraints(assignment: Assignment, tools: Tools) -> None:
                     found.flush()
                     os.fsync(found.fileno())
                     assignment.report(after=row.key, found=found.tell(), contradicting_maps=contradicting)
-                    assignment.give_way()
+                    assignment.yield_turn()
             found.seek(0)
             kept, contradictions = agree(orjson.loads(line) for line in found)
         with results_file.open("wb") as results:
-            tools.folder.sync()
+            context.folder.sync()
             results.writelines(orjson.dumps(one) + b"\n" for one in kept)
             results.flush()
             os.fsync(results.fileno())
@@ -75,11 +75,11 @@ def run_constraints(assignment: Assignment, tools: Tools) -> None:
         assignment.report(written=size)
 
 
-def _rows(assignment: Assignment, tools: Tools, body: ConstraintsInput) -> Iterator[tuple[SubmapRow, bool]]:
+def _rows(assignment: Assignment, context: JobContext, body: ConstraintsInput) -> Iterator[tuple[SubmapRow, bool]]:
     """Submaps to look up, in the order of their keys, from where the job stands; whether it is the last of a page."""
     after = int(assignment.progress.get("after", 0))
     while True:
-        with tools.database.read() as session:
+        with context.database.read() as session:
             rows = _page(assignment, session, body, after)
         if not rows:
             return
@@ -101,10 +101,14 @@ def _matching(assignment: Assignment, session: Session, body: ConstraintsInput) 
     return keys if body.submap_ids is None else keys & set(submaps.keys(body.submap_ids).values())
 
 
-def _look_up(assignment: Assignment, tools: Tools, row: SubmapRow, body: ConstraintsInput) -> Look | None:
-    limits = tools.settings.limits
+def _look_up(
+    assignment: Assignment, context: JobContext, row: SubmapRow, body: ConstraintsInput
+) -> LookupResult | None:
+    limits = context.settings.limits
     asked = question(row, body, limits.candidates)
     try:
-        return look_up(tools.catalog, tools.metrics, limits, assignment.collection_id, asked, budget=assignment.budget)
+        return look_up(
+            context.catalog, context.metrics, limits, assignment.collection_id, asked, budget=assignment.budget
+        )
     except NotFound:
         return None  # deleted meanwhile

@@ -18,49 +18,51 @@ from sqlalchemy.orm import Session
 
 from server.errors import LinesRefused, StorageError, StorageUnavailable, TooLarge
 from server.index.flushing import Stopped, flush
-from server.jobs.assignment import Assignment, Interrupted, Tools
+from server.jobs.assignment import Assignment, Interrupted, JobContext
 from server.jobs.folder import cut
 from server.jobs.refusals import Refusals
 from server.store.sqlite.sqlite_errors import storage_errors
 from server.submaps import batches, bulk
-from server.submaps.bulk import BatchResult, Line
+from server.submaps.bulk import BatchResult, LineOutcome
 
 _log = logging.getLogger(__name__)
 
 
-def run_import(assignment: Assignment, tools: Tools) -> None:
+def run_import(assignment: Assignment, context: JobContext) -> None:
     """Store what was sent; `parameters`: `on_conflict`, and `mode`: `continue` past what is refused, or `all` or none.
 
     Raises NotFound and Conflict (the collection is gone, or another), StorageError, Interrupted, Dismissed.
     """
-    with tools.database.read() as session:
+    with context.database.read() as session:
         assignment.collection(session)
-    with storage_errors(tools.folder.path), tools.folder.results(assignment.id).open("a+b") as results:
-        tools.folder.sync()  # the name of the file, without which its content is not there after a power cut
+    with storage_errors(context.folder.path), context.folder.results(assignment.id).open("a+b") as results:
+        context.folder.sync()  # the name of the file, without which its content is not there after a power cut
         cut(results, assignment.progress.get("written", 0))
-        source = _Source(tools.folder.input(assignment.id), assignment, tools.settings.limits.body_bytes)
+        source = _InputLines(context.folder.input(assignment.id), assignment, context.settings.limits.body_bytes)
         if assignment.parameters["mode"] == "all":
-            _all_or_nothing(assignment, tools, source, results)
+            _all_or_nothing(assignment, context, source, results)
         else:
-            _one_by_one(assignment, tools, source, results)
-    _write_index(assignment, tools)
+            _one_by_one(assignment, context, source, results)
+    _write_index(assignment, context)
 
 
-def _write_index(assignment: Assignment, tools: Tools) -> None:
+def _write_index(assignment: Assignment, context: JobContext) -> None:
     """Write what was stored to segments where it is much: else the first who asks would have to wait for that.
 
-    Everything is stored, whatever comes of it: upkeep tries again. Raises Interrupted.
+    Everything is stored, whatever comes of it: maintenance tries again. Raises Interrupted.
     """
     try:
-        with tools.metrics.upkeep("flush"):
-            flush(tools.catalog.shop, assignment.collection_id, least=tools.settings.index.flush_submaps + 1)
+        with context.metrics.maintenance("flush"):
+            flush(
+                context.catalog.flush_context, assignment.collection_id, least=context.settings.index.flush_submaps + 1
+            )
     except Stopped as error:
         raise Interrupted from error
     except (OSError, StorageError) as error:
         _log.warning("job %s: everything is stored, but the index is not written yet: %s", assignment.id, error)
 
 
-class _Source:
+class _InputLines:
     """The lines from where the job stands, and where in the file it will stand after a batch of them."""
 
     def __init__(self, path: Path, assignment: Assignment, longest: int) -> None:
@@ -100,12 +102,12 @@ def _skip_line(file: BinaryIO) -> None:
         pass
 
 
-def _one_by_one(assignment: Assignment, tools: Tools, source: _Source, results: BinaryIO) -> None:
-    refusals = Refusals(tools.settings.limits.import_refusal_bytes, assignment.progress.get("refusals"))
+def _one_by_one(assignment: Assignment, context: JobContext, source: _InputLines, results: BinaryIO) -> None:
+    refusals = Refusals(context.settings.limits.import_refusal_bytes, assignment.progress.get("refusals"))
 
-    def witness(session: Session, batch: BatchResult) -> None:
+    def on_written(session: Session, batch: BatchResult) -> None:
         assignment.collection(session)
-        _write_results(results, _told(batch.lines, refusals))
+        _write_results(results, _refusal_lines(batch.lines, refusals))
         _count(assignment, batch.lines, batch.following)
         assignment.report(
             session,
@@ -115,68 +117,70 @@ def _one_by_one(assignment: Assignment, tools: Tools, source: _Source, results: 
             refusals=refusals.state(),
         )
 
-    with batches.describers(tools.settings.jobs.processes) as workers:
+    with batches.describers(context.settings.jobs.processes) as workers:
         ingesting = bulk.ingest_lines(
-            tools.database,
+            context.database,
             assignment.collection_id,
             source.lines(),
-            limits=tools.settings.limits,
+            limits=context.settings.limits,
             workers=workers,
             first=source.first,
             on_conflict=assignment.parameters["on_conflict"],
-            witness=witness,
+            on_written=on_written,
             careful=assignment.is_suspect,
         )
         with closing(ingesting):
             for batch in ingesting:
-                _observe(tools, batch)
-                assignment.give_way()
+                _observe(context, batch)
+                assignment.yield_turn()
 
 
-def _all_or_nothing(assignment: Assignment, tools: Tools, source: _Source, results: BinaryIO) -> None:
+def _all_or_nothing(assignment: Assignment, context: JobContext, source: _InputLines, results: BinaryIO) -> None:
     if source.first:
         return  # it was stored, and only that could not be noted
     # What was refused may have been told of already, and only the job's end not.
     assignment.done, assignment.counts = 0, {}
     assignment.report(written=0)
     cut(results, 0)
-    _check_size(assignment, tools)
-    found, refused = list[batches.Described](), list[Line]()
-    with batches.describers(tools.settings.jobs.processes) as workers:
+    _check_size(assignment, context)
+    found, refused = list[batches.DescribedBatch](), list[LineOutcome]()
+    with batches.describers(context.settings.jobs.processes) as workers:
         describing = bulk.describe_lines(
-            tools.database,
+            context.database,
             assignment.collection_id,
             source.lines(),
-            limits=tools.settings.limits,
+            limits=context.settings.limits,
             workers=workers,
             careful=assignment.is_suspect,
         )
         with closing(describing):
             for batch in describing:
                 found.append(batch)
-                refused += [Line(one.position, one.submap_id, "refused", error=one.error) for one in batch.refused]
+                refused += [
+                    LineOutcome(one.position, one.submap_id, "refused", error=one.error) for one in batch.refused
+                ]
                 assignment.report()
     if not refused:
-        refused = _store_all(assignment, tools, found, results)
+        refused = _store_all(assignment, context, found, results)
     if refused:
         at_fault = {line.position for line in refused}
         lines = refused + [
-            Line(position, record.id, "skipped")
+            LineOutcome(position, record.id, "skipped")
             for batch in found
             for position, record in batch.records
             if position not in at_fault
         ]
         lines.sort(key=lambda line: line.position)
-        refusals = Refusals(tools.settings.limits.import_refusal_bytes)
-        _write_results(results, _told(lines, refusals))
+        refusals = Refusals(context.settings.limits.import_refusal_bytes)
+        _write_results(results, _refusal_lines(lines, refusals))
         _count(assignment, lines, found[-1].following)
         assignment.report(written=results.tell(), refusals=refusals.state())
         raise LinesRefused(f"Nothing was stored: {len(refused)} lines cannot be, and mode=all asks for all or none.")
 
 
-def _check_size(assignment: Assignment, tools: Tools) -> None:
+def _check_size(assignment: Assignment, context: JobContext) -> None:
     """All of it is in memory, and then in one transaction, so it may not be as large as others. Raises TooLarge."""
-    limits, path = tools.settings.limits, tools.folder.input(assignment.id)
+    limits, path = context.settings.limits, context.folder.input(assignment.id)
     for name, allowed, got in (
         ("import_all_lines", limits.import_all_lines, assignment.total or 0),
         ("import_all_bytes", limits.import_all_bytes, path.stat().st_size if path.exists() else 0),
@@ -185,16 +189,18 @@ def _check_size(assignment: Assignment, tools: Tools) -> None:
             raise TooLarge(name, allowed, got, "Send it in parts, or with mode=continue.")
 
 
-class _Undone(Exception):
+class _RolledBack(Exception):
     pass
 
 
-def _store_all(assignment: Assignment, tools: Tools, found: list[batches.Described], results: BinaryIO) -> list[Line]:
+def _store_all(
+    assignment: Assignment, context: JobContext, found: list[batches.DescribedBatch], results: BinaryIO
+) -> list[LineOutcome]:
     """Store everything in one transaction; where something is refused, nothing, and the lines that were."""
     stored: list[BatchResult] = []
-    refused: list[Line] = []
+    refused: list[LineOutcome] = []
     try:
-        with tools.database.write() as session:
+        with context.database.write() as session:
             assignment.collection(session)
             for batch in found:
                 stored.append(
@@ -202,15 +208,15 @@ def _store_all(assignment: Assignment, tools: Tools, found: list[batches.Describ
                 )
                 refused += [line for line in stored[-1].lines if line.outcome == "refused"]
             if refused:
-                raise _Undone
+                raise _RolledBack
             lines = [line for batch in stored for line in batch.lines]
-            _write_results(results, _told(lines, Refusals(0)))
+            _write_results(results, _refusal_lines(lines, Refusals(0)))
             _count(assignment, lines, found[-1].following if found else 0)
             assignment.report(session, line=assignment.done, written=results.tell())
-    except _Undone:
+    except _RolledBack:
         return refused
     for result in stored:
-        _observe(tools, result)
+        _observe(context, result)
     return []
 
 
@@ -220,13 +226,13 @@ def _write_results(results: BinaryIO, lines: list[bytes]) -> None:
     os.fsync(results.fileno())
 
 
-def _told(lines: list[Line], refusals: Refusals) -> list[bytes]:
+def _refusal_lines(lines: list[LineOutcome], refusals: Refusals) -> list[bytes]:
     """A line of results for each line, apart from refused ones that are only counted."""
-    told = (_line_of(line) if line.error is None else refusals.told(line) for line in lines)
+    told = (_line_of(line) if line.error is None else refusals.describe(line) for line in lines)
     return [line for line in told if line is not None]
 
 
-def _line_of(line: Line) -> bytes:
+def _line_of(line: LineOutcome) -> bytes:
     told: dict[str, Any] = {"line": line.position + 1}
     if line.id is not None:
         told["id"] = line.id
@@ -236,12 +242,12 @@ def _line_of(line: Line) -> bytes:
     return orjson.dumps(told) + b"\n"
 
 
-def _count(assignment: Assignment, lines: list[Line], following: int) -> None:
+def _count(assignment: Assignment, lines: list[LineOutcome], following: int) -> None:
     assignment.done = following
     assignment.counts = dict(sorted((Counter(assignment.counts) + Counter(line.outcome for line in lines)).items()))
 
 
-def _observe(tools: Tools, batch: BatchResult) -> None:
+def _observe(context: JobContext, batch: BatchResult) -> None:
     for outcome, count in Counter(line.outcome for line in batch.lines).items():
         if outcome in ("created", "replaced", "unchanged"):
-            tools.metrics.submaps_written.labels(outcome).inc(count)
+            context.metrics.submaps_written.labels(outcome).inc(count)

@@ -3,12 +3,12 @@
 from collections.abc import Mapping
 from typing import Final
 
-from server.jobs.assignment import Work
+from server.jobs.assignment import JobFunction
 from server.jobs.types.find_constraints import run_constraints
 from server.jobs.types.import_submaps import run_import
 from server.jobs.types.reindex import run_reindex
 
-WORKS: Final[Mapping[str, Work]] = {
+JOB_TYPES: Final[Mapping[str, JobFunction]] = {
     "import": run_import,
     "reindex": run_reindex,
     "constraints": run_constraints,

@@ -1,27 +1,27 @@
-"""The job that writes a collection's index anew; the old one serves until the new one takes its place."""
+"""The job that rewrites a collection's index; the old one serves until the new one takes its place."""
 
 from server.index.flushing import Stopped, rebuild
-from server.index.maintenance import Upkeep
-from server.jobs.assignment import Assignment, Interrupted, Tools
+from server.index.maintenance import Maintenance
+from server.jobs.assignment import Assignment, Interrupted, JobContext
 from server.store.sqlite.sqlite_errors import storage_errors
 
 
-def run_reindex(assignment: Assignment, tools: Tools) -> None:
+def run_reindex(assignment: Assignment, context: JobContext) -> None:
     """Write all submaps to new segments, and merge them. Begun again after a restart, where these are not listed yet.
 
     Raises NotFound, StorageError, Interrupted, Dismissed.
     """
     try:
-        with storage_errors(tools.catalog.folder.path):
+        with storage_errors(context.catalog.folder.path):
             if not assignment.progress.get("listed", False):
-                _rebuild(assignment, tools)
-            Upkeep(tools.database, tools.catalog, tools.metrics).merge_all(assignment.collection_id)
+                _rebuild(assignment, context)
+            Maintenance(context.database, context.catalog, context.metrics).merge_all(assignment.collection_id)
     except Stopped as error:
         raise Interrupted from error
 
 
-def _rebuild(assignment: Assignment, tools: Tools) -> None:
-    with tools.database.read() as session:
+def _rebuild(assignment: Assignment, context: JobContext) -> None:
+    with context.database.read() as session:
         assignment.total, assignment.done = assignment.collection(session).submap_count, 0
     assignment.report()
 
@@ -29,8 +29,8 @@ def _rebuild(assignment: Assignment, tools: Tools) -> None:
         assignment.done += submaps
         assignment.report()
 
-    written = rebuild(tools.catalog.shop, assignment.collection_id, progress=advance)
-    with tools.database.read() as session:
+    written = rebuild(context.catalog.flush_context, assignment.collection_id, progress=advance)
+    with context.database.read() as session:
         assignment.collection(session)
     assignment.total = assignment.done = written
     assignment.counts = {"indexed": written}

@@ -9,7 +9,7 @@ from sqlalchemy.orm import Session
 from server.store.tables import KeyRow
 
 
-class Keys:
+class ApiKeys:
     """Repository of API keys; the session is the caller's, and so is the commit."""
 
     def __init__(self, session: Session) -> None:

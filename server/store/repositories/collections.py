@@ -15,7 +15,7 @@ _BY_ID = select(CollectionRow).where(CollectionRow.id == bindparam("id"))
 
 
 @dataclass(frozen=True, slots=True)
-class Extent:
+class FrameExtent:
     """What a collection covers in one map frame: metres, footprints of the submaps' landmarks."""
 
     frame_id: str
@@ -26,7 +26,7 @@ class Extent:
 
 
 @dataclass(frozen=True, slots=True)
-class Size:
+class CollectionSize:
     """How much is in a collection."""
 
     id: str
@@ -62,11 +62,11 @@ class Collections:
         query = select(*columns).where(CollectionRow.revision >= least).order_by(CollectionRow.key)
         return [(row.key, row.id, row.revision) for row in self._session.execute(query)]
 
-    def largest(self, limit: int) -> list[Size]:
+    def largest(self, limit: int) -> list[CollectionSize]:
         """Up to `limit` collections with the most submaps, the largest first."""
         columns = (CollectionRow.id, CollectionRow.submap_count, CollectionRow.landmark_count, CollectionRow.revision)
         order = (CollectionRow.submap_count.desc(), CollectionRow.key)
-        return [Size(*row) for row in self._session.execute(select(*columns).order_by(*order).limit(limit))]
+        return [CollectionSize(*row) for row in self._session.execute(select(*columns).order_by(*order).limit(limit))]
 
     def totals(self) -> tuple[int, int, int]:
         """How many collections there are, and the submaps and landmarks in all of them."""
@@ -146,7 +146,7 @@ class Collections:
             delete(CollectionRow).where(CollectionRow.key == key), execution_options={"synchronize_session": False}
         )
 
-    def extents(self, key: int) -> list[Extent]:
+    def extents(self, key: int) -> list[FrameExtent]:
         """What the collection's submaps cover, a map frame each, from the footprint index alone."""
         query = (
             select(
@@ -160,7 +160,7 @@ class Collections:
             .group_by(SubmapRow.map_frame_id)
         )
         return [
-            Extent(frame_id, min_x, min_y, max_x, max_y)
+            FrameExtent(frame_id, min_x, min_y, max_x, max_y)
             for frame_id, min_x, min_y, max_x, max_y in self._session.execute(query)
             if frame_id is not None
             and min_x is not None

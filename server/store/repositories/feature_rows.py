@@ -32,7 +32,7 @@ class StoredFeatures:
     attributes: bytes | None
 
 
-class Described:
+class FeatureRows:
     """Reads what is indexed of one collection, in the caller's session."""
 
     def __init__(self, session: Session, collection_key: int) -> None:

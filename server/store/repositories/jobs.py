@@ -34,12 +34,12 @@ class Jobs:
         return set(self._session.scalars(select(JobRow.id).where(JobRow.id.in_(job_ids), JobRow.state.in_(UNFINISHED))))
 
     def is_orphaned(self, job: JobRow) -> bool:
-        """Whether the collection that the job was taken on for is gone, even if another one has its name by now."""
+        """Whether the collection that the job was accepted for is gone, even if another one has its name by now."""
         there = select(CollectionRow.key).where(CollectionRow.key == job.collection_key)
         return self._session.scalar(there) is None
 
     def is_superseded(self, job: JobRow) -> bool:
-        """Whether another collection has the name of the one that the job was taken on for."""
+        """Whether another collection has the name of the one that the job was accepted for."""
         return self._session.scalar(select(JobRow.key).where(JobRow.key == job.key, _superseded())) is not None
 
     def add(
@@ -129,7 +129,7 @@ class Jobs:
         return self._session.scalars(query if states is None else query.where(JobRow.state.in_(states))).all()
 
     def end(self, ids: Collection[str], problem: dict[str, Any]) -> None:
-        """Dismiss unfinished jobs, for a reason: at once where nobody is at it, else after what is at hand."""
+        """Dismiss unfinished jobs, for a reason: at once where nobody is at it, else after what is in progress."""
         for job_id in ids:
             self.change(job_id, dismissed=True, problem=problem)
             waiting = update(JobRow).where(JobRow.id == job_id, JobRow.state == "accepted")

@@ -22,7 +22,7 @@ class FrameReference:
     origin: tuple[float, float] | None
 
 
-class Frames:
+class MapFrames:
     """Repository of one collection's map frames; the session is the caller's, and so is the commit."""
 
     def __init__(self, session: Session, collection: CollectionRow) -> None:

@@ -11,7 +11,7 @@ from server.store.tables import CollectionRow, DeletionRow, SegmentRow
 
 
 @dataclass(frozen=True, slots=True)
-class Listed:
+class SegmentRecord:
     """A segment as it is listed.
 
     Attributes:
@@ -28,13 +28,13 @@ class Listed:
     size: int
 
 
-def all_chains(session: Session) -> dict[int, tuple[Listed, ...]]:
+def all_chains(session: Session) -> dict[int, tuple[SegmentRecord, ...]]:
     """The segments of every collection that has any, by its key, as `Segments.chain`, with one look at the table."""
     columns = (SegmentRow.name, SegmentRow.since, SegmentRow.revision, SegmentRow.submaps, SegmentRow.size)
     query = select(SegmentRow.collection_key, *columns).order_by(SegmentRow.since, SegmentRow.key)
-    chains: dict[int, tuple[Listed, ...]] = {}
+    chains: dict[int, tuple[SegmentRecord, ...]] = {}
     for key, name, since, revision, submaps, size in session.execute(query):
-        chains[key] = (*chains.get(key, ()), Listed(name, since, revision, submaps, size))
+        chains[key] = (*chains.get(key, ()), SegmentRecord(name, since, revision, submaps, size))
     return chains
 
 
@@ -45,16 +45,16 @@ class Segments:
         self._session = session
         self._collection_key = collection_key
 
-    def chain(self) -> tuple[Listed, ...]:
+    def chain(self) -> tuple[SegmentRecord, ...]:
         """All segments, the oldest first, whether or not they make a chain."""
         query = (
             select(SegmentRow.name, SegmentRow.since, SegmentRow.revision, SegmentRow.submaps, SegmentRow.size)
             .where(SegmentRow.collection_key == self._collection_key)
             .order_by(SegmentRow.since, SegmentRow.key)
         )
-        return tuple(Listed(*row) for row in self._session.execute(query))
+        return tuple(SegmentRecord(*row) for row in self._session.execute(query))
 
-    def exchange(self, old: Sequence[Listed], new: Sequence[Listed]) -> bool:
+    def exchange(self, old: Sequence[SegmentRecord], new: Sequence[SegmentRecord]) -> bool:
         """Put segments in the place of others and forget the deletions that no segment needs any more.
 
         False, and nothing is changed, where that would not make a chain that this collection can have: others changed
@@ -120,7 +120,7 @@ class Segments:
         )
 
 
-def trusted(chain: Sequence[Listed]) -> int:
+def trusted(chain: Sequence[SegmentRecord]) -> int:
     """How many segments, from the first one on, make a chain without a gap."""
     end = 0
     for i, segment in enumerate(chain):

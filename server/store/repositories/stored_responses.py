@@ -13,7 +13,7 @@ _MOST = 100_000
 """Answers that are kept, the newest: for minutes of the busiest fleet, where a repetition comes within one."""
 
 
-class Answers:
+class StoredResponses:
     """Repository of kept answers; the session is the caller's, and so is the commit."""
 
     def __init__(self, session: Session) -> None:

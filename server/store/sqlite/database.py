@@ -50,7 +50,7 @@ class Database:
         self._busy_timeout = busy_timeout
         # Queueing writers of this process here wakes them at once; SQLite's own waiting polls with growing sleeps.
         self._writer = threading.Lock()
-        self._occupancy: int | None = None
+        self._file_lock: int | None = None
         self._moving_in = threading.Lock()
         self._create = create and not read_only
         self._watch = FileWatch(self.path)
@@ -128,12 +128,12 @@ class Database:
                         raise
                     time.sleep(0.01)
 
-    def occupy(self) -> None:
+    def hold_file(self) -> None:
         """Keep everybody from replacing the file until `dispose`. Raises StorageError."""
         with self._moving_in:
-            if self._occupancy is None:
+            if self._file_lock is None:
                 with storage_errors(self.path):
-                    self._occupancy = database_lock.occupy(self.path, self._busy_timeout, read_only=self.read_only)
+                    self._file_lock = database_lock.share(self.path, self._busy_timeout, read_only=self.read_only)
                 # What was opened before may be a file that is not of this name any more.
                 self.engine.dispose()
 
@@ -158,9 +158,9 @@ class Database:
                 self._sentinel.close()
                 self._watch.release()
                 self._sentinel = self._trouble = None
-            if self._occupancy is not None:
-                database_lock.leave(self._occupancy)
-                self._occupancy = None
+            if self._file_lock is not None:
+                database_lock.release(self._file_lock)
+                self._file_lock = None
 
     def _make_engine(self) -> Engine:
         engine = create_engine(

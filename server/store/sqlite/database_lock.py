@@ -1,4 +1,4 @@
-"""Who uses a database file: a lock beside it, shared by all who have the file open, and held alone to replace it.
+"""Who uses a database file: a lock beside it, shared by all who have the file open, and held exclusively to replace it.
 
 SQLite's own locks come and go with transactions and belong to the file that was opened, not to its name. This one lasts
 from the start of a process to its end. The kernel frees it when a process ends, however that comes.
@@ -25,8 +25,8 @@ def lock_path(database: Path) -> Path:
     return file.with_name(f"{file.name}.lock")
 
 
-def occupy(database: Path, patience: float, *, read_only: bool = False) -> int | None:
-    """Share the lock; the open file that holds it, to be closed by `leave`.
+def share(database: Path, patience: float, *, read_only: bool = False) -> int | None:
+    """Take the lock in shared mode; the open file that holds it, to be closed by `release`.
 
     None where there is nothing to hold on to: no folder, or one that may not be written and that is only read from.
     Waits up to `patience` seconds for somebody who replaces the file.
@@ -53,14 +53,14 @@ def occupy(database: Path, patience: float, *, read_only: bool = False) -> int |
     return descriptor
 
 
-def leave(descriptor: int) -> None:
-    """Give up what `occupy` gave."""
+def release(descriptor: int) -> None:
+    """Release what `share` returned."""
     os.close(descriptor)
 
 
 @contextmanager
-def alone(database: Path) -> Iterator[None]:
-    """Hold the lock alone: nobody else has the file open, or opens it meanwhile.
+def exclusive(database: Path) -> Iterator[None]:
+    """Hold the lock exclusively: nobody else has the file open, or opens it meanwhile.
 
     Raises:
         Conflict: somebody has it open.

@@ -66,7 +66,7 @@ class _Index:
 
     @property
     def salts(self) -> bytes:
-        """What marks the log and every frame since it was last begun anew."""
+        """What marks the log and every frame since it was last restarted."""
         return self.checkpoints[0]
 
 

@@ -143,7 +143,7 @@ def test_the_index_is_written_checked_and_made_anew(
     assert said.out.startswith(f"stand: segment {segment.stem} cannot be used: ")
     said = urquhart("db", "reindex")
     assert (said.code, said.err) == (0, "")
-    assert said.out == f"stand: {submaps_in(path)} submaps indexed anew\n"
+    assert said.out == f"stand: {submaps_in(path)} submaps reindexed\n"
     assert segment not in set((tmp_path / "stand.db.index").glob("*.segment"))
     assert urquhart("db", "check").out == f"{path}: clean\n"
     assert urquhart("db", "reindex", "stand").code == 0

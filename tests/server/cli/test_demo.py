@@ -18,7 +18,7 @@ import pytest
 from server.cli import run
 from server.commands.demo.observations import Question, Stand, ask, judge
 from server.commands.demo.service import running_service
-from server.commands.support.failure import Failure
+from server.commands.support.failure import CommandError
 from server.stem_maps.reader import StemMap, read_stem_map
 from urquhart import SE2
 from urquhart_client import Client, ConnectionFailed, ProblemError, QueryResult
@@ -211,7 +211,7 @@ def test_a_service_that_does_not_start_is_told_with_its_reason(tmp_path: Path) -
     database = tmp_path / "notes.db"
     database.write_text("not a database" * 100)
     with (
-        pytest.raises(Failure, match=r"the service did not start: .*not a SQLite database"),
+        pytest.raises(CommandError, match=r"the service did not start: .*not a SQLite database"),
         running_service(database, tmp_path / "server.log", keep=False),
     ):
         pytest.fail("it must not be reached")
