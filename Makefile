@@ -14,8 +14,10 @@ EDITABLE = $(PIP_INSTALL) --no-build-isolation --no-deps --editable . --editable
 UV_COMPILE = $(UV) pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate \
 	--no-emit-index-url --no-emit-find-links --custom-compile-command "make lock"
 
+SIDE_BY_SIDE = --numprocesses auto --dist worksteal
+
 .DEFAULT_GOAL := help
-.PHONY: help demo serve test lint bench bench-paper bench-robust bench-scale bench-reliability lock clean
+.PHONY: help demo serve test test-unit kernels lint bench bench-paper bench-robust bench-scale bench-reliability lock clean
 .DELETE_ON_ERROR:
 
 help: ## print every verb
@@ -27,8 +29,15 @@ demo: $(VENV)/runtime.stamp ## recognise places in two real forests over HTTP an
 serve: $(VENV)/runtime.stamp ## start the service on 127.0.0.1:8420
 	@$(BIN)/urquhart serve $(ARGS)
 
-test: $(VENV)/dev.stamp ## run every test, with coverage
-	@$(BIN)/python -m pytest --numprocesses auto --dist loadfile --cov --cov-report=term $(ARGS)
+test: kernels ## run every test, with coverage
+	@$(BIN)/python -m pytest $(SIDE_BY_SIDE) --cov --cov-report=term $(ARGS)
+
+test-unit: kernels ## run the tests of the method alone, which takes less than a minute
+	@$(BIN)/python -m pytest $(SIDE_BY_SIDE) -m unit $(ARGS)
+
+# Before several processes need the same kernel at the same time, and each compiles its own.
+kernels: $(VENV)/dev.stamp ## compile the kernels, once
+	@$(BIN)/python -c "import urquhart; urquhart.warm_up(urquhart.Config())"
 
 lint: $(VENV)/dev.stamp ## check format, style and types
 	@$(BIN)/ruff format --check .

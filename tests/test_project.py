@@ -26,6 +26,8 @@ VERBS = {
     "demo",
     "serve",
     "test",
+    "test-unit",
+    "kernels",
     "lint",
     "bench",
     "bench-paper",
