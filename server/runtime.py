@@ -14,6 +14,7 @@ from server.jobs.folder import JobFolder
 from server.jobs.runner import Runner
 from server.observability.metrics import Metrics
 from server.observability.metrics_exchange import MetricsExchange
+from server.queries.lookup import QueryContext
 from server.security.rate_limit import RateLimiter
 from server.snapshots.snapshot_folder import SnapshotFolder
 from server.store.sqlite.database import Database
@@ -58,3 +59,8 @@ class Service:
         if self.readiness.is_open("kernels"):
             return self.settings.limits.model_copy(update={"query_seconds": math.inf, "batch_seconds": math.inf})
         return self.settings.limits
+
+    @property
+    def queries(self) -> QueryContext:
+        """What queries work with, under the limits in force."""
+        return QueryContext(self.database, self.catalog, self.metrics, self.limits)

@@ -16,7 +16,7 @@ from server.commands.support.failure import CommandError
 from server.commands.support.options import DbhUnit, Ignored
 from server.index.catalog import Catalog
 from server.observability.metrics import Metrics
-from server.queries.lookup import look_up
+from server.queries.lookup import QueryContext, look_up
 from server.schemas.queries import QueryAnswer, QueryInput
 from server.stem_maps.reader import StemMap, read_stem_map
 from server.stem_maps.stands import landmarks_of
@@ -61,10 +61,10 @@ def locate(
     store = existing_database(settings)
     try:
         bring_up_to_date(store)
-        catalog = Catalog(store, Metrics())
+        catalog, metrics = Catalog(store, Metrics()), Metrics()
         query = _query(observation, limit, seed, file, explain=explain or explain_svg is not None)
         to_draw = svg is not None or explain_svg is not None
-        look = look_up(catalog, Metrics(), settings.limits, collection, query, to_draw=to_draw)
+        look = look_up(QueryContext(store, catalog, metrics, settings.limits), collection, query, to_draw=to_draw)
         answer = look.answer
         if svg is not None and answer.candidates:
             best = answer.candidates[0]

@@ -1,29 +1,25 @@
 """Several queries in one request, each answered as if it had come alone."""
 
+from dataclasses import dataclass
+from typing import Any
+
 from pydantic import ValidationError
 
 from server.collections.registry import get_collection
-from server.config.settings import Limits
 from server.errors import DomainError, KeyReused, OutOfTime, TooLarge
-from server.index.catalog import Catalog
-from server.observability.metrics import Metrics
 from server.parsing.field_errors import invalid_body
 from server.problem_types import document
 from server.queries.answers import Shares, carried
-from server.queries.lookup import answer_query, shown
-from server.queries.stored import kept_answer
+from server.queries.lookup import QueryContext, answer_query, shown
+from server.queries.stored import AnswerKey, kept_answer
 from server.resources.idempotency import IdempotencyKey
 from server.schemas.queries import BatchAnswer, BatchInput, BatchProblem, QueryAnswer, QueryInput
 from server.security.principal import Principal, Scope
-from server.store.sqlite.database import Database
 from urquhart import Budget
 
 
 def answer_batch(
-    database: Database,
-    catalog: Catalog,
-    metrics: Metrics,
-    limits: Limits,
+    context: QueryContext,
     caller: Principal,
     collection_id: str,
     body: BatchInput,
@@ -35,15 +31,16 @@ def answer_batch(
     Each query has its own deadline, and the batch one for all, `limits.batch_seconds` or `timeout_ms` after the budget
     began. A query that is not begun by then has the problem `OutOfTime` in its place.
 
-    Each answer that is to be stored is kept under `once` and its position: a batch that is sent again goes on where
-    the first attempt ended.
+    Each answer that is to be stored is stored under the idempotency key and its position: a batch that is sent again
+    resumes where the first attempt ended.
 
     Raises NotFound (the collection), TooLarge (more than `limits.batch_queries`), KeyReused, StorageError, and
     Abandoned.
     """
+    limits = context.limits
     if len(body.queries) > limits.batch_queries:
         raise TooLarge("batch_queries", limits.batch_queries, len(body.queries), "Send them in parts.")
-    with database.read() as session:
+    with context.database.read() as session:
         get_collection(session, collection_id)
     seconds = limits.batch_seconds if body.timeout_ms is None else min(limits.batch_seconds, body.timeout_ms / 1000.0)
     whole = budget.within(seconds - budget.elapsed)
@@ -56,39 +53,42 @@ def answer_batch(
             pairs.used(0)
             results.append(BatchProblem(problem=late))
             continue
-        share = pairs.next()
+        member = _Member(context, caller, collection_id, AnswerKey(idempotency_key, position), own)
+        result = member.answer(members, pairs.next())
+        pairs.used(carried(result) if isinstance(result, QueryAnswer) else 0)
+        results.append(result)
+    return BatchAnswer(results=results)
+
+
+@dataclass(frozen=True, slots=True)
+class _Member:
+    """One query of a batch: who asks, where, under which key, and what the search may take."""
+
+    context: QueryContext
+    caller: Principal
+    collection_id: str
+    key: AnswerKey
+    budget: Budget
+
+    def answer(self, members: dict[str, Any], pairs: int) -> QueryAnswer | BatchProblem:
+        """The answer with at most so many pairs of landmarks, or what is wrong with the query.
+
+        Raises KeyReused, and errors of the service, which concern the whole batch.
+        """
         try:
             query = QueryInput.model_validate(members)
             if query.store:
-                caller.require(Scope.WRITE)
-            response = kept_answer(database, collection_id, idempotency_key, position) if query.store else None
-            answer = (
-                answer_query(
-                    database,
-                    catalog,
-                    metrics,
-                    limits,
-                    collection_id,
-                    query,
-                    idempotency_key=idempotency_key,
-                    position=position,
-                    pairs=share,
-                    budget=own,
-                )
-                if response is None
-                else shown(response, query, share)
-            )
-            pairs.used(carried(answer))
-            results.append(answer)
+                self.caller.require(Scope.WRITE)
+                stored = kept_answer(self.context.database, self.collection_id, self.key)
+                if stored is not None:
+                    return shown(stored, query, pairs)
+            return answer_query(self.context, self.collection_id, query, key=self.key, pairs=pairs, budget=self.budget)
         except KeyReused:
             raise
         except ValidationError as error:
-            pairs.used(0)
-            results.append(BatchProblem(problem=document(invalid_body(error))))
+            return BatchProblem(problem=document(invalid_body(error)))
         except DomainError as error:
             problem = document(error)
             if problem["status"] >= 500:
                 raise
-            pairs.used(0)
-            results.append(BatchProblem(problem=problem))
-    return BatchAnswer(results=results)
+            return BatchProblem(problem=problem)

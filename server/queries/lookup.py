@@ -29,13 +29,13 @@ from server.queries.answers import (
 from server.queries.explanations import QueryExplanation, sentences
 from server.queries.filters import keys_excluded, keys_near
 from server.queries.per_session import by_session
-from server.queries.search import search_in, try_mirrored
-from server.queries.stored import keep
+from server.queries.search import SubmapSearch
+from server.queries.stored import NO_KEY, AnswerKey, NewAnswer, keep
 from server.resources import links
-from server.resources.idempotency import IdempotencyKey
+from server.schemas.candidates import CandidateAnswer
 from server.schemas.queries import QueryAnswer, QueryInput, QueryLinks
 from server.store.codec import position_names, unpack_diameters, unpack_ids, unpack_positions
-from server.store.repositories.candidate_rows import FoundSubmap, found_submaps
+from server.store.repositories.candidate_rows import found_submaps
 from server.store.repositories.sessions import Sessions
 from server.store.repositories.submaps import Submaps
 from server.store.sqlite.database import Database
@@ -49,6 +49,16 @@ _ANSWER_SHARE: Final = 0.1
 """but at most this share of the time that the search has."""
 
 P = ParamSpec("P")
+
+
+@dataclass(frozen=True, slots=True)
+class QueryContext:
+    """What every query of a process works with: database, indexes, metrics, and the limits in force."""
+
+    database: Database
+    catalog: Catalog
+    metrics: Metrics
+    limits: Limits
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,34 +105,27 @@ class LookupResult:
 
 
 def answer_query(
-    database: Database,
-    catalog: Catalog,
-    metrics: Metrics,
-    limits: Limits,
+    context: QueryContext,
     collection_id: str,
     body: QueryInput,
     *,
-    own_id: str | None = None,
-    idempotency_key: IdempotencyKey | None = None,
-    position: int = 0,
+    key: AnswerKey = NO_KEY,
     pairs: int | None = None,
     budget: Budget | None = None,
 ) -> QueryAnswer:
-    """Look a query up and keep the answer, `once` and at its `position` in a batch, where that was asked for.
+    """Look a query up, and store the answer under its `key` if the query asks for that.
 
     Raises as `look_up`, and KeyReused.
 
     `pairs`: most pairs of landmarks in what is answered, by default `limits.answer_pairs`. With a `budget`, the search
     ends `limits.query_seconds` or `timeout_ms` after the budget began; without one it takes as long as it takes.
     """
-    budget = None if budget is None else share_of(budget, body, limits)
-    look = look_up(catalog, metrics, limits, collection_id, body, own_id=own_id, budget=budget)
+    budget = None if budget is None else share_of(budget, body, context.limits)
+    look = look_up(context, collection_id, body, budget=budget)
     answer = look.answer
     if body.store:
-        asked = look.asked
-        answer = keep(
-            database, limits, look.collection, asked.xy, asked.ids, look.candidates, answer, idempotency_key, position
-        )
+        new = NewAnswer(look.collection, look.asked.xy, look.asked.ids, look.candidates, answer)
+        answer = keep(context.database, context.limits, new, key)
     return shown(answer, body, pairs)
 
 
@@ -137,26 +140,20 @@ def shown(answer: QueryAnswer, body: QueryInput, pairs: int | None = None) -> Qu
 
 
 def _retry_without_damaged_segments(
-    look: Callable[Concatenate[Catalog, Metrics, Limits, str, P], LookupResult],
-) -> Callable[Concatenate[Catalog, Metrics, Limits, str, P], LookupResult]:
+    look: Callable[Concatenate[QueryContext, str, P], LookupResult],
+) -> Callable[Concatenate[QueryContext, str, P], LookupResult]:
     """Look up again where a segment turned out to be damaged meanwhile."""
 
     @wraps(look)
-    def looked_up(
-        catalog: Catalog, metrics: Metrics, limits: Limits, collection_id: str, /, *args: P.args, **named: P.kwargs
-    ) -> LookupResult:
-        return catalog.whatever_happens(
-            collection_id, lambda: look(catalog, metrics, limits, collection_id, *args, **named)
-        )
+    def looked_up(context: QueryContext, collection_id: str, /, *args: P.args, **named: P.kwargs) -> LookupResult:
+        return context.catalog.whatever_happens(collection_id, lambda: look(context, collection_id, *args, **named))
 
     return looked_up
 
 
 @_retry_without_damaged_segments
 def look_up(
-    catalog: Catalog,
-    metrics: Metrics,
-    limits: Limits,
+    context: QueryContext,
     collection_id: str,
     body: QueryInput,
     *,
@@ -172,48 +169,67 @@ def look_up(
     Too few or collinear landmarks are an answer, not an error. Raises NotFound (the collection, or `submap_id`),
     InvalidLandmarks, InvalidField, TooLarge, StorageError, and Abandoned (nobody waits for the answer any more).
     """
+    limits = context.limits
     check_landmark_count(body, limits)
     _check_sizes(body, limits)
     pin_threads()
-    with catalog.view(collection_id) as view:
+    with context.catalog.view(collection_id) as view:
         submaps = Submaps(view.session, view.collection.key)
-        row = None
-        if body.submap_id is None:
-            asked = QueryLandmarks(body.positions(), body.diameters(), body.landmark_ids(), body.frame_id, body.stamp)
-        else:
-            row = submaps.get_whole(body.submap_id)
-            if row is None:
-                raise NotFound("submap", body.submap_id)
-            asked = _stored_observation(row, body)
+        asked, own = _asked(submaps, body)
         excluded = keys_excluded(submaps, body.exclude, asked.stamp)
-        if row is not None:
-            excluded.add(row.key)
+        if own is not None:
+            excluded.add(own.key)
         if own_id is not None:
             excluded.update(submaps.keys([own_id]).values())
-        sessions = Sessions(view.session, view.collection.key)
         most = min(body.limit, limits.candidates)  # less than the default only where the operator wants it so
-        only = keys_near(submaps, body.near)
-        search = search_in(view, body, asked.xy, asked.diameters, most, only, budget)
-        try:
-            found = by_session(search, sessions, excluded, most) if body.per_session else search(excluded)
-        except LandmarkError as error:
-            raise invalid_landmarks(error, body) from error
-        warnings: tuple[str, ...] = ()
-        if body.explain:  # it takes as long again
-            found, warnings = try_mirrored(view, body, asked.xy, asked.diameters, found, only, excluded, budget)
+        search = SubmapSearch(view, body, asked.xy, asked.diameters, most, keys_near(submaps, body.near), budget)
+        found, warnings = _search(search, body, excluded)
         keys = {candidate.key for candidate in found.candidates} | {rival.key for rival in found.rivals[:1]}
         rows = found_submaps(view.session, view.collection.key, keys, landmarks=to_draw)
         pairs = limits.answer_pairs if body.pairs or body.store else 0
-        answer = _answer(view, body, asked, found, rows, pairs, warnings)
+        candidates = candidate_answers(view.collection.id, found.candidates, rows, asked.names(), pairs)
+        answer = _answer(view, body, asked, found, candidates, warnings)
         landmarks = {one.id: unpack_positions(one.landmarks) for one in rows.values()} if to_draw else {}
         revisions = {one.id: one.content_revision for one in rows.values()}
-        if row is not None:
-            revisions[row.id] = row.content_revision
+        if own is not None:
+            revisions[own.id] = own.content_revision
+    _observe(context.metrics, answer)
+    return LookupResult(asked, view.collection, answer, found.candidates, landmarks, revisions)
+
+
+def _asked(submaps: Submaps, body: QueryInput) -> tuple[QueryLandmarks, SubmapRow | None]:
+    """The landmarks of the query, and the stored submap that they are of, if it names one. Raises NotFound."""
+    if body.submap_id is None:
+        xy, diameters, ids = body.positions(), body.diameters(), body.landmark_ids()
+        return QueryLandmarks(xy, diameters, ids, body.frame_id, body.stamp), None
+    row = submaps.get_whole(body.submap_id)
+    if row is None:
+        raise NotFound("submap", body.submap_id)
+    xy = unpack_positions(row.landmarks)
+    ids = None if row.landmark_ids is None else unpack_ids(row.landmark_ids, len(xy))
+    diameters = unpack_diameters(row.attributes)
+    return QueryLandmarks(xy, diameters, ids, body.frame_id or row.frame_id, body.stamp or row.stamp), row
+
+
+def _search(search: SubmapSearch, body: QueryInput, excluded: set[int]) -> tuple[Recognition, tuple[str, ...]]:
+    """What is found, and warnings. Raises InvalidLandmarks."""
+    try:
+        if body.per_session:
+            sessions = Sessions(search.view.session, search.view.collection.key)
+            found = by_session(search, sessions, excluded, search.most)
+        else:
+            found = search(excluded)
+    except LandmarkError as error:
+        raise invalid_landmarks(error, body) from error
+    # A search for the mirror image takes as long again.
+    return search.try_mirrored(found, excluded) if body.explain else (found, ())
+
+
+def _observe(metrics: Metrics, answer: QueryAnswer) -> None:
     metrics.verdicts.labels(answer.verdict).inc()
     for stage in answer.stages:
         metrics.observe_stage(stage.name, stage.milliseconds)
     note_query(answer.verdict, ((stage.name, stage.milliseconds) for stage in answer.stages))
-    return LookupResult(asked, view.collection, answer, found.candidates, landmarks, revisions)
 
 
 def share_of(budget: Budget, body: QueryInput, limits: Limits) -> Budget:
@@ -233,20 +249,12 @@ def _check_sizes(body: QueryInput, limits: Limits) -> None:
         raise TooLarge("excluded_submaps", limits.excluded_submaps, excluded, "Exclude fewer submaps.")
 
 
-def _stored_observation(row: SubmapRow, body: QueryInput) -> QueryLandmarks:
-    xy = unpack_positions(row.landmarks)
-    ids = None if row.landmark_ids is None else unpack_ids(row.landmark_ids, len(xy))
-    diameters = unpack_diameters(row.attributes)
-    return QueryLandmarks(xy, diameters, ids, body.frame_id or row.frame_id, body.stamp or row.stamp)
-
-
 def _answer(
     view: View,
     body: QueryInput,
     asked: QueryLandmarks,
     found: Recognition,
-    rows: dict[int, FoundSubmap],
-    pairs: int,
+    candidates: list[CandidateAnswer],
     warnings: tuple[str, ...],
 ) -> QueryAnswer:
     collection_id, submaps = view.collection.id, Submaps(view.session, view.collection.key)
@@ -266,7 +274,7 @@ def _answer(
         margin=found.margin,
         warnings=list(warnings),
         gates=gates_answer(view.recognizer.config),
-        candidates=candidate_answers(collection_id, found.candidates, rows, asked.names(), pairs),
+        candidates=candidates,
         rivals=rival_answers(collection_id, found.rivals, ids),
         search=search_answer(found.search),
         stages=stage_answers(found.stages),

@@ -8,13 +8,10 @@ from typing import Final
 
 from sqlalchemy.orm import Session
 
-from server.config.settings import Limits
 from server.errors import InvalidField
-from server.index.catalog import Catalog
 from server.index.derived import config_of, features_of
-from server.observability.metrics import Metrics
 from server.queries.filters import keys_excluded, keys_near
-from server.queries.lookup import look_up, share_of, shown
+from server.queries.lookup import QueryContext, look_up, share_of, shown
 from server.schemas.queries import QueryAnswer, QueryInput
 from server.store.repositories.feature_rows import FeatureRows
 from server.store.repositories.submaps import Submaps
@@ -34,17 +31,10 @@ class LoopQuestion:
     """Where else a submap was seen, by all that is stored before it."""
 
     def __init__(
-        self,
-        catalog: Catalog,
-        metrics: Metrics,
-        limits: Limits,
-        collection_id: str,
-        body: QueryInput,
-        own_id: str | None,
-        budget: Budget,
+        self, context: QueryContext, collection_id: str, body: QueryInput, own_id: str | None, budget: Budget
     ) -> None:
         """`own_id`: of the submap, where the caller gave one; what is stored under it is not to be found."""
-        self._catalog, self._metrics, self._limits = catalog, metrics, limits
+        self._context = context
         self._collection_id, self._body, self._own_id, self._budget = collection_id, body, own_id, budget
         self._answer: QueryAnswer | None = None
 
@@ -52,13 +42,11 @@ class LoopQuestion:
         """Search what is stored now. Raises as `look_up`; fields are pointed at below `/query`."""
         try:
             look = look_up(
-                self._catalog,
-                self._metrics,
-                self._limits,
+                self._context,
                 self._collection_id,
                 self._body,
                 own_id=self._own_id,
-                budget=share_of(self._budget, self._body, self._limits),
+                budget=share_of(self._budget, self._body, self._context.limits),
             )
         except InvalidField as error:
             raise error.below("/query") from error

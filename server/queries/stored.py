@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import MISSING, dataclass, fields, replace
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import orjson
@@ -32,75 +32,92 @@ from urquhart import SE2, Candidate
 from urquhart.uncertainty import PoseUncertainty
 
 
-def keep(
-    database: Database,
-    limits: Limits,
-    collection: CollectionRow,
-    xy: NDArray[np.float64],
-    ids: list[str] | None,
-    found: Sequence[Candidate],
-    answer: QueryAnswer,
-    idempotency_key: IdempotencyKey | None,
-    position: int = 0,
-) -> QueryAnswer:
+@dataclass(frozen=True, slots=True)
+class AnswerKey:
+    """How a request that is sent again finds its stored answer: by Idempotency-Key, and position in a batch from 1."""
+
+    idempotency_key: IdempotencyKey | None = None
+    position: int = 0
+
+    def operation(self, collection: CollectionRow) -> str:
+        """The operation under which the idempotency key is stored."""
+        return f"query {collection.key}" if self.position == 0 else f"query {collection.key} {self.position}"
+
+
+NO_KEY: Final = AnswerKey()
+
+
+@dataclass(frozen=True, slots=True)
+class NewAnswer:
+    """An answer that is to be stored, with the query's landmarks (N, 2) float64, metres, query frame, and their ids."""
+
+    collection: CollectionRow
+    xy: NDArray[np.float64]
+    ids: list[str] | None
+    found: Sequence[Candidate]
+    answer: QueryAnswer
+
+
+def keep(database: Database, limits: Limits, new: NewAnswer, key: AnswerKey) -> QueryAnswer:
     """Store an answer, unless that was done before; the answer with its id and links. The oldest beyond the limit go.
 
     Raises NotFound and KeyReused.
     """
+    collection, operation = new.collection, key.operation(new.collection)
     with database.write() as session:
         if get_collection(session, collection.id).key != collection.key:
             raise NotFound("collection", collection.id)
-        response = find_response(session, idempotency_key, _keeping(collection, position))
+        response = find_response(session, key.idempotency_key, operation)
         if response is not None:
             return _again(session, collection, response)
         number = Collections(session).next_query_number(collection.key)
-        candidates = [
-            shown.model_copy(
-                update={
-                    "links": CandidateLinks(
-                        submap=shown.links.submap, match=links.match(collection.id, number, shown.rank)
-                    )
-                }
-            )
-            for shown in answer.candidates
-        ]
-        own = QueryLinks(
-            self=links.query(collection.id, number),
-            collection=answer.links.collection,
-            explanation=links.explanation(collection.id, number),
-        )
-        answer = answer.model_copy(update={"id": str(number), "candidates": candidates, "links": own})
+        answer = _numbered(new.answer, collection.id, number)
         queries = Queries(session, collection.key)
         queries.add(
             number,
-            landmarks=pack_positions(xy),
-            landmark_ids=pack_json(ids),
+            landmarks=pack_positions(new.xy),
+            landmark_ids=pack_json(new.ids),
             answer=answer.model_dump_json().encode(),
             candidates=[
                 _pack(candidate if not shown.inliers_omitted else _without_pairs(candidate))
-                for candidate, shown in zip(found, answer.candidates, strict=True)
+                for candidate, shown in zip(new.found, answer.candidates, strict=True)
             ],
         )
         queries.drop_through(number - limits.stored_queries)
-        # The answer itself is kept with the query: here it is named.
-        idempotency.store_response(
-            session, idempotency_key, _keeping(collection, position), StoredResponse(200, {}, str(number).encode())
-        )
+        # The answer itself is stored with the query: here it is named.
+        named = StoredResponse(200, {}, str(number).encode())
+        idempotency.store_response(session, key.idempotency_key, operation, named)
     return answer
 
 
-def kept_answer(
-    database: Database, collection_id: str, idempotency_key: IdempotencyKey | None, position: int = 0
-) -> QueryAnswer | None:
-    """What was answered to a query that was sent before, to be kept; `position` in its batch.
+def _numbered(answer: QueryAnswer, collection_id: str, number: int) -> QueryAnswer:
+    """The answer with the id and the links of a stored query."""
+    candidates = [
+        shown.model_copy(
+            update={
+                "links": CandidateLinks(submap=shown.links.submap, match=links.match(collection_id, number, shown.rank))
+            }
+        )
+        for shown in answer.candidates
+    ]
+    own = QueryLinks(
+        self=links.query(collection_id, number),
+        collection=answer.links.collection,
+        explanation=links.explanation(collection_id, number),
+    )
+    return answer.model_copy(update={"id": str(number), "candidates": candidates, "links": own})
 
-    Raises NotFound, KeyReused, and Gone for an answer that is no longer kept.
+
+def kept_answer(database: Database, collection_id: str, key: AnswerKey) -> QueryAnswer | None:
+    """The stored answer to a query that was sent before under the same key; None if there is none.
+
+    Raises NotFound, KeyReused, and Gone for an answer that is no longer stored.
     """
-    if idempotency_key is None:
+    if key.idempotency_key is None:
         return None
     with database.read() as session:
         collection = get_collection(session, collection_id)
-        response = find_response(session, idempotency_key, _keeping(collection, position))
+        response = find_response(session, key.idempotency_key, key.operation(collection))
         return None if response is None else _again(session, collection, response)
 
 
@@ -109,10 +126,6 @@ def _again(session: Session, collection: CollectionRow, response: StoredResponse
         return read_older(QueryAnswer, orjson.loads(response.body), "The answer to this Idempotency-Key")
     number = response.body.decode()
     return read_older(QueryAnswer, _answer_of(_stored(session, collection, number), collection), f"Query {number}")
-
-
-def _keeping(collection: CollectionRow, position: int) -> str:
-    return f"query {collection.key}" if position == 0 else f"query {collection.key} {position}"
 
 
 def stored_answer(database: Database, collection_id: str, query_id: str) -> bytes:

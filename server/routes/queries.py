@@ -54,21 +54,12 @@ def query(
     headers = {}
     if body.store:
         caller.require(Scope.WRITE)
-    answer = stored.kept_answer(service.database, collection, idempotency_key) if body.store else None
+    key = stored.AnswerKey(idempotency_key)
+    answer = stored.kept_answer(service.database, collection, key) if body.store else None
     if answer is not None:
         answer, headers = lookup.shown(answer, body), {"Idempotency-Replayed": "true"}
     else:
-        limits = service.limits
-        answer = lookup.answer_query(
-            service.database,
-            service.catalog,
-            service.metrics,
-            limits,
-            collection,
-            body,
-            idempotency_key=idempotency_key,
-            budget=budget,
-        )
+        answer = lookup.answer_query(service.queries, collection, body, key=key, budget=budget)
     if answer.links.self:
         headers["Location"] = answer.links.self
     return json_response(answer, headers=headers)
@@ -96,20 +87,7 @@ def query_batch(
 
     Sent again with the same `Idempotency-Key`, those with `store` are answered as the first time, the others again.
     """
-    limits = service.limits
-    return json_response(
-        answer_batch(
-            service.database,
-            service.catalog,
-            service.metrics,
-            limits,
-            caller,
-            collection,
-            body,
-            budget,
-            idempotency_key,
-        )
-    )
+    return json_response(answer_batch(service.queries, caller, collection, body, budget, idempotency_key))
 
 
 @router.get(

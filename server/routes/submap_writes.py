@@ -74,7 +74,9 @@ def put_submap(
             service.settings.limits,
             preconditions,
             idempotency_key=idempotency_key,
-            question=_question(service, caller, collection, submap, body, budget, wanted=query),
+            question=_question(service, caller, collection, submap, body, budget)
+            if query or body.query is not None
+            else None,
         ),
     )
 
@@ -112,26 +114,19 @@ def post_submap(
             body,
             service.settings.limits,
             idempotency_key=idempotency_key,
-            question=_question(service, caller, collection, None, body, budget, wanted=query),
+            question=_question(service, caller, collection, None, body, budget)
+            if query or body.query is not None
+            else None,
         ),
     )
 
 
 def _question(
-    service: Service,
-    caller: Principal,
-    collection: str,
-    submap: str | None,
-    body: ArrivingSubmap,
-    budget: Budget,
-    *,
-    wanted: bool,
-) -> LoopQuestion | None:
-    """What is asked before the submap is stored."""
-    if not wanted and body.query is None:
-        return None
+    service: Service, caller: Principal, collection: str, submap: str | None, body: ArrivingSubmap, budget: Budget
+) -> LoopQuestion:
+    """What is asked before the submap is stored. Raises Forbidden."""
     caller.require(Scope.READ)
-    return LoopQuestion(service.catalog, service.metrics, service.limits, collection, body.question(), submap, budget)
+    return LoopQuestion(service.queries, collection, body.question(), submap, budget)
 
 
 def _answered(service: Service, stored: ingest.Stored) -> Response:

@@ -62,7 +62,9 @@ class Process:
     def ask(self, seed: int) -> QueryAnswer:
         """Query with a forest."""
         body = QueryInput.model_validate({"xy": points(trees(seed))})
-        return lookup.answer_query(self.database, self.catalog, self.metrics, LIMITS, "plots", body)
+        return lookup.answer_query(
+            lookup.QueryContext(self.database, self.catalog, self.metrics, LIMITS), "plots", body
+        )
 
     def found(self, seed: int) -> str | None:
         """The submap that a forest is matched to."""

@@ -13,7 +13,7 @@ from server.errors import Conflict, NotFound
 from server.jobs.assignment import Assignment, JobContext
 from server.jobs.folder import cut
 from server.queries.contradictions import REASON
-from server.queries.lookup import LookupResult, look_up
+from server.queries.lookup import LookupResult, QueryContext, look_up
 from server.schemas.constraints import ConstraintsInput
 from server.store.repositories.submaps import Submaps
 from server.store.sqlite.sqlite_errors import storage_errors
@@ -106,9 +106,8 @@ def _look_up(
 ) -> LookupResult | None:
     limits = context.settings.limits
     asked = question(row, body, limits.candidates)
+    queries = QueryContext(context.database, context.catalog, context.metrics, limits)
     try:
-        return look_up(
-            context.catalog, context.metrics, limits, assignment.collection_id, asked, budget=assignment.budget
-        )
+        return look_up(queries, assignment.collection_id, asked, budget=assignment.budget)
     except NotFound:
         return None  # deleted meanwhile
