@@ -1,11 +1,14 @@
 """Coordinate reference systems: from map frames to longitude and latitude, as RFC 7946 wants them."""
 
+import math
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 from pyproj import CRS, Proj, Transformer
+from pyproj.enums import TransformDirection
 from pyproj.exceptions import CRSError, ProjError
 
 from server.errors import InvalidField
@@ -21,12 +24,18 @@ _DISTORTION: Final = 1.1
 
 National grids stay within 1.05 in their area of use; Web Mercator (EPSG:3857) reaches 1.41 at 45 degrees north.
 """
+_THERE_AND_BACK: Final = 1.0
+"""Metres within which a place leads back to its coordinates, in a system without a known area of use."""
+_DATUM: Final = 5.0
+"""Metres to which the step between two systems is right where nobody says it better."""
+_AHEAD: Final = 100.0
+"""Metres from a point to the one that tells how two systems are turned to each other."""
 
 
 def check_crs(name: str, pointer: str = "/crs") -> None:
     """Raise InvalidField unless the system `name` is projected, in metres, and true to scale where it is used."""
     try:
-        crs = CRS.from_user_input(name)
+        crs = _crs(name)
     except CRSError as error:
         raise InvalidField(
             "is not a coordinate reference system that is known; give an authority code such as 'EPSG:32633'",
@@ -45,16 +54,16 @@ def check_crs(name: str, pointer: str = "/crs") -> None:
 
 def _fault(crs: CRS) -> str | None:
     """Why map poses cannot be given in a system; None when they can."""
-    axes = crs.axis_info[:2]
     if crs.is_geographic:
         return "gives degrees"
     if not crs.is_projected:
         return "is not projected"
-    units = sorted({axis.unit_name for axis in axes if axis.unit_conversion_factor != 1.0})
+    units = sorted({axis.unit_name for axis in crs.axis_info if axis.unit_conversion_factor != 1.0})
     if units:
         return f"is in {' and '.join(units)}"
-    if {axis.direction.lower() for axis in axes} != {"east", "north"}:
-        return f"has axes that point {' and '.join(axis.direction for axis in axes)}, where x is east and y north"
+    if {axis.direction.lower() for axis in crs.axis_info} != {"east", "north"}:
+        directions = " and ".join(axis.direction for axis in crs.axis_info)
+        return f"has axes that point {directions}, where x is east and y north"
     scale = _largest_scale(crs)
     if scale > _DISTORTION:
         return f"is not true to scale: within its area of use a metre on the ground becomes up to {scale:.3g} m"
@@ -86,12 +95,26 @@ def _scale_at(crs: CRS, lon: float, lat: float) -> float:
     return float(np.maximum(scales, 1.0 / scales).max())
 
 
+@dataclass(frozen=True, slots=True)
+class Crossing:
+    """From one map frame to another, good near one point.
+
+    Attributes:
+        transform: frame_T_other, rigid, metres and radians.
+        sigma: of the step between the systems, metres: 0 where both have the same datum.
+    """
+
+    transform: SE2
+    sigma: float
+
+
 class Georeference:
     """From one map frame to longitude and latitude."""
 
     def __init__(self, reference: FrameReference) -> None:
+        self._name = reference.crs
         self.crs = _crs(reference.crs)
-        self._to_wgs84 = _transformer(reference.crs)
+        self._to_wgs84 = _transformer(reference.crs, "OGC:CRS84")
         self._origin = np.array(reference.origin or (0.0, 0.0))
 
     def lonlat(self, place: Place, xy: NDArray[np.float64]) -> list[list[float]] | None:
@@ -99,8 +122,9 @@ class Georeference:
 
         None where they lie outside the system's area of use.
         """
-        degrees = self._degrees(SE2(place.map_x, place.map_y, place.map_yaw).apply(xy))
-        if not all(self._covers(lon, lat) for lon, lat in degrees.tolist()):
+        map_xy = SE2(place.map_x, place.map_y, place.map_yaw).apply(xy)
+        degrees = self._degrees(map_xy)
+        if not self._reaches(map_xy, degrees):
             return None
         return [[round(lon, _DECIMALS), round(lat, _DECIMALS)] for lon, lat in degrees.tolist()]
 
@@ -123,12 +147,14 @@ class Georeference:
 
     def fault(self, x: float, y: float) -> str | None:
         """What is wrong with a point of the map frame, metres; None where the system can hold it."""
-        lon, lat = self._degrees(np.array([[x, y]]))[0].tolist()
-        if not (np.isfinite(lon) and np.isfinite(lat)):
+        map_xy = np.array([[x, y]])
+        degrees = self._degrees(map_xy)
+        area, reaches = self.crs.area_of_use, self._reaches(map_xy, degrees)
+        if not np.isfinite(degrees).all() or (area is None and not reaches):
             return f"nowhere on Earth in {self.crs.name}"
+        lon, lat = degrees[0].tolist()
         where = f"{abs(lon):.2f} {'E' if lon >= 0 else 'W'}, {abs(lat):.2f} {'N' if lat >= 0 else 'S'}"
-        area = self.crs.area_of_use
-        if area is not None and not self._covers(lon, lat):
+        if area is not None and not reaches:
             return (
                 f"at {where}, outside the area of use of {self.crs.name} "
                 f"({area.west:g} to {area.east:g} degrees east, {area.south:g} to {area.north:g} north)"
@@ -138,19 +164,39 @@ class Georeference:
             return f"at {where}, where a metre on the ground is off by a factor of {scale:.3g} in {self.crs.name}"
         return None
 
+    def crossing(self, other: "Georeference", x: float, y: float) -> Crossing | None:
+        """How another map frame lies to this one about its point (`x`, `y`); None where this one does not reach there.
+
+        The two systems' metres may differ by a share of a thousandth, and their norths by some degrees.
+        """
+        transformer = _transformer(other._name, self._name)
+        ends = np.array([[x, y], [x + _AHEAD, y]])
+        east, north = (ends + other._origin).T
+        here, ahead = np.column_stack(transformer.transform(east, north)) - self._origin
+        if not np.isfinite([here, ahead]).all():
+            return None
+        turn = SE2(0.0, 0.0, math.atan2(*(ahead - here)[::-1].tolist()))
+        frame_T_other = SE2.shift(here) @ turn @ SE2(-x, -y, 0.0)
+        return Crossing(frame_T_other, transformer.accuracy if transformer.accuracy >= 0 else _DATUM)
+
     def _degrees(self, map_xy: NDArray[np.float64]) -> NDArray[np.float64]:
         east, north = (map_xy + self._origin).T
         return np.column_stack(self._to_wgs84.transform(east, north))
 
-    def _covers(self, lon: float, lat: float) -> bool:
-        if not (np.isfinite(lon) and np.isfinite(lat)):
+    def _reaches(self, map_xy: NDArray[np.float64], degrees: NDArray[np.float64]) -> bool:
+        """Whether the system holds all of the points (N, 2), metres, map frame, that lie at these degrees (N, 2)."""
+        if not np.isfinite(degrees).all():
             return False
         area = self.crs.area_of_use
-        if area is None:
-            return True
+        if area is None:  # then a place is good that leads back to its coordinates
+            back = self._to_wgs84.transform(degrees[:, 0], degrees[:, 1], direction=TransformDirection.INVERSE)
+            return bool(np.all(np.hypot(*(np.column_stack(back) - map_xy - self._origin).T) <= _THERE_AND_BACK))
         width = (area.east - area.west) % 360.0 or 360.0
-        east_of_west = (lon - area.west + _TOLERANCE) % 360.0
-        return east_of_west <= width + 2 * _TOLERANCE and area.south - _TOLERANCE <= lat <= area.north + _TOLERANCE
+        east_of_west = (degrees[:, 0] - area.west + _TOLERANCE) % 360.0
+        north_of_south = degrees[:, 1] - area.south + _TOLERANCE
+        height = area.north - area.south + 2 * _TOLERANCE
+        inside = (east_of_west <= width + 2 * _TOLERANCE) & (north_of_south >= 0.0) & (north_of_south <= height)
+        return bool(inside.all())
 
 
 def check_place(place: Place | None, reference: FrameReference | None) -> None:
@@ -181,9 +227,10 @@ def polygon(ring: list[list[float]]) -> dict[str, Any]:
 
 @lru_cache(maxsize=64)
 def _crs(name: str) -> CRS:
-    return CRS.from_user_input(name)
+    """The horizontal part of a system: heights have no say in where a map is, and a compound system has no area."""
+    return CRS.from_user_input(name).to_2d()
 
 
 @lru_cache(maxsize=64)
-def _transformer(crs: str) -> Transformer:
-    return Transformer.from_crs(crs, "OGC:CRS84", always_xy=True)
+def _transformer(source: str, target: str) -> Transformer:
+    return Transformer.from_crs(_crs(source), _crs(target), always_xy=True)

@@ -1,6 +1,7 @@
-"""Submaps that fit alike, and whose poses in one map put the query at different places: then neither is to be used.
+"""Submaps that fit alike, and whose poses on one map put the query at different places: then neither is to be used.
 
-Re-surveyed stands, maps of several robots under one name, and trajectories that drifted come out like this.
+Re-surveyed stands, maps of several robots under one name, and trajectories that drifted come out like this. Poses are
+on one map where they name one map frame, or frames that both have a coordinate reference system.
 """
 
 import math
@@ -12,17 +13,19 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from server.collections.georeference import Crossing, Georeference
 from server.queries.poses import place_pose
+from server.store.repositories.map_frames import FrameReference
 from server.store.repositories.submaps import Place
 from urquhart import SE2, Candidate, Recognition, Rival
 from urquhart.se2 import wrap
-from urquhart.uncertainty import compose
+from urquhart.uncertainty import PoseUncertainty, compose
 
 REASON: Final = "contradicting_maps"
 COMPARED: Final = 5
 """Candidates that are compared at least, however few are asked for."""
 _UNKNOWN: Final = np.diag([3.0, 3.0, math.radians(5.0)]) ** 2
-"""Covariance of a submap's pose that was posted without one: what satellite positioning in the open gives."""
+"""Covariance, about its trees, of a submap's pose that was posted without one: what satellites give in the open."""
 _FLOOR: Final = np.diag([0.25, 0.25, math.radians(1.0)]) ** 2
 """Covariance that the difference of two poses has at least: trees are no points, and grow."""
 _GATE: Final = 16.27
@@ -30,21 +33,20 @@ _GATE: Final = 16.27
 
 
 def without_contradictions(
-    found: Recognition, places: Mapping[int, Place], xy: NDArray[np.float64], most: int
+    found: Recognition, places: Mapping[int, Place], frames: Mapping[str, FrameReference], most: int
 ) -> Recognition:
-    """The answer with `most` candidates, those refused that contradict another accepted one of the same map frame.
+    """The answer with `most` candidates, those refused that contradict another accepted one on the same map.
 
     If the first is among them, the answer is `ambiguous`, and the others are named among its rivals, too.
 
     Args:
         places: where submaps are in a map, by key.
-        xy: (N, 2) float64, metres: the query's landmarks.
+        frames: where map frames are on Earth, by name, of those for which that is known.
     """
     accepted = [one for one in found.candidates if one.refused is None and one.key in places]
-    middle = xy.mean(axis=0) if len(xy) else np.zeros(2)
     against = set[int]()
     for one, other in combinations(accepted, 2):
-        if _contradict(one, places[one.key], other, places[other.key], middle):
+        if _contradict(one, places[one.key], other, places[other.key], frames):
             against |= {one.key, other.key}
     candidates = tuple(replace(one, refused=REASON) if one.key in against else one for one in found.candidates)
     shown = replace(found, candidates=candidates[:most])
@@ -56,22 +58,49 @@ def without_contradictions(
     return replace(shown, verdict="ambiguous", reason=REASON, rivals=tuple(rivals))
 
 
-def _contradict(one: Candidate, there: Place, other: Candidate, yonder: Place, middle: NDArray[np.float64]) -> bool:
+def _contradict(
+    one: Candidate, there: Place, other: Candidate, yonder: Place, frames: Mapping[str, FrameReference]
+) -> bool:
     """Whether two candidates put the query at places of one map that their covariances cannot explain."""
-    if there.map_frame_id != yonder.map_frame_id:
+    first, sure = _in_map(one, there)
+    second, surely = _in_map(other, yonder)
+    # Between the trees that either is fitted to: about the origin of a frame, far away, a turn would only swing.
+    middle = (one.uncertainty.source + other.uncertainty.source) / 2
+    other_at = second.apply(middle[None])[0]
+    crossing = _crossing(there.map_frame_id, yonder.map_frame_id, frames, other_at)
+    if crossing is None:
         return False
-    (first, sure), (second, surely) = _in_map(one, there, middle), _in_map(other, yonder, middle)
-    off = np.append(
-        first.apply(middle[None])[0] - second.apply(middle[None])[0],
-        wrap(first.yaw - second.yaw),
+    turn = np.eye(3)
+    turn[:2, :2] = SE2(0.0, 0.0, crossing.transform.yaw).apply(np.eye(2)).T
+    covariance = (
+        sure.covariance_about(first, middle)
+        + turn @ surely.covariance_about(second, middle) @ turn.T
+        + np.diag([crossing.sigma, crossing.sigma, 0.0]) ** 2
+        + _FLOOR
     )
-    return float(off @ np.linalg.solve(sure + surely + _FLOOR, off)) > _GATE
+    second = crossing.transform @ second
+    off = np.append(first.apply(middle[None])[0] - second.apply(middle[None])[0], wrap(first.yaw - second.yaw))
+    return float(off @ np.linalg.solve(covariance, off)) > _GATE
 
 
-def _in_map(one: Candidate, place: Place, middle: NDArray[np.float64]) -> tuple[SE2, NDArray[np.float64]]:
-    """The query's pose in the map, and its covariance (3, 3) about `middle` of its trees."""
-    given = _UNKNOWN if place.map_covariance is None else np.reshape(place.map_covariance, (3, 3))
+def _crossing(
+    frame_id: str, other_id: str, frames: Mapping[str, FrameReference], at: NDArray[np.float64]
+) -> Crossing | None:
+    """From a map frame to another about a point (2,) of the other; None where nobody knows how they lie."""
+    if frame_id == other_id:
+        return Crossing(SE2.identity(), 0.0)
+    if frame_id not in frames or other_id not in frames:
+        return None
+    return Georeference(frames[frame_id]).crossing(Georeference(frames[other_id]), *at.tolist())
+
+
+def _in_map(one: Candidate, place: Place) -> tuple[SE2, PoseUncertainty]:
+    """The query's pose in the map, and how sure it is.
+
+    What is assumed of a submap's pose without a covariance holds about the trees, wherever the submap's origin lies.
+    """
     map_T_submap = place_pose(place)
     pose = map_T_submap @ one.transform
+    given = np.zeros((3, 3)) if place.map_covariance is None else np.reshape(place.map_covariance, (3, 3))
     uncertainty = compose(map_T_submap, np.asarray(given, np.float64), one.transform, one.uncertainty)
-    return pose, uncertainty.covariance_about(pose, middle)
+    return pose, uncertainty.widened(pose, _UNKNOWN) if place.map_covariance is None else uncertainty

@@ -10,6 +10,7 @@ from server.index.catalog import View
 from server.queries.contradictions import COMPARED, without_contradictions
 from server.schemas.queries import QueryInput
 from server.store.repositories.candidate_rows import found_submaps
+from server.store.repositories.map_frames import MapFrames
 from urquhart import Budget, Recognition, Stage
 
 _UNFOUND = frozenset({"below_gate", "verification_failed", "no_votes"})
@@ -55,7 +56,9 @@ class SubmapSearch:
         if len(accepted) > 1:
             rows = found_submaps(self.view.session, self.view.collection.key, accepted, landmarks=False)
             places = {key: row.place for key, row in rows.items() if row.place is not None}
-        return without_contradictions(found, places, self.xy, self.most)
+        map_frames = {place.map_frame_id for place in places.values()}
+        frames = MapFrames(self.view.session, self.view.collection).some(map_frames) if len(map_frames) > 1 else {}
+        return without_contradictions(found, places, frames, self.most)
 
     def try_mirrored(self, found: Recognition, excluded: set[int]) -> tuple[Recognition, tuple[str, ...]]:
         """If the query found nothing, search for its mirror image, too; what was `found`, and warnings.

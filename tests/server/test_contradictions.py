@@ -3,11 +3,13 @@
 from typing import Any
 
 import httpx
+import numpy as np
 import pytest
+from pyproj import Transformer
 
 from server.jobs.types.find_constraints import CONTRADICTING
 from tests.server.test_jobs import finished
-from tests.server.world import forest, observed
+from tests.server.world import forest, observed, points
 from urquhart import SE2
 
 PLOTS = "/v1/collections/plots"
@@ -82,6 +84,45 @@ def test_maps_far_from_their_origin_contradict_each_other_as_near_ones_do(client
     assert ask(client)["verdict"] == "matched"
     place(client, "three", far @ SE2(3.0, 0.0, 0.0), 3, covariance=EXACT)
     assert ask(client)["verdict"] == "ambiguous"
+
+
+@pytest.mark.parametrize("frame", [{}, {"covariance": METRES}])
+@pytest.mark.parametrize(
+    ("off", "verdict"), [((0.0, 9.0), "matched"), ((200.0, 0.0), "ambiguous"), ((0.0, 30.0), "ambiguous")]
+)
+def test_poses_of_submaps_in_full_coordinates_contradict_each_other_as_local_ones_do(
+    client: httpx.Client, off: tuple[float, float], verdict: str, frame: Any
+) -> None:
+    """What is not known of such a pose is about its trees: about an origin 5,400 km away, all poses would agree."""
+    full = points(forest(1) + [448_100.0, 5_411_000.0])
+    covariance = frame and {"covariance": [4.0, 0, 0, 0, 4.0, 0, 0, 0, 0]}
+    for name, (east, north) in (("old", (0.0, 0.0)), ("new", off)):
+        pose = {"x": east, "y": north, "yaw": 0.0} | covariance
+        client.put(f"{PLOTS}/submaps/{name}", json={"xy": full, "map_pose": pose}).raise_for_status()
+    assert ask(client)["verdict"] == verdict
+
+
+@pytest.mark.parametrize("crs", ["EPSG:32633", "EPSG:32632"])
+@pytest.mark.parametrize(
+    ("off", "turn", "verdict"), [(0.0, 0.0, "matched"), (250.0, 0.0, "ambiguous"), (0.0, 1.0, "ambiguous")]
+)
+def test_frames_with_a_system_are_compared_on_earth(
+    client: httpx.Client, crs: str, off: float, turn: float, verdict: str
+) -> None:
+    """The north of one UTM zone is turned by degrees from the north of the next, and its eastings begin elsewhere."""
+    frames = {"z33": {"crs": "EPSG:32633", "origin": [300_000.0, 5_411_000.0]}, "other": {"crs": crs}}
+    client.patch(PLOTS, json={"frames": frames}).raise_for_status()
+    place(client, "one", RIGHT, 1, covariance=EXACT, frame_id="z33")
+    to_other = Transformer.from_crs("EPSG:32633", crs, always_xy=True)
+    seen, z33_T_submap = observed(forest(1), 2)
+    z33_T_submap = SE2(off, 0.0, turn) @ z33_T_submap
+    ends = z33_T_submap.apply(np.array([[0.0, 0.0], [1.0, 0.0]])) + [300_000.0, 5_411_000.0]
+    here, ahead = np.column_stack(to_other.transform(*ends.T))
+    pose = {"frame_id": "other", "x": here[0], "y": here[1], "yaw": float(np.arctan2(*(ahead - here)[::-1]))}
+    client.put(f"{PLOTS}/submaps/two", json={"xy": seen, "map_pose": pose | {"covariance": EXACT}}).raise_for_status()
+    assert ask(client)["verdict"] == verdict
+    client.patch(PLOTS, json={"frames": {"other": None}}).raise_for_status()
+    assert ask(client)["verdict"] == "matched"  # nobody says how the frames lie to each other
 
 
 def test_a_search_for_constraints_tells_how_often_maps_contradict_each_other(client: httpx.Client) -> None:

@@ -156,6 +156,10 @@ def test_lines_of_an_import_are_refused_one_by_one(client: httpx.Client) -> None
         ("EPSG:2264", "is in US survey foot"),
         ("EPSG:2048", "axes that point west and south"),
         ("EPSG:4978", "is not projected"),
+        ("EPSG:5773", "is not projected"),
+        ("EPSG:3857+5773", "not true to scale"),
+        ("EPSG:4326+5773", "gives degrees"),
+        ("EPSG:2264+5773", "is in US survey foot"),
     ],
 )
 def test_systems_that_cannot_hold_submaps_are_refused_with_the_reason(
@@ -174,10 +178,35 @@ def test_systems_that_cannot_hold_submaps_are_refused_with_the_reason(
 @pytest.mark.parametrize(
     "crs",
     ["EPSG:32633", "EPSG:25832", "EPSG:31467", "EPSG:2154", "EPSG:3035", "EPSG:3577", "EPSG:5514", "EPSG:2193",
-     "EPSG:32701", "EPSG:5070"],
+     "EPSG:32701", "EPSG:5070", "EPSG:32633+5773", "EPSG:5555", "+proj=utm +zone=33"],
 )  # fmt: skip
 def test_national_grids_are_taken(client: httpx.Client, crs: str) -> None:
     assert client.patch(PLOTS, json={"frames": {"stand": {"crs": crs}}}).status_code == 200
+
+
+@pytest.mark.parametrize(
+    ("crs", "x", "y", "fault"),
+    [
+        ("EPSG:32633+5773", 448_100.0, 5_411_000.0, None),
+        ("EPSG:32633+5773", 1_500_000.0, 5_411_000.0, "outside the area of use"),
+        ("+proj=utm +zone=33", 448_100.0, 5_411_000.0, None),
+        ("+proj=utm +zone=33", -2e7, 0.0, "nowhere on Earth"),
+        ("+proj=laea +lat_0=50 +lon_0=10", 1e5, 1e5, None),
+        ("+proj=laea +lat_0=50 +lon_0=10", 2e7, 0.0, "nowhere on Earth"),
+        ("+proj=tmerc +k=10", 0.0, 0.0, "off by a factor of 10"),
+    ],
+)
+def test_poses_in_systems_with_heights_or_without_a_known_area_are_checked(
+    client: httpx.Client, crs: str, x: float, y: float, fault: str | None
+) -> None:
+    assert client.patch(PLOTS, json={"frames": {"stand": {"crs": crs}}}).status_code == 200
+    response = place(client, "one", "stand", x, y)
+    if fault is None:
+        assert response.status_code == 201
+        assert middles(client)["one"] is not None
+    else:
+        assert response.status_code == 422
+        assert fault in response.json()["errors"][0]["detail"]
 
 
 def test_frames_of_a_collection_agree_or_are_changed(client: httpx.Client) -> None:
