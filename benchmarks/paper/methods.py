@@ -22,7 +22,7 @@ from urquhart.paper.glarot import (
     global_distance,
     keep_mutual,
 )
-from urquhart.paper.matching import claim_landmarks, keep_one_to_one, sample_polygons
+from urquhart.paper.matching import Polygons, claim_landmarks, keep_one_to_one, sample_polygons
 
 Points = NDArray[np.float64]
 Correspondences = tuple[NDArray[np.int64], NDArray[np.int64]]
@@ -82,18 +82,23 @@ class Paper:
         self, query: PaperDescription, submap: PaperDescription, rng: np.random.Generator
     ) -> Mapping[str, Correspondences]:
         """As `urquhart.paper.matching.match_landmarks`, which describes the triangles anew at each call."""
-        (a, a_rows), (b, b_rows) = (query.features, query.triangles), (submap.features, submap.triangles)
-        s, t, config = a.tessellation, b.tessellation, self.config
-        first = sample_polygons(s.vertex_counts(), config.gamma, rng)
-        second = sample_polygons(t.vertex_counts(), config.gamma, rng)
-        claims = claim_landmarks(
-            *(a.landmarks, s.triangles, a_rows, s.members, s.member_offsets, s.vertex_counts(), a.descriptors, first),
-            *(b.landmarks, t.triangles, b_rows, t.members, t.member_offsets, t.vertex_counts(), b.descriptors, second),
-            config.tau,
-            config.vertex_window,
-            config.eta,
+        first, second = (self._polygons(side, rng) for side in (query, submap))
+        claims = claim_landmarks(first, second, self.config.tau, self.config.vertex_window, self.config.eta)
+        return {self.name: keep_one_to_one(claims, len(first.landmarks), len(second.landmarks))}
+
+    def _polygons(self, side: PaperDescription, rng: np.random.Generator) -> Polygons:
+        t, features = side.features.tessellation, side.features
+        counts = t.vertex_counts()
+        return Polygons(
+            features.landmarks,
+            t.triangles,
+            side.triangles,
+            t.members,
+            t.member_offsets,
+            counts,
+            features.descriptors,
+            sample_polygons(counts, self.config.gamma, rng),
         )
-        return {self.name: keep_one_to_one(claims, len(a.landmarks), len(b.landmarks))}
 
     def gate(self, query: PaperDescription, submap: PaperDescription) -> float:
         """None: 0."""

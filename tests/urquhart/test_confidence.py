@@ -159,11 +159,11 @@ def test_submaps_of_one_region_are_the_same_place() -> None:
     two, map_T_two = laid(forest, SE2(210.0, 205.0, -2.0), 2, 40.0)
     far, _ = laid(forest, there, 3, 40.0)
     first, second = map_T_one.inverse() @ query, map_T_two.inverse() @ query
-    assert same_place(one, first, two, second, REACH, CONFIG.margin)
-    assert same_place(two, second, one, first, REACH, CONFIG.margin)
-    assert not same_place(one, first, far, second, REACH, CONFIG.margin)
+    assert same_place(one, first, two, second, CONFIG)
+    assert same_place(two, second, one, first, CONFIG)
+    assert not same_place(one, first, far, second, CONFIG)
     # Two poses in one submap that are not the same: the forest does not explain itself five metres off.
-    assert not same_place(one, first, one, SE2.shift(np.array([5.0, 0.0])) @ first, REACH, CONFIG.margin)
+    assert not same_place(one, first, one, SE2.shift(np.array([5.0, 0.0])) @ first, CONFIG)
 
 
 @pytest.mark.parametrize("jitter", [0.3, 0.2, 0.1, 0.05, 0.0])
@@ -176,7 +176,7 @@ def test_two_ends_of_one_plantation_are_not_the_same_place(jitter: float) -> Non
     mistaken = map_T_two.inverse() @ SE2.shift(np.array([90.0, 0.0])) @ query
     chained = verify(two, one, map_T_one.inverse() @ query @ mistaken.inverse(), REACH)
     assert chained.evidence > 0.0
-    assert not same_place(one, map_T_one.inverse() @ query, two, mistaken, REACH, CONFIG.margin)
+    assert not same_place(one, map_T_one.inverse() @ query, two, mistaken, CONFIG)
 
 
 def test_rivals_in_rows_are_distinct_places_that_explain_much() -> None:
@@ -214,7 +214,7 @@ def test_rivals_are_the_strongest_first_and_none_is_surely_behind() -> None:
     stand, _ = laid(rows, SE2(40.0, 40.0, 0.2), 8, 20.0)
     start, found = verify(stand, stand, SE2.identity(), REACH), []
     for odds in (100.0, 300.0, 1000.0):
-        best, rivals = hill_climb(stand, stand, start, REACH, odds, CONFIG.margin)
+        best, rivals = hill_climb(stand, stand, start, odds, CONFIG)
         evidence = [counted for _, counted in rivals]
         assert evidence == sorted(evidence, reverse=True)
         assert all(counted > rival_threshold(best, odds, CONFIG.margin) for counted in evidence)
@@ -237,7 +237,7 @@ def test_in_one_submap_a_rival_that_claims_other_trees_is_one_too_but_is_not_cre
     seen = describe(both, CONFIG)
     query = landmark_grid(seen, REACH)
     right = SE2.shift(describe(half, CONFIG).origin).inverse() @ SE2.shift(seen.origin)
-    best, rivals = hill_climb(query, here, verify(query, here, right, REACH), REACH, 200.0, CONFIG.margin)
+    best, rivals = hill_climb(query, here, verify(query, here, right, REACH), 200.0, CONFIG)
     assert best.transform.distance(right)[0] < 0.1
     elsewhere = [(rival, counted) for rival, counted in rivals if not comparable(rival, best)]
     assert elsewhere

@@ -290,7 +290,7 @@ def test_what_another_search_left_in_the_buffer_is_not_found() -> None:
     queries = [stand(3), described(4), stand(17)]
 
     def sought(query: Features, buffer: HitBuffer | None) -> QuadLeaders:
-        found = QuadConsensus(shards, query.landmarks, query.tessellation.quads, 0.75, 10**9, buffer)
+        found = QuadConsensus(shards, query.landmarks, query.tessellation.quads, 0.75, 10**9, buffer=buffer)
         found.advance()
         return found.leaders(4, 2)
 

@@ -75,7 +75,7 @@ for codes, starts, words in damaged():
 # The bounds are really watched: a kernel that is given too short an array says so.
 whole = sound.table
 try:
-    count_living(whole.codes, whole.codes, whole.starts, whole.words, slots, np.zeros(1, np.int64))
+    count_living(whole.codes, whole.arrays, slots, np.zeros(1, np.int64))
 except IndexError:
     print("watched", cases)
 """

@@ -42,7 +42,7 @@ def test_edges_are_assigned_by_the_landmark_they_share(seed: int) -> None:
     moved = SE2(5.0, -3.0, rng.uniform(0.0, 6.0)).apply(corners)[order]
     mapping = np.empty(3, np.int64)
     one = np.array([[0, 1, 2]], np.int32)
-    assign_edges(corners, one, 0, moved, one, 0, mapping)
+    assign_edges(corners, one[0], moved, one[0], mapping)
     np.testing.assert_array_equal(order[mapping], [0, 1, 2])
 
 

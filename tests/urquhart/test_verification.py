@@ -143,8 +143,8 @@ def test_two_submaps_of_one_place_are_no_rivals() -> None:
     two, map_T_two = seen(SE2(260.0, 255.0, 0.0), 11, sigma=0.1)
     other, _ = seen(SE2(150.0, 120.0, 0.0), 12, sigma=0.1)
     first, second = map_T_one.inverse() @ map_T_query, map_T_two.inverse() @ map_T_query
-    assert same_place(one, first, two, second, REACH, Config().margin)
-    assert not same_place(one, first, other, second, REACH, Config().margin)
+    assert same_place(one, first, two, second, Config())
+    assert not same_place(one, first, other, second, Config())
 
 
 def test_rows_of_trees_have_strong_rivals_and_natural_forests_weak_ones() -> None:
@@ -156,7 +156,7 @@ def test_rows_of_trees_have_strong_rivals_and_natural_forests_weak_ones() -> Non
     for stand, strong in ((planted, True), (natural, False)):
         start = verify(stand, stand, SE2.identity(), REACH)
         # Odds that no lead reaches: every rival is named.
-        best, rivals = hill_climb(stand, stand, start, REACH, 1e3, Config().margin)
+        best, rivals = hill_climb(stand, stand, start, 1e3, Config())
         strongest = max((rival.evidence for rival, _ in rivals), default=0.0)
         assert (strongest > 0.2 * best.evidence) == strong
         place = pose_row(best.transform)
@@ -169,7 +169,7 @@ def test_climbing_finds_the_pose_one_planting_distance_away() -> None:
         describe(observe(rows, SE2(40.0, 40.0, 0.0), 20.0, np.random.default_rng(3)).xy, Config()), REACH
     )
     start = verify(stand, stand, SE2(3.0, 0.0, 0.0), REACH)
-    best, _ = hill_climb(stand, stand, start, REACH, Config().gate, Config().margin)
+    best, _ = hill_climb(stand, stand, start, Config().gate, Config())
     assert best.transform.distance(SE2.identity())[0] < 0.1
 
 

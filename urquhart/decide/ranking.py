@@ -107,19 +107,19 @@ def _against_rivals(query: Query, ranked: list[Proposal]) -> Ranking:
     """
     config, budget = query.config, query.budget
     here, key = query.submaps.grid(ranked[0].key), ranked[0].key
-    margin, sure = config.margin, 2.0 * config.gate
-    best, rivals_here = hill_climb(query.grid, here, ranked[0].verified, query.reach, sure, margin, budget)
+    sure = 2.0 * config.gate
+    best, rivals_here = hill_climb(query.grid, here, ranked[0].verified, sure, config, budget)
     ranked[0] = replace(ranked[0], verified=best)
     rivals = [(key, rival, evidence) for rival, evidence in rivals_here]
     strongest = max((evidence for _, evidence in rivals_here), default=-math.inf)
     alike = set[int]()
     # Only what could change the verdict is looked at: overlapping submaps of one place are many.
     for other, evidence in _comparable(ranked[1:], best):
-        if evidence <= max(strongest, rival_threshold(best, sure, margin)):
+        if evidence <= max(strongest, rival_threshold(best, sure, config.margin)):
             break
         budget.check()
         there = query.submaps.grid(other.key)
-        if same_place(here, best.transform, there, other.verified.transform, query.reach, margin, budget):
+        if same_place(here, best.transform, there, other.verified.transform, config, budget):
             alike.add(other.key)
         else:
             strongest = evidence

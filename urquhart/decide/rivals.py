@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from urquhart._kernel import kernel
 from urquhart.budget import UNBOUNDED, Budget
+from urquhart.config import Config
 from urquhart.decide.confidence import comparable, extrapolated, rival_logit, rival_threshold
 from urquhart.se2 import SE2
 from urquhart.verify.evidence import PoseEvidence, evidence_of_row
@@ -48,8 +49,7 @@ def same_place(
     first_pose: SE2,
     second: LandmarkGrid,
     second_pose: SE2,
-    reach: float,
-    margin: float,
+    config: Config,
     budget: Budget = UNBOUNDED,
 ) -> bool:
     """Whether two submaps that both match a query are the same patch of forest seen twice.
@@ -62,11 +62,12 @@ def same_place(
     Raises:
         OutOfTime: the deadline passed before that was known.
     """
-    chained = verify(second, first, first_pose @ second_pose.inverse(), reach, budget)
+    margin = config.margin
+    chained = verify(second, first, first_pose @ second_pose.inverse(), config.reach, budget)
     if chained.evidence <= 0.0:
         return False
     least = rival_threshold(chained, 0.0, margin) - _SLACK
-    rivals = find_rivals(second, first, pose_row(chained.transform), reach, least, _PEAKS, budget)
+    rivals = find_rivals(second, first, pose_row(chained.transform), config.reach, least, _PEAKS, budget=budget)
     lead = chained.evidence - extrapolated(rivals[:, 3], rivals[:, 5], chained.overlap).max(initial=-math.inf)
     return rival_logit(chained, lead, margin) > 0.0
 
@@ -75,9 +76,8 @@ def hill_climb(
     query: LandmarkGrid,
     submap: LandmarkGrid,
     best: PoseEvidence,
-    reach: float,
     odds: float,
-    margin: float,
+    config: Config,
     budget: Budget = UNBOUNDED,
 ) -> tuple[PoseEvidence, list[tuple[PoseEvidence, float]]]:
     """Change over to the best rival as long as one explains the data better; the best pose, and what rivals it.
@@ -90,10 +90,12 @@ def hill_climb(
     Raises:
         OutOfTime: the deadline passed before all rivals were looked at.
     """
+    reach, margin = config.reach, config.margin
     seen = [np.empty((0, 6))]
     while True:
         place = pose_row(best.transform)
-        found = find_rivals(query, submap, place, reach, rival_threshold(best, odds, margin) - _SLACK, _PEAKS, budget)
+        least = rival_threshold(best, odds, margin) - _SLACK
+        found = find_rivals(query, submap, place, reach, least, _PEAKS, budget=budget)
         seen.append(found)
         if found[:, 3].max(initial=-math.inf) <= best.evidence:
             break
@@ -101,7 +103,7 @@ def hill_climb(
         best = evidence_of_row(query, submap, found[found[:, 3].argmax()])
     behind = rival_threshold(best, odds, margin)
     if found[:, 3].max(initial=-math.inf) > _IN_ROWS * best.evidence:
-        seen.append(find_rivals(query, submap, place, reach, behind - _SLACK, _DEEP, budget))
+        seen.append(find_rivals(query, submap, place, reach, behind - _SLACK, _DEEP, budget=budget))
     poses = np.concatenate(seen)
     given = extrapolated(poses[:, 3], poses[:, 5], best.overlap)
     rivals: list[tuple[PoseEvidence, float]] = []
@@ -123,6 +125,7 @@ def find_rivals(
     reach: float,
     least: float,
     peaks: int,
+    *,
     budget: Budget = UNBOUNDED,
 ) -> NDArray[np.float64]:
     """Poses in the same submap that shifting `best` (3,) along the pattern brings up, as `refine_and_score` gives them.

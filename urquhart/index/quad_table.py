@@ -15,7 +15,7 @@ reading whose first side is no shorter than the third.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +39,14 @@ _NEAR: Final = 0.5
 """Metres: step of a centre's coordinate; larger where a submap is too large for it."""
 
 
+class QuadArrays(NamedTuple):
+    """The arrays of a `QuadTable`, as kernels take them."""
+
+    codes: NDArray[np.uint32]
+    starts: NDArray[np.uint32]
+    words: NDArray[np.uint64]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class QuadTable:
     """Quads sorted by cell; never changed once made.
@@ -55,6 +63,11 @@ class QuadTable:
 
     def __len__(self) -> int:
         return len(self.words)
+
+    @property
+    def arrays(self) -> QuadArrays:
+        """The arrays as kernels take them."""
+        return QuadArrays(self.codes, self.starts, self.words)
 
 
 def centre_scale(landmarks: NDArray[np.float64]) -> float:
@@ -92,7 +105,7 @@ def merge_tables(tables: Sequence[tuple[QuadTable, NDArray[np.int32]]], empty: A
     codes = codes[_differ(codes)]
     counts = np.zeros(len(codes) + 1, np.int64)
     for table, slots in tables:
-        count_living(codes, table.codes, table.starts, table.words, slots, counts)
+        count_living(codes, table.arrays, slots, counts)
     kept = counts[1:] > 0
     if counts.sum() >= 1 << 32:
         raise ValueError(f"{counts.sum()} quads: a table holds fewer than 2 to the 32nd")
@@ -101,7 +114,7 @@ def merge_tables(tables: Sequence[tuple[QuadTable, NDArray[np.int32]]], empty: A
     words = empty(int(starts[-1]), np.uint64)
     cursor = starts[:-1].copy()
     for table, slots in tables:
-        copy_living(codes, table.codes, table.starts, table.words, slots, cursor, words)
+        copy_living(codes, table.arrays, slots, cursor, words)
     return QuadTable(codes, starts.astype(np.uint32), words)
 
 
@@ -177,9 +190,7 @@ def pack_quads(
 @kernel
 def count_living(
     union: NDArray[np.uint32],
-    codes: NDArray[np.uint32],
-    starts: NDArray[np.uint32],
-    words: NDArray[np.uint64],
+    table: QuadArrays,
     slots: NDArray[np.int32],
     counts: NDArray[np.int64],
 ) -> None:
@@ -187,6 +198,7 @@ def count_living(
 
     In a damaged table cells out of order, quads of several cells and slots that are not there are left out.
     """
+    codes, starts, words = table
     at = read = 0
     for c in range(len(codes)):
         begin, end = max(int(starts[c]), read), min(int(starts[c + 1]), len(words))
@@ -203,14 +215,13 @@ def count_living(
 @kernel
 def copy_living(
     union: NDArray[np.uint32],
-    codes: NDArray[np.uint32],
-    starts: NDArray[np.uint32],
-    words: NDArray[np.uint64],
+    table: QuadArrays,
     slots: NDArray[np.int32],
     cursor: NDArray[np.int64],
     out: NDArray[np.uint64],
 ) -> None:
     """Copy the quads that `count_living` counted to `out`, each cell's from `cursor` (U,) on, which is moved along."""
+    codes, starts, words = table
     at, read, below = 0, 0, np.uint64((1 << 39) - 1)
     for c in range(len(codes)):
         begin, end = max(int(starts[c]), read), min(int(starts[c + 1]), len(words))

@@ -100,7 +100,7 @@ def claim_corners(
     claims, mapping = np.empty((3 * len(rows), 2), np.int64), np.empty(3, np.int64)
     for at in range(len(rows)):
         t, u = rows[at], partners[at]
-        assign_edges(first, first_triangles, t, second, second_triangles, u, mapping)
+        assign_edges(first, first_triangles[t], second, second_triangles[u], mapping)
         for k in range(3):
             claims[3 * at + k, 0] = first_triangles[t, k]
             claims[3 * at + k, 1] = second_triangles[u, mapping[k]]

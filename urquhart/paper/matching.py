@@ -4,7 +4,7 @@ Used by `method="paper"`; the robust method goes from a hit straight to a transf
 """
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,27 @@ _PREFERRED: Final = (4, 9)
 """Vertices of the polygons that sampling takes first (paper, section V-B): large ones break, triangles say little."""
 _PAIR: Final = 100
 """Steps that two polygons take on average, most of which differ by their descriptors."""
+
+
+class Polygons(NamedTuple):
+    """The polygons of one side that take part in the matching, as kernels take them.
+
+    Attributes:
+        landmarks, triangles, members, member_offsets: see `Tessellation`.
+        triangle_rows: (T, D) float32, descriptors of the triangles.
+        counts: (P,) int32, vertices of each polygon.
+        descriptors: (P, D) float32, descriptors of the polygons.
+        sample: (K,) int64, ordinals of those that take part.
+    """
+
+    landmarks: NDArray[np.float64]
+    triangles: NDArray[np.int32]
+    triangle_rows: NDArray[np.float32]
+    members: NDArray[np.int32]
+    member_offsets: NDArray[np.int32]
+    counts: NDArray[np.int32]
+    descriptors: NDArray[np.float32]
+    sample: NDArray[np.int64]
 
 
 def sample_polygons(counts: NDArray[np.int32], gamma: int | None, rng: np.random.Generator) -> NDArray[np.int64]:
@@ -49,118 +70,87 @@ def match_landmarks(
     Raises:
         OutOfTime: the deadline passed before all polygons were compared.
     """
-    first = sample_polygons(query.tessellation.vertex_counts(), config.gamma, rng)
-    second = sample_polygons(submap.tessellation.vertex_counts(), config.gamma, rng)
-    first = first[query.tessellation.vertex_counts()[first] <= LARGEST]
-    second = second[submap.tessellation.vertex_counts()[second] <= LARGEST]
-    query_rows, submap_rows = (
-        describe_triangles(features.landmarks, features.tessellation.triangles, config.samples, config.squared)
-        for features in (query, submap)
-    )
+    first = sampled_polygons(query, config, rng)
+    second = sampled_polygons(submap, config, rng)
     claims = [
-        _claims(query, query_rows, first[rows], submap, submap_rows, second, config)
-        for rows in budget.portions(len(first), _PAIR * len(second))
+        claim_landmarks(first._replace(sample=first.sample[rows]), second, config.tau, config.vertex_window, config.eta)
+        for rows in budget.portions(len(first.sample), _PAIR * len(second.sample))
     ]
     none = np.empty((0, 2), np.int64)
     return keep_one_to_one(np.concatenate([none, *claims]), len(query.landmarks), len(submap.landmarks))
 
 
-def _claims(
-    query: Features,
-    query_rows: NDArray[np.float32],
-    first: NDArray[np.int64],
-    submap: Features,
-    submap_rows: NDArray[np.float32],
-    second: NDArray[np.int64],
-    config: Config,
-) -> NDArray[np.int64]:
-    return claim_landmarks(
-        query.landmarks,
-        query.tessellation.triangles,
-        query_rows,
-        query.tessellation.members,
-        query.tessellation.member_offsets,
-        query.tessellation.vertex_counts(),
-        query.descriptors,
-        first,
-        submap.landmarks,
-        submap.tessellation.triangles,
-        submap_rows,
-        submap.tessellation.members,
-        submap.tessellation.member_offsets,
-        submap.tessellation.vertex_counts(),
-        submap.descriptors,
-        second,
-        config.tau,
-        config.vertex_window,
-        config.eta,
+def sampled_polygons(features: Features, config: Config, rng: np.random.Generator) -> Polygons:
+    """The polygons of one side that take part in the matching, with their triangles described."""
+    t = features.tessellation
+    counts = t.vertex_counts()
+    sample = sample_polygons(counts, config.gamma, rng)
+    triangle_rows = describe_triangles(features.landmarks, t.triangles, config.samples, config.squared)
+    return Polygons(
+        features.landmarks,
+        t.triangles,
+        triangle_rows,
+        t.members,
+        t.member_offsets,
+        counts,
+        features.descriptors,
+        sample[counts[sample] <= LARGEST],
     )
 
 
 @kernel
-def claim_landmarks(
-    query: NDArray[np.float64],
-    query_triangles: NDArray[np.int32],
-    query_rows: NDArray[np.float32],
-    query_members: NDArray[np.int32],
-    query_offsets: NDArray[np.int32],
-    query_counts: NDArray[np.int32],
-    query_polygons: NDArray[np.float32],
-    query_sample: NDArray[np.int64],
-    submap: NDArray[np.float64],
-    submap_triangles: NDArray[np.int32],
-    submap_rows: NDArray[np.float32],
-    submap_members: NDArray[np.int32],
-    submap_offsets: NDArray[np.int32],
-    submap_counts: NDArray[np.int32],
-    submap_polygons: NDArray[np.float32],
-    submap_sample: NDArray[np.int64],
-    tau: float,
-    window: int,
-    eta: float,
-) -> NDArray[np.int64]:
+def claim_landmarks(query: Polygons, submap: Polygons, tau: float, window: int, eta: float) -> NDArray[np.int64]:
     """Every claim (C, 2) that a triangle pair makes: a query landmark and the submap landmark it would be."""
     # A triangle belongs to one polygon, but a polygon may find several partners: grow when they are many.
     claims, count = np.empty((1024, 2), np.int64), 0
     mapping = np.empty(3, np.int64)
-    partner = np.empty(len(query_triangles), np.int64)
-    for m in query_sample:
-        for n in submap_sample:
-            if abs(query_counts[m] - submap_counts[n]) > window:
+    partner = np.empty(len(query.triangles), np.int64)
+    for m in query.sample:
+        for n in submap.sample:
+            if abs(query.counts[m] - submap.counts[n]) > window:
                 continue
-            if row_distance(query_polygons, m, submap_polygons, n) >= tau * tau:
+            if row_distance(query.descriptors, m, submap.descriptors, n) >= tau * tau:
                 continue
-            first, last = query_offsets[m], query_offsets[m + 1]
-            found = 0
-            for a in range(first, last):
-                t = query_members[a]
-                partner[a - first] = -1
-                u, distance = nearest_row(
-                    query_rows, t, submap_rows, submap_members, submap_offsets[n], submap_offsets[n + 1]
-                )
-                if distance >= tau * tau:
-                    continue
-                back, _ = nearest_row(submap_rows, u, query_rows, query_members, first, last)
-                if back == t:
-                    partner[a - first] = u
-                    found += 1
-            if found <= eta * (last - first):
+            first, last = query.member_offsets[m], query.member_offsets[m + 1]
+            if pair_triangles(query, m, submap, n, tau, partner) <= eta * (last - first):
                 continue
             for a in range(first, last):
                 u = partner[a - first]
                 if u < 0:
                     continue
-                t = query_members[a]
-                assign_edges(query, query_triangles, t, submap, submap_triangles, u, mapping)
+                t = query.members[a]
+                assign_edges(query.landmarks, query.triangles[t], submap.landmarks, submap.triangles[u], mapping)
                 if count + 3 > len(claims):
                     larger = np.empty((2 * len(claims), 2), np.int64)
                     larger[:count] = claims[:count]
                     claims = larger
                 for k in range(3):
-                    claims[count, 0] = query_triangles[t, k]
-                    claims[count, 1] = submap_triangles[u, mapping[k]]
+                    claims[count, 0] = query.triangles[t, k]
+                    claims[count, 1] = submap.triangles[u, mapping[k]]
                     count += 1
     return claims[:count].copy()
+
+
+@kernel
+def pair_triangles(query: Polygons, m: int, submap: Polygons, n: int, tau: float, partner: NDArray[np.int64]) -> int:
+    """Pair the triangles of polygon `m` with those of polygon `n` that are each other's nearest; how many pairs.
+
+    `partner`: filled with the partner of each of polygon `m`'s triangles, -1 where there is none.
+    """
+    first, last = query.member_offsets[m], query.member_offsets[m + 1]
+    found = 0
+    for a in range(first, last):
+        t = query.members[a]
+        partner[a - first] = -1
+        begin, end = submap.member_offsets[n], submap.member_offsets[n + 1]
+        u, distance = nearest_row(query.triangle_rows, t, submap.triangle_rows, submap.members, begin, end)
+        if distance >= tau * tau:
+            continue
+        back, _ = nearest_row(submap.triangle_rows, u, query.triangle_rows, query.members, first, last)
+        if back == t:
+            partner[a - first] = u
+            found += 1
+    return found
 
 
 @kernel
@@ -189,23 +179,21 @@ def nearest_row(
 @kernel
 def assign_edges(
     query: NDArray[np.float64],
-    query_triangles: NDArray[np.int32],
-    t: int,
+    first: NDArray[np.int32],
     submap: NDArray[np.float64],
-    submap_triangles: NDArray[np.int32],
-    u: int,
+    second: NDArray[np.int32],
     mapping: NDArray[np.int64],
 ) -> None:
-    """Write into `mapping` (3,) which corner of triangle `u` each corner of `t` corresponds to.
+    """Write into `mapping` (3,) which corner of triangle `second` (3,) each corner of `first` (3,) corresponds to.
 
     The permutation chi that brings the three edge lengths closest (paper, section IV-C). Edge k lies opposite to corner
     k, and the corner shared by two edges lies opposite to the third: the permutation of edges is that of corners.
     """
     a, b = np.empty(3), np.empty(3)
     for k in range(3):
-        i, j = query_triangles[t, (k + 1) % 3], query_triangles[t, (k + 2) % 3]
+        i, j = first[(k + 1) % 3], first[(k + 2) % 3]
         a[k] = math.hypot(query[i, 0] - query[j, 0], query[i, 1] - query[j, 1])
-        i, j = submap_triangles[u, (k + 1) % 3], submap_triangles[u, (k + 2) % 3]
+        i, j = second[(k + 1) % 3], second[(k + 2) % 3]
         b[k] = math.hypot(submap[i, 0] - submap[j, 0], submap[i, 1] - submap[j, 1])
     best = np.inf
     for x in range(3):

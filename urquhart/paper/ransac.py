@@ -8,6 +8,7 @@ without drawing a pair twice.
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,14 @@ class RansacFit:
     transform: SE2
     inliers: NDArray[np.bool_]
     iterations: int
+
+
+class Correspondences(NamedTuple):
+    """Row i of `source` (K, 2) with row i of `target` (K, 2), metres; `distance` is that of an inlier, metres."""
+
+    source: NDArray[np.float64]
+    target: NDArray[np.float64]
+    distance: float
 
 
 def ransac(
@@ -54,11 +63,12 @@ def ransac(
     n = len(source)
     if n < 2:
         return None
-    pairs = n * (n - 1) // 2
-    order = np.arange(pairs if pairs <= iterations else 0)
+    pairs = Correspondences(source, target, distance)
+    choices = n * (n - 1) // 2
+    order = np.arange(choices if choices <= iterations else 0)
     best, drawn = np.zeros(4), 0
-    for draws in budget.portions(min(pairs, iterations), n):
-        drawn += _search(source, target, rng, distance, ratio, order, draws.start, draws.stop, best)
+    for draws in budget.portions(min(choices, iterations), n):
+        drawn += _search(pairs, rng, ratio, order, (draws.start, draws.stop), best)
         if drawn < draws.stop:
             break
     x, y, yaw, agreeing = best.tolist()
@@ -84,22 +94,21 @@ def _inliers(
 
 @kernel
 def _search(
-    source: NDArray[np.float64],
-    target: NDArray[np.float64],
+    among: Correspondences,
     rng: np.random.Generator,
-    distance: float,
     ratio: float,
     order: NDArray[np.int64],
-    first: int,
-    last: int,
+    draws: tuple[int, int],
     best: NDArray[np.float64],
 ) -> int:
-    """Draws `first` to `last`; how many of them were made before enough agreed.
+    """Make the draws from the first to before the second of `draws`; how many were made before enough agreed.
 
     Args:
         order: (P,) pairs that are not drawn yet from `first` on, where every pair is to be drawn once; else empty.
         best: (4,) x, y, yaw of the best so far and how many agree with it.
     """
+    source, target, distance = among
+    first, last = draws
     n, pairs = len(source), len(order)
     exhaustive = pairs > 0
     rows = np.empty(2, np.int64)

@@ -33,7 +33,8 @@ def search_quads(query: Query, index: CollectionIndex, errors: float, buffer: Hi
     """
     most = query.config.quad_hits + _EACH * len(index)
     landmarks, quads = query.features.landmarks, query.features.tessellation.quads
-    return QuadConsensus(index.quad_shards(), landmarks, quads, errors * query.config.sigma, most, buffer, query.budget)
+    tolerance = errors * query.config.sigma
+    return QuadConsensus(index.quad_shards(), landmarks, quads, tolerance, most, buffer=buffer, budget=query.budget)
 
 
 def propose_by_quads(

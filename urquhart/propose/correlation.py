@@ -96,7 +96,7 @@ def correlate(
     """
     spacing = max(query.spacing, submap.spacing)
     cell = min(max(_SHARE * spacing, _CELL[0]), _CELL[1])
-    return find_peaks(query.landmarks, submap.landmarks, cell, peaks, yaw, half, budget)
+    return find_peaks(query.landmarks, submap.landmarks, cell, peaks, yaw, half, budget=budget)
 
 
 def find_peaks(
@@ -106,6 +106,7 @@ def find_peaks(
     peaks: int,
     yaw: float,
     half: float,
+    *,
     budget: Budget = UNBOUNDED,
 ) -> NDArray[np.float64]:
     """The peaks (P, 4) of `correlate`; `cell` metres."""
@@ -205,7 +206,7 @@ def count_rotations(laid: ShiftGrid, yaw: float, half: float, first: int, last: 
                     score = total * math.log(total / expected) - (total - expected)
                     if score > best[peaks - 1, 3]:
                         x, y = (row + da + 1 - middle) * cell, (column + db + 1 - middle) * cell
-                        insert_peak(best, x, y, turn, score, 2.5 * cell, 5.0 * math.pi / steps)
+                        insert_peak(best, (x, y, turn, score), 2.5 * cell, 5.0 * math.pi / steps)
 
 
 @kernel
@@ -260,10 +261,12 @@ def expected_counts(
 
 
 @kernel
-def insert_peak(
-    best: NDArray[np.float64], x: float, y: float, yaw: float, score: float, near: float, turn: float
-) -> None:
-    """Enter a peak into `best` (P, 4), highest score first; of peaks at one place only the highest stays."""
+def insert_peak(best: NDArray[np.float64], peak: tuple[float, float, float, float], near: float, turn: float) -> None:
+    """Enter a peak (x, y, yaw, score) into `best` (P, 4), highest score first.
+
+    Of peaks within `near` metres and `turn` radians only the highest stays.
+    """
+    x, y, yaw, score = peak
     last = len(best) - 1
     for p in range(len(best)):
         if best[p, 3] <= 0.0:

@@ -19,7 +19,7 @@ from urquhart.budget import Budget
 from urquhart.index.quad_search import QuadShard, count_neighbourhoods, gather
 from urquhart.index.quad_table import TURNS, measure_quads
 from urquhart.propose.hit_buffer import HitBuffer
-from urquhart.propose.quad_votes import SLOT_VOTES, TURN_BINS, fit_poses, order_by_slots, rank_turns, tally, vote
+from urquhart.propose.quad_votes import SLOT_VOTES, TURN_BINS, Hits, fit_poses, order_by_slots, rank_turns, tally, vote
 
 _CHUNK: Final = 32
 """Query quads looked for in all tables before it is asked whether there are hits enough."""
@@ -68,7 +68,8 @@ class QuadConsensus:
         quads: NDArray[np.int32],
         tolerance: float,
         most: int,
-        buffer: "HitBuffer | None" = None,
+        *,
+        buffer: HitBuffer | None = None,
         budget: Budget | None = None,
     ) -> None:
         """Prepare to search `shards` for the quads (Q, 4) of landmarks (N, 2), metres.
@@ -130,9 +131,7 @@ class QuadConsensus:
             listed, scores = listed[chosen], scores[chosen]
         order = np.lexsort((listed, -scores))
         listed, scores = listed[order], scores[order]
-        votes, rows = fit_poses(
-            listed, poses, self._slot_votes, self._buffer.hits, self._buffer.totals, self._centres, self._weights
-        )
+        votes, rows = fit_poses(listed, poses, self._slot_votes, self._hits())
         return QuadLeaders(listed.astype(np.int64), scores, votes, rows)
 
     def turns(self, count: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
@@ -180,13 +179,8 @@ class QuadConsensus:
         for begin in range(0, len(order), _COMPARED):
             if self._budget.is_spent():
                 return
-            self._listed = vote(
-                order[begin : begin + _COMPARED],
-                self._buffer.hits,
-                self._centres,
-                self._weights,
-                self._buffer.totals,
-                self._slot_votes,
-                self._listed_slots,
-                self._listed,
-            )
+            chunk = order[begin : begin + _COMPARED]
+            self._listed = vote(chunk, self._hits(), self._slot_votes, self._listed_slots, self._listed)
+
+    def _hits(self) -> Hits:
+        return Hits(self._buffer.hits, self._buffer.totals, self._centres, self._weights)

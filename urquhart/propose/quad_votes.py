@@ -1,7 +1,7 @@
 """Hits of quads compared with each other: which agree on a pose, and on which."""
 
 import math
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,22 @@ TURN_BINS: Final = 30
 
 SLOT_VOTES: Final = np.dtype([("latest", np.int32), ("best", np.int32), ("score", np.float64)])
 """Of a slot: its latest hit and the one that most agrees with, numbered from 1; what that and the others are worth."""
+
+
+class Hits(NamedTuple):
+    """Hits of quads, and what is known of the query's quads, as kernels take them.
+
+    Attributes:
+        hits: (R,) of `HIT`.
+        totals: (R,) float32, what each hit and those that agree with it are worth.
+        centres: (Q, 2) float64, metres, of the query's quads.
+        weights: (Q,) float64, what a hit of each of the query's quads is worth.
+    """
+
+    hits: NDArray[Any]
+    totals: NDArray[np.float32]
+    centres: NDArray[np.float64]
+    weights: NDArray[np.float64]
 
 
 @kernel
@@ -63,15 +79,13 @@ def order_by_slots(before: int, count: int, hits: NDArray[Any], slots: int) -> N
 @kernel
 def vote(
     order: NDArray[np.int32],
-    hits: NDArray[Any],
-    centres: NDArray[np.float64],
-    weights: NDArray[np.float64],
-    totals: NDArray[np.float32],
+    found: Hits,
     slot_votes: NDArray[Any],
     listed_slots: NDArray[np.int32],
     listed: int,
 ) -> int:
     """Compare hits in their `order` with earlier ones of their slots; the new number of slots listed."""
+    hits, totals, centres, weights = found
     touched = 0
     for i in range(len(order)):
         h = order[i]
@@ -126,19 +140,14 @@ def agree(
 
 @kernel
 def fit_poses(
-    chosen: NDArray[np.int32],
-    count: int,
-    slot_votes: NDArray[Any],
-    hits: NDArray[Any],
-    totals: NDArray[np.float32],
-    centres: NDArray[np.float64],
-    weights: NDArray[np.float64],
+    chosen: NDArray[np.int32], count: int, slot_votes: NDArray[Any], found: Hits
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Hits that agree on the best pose of each slot `chosen` (K,), and up to `count` distinct poses (K, count, 3).
 
     A pose is fitted to a hit and to all earlier ones that agree with it, by least squares of two points a hit: `_LEVER`
     from its centre along a direction, so that both where it is and how it is turned count.
     """
+    hits, totals, centres, weights = found
     votes, poses = np.zeros(len(chosen), np.int64), np.full((len(chosen), count, 3), np.nan)
     picked = np.empty(count, np.int64)
     for i in range(len(chosen)):
