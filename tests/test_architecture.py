@@ -24,6 +24,8 @@ FLOORS = (
 """Rooms of the method (folders, and modules that stand alone) from the ground up: each may import from lower floors."""
 MOST_FLOORS = 8
 MOST_MODULES = 12
+LONGEST_FUNCTION = 60
+MOST_PARAMETERS = 6
 
 SERVICE = (
     *("errors", "problem_types", "platform", "parsing", "config", "schemas"),
@@ -164,6 +166,19 @@ def test_files_are_short_enough_to_read() -> None:
         if (lines := len(path.read_text().splitlines())) > 300
     }
     assert not long
+
+
+def test_functions_of_the_method_are_short_and_take_few_parameters() -> None:
+    """Parameters that can only be given by name are not counted: a call says what they are."""
+    large = {}
+    for path in sources("urquhart"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                lines = (node.end_lineno or 0) - node.lineno + 1
+                taken = [one.arg for one in node.args.posonlyargs + node.args.args if one.arg not in ("self", "cls")]
+                if lines > LONGEST_FUNCTION or len(taken) > MOST_PARAMETERS:
+                    large[f"{path.relative_to(ROOT)}: {node.name}"] = (lines, len(taken))
+    assert not large
 
 
 def test_every_public_name_is_explained() -> None:

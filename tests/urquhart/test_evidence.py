@@ -10,8 +10,7 @@ from tests.urquhart import forests
 from urquhart import SE2, Config, describe
 from urquhart.evaluation.simulation import observe, paper_forest
 from urquhart.verify.evidence import DETECTION, NOISE, PoseEvidence, evidence_of_pose, evidence_of_row
-from urquhart.verify.footprint import is_inside
-from urquhart.verify.landmark_grid import LOOSE, LandmarkGrid, build_landmark_grid, landmark_grid
+from urquhart.verify.landmark_grid import LOOSE, LandmarkGrid, build_landmark_grid, is_inside, landmark_grid
 from urquhart.verify.refinement import refine_and_score, verify, verify_best
 
 REACH = 0.75
@@ -28,8 +27,8 @@ def alone(query: LandmarkGrid, submap: LandmarkGrid, found: PoseEvidence) -> int
     """Landmarks of the overlap that have no partner."""
     there, back = found.transform.apply(query.landmarks), found.transform.inverse().apply(submap.landmarks)
     paired, stored = set(found.query.tolist()), set(found.submap.tolist())
-    here = [i for i in range(len(there)) if i not in paired and is_inside(submap.footprint, *there[i])]
-    missed = [j for j in range(len(back)) if j not in stored and is_inside(query.footprint, *back[j])]
+    here = [i for i in range(len(there)) if i not in paired and is_inside(submap, *there[i])]
+    missed = [j for j in range(len(back)) if j not in stored and is_inside(query, *back[j])]
     return len(here) + len(missed)
 
 
@@ -93,8 +92,8 @@ def test_densities_beyond_all_forests_leave_evidence_finite(density: float) -> N
         np.empty(0, np.float32),
         REACH,
     )
-    everywhere = stand.footprint._replace(cover=np.ones_like(stand.footprint.cover))
-    found = evidence_of_pose(stand._replace(footprint=everywhere), stand, SE2.identity(), REACH)
+    everywhere = stand._replace(cover=np.ones_like(stand.cover))
+    found = evidence_of_pose(everywhere, stand, SE2.identity(), REACH)
     assert np.isfinite(found.evidence)
     # A landmark where none is to be expected says much; one among a crowd says no more than that it was not missed.
     assert (found.evidence > 20.0 * len(trees)) == (density < 1e-6)

@@ -8,8 +8,7 @@ from tests.urquhart import forests
 from urquhart import SE2, Config, describe
 from urquhart.evaluation.simulation import paper_forest
 from urquhart.verify.evidence import evidence_of_pose
-from urquhart.verify.footprint import is_inside
-from urquhart.verify.landmark_grid import LandmarkGrid, landmark_grid
+from urquhart.verify.landmark_grid import LandmarkGrid, is_inside, landmark_grid
 
 REACH = 0.75
 FOREST = paper_forest(np.random.default_rng(3), 220.0)
@@ -24,12 +23,12 @@ def laid(trees: NDArray[np.float64]) -> tuple[LandmarkGrid, SE2]:
 
 def holds(grid: LandmarkGrid, frame: SE2, x: float, y: float) -> bool:
     """Whether the footprint holds a point of the map."""
-    return bool(is_inside(grid.footprint, *frame.inverse().apply(np.array([[x, y]]))[0].tolist()))
+    return bool(is_inside(grid, *frame.inverse().apply(np.array([[x, y]]))[0].tolist()))
 
 
 def covering_all(grid: LandmarkGrid) -> LandmarkGrid:
     """The same with all of the hull for a footprint."""
-    return grid._replace(footprint=grid.footprint._replace(cover=np.ones_like(grid.footprint.cover)))
+    return grid._replace(cover=np.ones_like(grid.cover))
 
 
 def corridor() -> NDArray[np.float64]:
@@ -88,9 +87,9 @@ def test_landmarks_inside_the_hull_are_in_the_footprint_and_nothing_far_away_is(
         grid, _ = laid(points)
         middle = grid.landmarks.mean(axis=0)
         drawn = middle + 0.999 * (grid.landmarks - middle)
-        assert all(is_inside(grid.footprint, *point) for point in drawn.tolist())
+        assert all(is_inside(grid, *point) for point in drawn.tolist())
         far = 10.0 * np.abs(grid.landmarks).max() + 10.0
-        assert not any(is_inside(grid.footprint, x, y) for x in (-far, 0.0, far) for y in (-far, far))
+        assert not any(is_inside(grid, x, y) for x in (-far, 0.0, far) for y in (-far, far))
 
 
 def test_the_edge_of_the_hull_is_in_the_footprint_and_what_is_just_beyond_is_not() -> None:
@@ -106,5 +105,5 @@ def test_the_footprint_does_not_depend_on_the_order_of_landmarks() -> None:
     trees = corridor()
     one, frame = laid(trees)
     other, other_frame = laid(trees[np.random.default_rng(0).permutation(len(trees))])
-    np.testing.assert_array_equal(one.footprint.cover, other.footprint.cover)
+    np.testing.assert_array_equal(one.cover, other.cover)
     assert frame.distance(other_frame)[0] < 1e-9

@@ -12,8 +12,7 @@ from urquhart import SE2, Config, Features, Recognizer, describe
 from urquhart.evaluation.simulation import paper_forest
 from urquhart.features.delaunay import triangulate
 from urquhart.verify.cells import CROWD
-from urquhart.verify.footprint import is_inside
-from urquhart.verify.landmark_grid import landmark_grid, nearest
+from urquhart.verify.landmark_grid import is_inside, landmark_grid, nearest
 
 CONFIG = Config()
 REACH = 0.75
@@ -76,7 +75,7 @@ def test_the_nearest_landmark_is_found_in_crowded_cells_too(shape: str) -> None:
     features, rng = of(shape, 1_500), np.random.default_rng(1)
     laid = landmark_grid(features, REACH)
     if shape == "one stray at 10,000 km":
-        assert np.diff(laid.cells.starts).max() > 10 * CROWD
+        assert np.diff(laid.cell_starts).max() > 10 * CROWD
     for x, y in features.landmarks[rng.integers(0, 1_500, 60)] + rng.normal(0.0, 0.5, (60, 2)):
         squared = ((features.landmarks - (x, y)) ** 2).sum(axis=1)
         found, distance = nearest(laid, x, y, 2.0 * REACH)
@@ -90,7 +89,7 @@ def test_the_nearest_landmark_is_found_in_crowded_cells_too(shape: str) -> None:
 def test_a_footprint_with_many_corners_holds_what_lies_within_all_of_them(corners: int) -> None:
     rng = np.random.default_rng(corners)
     features = of("circle", corners)
-    footprint = landmark_grid(features, REACH).footprint
+    footprint = landmark_grid(features, REACH)
     footprint = footprint._replace(cover=np.ones_like(footprint.cover))
     assert len(footprint.hull) == corners
     following = np.roll(footprint.hull, -1, axis=0)

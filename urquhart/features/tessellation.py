@@ -10,6 +10,7 @@ the hull is left out and counted:
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,9 +25,9 @@ class Tessellation:
     """Triangles and interior Urquhart polygons of one set of landmarks; polygons are rows of two ragged arrays.
 
     Attributes:
-        triangles: (T, 3) int32, landmark indices, counter-clockwise. quads: (Q, 4) int32, landmark indices,
-        counter-clockwise: pairs of triangles that share the edge between the first
-            and the third; see `quads`.
+        triangles: (T, 3) int32, landmark indices, counter-clockwise.
+        quads: (Q, 4) int32, landmark indices, counter-clockwise: pairs of triangles that share the edge between the
+            first and the third; see `quads`.
         hull: (H,) int32, landmark indices of the convex hull, counter-clockwise.
         vertices: (V,) int32, landmark indices of all polygons one after the other, each counter-clockwise from its
             lowest index.
@@ -134,14 +135,25 @@ def walk_hull(count: int, triangles: NDArray[np.int32], neighbours: NDArray[np.i
     return hull
 
 
-@kernel
-def join_triangles(
-    landmarks: NDArray[np.float64], triangles: NDArray[np.int32], neighbours: NDArray[np.int32], keep_hull: bool
-) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], int, int, int]:
-    """Algorithm 1 of the paper in one pass; see `Tessellation` for what comes back.
+class Faces(NamedTuple):
+    """Faces of the Urquhart graph: triangles joined across dropped edges.
 
-    `triangles`, `neighbours`: as `triangulate` gives them.
+    Attributes:
+        dropped: (T, 3) bool, whether the edge opposite to each vertex is dropped.
+        face: (T,) int32, the face of each triangle; faces are numbered in the order of their first triangle.
+        offsets: (F + 1,) int32, where the triangles of each face begin in `by_face`.
+        by_face: (T,) int32, triangle indices by face, ascending.
     """
+
+    dropped: NDArray[np.bool_]
+    face: NDArray[np.int32]
+    offsets: NDArray[np.int32]
+    by_face: NDArray[np.int32]
+
+
+@kernel
+def find_faces(landmarks: NDArray[np.float64], triangles: NDArray[np.int32], neighbours: NDArray[np.int32]) -> Faces:
+    """Drop each triangle's longest edge and join the triangles on both sides of it (union-find)."""
     count = len(triangles)
     dropped = np.zeros((count, 3), np.bool_)
     for t in range(count):
@@ -182,33 +194,67 @@ def join_triangles(
     for t in range(count):
         by_face[cursor[face[t]]] = t
         cursor[face[t]] += 1
+    return Faces(dropped, face, offsets, by_face)
 
-    vertices = np.empty(3 * count, np.int32)
-    vertex_offsets = np.zeros(faces + 1, np.int32)
-    members = np.empty(count, np.int32)
-    member_offsets = np.zeros(faces + 1, np.int32)
+
+@kernel
+def link_sides(
+    f: int,
+    triangles: NDArray[np.int32],
+    neighbours: NDArray[np.int32],
+    faces: Faces,
+    following: NDArray[np.int32],
+    seen_in: NDArray[np.int32],
+) -> tuple[bool, bool, int, int, int]:
+    """Link the sides of face `f` into a walk: `following` (N,) is the next landmark after each.
+
+    `seen_in`: (N,), the last face that passed each landmark.
+
+    Returns:
+        Whether the face has a side on the hull, whether no landmark is passed twice, how many sides it has, its lowest
+        landmark, and how many sides have the face on both sides.
+    """
+    dropped, face, offsets, by_face = faces
+    on_hull, simple, sides, start, dangling_sides = False, True, 0, len(following), 0
+    for m in range(offsets[f], offsets[f + 1]):
+        t = by_face[m]
+        for k in range(3):
+            other = neighbours[t, k]
+            if other < 0:
+                on_hull = True
+            elif face[other] == f:
+                if not dropped[t, k]:
+                    dangling_sides += 1
+                continue
+            a, b = triangles[t, (k + 1) % 3], triangles[t, (k + 2) % 3]
+            if seen_in[a] == f:
+                simple = False
+            seen_in[a] = f
+            following[a] = b
+            sides += 1
+            start = min(start, a)
+    return on_hull, simple, sides, start, dangling_sides
+
+
+@kernel
+def join_triangles(
+    landmarks: NDArray[np.float64], triangles: NDArray[np.int32], neighbours: NDArray[np.int32], keep_hull: bool
+) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], int, int, int]:
+    """Algorithm 1 of the paper; see `Tessellation` for what comes back.
+
+    `triangles`, `neighbours`: as `triangulate` gives them.
+    """
+    faces = find_faces(landmarks, triangles, neighbours)
+    offsets, by_face = faces.offsets, faces.by_face
+    vertices = np.empty(3 * len(triangles), np.int32)
+    vertex_offsets = np.zeros(len(offsets), np.int32)
+    members = np.empty(len(triangles), np.int32)
+    member_offsets = np.zeros(len(offsets), np.int32)
     following = np.empty(len(landmarks), np.int32)
     seen_in = np.full(len(landmarks), -1, np.int32)
     kept = hull = non_simple = dangling = 0
-    for f in range(faces):
-        on_hull, simple, sides, start, dangling_sides = False, True, 0, len(landmarks), 0
-        for m in range(offsets[f], offsets[f + 1]):
-            t = by_face[m]
-            for k in range(3):
-                other = neighbours[t, k]
-                if other < 0:
-                    on_hull = True
-                elif face[other] == f:
-                    if not dropped[t, k]:
-                        dangling_sides += 1
-                    continue
-                a, b = triangles[t, (k + 1) % 3], triangles[t, (k + 2) % 3]
-                if seen_in[a] == f:
-                    simple = False
-                seen_in[a] = f
-                following[a] = b
-                sides += 1
-                start = min(start, a)
+    for f in range(len(offsets) - 1):
+        on_hull, simple, sides, start, dangling_sides = link_sides(f, triangles, neighbours, faces, following, seen_in)
         dangling += dangling_sides // 2
         if on_hull and not keep_hull:
             hull += 1

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from urquhart.index.polygon_merge import EXACT_BELOW, merge_partitions
 from urquhart.index.polygon_partition import Partition, build_partitions
-from urquhart.index.polygon_scan import gather_places, scan_partition, sort_heaps
+from urquhart.index.polygon_scan import Heaps, Outlines, Scan, gather_places, scan_partition, sort_heaps
 
 __all__ = ["EXACT_BELOW", "Hits", "Partition", "Searched", "build_partitions", "merge_partitions", "search_partitions"]
 
@@ -100,9 +100,11 @@ def _search(
 ) -> Hits:
     """Neighbours with `count` vertices of some query rows (K,)."""
     queries = np.ascontiguousarray(descriptors[rows], np.float32)
-    distances = np.empty((len(rows), neighbours), np.float32)
-    places = np.empty((len(rows), neighbours), np.int64)
-    sizes = np.zeros(len(rows), np.int64)
+    heaps = Heaps(
+        np.empty((len(rows), neighbours), np.float32),
+        np.empty((len(rows), neighbours), np.int64),
+        np.zeros(len(rows), np.int64),
+    )
     for i, (partitions, _, _, _) in enumerate(segments):
         p = partitions.get(count)
         if p is None:
@@ -111,17 +113,16 @@ def _search(
             raise ValueError(f"descriptors of {queries.shape[1]} components, {len(p.low)} in the index")
         listed = len(p.centroids)
         probes = min(max(_LEAST_PROBES, listed // _PROBED), listed)
-        scan_partition(
-            p.descriptors, p.owners, p.lists, p.low, p.step, p.centroids, living[i], queries,
-            i, probes, _BUDGET, distances, places, sizes,
-        )  # fmt: skip
-    which, near_by, found, occurs = sort_heaps(distances, places, sizes, rows)
+        scan = Scan(p.owners, p.descriptors, p.low, p.step, p.centroids, p.lists, living[i], i, probes, _BUDGET)
+        scan_partition(scan, queries, heaps)
+    which, near_by, found, occurs = sort_heaps(heaps, rows)
     keys, outlines = np.empty(len(found), np.int64), np.empty((len(found), count, 2), np.float32)
     for i in np.flatnonzero(occurs).tolist() if len(found) else []:
         partitions, owner_keys, units, _ = segments[i]
         p = partitions[count]
         # A subclass such as `np.memmap` costs the compiler's dispatch far more time than a plain array.
-        gather_places(found, i, p.owners, p.outlines, np.asarray(owner_keys), np.asarray(units), keys, outlines)
+        source = Outlines(i, p.owners, p.outlines, np.asarray(owner_keys), np.asarray(units))
+        gather_places(found, source, keys, outlines)
     return Hits(count, which, keys, outlines, near_by)
 
 

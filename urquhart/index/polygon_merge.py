@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from urquhart._kernel import kernel
-from urquhart.index.polygon_partition import Partition
+from urquhart.index.polygon_partition import Partition, PartitionArrays
 
 EXACT_BELOW: Final = 50_000
 """Partitions with no more polygons than this are read as a whole."""
@@ -210,22 +210,8 @@ def _fill(count: int, inputs: list[_Input], coder: _Coder, listed: list[NDArray[
     ends = lists[:-1].copy()
     for part, lists_of_rows in zip(inputs, listed, strict=True):
         for block in part.blocks():
-            _place(
-                part.decode(block),
-                block,
-                lists_of_rows,
-                part.slots,
-                part.partition.owners,
-                part.partition.outlines,
-                lists,
-                ends,
-                coder.low,
-                coder.step,
-                coder.centroids,
-                merged.owners,
-                merged.outlines,
-                merged.descriptors,
-            )
+            owners, outlines = part.slots[part.partition.owners[block]], part.partition.outlines[block]
+            _place(part.decode(block), lists_of_rows[block], owners, outlines, merged.as_tuple(), ends)
     return merged
 
 
@@ -241,31 +227,24 @@ def _drop(owners: NDArray[np.int32], slots: NDArray[np.int32], lists_of_rows: ND
 @kernel
 def _place(
     decoded: NDArray[np.float32],
-    rows: NDArray[np.int64],
-    lists_of_rows: NDArray[np.int32],
-    slots: NDArray[np.int32],
+    listed: NDArray[np.int32],
     owners: NDArray[np.int32],
     outlines: NDArray[np.uint8],
-    lists: NDArray[np.int64],
+    merged: PartitionArrays,
     ends: NDArray[np.int64],
-    low: NDArray[np.float32],
-    step: NDArray[np.float32],
-    centroids: NDArray[np.float32],
-    out_owners: NDArray[np.int32],
-    out_outlines: NDArray[np.uint8],
-    out_codes: NDArray[Any],
 ) -> None:
+    """Put rows into the lists `listed` (K,) of a merged partition; `ends` says where each list ends, and is moved."""
+    out_owners, out_outlines, out_codes, low, step, centroids, lists = merged
     width = len(low)
-    for i in range(len(rows)):
-        row = rows[i]
-        c = lists_of_rows[row]
+    for i in range(len(listed)):
+        c = listed[i]
         if c < 0:
             continue
         first, length, at = lists[c], lists[c + 1] - lists[c], ends[c]
         ends[c] += 1
-        out_owners[at] = slots[owners[row]]
+        out_owners[at] = owners[i]
         for b in range(outlines.shape[1]):
-            out_outlines[at, b] = outlines[row, b]
+            out_outlines[at, b] = outlines[i, b]
         for d in range(width):
             value = decoded[i, d]
             if len(centroids):

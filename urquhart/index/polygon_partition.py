@@ -5,14 +5,26 @@ centroid, as codes of one byte a component; a search reads the nearest lists onl
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from urquhart._kernel import kernel
 from urquhart.features.describe import Features
+
+
+class PartitionArrays(NamedTuple):
+    """The arrays of a `Partition`, as kernels take them."""
+
+    owners: NDArray[np.int32]
+    outlines: NDArray[np.uint8]
+    descriptors: NDArray[Any]
+    low: NDArray[np.float32]
+    step: NDArray[np.float32]
+    centroids: NDArray[np.float32]
+    lists: NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,7 +89,13 @@ class Partition:
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """All arrays by name, for a container to hold; `of` takes them back."""
-        return {field.name: getattr(self, field.name) for field in fields(self) if field.name != "count"}
+        return self.as_tuple()._asdict()
+
+    def as_tuple(self) -> PartitionArrays:
+        """All arrays as kernels take them."""
+        return PartitionArrays(
+            self.owners, self.outlines, self.descriptors, self.low, self.step, self.centroids, self.lists
+        )
 
     @staticmethod
     def of(count: int, arrays: Mapping[str, NDArray[Any]]) -> "Partition":
@@ -88,7 +106,7 @@ class Partition:
             ValueError: an array of a wrong type or shape.
         """
         # A subclass such as `np.memmap` costs the compiler's dispatch far more time than a plain array.
-        return Partition(count, **{field.name: np.asarray(arrays[field.name]) for field in fields(Partition)[1:]})
+        return Partition(count, *(np.asarray(arrays[name]) for name in PartitionArrays._fields))
 
     def rows(self) -> NDArray[np.float32]:
         """Descriptors (M, D) float32 row by row; NaN in rows that no list holds, which only damage brings about."""
@@ -96,7 +114,7 @@ class Partition:
 
     def decode(self, lists_of_rows: NDArray[np.int32], rows: NDArray[np.int64]) -> NDArray[np.float32]:
         """Descriptors (K, D) float32 of the given rows (K,); NaN where `lists_of_rows` (M,) has no list."""
-        return _decode(self.descriptors, self.lists, self.low, self.step, self.centroids, lists_of_rows, rows)
+        return _decode(self.as_tuple(), lists_of_rows, rows)
 
     def lists_of_rows(self) -> NDArray[np.int32]:
         """The list (M,) int32 that each row is in; -1 where none holds it."""
@@ -205,14 +223,9 @@ def _lists_of_rows(lists: NDArray[np.int64], rows: int) -> NDArray[np.int32]:
 
 @kernel
 def _decode(
-    codes: NDArray[Any],
-    lists: NDArray[np.int64],
-    low: NDArray[np.float32],
-    step: NDArray[np.float32],
-    centroids: NDArray[np.float32],
-    lists_of_rows: NDArray[np.int32],
-    rows: NDArray[np.int64],
+    partition: PartitionArrays, lists_of_rows: NDArray[np.int32], rows: NDArray[np.int64]
 ) -> NDArray[np.float32]:
+    _, _, codes, low, step, centroids, lists = partition
     width = len(low)
     decoded = np.empty((len(rows), width), np.float32)
     for i in range(len(rows)):

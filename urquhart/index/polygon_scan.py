@@ -6,7 +6,7 @@ works on many rows at once, which reads a list five times as fast as row after r
 A file can be damaged. Whatever the arrays hold, nothing is read outside of them: what points outside is passed over.
 """
 
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,47 +20,55 @@ _ROW_BITS: Final = 40
 """Bits of a place that hold the row; those above hold the segment."""
 
 
-@kernel
-def scan_partition(
-    codes: NDArray[Any],
-    owners: NDArray[np.int32],
-    lists: NDArray[np.int64],
-    low: NDArray[np.float32],
-    step: NDArray[np.float32],
-    centroids: NDArray[np.float32],
-    alive: NDArray[np.uint8],
-    queries: NDArray[np.float32],
-    segment: int,
-    probes: int,
-    budget: int,
-    distances: NDArray[np.float32],
-    places: NDArray[np.int64],
-    sizes: NDArray[np.int64],
-) -> None:
-    """Offer the living polygons of one partition to the heaps of the query rows.
+class Scan(NamedTuple):
+    """One partition to be searched. Flat, because the compiler's dispatch takes longer over tuples in tuples.
 
-    Args:
-        codes: (M * D,) float32 or uint8, see `Partition.descriptors`; owners, lists, low, step, centroids likewise.
+    Attributes:
+        owners, codes, low, step, centroids, lists: see `Partition`; the codes are its `descriptors`.
         alive: (S,) uint8, 0 where the submap in a slot is gone.
-        queries: (Q, D) float32.
         segment: number of the segment, kept in the places.
         probes: nearest lists read for each query row.
         budget: most rows read for each query row in an inverted partition.
-        distances, places: (Q, K), a heap for each query row with the largest distance at its root: squared descriptor
-            distances, and where the polygons are (`gather_places` reads that).
-        sizes: (Q,) how many each heap holds.
     """
-    width, listed = len(low), len(centroids)
-    sums, shift = np.empty(_BLOCK, np.float32), np.empty(width, np.float32)
-    near, chosen = np.empty(max(probes, 1), np.float32), np.empty(max(probes, 1), np.int64)
+
+    owners: NDArray[np.int32]
+    codes: NDArray[Any]
+    low: NDArray[np.float32]
+    step: NDArray[np.float32]
+    centroids: NDArray[np.float32]
+    lists: NDArray[np.int64]
+    alive: NDArray[np.uint8]
+    segment: int
+    probes: int
+    budget: int
+
+
+class Heaps(NamedTuple):
+    """A heap for each query row, with the largest distance at its root.
+
+    Attributes:
+        distances: (Q, K) float32, squared descriptor distances.
+        places: (Q, K) int64, where the polygons are; `gather_places` reads that.
+        sizes: (Q,) int64, how many each heap holds.
+    """
+
+    distances: NDArray[np.float32]
+    places: NDArray[np.int64]
+    sizes: NDArray[np.int64]
+
+
+@kernel
+def scan_partition(scan: Scan, queries: NDArray[np.float32], heaps: Heaps) -> None:
+    """Offer the living polygons of one partition to the heaps of the query rows (Q, D)."""
+    owners, low, centroids, lists = scan.owners, scan.low, scan.centroids, scan.lists
+    width, listed, probes = len(low), len(centroids), max(scan.probes, 1)
+    shift = np.empty(width, np.float32)
+    near, chosen = np.empty(probes, np.float32), np.empty(probes, np.int64)
     for q in range(len(queries)):
         if listed == 0:
             for d in range(width):
                 shift[d] = low[d] - queries[q, d]
-            sizes[q] = _scan_list(
-                codes, owners, 0, len(owners), len(owners), shift, step, alive, sums,
-                segment, distances[q], places[q], sizes[q],
-            )  # fmt: skip
+            _scan_list(scan, (0, len(owners), len(owners)), shift, heaps, q)
             continue
         found = 0
         for c in range(listed):
@@ -70,7 +78,7 @@ def scan_partition(
                 distance += difference * difference
             found = _offer(near, chosen, found, distance, c)
         sort_heap(near, chosen, found)
-        left = budget
+        left = scan.budget
         for i in range(found):
             first, last = lists[chosen[i]], lists[chosen[i] + 1]
             if first < 0 or last > len(owners) or last <= first:
@@ -78,33 +86,22 @@ def scan_partition(
             for d in range(width):
                 shift[d] = low[d] + (centroids[chosen[i], d] - queries[q, d])
             read = min(last - first, left)
-            sizes[q] = _scan_list(
-                codes, owners, first, read, last - first, shift, step, alive, sums,
-                segment, distances[q], places[q], sizes[q],
-            )  # fmt: skip
+            _scan_list(scan, (first, read, last - first), shift, heaps, q)
             left -= read
             if left <= 0:
                 break
 
 
 @kernel
-def _scan_list(
-    codes: NDArray[Any],
-    owners: NDArray[np.int32],
-    first: int,
-    read: int,
-    length: int,
-    shift: NDArray[np.float32],
-    step: NDArray[np.float32],
-    alive: NDArray[np.uint8],
-    sums: NDArray[np.float32],
-    segment: int,
-    distances: NDArray[np.float32],
-    places: NDArray[np.int64],
-    size: int,
-) -> int:
-    """Offer the first `read` rows of a list of `length` rows; how many the heap then holds."""
-    width = len(shift)
+def _scan_list(scan: Scan, listed: tuple[int, int, int], shift: NDArray[np.float32], heaps: Heaps, q: int) -> None:
+    """Offer rows of one list to the heap of query row `q`.
+
+    `listed`: first row of the list, how many of its rows are read, and how many it has.
+    """
+    owners, codes, step, alive, segment = scan.owners, scan.codes, scan.step, scan.alive, scan.segment
+    first, read, length = listed
+    distances, places, size = heaps.distances[q], heaps.places[q], heaps.sizes[q]
+    width, sums = len(shift), np.empty(_BLOCK, np.float32)
     for begin in range(0, read, _BLOCK):
         rows = min(_BLOCK, read - begin)
         for r in range(rows):
@@ -125,7 +122,7 @@ def _scan_list(
                     size = _offer(distances, places, size, sums[r], (segment << _ROW_BITS) | row)
                     if size == len(distances):
                         worst = distances[0]
-    return size
+    heaps.sizes[q] = size
 
 
 @kernel
@@ -174,9 +171,10 @@ def sort_heap(distances: NDArray[np.float32], places: NDArray[np.int64], size: i
 
 @kernel
 def sort_heaps(
-    distances: NDArray[np.float32], places: NDArray[np.int64], sizes: NDArray[np.int64], rows: NDArray[np.int64]
+    heaps: Heaps, rows: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.int64], NDArray[np.bool_]]:
     """All heaps one after the other, each sorted: (H,) query rows, distances, places; and which segments occur."""
+    distances, places, sizes = heaps
     total, highest = 0, 0
     for q in range(len(sizes)):
         sort_heap(distances[q], places[q], sizes[q])
@@ -198,20 +196,34 @@ def sort_heaps(
     return out_rows, out_distances, out_places, occurs
 
 
+class Outlines(NamedTuple):
+    """Polygons of one partition, and the submaps they belong to.
+
+    Attributes:
+        segment: number of the segment, as in the places.
+        owners, outlines: see `Partition`.
+        keys: (S,) int64, the submap in each slot.
+        units: (S,) float32, metres in a step of its outlines.
+    """
+
+    segment: int
+    owners: NDArray[np.int32]
+    outlines: NDArray[np.uint8]
+    keys: NDArray[np.int64]
+    units: NDArray[np.float32]
+
+
 @kernel
 def gather_places(
     places: NDArray[np.int64],
-    segment: int,
-    owners: NDArray[np.int32],
-    outlines: NDArray[np.uint8],
-    keys: NDArray[np.int64],
-    units: NDArray[np.float32],
+    source: Outlines,
     out_keys: NDArray[np.int64],
     out_outlines: NDArray[np.float32],
 ) -> None:
-    """Fill in keys (H,) and outlines (H, count, 2), metres, of those places that are in `segment`."""
+    """Fill in keys (H,) and outlines (H, count, 2), metres, of those places (H,) that are in the source's segment."""
+    owners, outlines, keys, units = source.owners, source.outlines, source.keys, source.units
     for i in range(len(places)):
-        if places[i] >> _ROW_BITS != segment:
+        if places[i] >> _ROW_BITS != source.segment:
             continue
         row = places[i] & ((1 << _ROW_BITS) - 1)
         owner = owners[row]

@@ -1,11 +1,12 @@
-"""The last resort: every rotation, every shift.
+"""Two sets of landmarks compared under every rotation and every shift: the last resort.
 
-Where half of the trees are missing or as many are false, no quad survives; the pattern as a whole does. For each of a
-few hundred rotations the displacements between all pairs of landmarks are counted on a grid. The right shift brings
-many pairs into one place; what chance brings there follows from how often displacements of that length occur under any
-rotation at all, so that a small overlap is judged by its own standard.
+Where half of the trees are missing, or as many are false, no quad survives, but the pattern as a whole does. For each
+of a few hundred rotations the displacements between all pairs of landmarks are counted on a grid. The right shift
+brings many pairs into one cell. How many chance brings there follows from how often displacements of that length occur
+under any rotation at all, so a small overlap is measured by its own standard.
 
-Work grows with landmarks of the query times landmarks of the submap: for two submaps, never for a collection.
+The work grows with the number of landmarks of the query times that of the submap, so this compares two submaps and does
+not search a collection. A survey chooses the submaps (see `by_correlation`).
 """
 
 import math

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from urquhart.budget import Budget
-from urquhart.index.quad_search import QuadShard, count_neighbourhoods, gather
+from urquhart.index.quad_search import QuadShard, WantedQuads, count_neighbourhoods, gather
 from urquhart.index.quad_table import TURNS, measure_quads
 from urquhart.propose.hit_buffer import HitBuffer
 from urquhart.propose.quad_votes import SLOT_VOTES, TURN_BINS, Hits, fit_poses, order_by_slots, rank_turns, tally, vote
@@ -81,13 +81,14 @@ class QuadConsensus:
             buffer: where hits are put, for as long as this is asked for anything; its own by default.
             budget: when it is spent, the search ends with what has been found; by default never.
         """
-        self._shards, self._tolerance, self._most = shards, tolerance, most
+        self._shards, self._most = shards, most
         self._living = max(sum(int(np.count_nonzero(shard.alive)) for shard in shards), 1)
-        self._lengths, directions, self._centres = measure_quads(landmarks, quads)
-        self._directions = (directions * TURNS + 0.5).astype(np.int64) % TURNS
+        lengths, directions, self._centres = measure_quads(landmarks, quads)
+        turns = (directions * TURNS + 0.5).astype(np.int64) % TURNS
+        self._wanted = WantedQuads(lengths, turns, tolerance, max(most // _COMMON, 1))
         rarity = np.zeros(len(quads), np.int64)
         for shard in shards:
-            count_neighbourhoods(shard.table.codes, shard.table.starts, self._lengths, rarity)
+            count_neighbourhoods(shard.table.codes, shard.table.starts, lengths, rarity)
         self._order = np.argsort(rarity, kind="stable")
         self._looked = self.hits = self._listed = self.passed_over = 0
         self._weights, self._shares = np.zeros(len(quads)), np.zeros(len(quads))
@@ -147,24 +148,10 @@ class QuadConsensus:
         return slots[order].astype(np.int64), np.asarray(peaks[order] * (2.0 * np.pi / TURN_BINS), np.float64)
 
     def _gather(self, shard: QuadShard, first: int, chunk: NDArray[np.int64]) -> None:
-        done = 0
-        while done < len(chunk):
-            done, self.hits, passed, full = gather(
-                shard.table.codes,
-                shard.table.starts,
-                shard.table.words,
-                shard.scales,
-                shard.alive,
-                first,
-                self._lengths,
-                self._directions,
-                chunk,
-                done,
-                self._tolerance,
-                max(self._most // _COMMON, 1),
-                self._buffer.hits,
-                self.hits,
-            )
+        searched = shard.searched(first)
+        while len(chunk):
+            done, self.hits, passed, full = gather(searched, self._wanted, chunk, self._buffer.hits, self.hits)
+            chunk = chunk[done:]
             self.passed_over += passed
             if full:
                 self._buffer.grow()

@@ -1,7 +1,7 @@
 """Landmarks sorted into square cells, and within a crowded cell into a k-d tree."""
 
 import math
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,23 +13,14 @@ CROWD: Final = 32
 all others share one."""
 
 
-class Cells(NamedTuple):
-    """Landmarks by square cell.
-
-    Attributes:
-        starts: (C + 1,) int64, where each cell's landmarks begin in `order`; cells are numbered column by column.
-        order: (N,) int64, landmark indices by cell.
-        frame: (5,) float64: lowest x and y, metres, cells per metre, columns, rows.
-    """
-
-    starts: NDArray[np.int64]
-    order: NDArray[np.int64]
-    frame: NDArray[np.float64]
-
-
 @kernel
-def sort_into_cells(landmarks: NDArray[np.float64], cell: float) -> Cells:
-    """Sort landmarks (N, 2), metres, into square cells of at least `cell` metres."""
+def sort_into_cells(
+    landmarks: NDArray[np.float64], cell: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+    """`cell_starts`, `cell_order` and `cell_frame` of a `LandmarkGrid`: landmarks (N, 2), metres, by square cell.
+
+    `cell`: metres, the least side of one.
+    """
     n = len(landmarks)
     low_x, low_y = landmarks[:, 0].min(), landmarks[:, 1].min()
     width, height = landmarks[:, 0].max() - low_x, landmarks[:, 1].max() - low_y
@@ -50,7 +41,7 @@ def sort_into_cells(landmarks: NDArray[np.float64], cell: float) -> Cells:
     for c in range(columns * rows):
         if starts[c + 1] - starts[c] > CROWD:
             build_tree(landmarks, order, starts[c], starts[c + 1])
-    return Cells(starts, order, np.array([low_x, low_y, 1.0 / size, float(columns), float(rows)]))
+    return starts, order, np.array([low_x, low_y, 1.0 / size, float(columns), float(rows)])
 
 
 @kernel

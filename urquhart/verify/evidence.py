@@ -24,8 +24,7 @@ from numpy.typing import NDArray
 from urquhart._kernel import kernel
 from urquhart.se2 import SE2
 from urquhart.verify.diameters import score_diameter_pairs
-from urquhart.verify.footprint import is_inside
-from urquhart.verify.landmark_grid import LandmarkGrid
+from urquhart.verify.landmark_grid import LandmarkGrid, is_inside
 from urquhart.verify.pairing import pair_up
 
 NOISE: Final = (0.05, 0.1, 0.2, 0.35, 0.6, 0.9)
@@ -96,12 +95,12 @@ def score_pose(
     query_overlap = submap_overlap = len(first)
     for i in range(len(seen)):
         if not paired_query[i] and is_inside(
-            submap.footprint, c * seen[i, 0] - s * seen[i, 1] + x, s * seen[i, 0] + c * seen[i, 1] + y
+            submap, c * seen[i, 0] - s * seen[i, 1] + x, s * seen[i, 0] + c * seen[i, 1] + y
         ):
             query_overlap += 1
     for j in range(len(stored)):
         dx, dy = stored[j, 0] - x, stored[j, 1] - y
-        if not paired_submap[j] and is_inside(query.footprint, c * dx + s * dy, -s * dx + c * dy):
+        if not paired_submap[j] and is_inside(query, c * dx + s * dy, -s * dx + c * dy):
             submap_overlap += 1
     alone = query_overlap + submap_overlap - 2 * len(first)
 

@@ -4,8 +4,7 @@ A robot's track bends, and a plot may have a lake in it. Where no landmark is ne
 missing partner there is no evidence against a pose.
 """
 
-import math
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,29 +13,16 @@ from urquhart._kernel import kernel
 
 _NEAR: Final = 1.5
 """Distances between trees: what is farther from every landmark is no part of the footprint."""
-_MANY_CORNERS: Final = 64
-"""Corners of a hull beyond which bisection is faster than asking at each side; hulls of forests have 10 to 30."""
 _COARSE: Final = 0.5
 """Distances between trees: side of a cell of the footprint."""
 
 
-class Footprint(NamedTuple):
-    """The cells near a landmark, cut off at the hull of all landmarks.
-
-    Attributes:
-        hull: (H, 2) float64, metres, counter-clockwise.
-        cover: (A, B) uint8, 1 in square cells that are within `_NEAR` distances between trees of a landmark.
-        frame: (3,) float64: lowest x and y of `cover`, metres, and cells per metre.
-    """
-
-    hull: NDArray[np.float64]
-    cover: NDArray[np.uint8]
-    frame: NDArray[np.float64]
-
-
 @kernel
-def build_footprint(landmarks: NDArray[np.float64], hull: NDArray[np.float64], spacing: float) -> Footprint:
-    """The footprint of landmarks (N, 2), metres, with corners `hull` (H, 2) and neighbours about `spacing` apart."""
+def build_cover(landmarks: NDArray[np.float64], spacing: float) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
+    """`cover` and `cover_frame` of a `LandmarkGrid`: square cells that are near enough to one of the landmarks (N, 2).
+
+    `spacing`: metres, typical distance between neighbours.
+    """
     low_x, low_y = landmarks[:, 0].min(), landmarks[:, 1].min()
     width, height = landmarks[:, 0].max() - low_x, landmarks[:, 1].max() - low_y
     size = max(_COARSE * spacing, max(width, height) / 256.0)
@@ -50,24 +36,7 @@ def build_footprint(landmarks: NDArray[np.float64], hull: NDArray[np.float64], s
             for d in range(max(int(b) - around, 0), min(int(b) + around + 1, rows)):
                 if (c + 0.5 - a) ** 2 + (d + 0.5 - b) ** 2 <= reach * reach:
                     cover[c, d] = 1
-    return Footprint(hull, cover, np.array([low_x, low_y, 1.0 / size]))
-
-
-@kernel
-def is_inside(footprint: Footprint, x: float, y: float) -> bool:
-    """Whether (x, y) lies in the footprint: near a landmark, and in the hull, its edge included."""
-    hull, cover, frame = footprint
-    a, b = math.floor((x - frame[0]) * frame[2]), math.floor((y - frame[1]) * frame[2])
-    if a < 0 or b < 0 or a >= cover.shape[0] or b >= cover.shape[1] or cover[a, b] == 0:
-        return False
-    n = len(hull)
-    if n > _MANY_CORNERS:
-        return is_inside_hull(hull, x, y)
-    for i in range(n):
-        j = i + 1 if i + 1 < n else 0
-        if (hull[j, 0] - hull[i, 0]) * (y - hull[i, 1]) - (hull[j, 1] - hull[i, 1]) * (x - hull[i, 0]) < 0.0:
-            return False
-    return True
+    return cover, np.array([low_x, low_y, 1.0 / size])
 
 
 @kernel

@@ -1,4 +1,7 @@
-"""Which landmark is which under a transform: one-to-one partners, and the transform that fits them best."""
+"""Which landmark is which under a transform: one-to-one partners, and the transform that fits them best.
+
+A landmark of the query is paired with the nearest one of the submap, unless another of the query is nearer to that.
+"""
 
 import math
 from typing import Final

@@ -1,7 +1,11 @@
 """Verification of proposed poses: each is refined on its own inliers, then scored by all landmarks.
 
-`PoseRows` are (S, 6) float64, a row for each pose: x, y, yaw of `submap_T_query` between centred frames; its evidence;
-metres within which partners were sought; landmarks of the overlap, of the side that has more of them there.
+Many poses are kept as an array (S, 6) float64 with a row for each:
+
+    x, y, yaw   `submap_T_query` between centred frames, metres and radians
+    evidence    log-likelihood ratio of the same place against chance
+    reach       metres within which partners were sought
+    overlap     landmarks of the overlap, of the side that has more of them there
 """
 
 from typing import Final
