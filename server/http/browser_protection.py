@@ -47,6 +47,16 @@ def _hash(text: str) -> str:
     return f"sha256-{b64encode(hashlib.sha256(text.encode()).digest()).decode()}"
 
 
+def safe_headers(media_type: str) -> dict[str, str]:
+    """The headers of an answer of this type that is no page: a browser does not guess its type, run or frame it."""
+    return {
+        "Content-Security-Policy": DRAWING if media_type.startswith("image/svg") else NOTHING,
+        "X-Content-Type-Options": "nosniff",
+        "X-Frame-Options": "DENY",
+        "Referrer-Policy": "no-referrer",
+    }
+
+
 class SafeAnswers:
     """Every answer tells the browser not to guess its type, not to frame it, and to run nothing that it does not name.
 
@@ -62,11 +72,8 @@ class SafeAnswers:
         async def marked(message: Message) -> None:
             if message["type"] == "http.response.start":
                 headers = MutableHeaders(scope=message)
-                is_drawing = headers.get("content-type", "").startswith("image/svg")
-                headers.setdefault("Content-Security-Policy", DRAWING if is_drawing else NOTHING)
-                headers.setdefault("X-Content-Type-Options", "nosniff")
-                headers.setdefault("X-Frame-Options", "DENY")
-                headers.setdefault("Referrer-Policy", "no-referrer")
+                for name, value in safe_headers(headers.get("content-type", "")).items():
+                    headers.setdefault(name, value)
             await send(message)
 
         await self._app(scope, receive, marked)

@@ -20,6 +20,11 @@ _log = logging.getLogger("server")
 _GIVEN_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
 
 
+def new_request_id() -> str:
+    """The id of a request that has none, or none that can be used."""
+    return secrets.token_hex(8)
+
+
 class RequestContext:
     """Gives each request an id (the caller's X-Request-Id, if it is a plain one), counts it, and answers HEAD as GET.
 
@@ -37,7 +42,7 @@ class RequestContext:
             await self._app(scope, receive, send)
             return
         given = Headers(scope=scope).get("x-request-id", "")
-        request_id = given if _GIVEN_ID.fullmatch(given) else secrets.token_hex(8)
+        request_id = given if _GIVEN_ID.fullmatch(given) else new_request_id()
         method = scope["method"]
         # A copy of the state: that of the lifespan is shared by all requests.
         state = {**scope.get("state", {}), "request_id": request_id}

@@ -11,8 +11,11 @@ from server.schemas.common import Answer, Body, Label, Metres, Number, Point
 _ROUNDED: Final = 1e-6
 """Eigenvalue below 0 that a matrix of correlations may have: covariances come in single precision, too."""
 _TURN: Final = 2.0 * math.pi
+_MOST: Final = 1e20
+"""Largest entry of a covariance: answers about an origin 1e8 m from the trees can be posted, whatever their yaw's."""
 
-Covariance = Annotated[list[Metres], Field(min_length=9, max_length=9)]
+_Moment = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-_MOST, le=_MOST)]
+Covariance = Annotated[list[_Moment], Field(min_length=9, max_length=9)]
 
 
 def check_covariance(values: list[float]) -> list[float]:
@@ -22,14 +25,15 @@ def check_covariance(values: list[float]) -> list[float]:
     for row in range(3):
         if variances[row] < 0:
             raise ValueError(f"is a 3x3 row-major covariance: the variance at position {4 * row} must not be negative")
-    if not np.allclose(matrix, matrix.T, rtol=1e-6, atol=1e-9 * float(np.abs(matrix).max())):
-        raise ValueError("is a 3x3 row-major covariance over (x, y, yaw) and must be symmetric")
-    # As correlations, since metres and radians are of different sizes.
+    # Each entry beside its own deviations, since metres and radians are of different sizes.
     deviations = np.sqrt(variances)
+    sizes = np.outer(deviations, deviations)
+    if (np.abs(matrix - matrix.T) > 1e-6 * np.abs(matrix) + 1e-9 * sizes).any():
+        raise ValueError("is a 3x3 row-major covariance over (x, y, yaw) and must be symmetric")
     known = deviations > 0.0
     if matrix[~known].any() or matrix[:, ~known].any():
         raise ValueError("is a 3x3 row-major covariance: where a variance is 0, its row and column must be 0, too")
-    correlations = matrix[np.ix_(known, known)] / np.outer(deviations[known], deviations[known])
+    correlations = matrix[np.ix_(known, known)] / sizes[np.ix_(known, known)]
     if known.any() and np.linalg.eigvalsh(0.5 * (correlations + correlations.T))[0] < -_ROUNDED:
         raise ValueError(
             "is a 3x3 row-major covariance over (x, y, yaw) and must be positive semidefinite: "

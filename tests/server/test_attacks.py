@@ -408,6 +408,28 @@ def test_where_a_body_ends_is_not_for_two_to_argue_about(house: House, headers: 
     assert house.ask("owner", "GET", smuggled).status_code == 404
 
 
+@pytest.mark.parametrize(
+    "head",
+    [
+        "GET /v1/\x01 HTTP/1.1\r\nHost: localhost\r\n",
+        "GET /livez HTTP/1.1\r\nHost: localhost\r\nHost: localhost\r\n",
+        "GET /livez HTTP/1.1\r\n",
+        "POST /v1/collections/a/queries HTTP/1.1\r\nHost: localhost\r\nTransfer-Encoding: chunked\r\n\r\nno size\r\n",
+        "\x16\x03\x01 not HTTP\r\n",
+    ],
+)
+def test_answers_to_what_is_no_http_are_as_safe_as_all_others(house: House, head: str) -> None:
+    told, _, body = house.raw(head).partition(b"\r\n\r\n")
+    status, *lines = told.decode().split("\r\n")
+    headers = dict(line.lower().split(": ", 1) for line in lines)
+    assert status.startswith("HTTP/1.1 400 ")
+    usual = house.ask("", "GET", "/livez").headers
+    for name in ("content-security-policy", "x-content-type-options", "x-frame-options", "referrer-policy"):
+        assert headers[name] == usual[name].lower()
+    assert headers["content-type"] == "application/problem+json"
+    assert json.loads(body)["request_id"] == headers["x-request-id"]
+
+
 def test_the_same_requests_are_two_where_there_is_nothing_to_argue_about(house: House) -> None:
     last = f"GET {A} HTTP/1.1\r\nHost: localhost\r\n{house.line('reader')}Connection: close\r\n\r\n"
     for headers, body in (

@@ -84,6 +84,32 @@ def test_pose_in_the_map(client: httpx.Client) -> None:
     assert (unsure["covariance"], unsure["middle"]) == (None, None)
 
 
+@pytest.mark.parametrize("sigma_yaw", [1e-3, 0.05, 3.0])
+def test_a_pose_in_an_answer_can_be_posted_however_far_its_origin_is(client: httpx.Client, sigma_yaw: float) -> None:
+    """From an origin 5,400 km away a turn of a thousandth already moves the position by kilometres."""
+    seen, _ = observed(forest(1), 2)
+    pose = {"x": 448_100.0, "y": 5_411_000.0, "yaw": 0.5, "covariance": [0.01, 0, 0, 0, 0.01, 0, 0, 0, sigma_yaw**2]}
+    client.put(f"{PLOTS}/submaps/p", json={"xy": seen, "map_pose": pose}).raise_for_status()
+    full = points(forest(1) + [448_100.0, 5_411_000.0])
+    answer = client.post(f"{PLOTS}/queries", json={"xy": full, "pairs": False}).json()
+    assert answer["verdict"] == "matched"
+    told = answer["candidates"][0]["map_pose"]
+    assert max(told["covariance"]) > 1e7
+    stored = client.put(f"{PLOTS}/submaps/q", json={"xy": full, "map_pose": told})
+    assert stored.status_code == 201, stored.text
+    kept = client.get(f"{PLOTS}/submaps/q").json()["map_pose"]
+    assert kept["covariance"] == told["covariance"]
+    lopsided = told["covariance"][:2] + [2.0 * told["covariance"][2]] + told["covariance"][3:]
+    refused = client.put(f"{PLOTS}/submaps/q", json={"xy": full, "map_pose": told | {"covariance": lopsided}})
+    assert refused.status_code == 422
+    assert "must be symmetric" in refused.text
+    impossible = list(told["covariance"])
+    impossible[1] = impossible[3] = 2.0 * (impossible[0] * impossible[4]) ** 0.5
+    refused = client.put(f"{PLOTS}/submaps/q", json={"xy": full, "map_pose": told | {"covariance": impossible}})
+    assert refused.status_code == 422
+    assert "positive semidefinite" in refused.text
+
+
 def test_what_older_versions_took_for_a_covariance_gives_none_with_negative_eigenvalues(client: httpx.Client) -> None:
     put_submap(client, "plots", "p", 1, map_pose={"x": 1.0, "y": 2.0, "yaw": 0.5}).raise_for_status()
     with client.app.state.service.database.write() as session:  # type: ignore[attr-defined]

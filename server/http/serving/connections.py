@@ -1,6 +1,7 @@
 """Connections: how many there may be, how long one may take to say what it wants, and how they end."""
 
 import asyncio
+import logging
 import select
 from collections.abc import Callable, Mapping
 from typing import Any, Final
@@ -14,7 +15,9 @@ from uvicorn.server import ServerState
 from server.config.settings import Limits
 from server.errors import Overloaded, TooSlow
 from server.http.admission.admission import ABORT
+from server.http.browser_protection import safe_headers
 from server.http.problems import MEDIA_TYPE
+from server.http.request_context import new_request_id
 from server.problem_types import OTHER, document, plain
 
 _LAST_WORD = 0.25
@@ -24,6 +27,7 @@ _FLUSH = 30.0
 
 _UNREAD: Final = 0.1
 """Seconds between two looks whether a caller is gone from whom no more is read, because it sent the next request."""
+_log = logging.getLogger("server")
 _HUNG_UP: Final = getattr(select, "POLLRDHUP", 0) | select.POLLHUP | select.POLLERR
 
 
@@ -178,11 +182,21 @@ class Connection(H11Protocol):
     def _refuse(self, said: Mapping[str, Any]) -> None:
         """Answer what was not asked, or not as a whole, where that is still possible, and close."""
         if self.conn.our_state in (h11.IDLE, h11.SEND_RESPONSE):
-            body = orjson.dumps(said)
-            headers = [("Content-Type", MEDIA_TYPE), ("Content-Length", str(len(body))), ("Connection", "close")]
+            request_id = new_request_id()
+            if said["status"] < 500:  # refused connections are only counted: there may be very many
+                _log.info("request %s: %s", request_id, said["detail"])
+            body = orjson.dumps({**said, "request_id": request_id})
+            headers = safe_headers(MEDIA_TYPE) | {
+                "Content-Type": MEDIA_TYPE,
+                "Content-Length": str(len(body)),
+                "Connection": "close",
+                "X-Request-Id": request_id,
+            }
             if said["status"] == 503:
-                headers.append(("Retry-After", "1"))
-            head = h11.Response(status_code=said["status"], headers=headers, reason=said["title"].encode())
+                headers["Retry-After"] = "1"
+            head = h11.Response(
+                status_code=said["status"], headers=list(headers.items()), reason=said["title"].encode()
+            )
             for event in (head, h11.Data(data=body), h11.EndOfMessage()):
                 self.transport.write(self.conn.send(event) or b"")
         self.transport.close()
