@@ -25,7 +25,8 @@ from urquhart.features.landmarks import LandmarkError
 from urquhart.features.tessellation import Tessellation
 from urquhart.index.segment_file import SegmentDamaged
 from urquhart.recognizer import Method, Recognizer
-from urquhart.report.svg import draw_match, draw_tessellation
+from urquhart.report.match import draw_match
+from urquhart.report.svg import draw_tessellation
 from urquhart.se2 import SE2
 from urquhart.trace import SearchEnd, Stage
 from urquhart.warming import warm_up

@@ -11,6 +11,7 @@ from server.resources import links
 from server.schemas.poses import Transform
 from server.schemas.queries import ExplanationAnswer, ExplanationLinks, QueryAnswer
 from urquhart import SE2, Stage
+from urquhart.budget import UNBOUNDED, Budget
 from urquhart.report.explanation import Explanation, Found, Laid, draw_explanation, sentence
 from urquhart.verify.distortion import WARNINGS
 
@@ -53,8 +54,8 @@ class QueryExplanation:
             ),
         )
 
-    def to_svg(self) -> str:
-        """The explanation as a drawing."""
+    def to_svg(self, budget: Budget = UNBOUNDED) -> str:
+        """The explanation as a drawing. Raises urquhart.budget.OutOfTime and Abandoned."""
         answer = self.answer
         total = sum(stage.milliseconds for stage in answer.stages)
         subtitles = [f"{answer.landmarks} landmarks; {answer.collection} at revision {answer.revision}; {total:.1f} ms"]
@@ -95,7 +96,8 @@ class QueryExplanation:
                 query_xy=self.query_xy,
                 laid=laid,
                 missing=bool(answer.candidates) and not laid,
-            )
+            ),
+            budget,
         )
 
     def _laid(self) -> list[Laid]:

@@ -28,7 +28,7 @@ from server.store.repositories.queries import Queries
 from server.store.repositories.submaps import Submaps
 from server.store.sqlite.database import Database
 from server.store.tables import CollectionRow, QueryRow
-from urquhart import SE2, Candidate
+from urquhart import SE2, Budget, Candidate
 from urquhart.uncertainty import PoseUncertainty
 
 
@@ -154,10 +154,10 @@ class Match:
             submap_landmarks=[(float(x), float(y)) for x, y in self.submap_xy],
         )
 
-    def to_svg(self) -> str:
-        """The match as a drawing."""
+    def to_svg(self, budget: Budget) -> str:
+        """The match as a drawing. Raises urquhart.budget.OutOfTime and Abandoned."""
         title = f"query {self.query_id} on {self.answer.submap_id}: {self.answer.inlier_count} inliers"
-        return urquhart.draw_match(self.query_xy, self.submap_xy, self.candidate, title=title)
+        return urquhart.draw_match(self.query_xy, self.submap_xy, self.candidate, title=title, budget=budget)
 
 
 def stored_match(database: Database, collection_id: str, query_id: str, rank: int) -> Match:

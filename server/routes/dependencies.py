@@ -1,12 +1,14 @@
 """What routes declare as parameters: the service, the caller, preconditions, the idempotency key, ids and pages."""
 
 import hashlib
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Iterator
+from contextlib import contextmanager
 from typing import Annotated
 
 from fastapi import Depends, Header, Path, Query, Request
 from pydantic import BeforeValidator
 
+from server.errors import OutOfTime
 from server.http.authorization import get_principal, get_visitor
 from server.http.responses import entity_tags
 from server.resources.idempotency import IdempotencyKey
@@ -14,6 +16,8 @@ from server.resources.preconditions import Preconditions
 from server.runtime import Service
 from server.schemas.common import ResourceId, check_digits
 from server.security.principal import Principal
+from urquhart import Budget
+from urquhart.budget import OutOfTime as DeadlinePassed
 
 
 # Not `async` for what they wait for: the framework would send a plain function to a thread and back.
@@ -67,6 +71,21 @@ async def get_idempotency_key(
     sent = f"{request.url.query}{about}\n".encode() + await request.body()
     async with service.repetitions.turn((caller.id, request.method, request.url.path, idempotency_key)):
         yield idempotency_key_of(service, caller, idempotency_key, sent)
+
+
+@contextmanager
+def in_time(service: Service, budget: Budget) -> Iterator[Budget]:
+    """What a request may use of its budget for a picture, or for other work whose answer is all or nothing.
+
+    Raises OutOfTime where the work is left because the limit `query_seconds` has passed.
+    """
+    seconds = service.limits.query_seconds
+    try:
+        yield budget.within(seconds - budget.elapsed)
+    except DeadlinePassed:
+        raise OutOfTime(
+            "query_seconds", seconds, "Ask for application/json, or try again when less is going on."
+        ) from None
 
 
 ServiceDep = Annotated[Service, Depends(get_service)]

@@ -10,7 +10,7 @@ from server.http.negotiation import JSON, SVG, choose
 from server.http.responses import json_response, problems
 from server.queries import lookup, stored
 from server.queries.batch import answer_batch
-from server.routes.dependencies import Accept, CollectionId, IdempotencyKeyDep, PrincipalDep, ServiceDep
+from server.routes.dependencies import Accept, CollectionId, IdempotencyKeyDep, PrincipalDep, ServiceDep, in_time
 from server.schemas import examples
 from server.schemas.queries import BatchAnswer, BatchInput, ExplanationAnswer, MatchAnswer, QueryAnswer, QueryInput
 from server.security.principal import Scope
@@ -122,16 +122,19 @@ def get_match(
     query: QueryId,
     rank: Annotated[int, Path(description="`rank` of the candidate.", examples=[1], ge=1)],
     service: ServiceDep,
+    budget: BudgetDep,
     accept: Accept = None,
 ) -> Response:
     """A candidate of a stored query drawn as SVG: both forests overlaid, inlier pairs joined; or the same as JSON.
 
-    410 when the submap's landmarks are no longer those that were matched.
+    Of either side the drawing shows 5,000 landmarks, those of the overlap first, and says so where there are more. 503
+    where it takes longer than `query_seconds`. 410 when the submap's landmarks are no longer those that were matched.
     """
     media_type = choose(accept, [SVG, JSON])
-    match = stored.stored_match(service.database, collection, query, rank)
-    if media_type == SVG:
-        return Response(match.to_svg(), media_type=SVG, headers={"Vary": "Accept"})
+    with in_time(service, budget) as own:
+        match = stored.stored_match(service.database, collection, query, rank)
+        if media_type == SVG:
+            return Response(match.to_svg(own), media_type=SVG, headers={"Vary": "Accept"})
     return json_response(match.to_answer(), headers={"Vary": "Accept"})
 
 
@@ -145,13 +148,16 @@ def get_match(
         **problems(404, 406, 410, 422, 503),
     },
 )
-def get_explanation(collection: CollectionId, query: QueryId, service: ServiceDep, accept: Accept = None) -> Response:
+def get_explanation(
+    collection: CollectionId, query: QueryId, service: ServiceDep, budget: BudgetDep, accept: Accept = None
+) -> Response:
     """What each stage took, and what each level found in each submap, against the gates; drawn as SVG, or as JSON.
 
     The drawing lays the query over the best candidate, and over its strongest rival. 410 when it is no longer kept.
     """
     media_type = choose(accept, [SVG, JSON])
-    explained = stored.stored_explanation(service.database, collection, query)
-    if media_type == SVG:
-        return Response(explained.to_svg(), media_type=SVG, headers={"Vary": "Accept"})
+    with in_time(service, budget) as own:
+        explained = stored.stored_explanation(service.database, collection, query)
+        if media_type == SVG:
+            return Response(explained.to_svg(own), media_type=SVG, headers={"Vary": "Accept"})
     return json_response(explained.to_answer(), headers={"Vary": "Accept"})

@@ -4,6 +4,7 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
 
+from server.http.admission.admission import BudgetDep
 from server.http.json_body import JsonRoute
 from server.http.negotiation import GEOJSON, JSON, SVG, choose
 from server.http.responses import etag_header, json_response, next_link, not_modified, problems
@@ -16,6 +17,7 @@ from server.routes.dependencies import (
     PageLimit,
     ServiceDep,
     SubmapId,
+    in_time,
 )
 from server.schemas import examples
 from server.schemas.submaps import (
@@ -64,6 +66,7 @@ def list_submaps(
     request: Request,
     collection: CollectionId,
     service: ServiceDep,
+    budget: BudgetDep,
     bbox: Annotated[
         str | None,
         Query(
@@ -93,7 +96,8 @@ def list_submaps(
     arguments = (service.database, service.settings.limits, collection, chosen, limit, cursor)
     content: Any
     if media_type == GEOJSON:
-        content, following = reader.geojson_page(*arguments)
+        with in_time(service, budget) as own:
+            content, following = reader.geojson_page(*arguments, own)
     else:
         content = reader.page(*arguments)
         following = content.next
@@ -133,12 +137,21 @@ def get_tessellation(
     collection: CollectionId,
     submap: SubmapId,
     service: ServiceDep,
+    budget: BudgetDep,
     accept: Accept = None,
     if_none_match: IfNoneMatch = None,
 ) -> Response:
-    """Triangles, Urquhart polygons and their descriptors; as JSON, as GeoJSON, or drawn as SVG."""
+    """Triangles, Urquhart polygons and their descriptors; as JSON, as GeoJSON, or drawn as SVG.
+
+    The drawing shows 5,000 landmarks, those nearest to the middle, and says so where there are more. 503 where it takes
+    longer than `query_seconds`.
+    """
     media_type = choose(accept, [JSON, GEOJSON, SVG])
-    seen = reader.Tessellated(service.database, collection, submap)
+    with in_time(service, budget) as own:
+        return _tessellation(reader.Tessellated(service.database, collection, submap, own), media_type, if_none_match)
+
+
+def _tessellation(seen: reader.Tessellated, media_type: str, if_none_match: str | None) -> Response:
     etag = f"{seen.etag}-{media_type.split('/')[1].split('+')[0]}"
     unmodified = not_modified(if_none_match, etag, vary="Accept")
     if unmodified is not None:

@@ -36,6 +36,7 @@ from server.store.submap_filter import SubmapFilter
 from server.store.tables import SubmapRow
 from server.submaps.footprints import geometry_of, outside, references_of, without_crs
 from server.submaps.pages import rows_of_page
+from urquhart import Budget
 
 
 def read(database: Database, collection_id: str, submap_id: str) -> Submap:
@@ -81,17 +82,24 @@ def sessions(
 
 
 def geojson_page(
-    database: Database, limits: Limits, collection_id: str, chosen: SubmapFilter, limit: int | None, cursor: str | None
+    database: Database,
+    limits: Limits,
+    collection_id: str,
+    chosen: SubmapFilter,
+    limit: int | None,
+    cursor: str | None,
+    budget: Budget,
 ) -> tuple[dict[str, Any], str | None]:
     """The same page as GeoJSON: footprints, each by its own map frame's CRS. And the next cursor.
 
     A submap without map_pose, or in a map frame without CRS, has no geometry, and `no_geometry` says why. Raises
-    NotAcceptable for a collection without any CRS.
+    NotAcceptable for a collection without any CRS, and urquhart.budget.OutOfTime and Abandoned.
     """
     collection, rows, following = rows_of_page(database, limits, collection_id, chosen, limit, cursor, landmarks=True)
     references = references_of(database, collection, {row.map_frame_id for row in rows if row.map_frame_id is not None})
     features = []
     for row in rows:
+        budget.check()
         summary = SubmapSummary(**_summary(collection_id, row)).model_dump(mode="json")
         submap_id = summary.pop("id")
         geometry, reason = geometry_of(row, references)
@@ -101,10 +109,11 @@ def geojson_page(
 
 
 class Tessellated:
-    """A submap's tessellation, in the forms it is served in."""
+    """A submap's tessellation, in the forms it is served in; each raises urquhart.budget.OutOfTime and Abandoned."""
 
-    def __init__(self, database: Database, collection_id: str, submap_id: str) -> None:
+    def __init__(self, database: Database, collection_id: str, submap_id: str, budget: Budget) -> None:
         """Raises NotFound."""
+        self._budget = budget
         with database.read() as session:
             self._collection = get_collection(session, collection_id)
             row = Submaps(session, self._collection.key).get_whole(submap_id, features=True)
@@ -133,7 +142,7 @@ class Tessellated:
                     triangles=tessellation.polygon_triangles(i).tolist(),
                     descriptor=self._features.descriptors[i].tolist(),
                 )
-                for i in range(len(tessellation))
+                for i in self._budget.each(range(len(tessellation)))
             ],
         )
 
@@ -162,13 +171,13 @@ class Tessellated:
                     "geometry": polygon([positions[vertex] for vertex in tessellation.polygon(i)]),
                     "properties": {"vertices": tessellation.polygon(i).tolist()},
                 }
-                for i in range(len(tessellation))
+                for i in self._budget.each(range(len(tessellation)))
             ],
         }
 
     def to_svg(self) -> str:
         """As a drawing."""
-        return urquhart.draw_tessellation(self._features, title=self._row.id)
+        return urquhart.draw_tessellation(self._features, title=self._row.id, budget=self._budget)
 
     def _geo_etag(self) -> bytes:
         return repr(self._reference).encode()

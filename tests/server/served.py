@@ -121,7 +121,7 @@ class Threaded:
 
     def __init__(self, app: FastAPI) -> None:
         service: Service = app.state.service
-        self.service = service
+        self.app, self.service = app, service
         self.listener = bind("127.0.0.1", 0)
         self.port = int(self.listener.getsockname()[1])
         self.url = f"http://127.0.0.1:{self.port}"

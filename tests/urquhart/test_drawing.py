@@ -1,9 +1,18 @@
+import tracemalloc
 import xml.etree.ElementTree as ET
+from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 
 from tests.urquhart import forests
-from urquhart import SE2, Config, Recognizer, describe, draw_match, draw_tessellation
+from urquhart import SE2, Abandoned, Budget, Candidate, Config, Recognizer, describe, draw_match, draw_tessellation
+from urquhart.budget import OutOfTime
+from urquhart.report.match import covered
+from urquhart.report.svg import MOST
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -41,3 +50,89 @@ def test_scale_bars_fit_any_extent() -> None:
         svg = draw_tessellation(describe(forests.uniform(np.random.default_rng(2)) * scale, Config()))
         [bar] = [e for e in ET.fromstring(svg).iter(SVG + "line") if e.get("class") == "bar"]
         assert 40.0 < float(bar.get("x2", "0")) - float(bar.get("x1", "0")) < 400.0
+
+
+def ring(count: int, radius: float) -> NDArray[np.float64]:
+    turn = np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)
+    return radius * np.column_stack([np.cos(turn), np.sin(turn)])
+
+
+def matched(pairs: int) -> Candidate:
+    """A candidate that leaves the query where it is; the first landmarks of both sides are its pairs."""
+    xy = forests.uniform(np.random.default_rng(1))
+    recognizer = Recognizer(Config())
+    recognizer.add([(1, describe(xy, Config()))])
+    found = recognizer.recognize(xy).candidates[0]
+    both = np.arange(pairs)
+    return replace(found, transform=SE2(0.0, 0.0, 0.0), query_indices=both, submap_indices=both)
+
+
+def peak(work: Callable[[], object]) -> int:
+    """Bytes that are allocated at once while the work is done."""
+    tracemalloc.start()
+    try:
+        work()
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+def test_the_hull_takes_memory_for_the_landmarks_only() -> None:
+    """Every landmark of a ring is a corner of its hull; a table of points by corners has 400 million cells."""
+    around, within = ring(20_000, 4000.0), ring(20_000, 3999.0)
+    assert peak(lambda: covered(within, around)) < 50_000_000
+    assert covered(within, around).all()
+    assert not covered(around, within).any()
+    assert covered(around, around).all()
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_landmark_is_covered_where_no_side_of_the_hull_leaves_it_out(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    others = rng.integers(0, 5, (12, 2)).astype(float) if seed % 2 else rng.normal(0.0, 2.0, (12, 2))
+    points = np.concatenate([rng.integers(-1, 6, (200, 2)).astype(float), rng.normal(1.0, 3.0, (200, 2)), others])
+    sides = ConvexHull(others).equations
+    expected = (points @ sides[:, :2].T + sides[:, 2] <= 1e-9).all(axis=1)
+    np.testing.assert_array_equal(covered(points, others), expected)
+
+
+def test_trees_on_one_line_are_drawn_too() -> None:
+    line = np.column_stack([np.arange(5.0), np.zeros(5)])
+    assert covered(line, line).all()
+    assert covered(line[:, ::-1], line[:, ::-1]).all()
+    assert not covered(line + (0.0, 1.0), line).any()
+
+
+def test_of_very_many_trees_a_picture_shows_those_of_the_overlap_and_says_how_many() -> None:
+    submap = np.random.default_rng(0).uniform(0.0, 1000.0, (20_000, 2))
+    query = submap[:6_000] * (0.2, 0.2)  # in a corner
+    svg = draw_match(query, submap, matched(0))
+    assert count(svg, "circle", "query") == MOST
+    assert count(svg, "circle", "submap") == covered(submap, query).sum() < 1_000
+    assert count(svg, "circle", "submap") + count(svg, "circle", "submap outside") == MOST
+    assert "10,000 of 26,000 trees drawn" in svg
+    svg = draw_match(submap, submap, matched(20_000))
+    assert count(svg, "line", "pair") == MOST
+    assert len(svg) < 3_000_000
+    assert "drawn" not in draw_match(query[:100], submap[:100], matched(100))
+
+
+def test_of_a_very_large_submap_the_middle_is_drawn() -> None:
+    features = describe(np.random.default_rng(0).uniform(0.0, 400.0, (8_000, 2)), Config())
+    svg = draw_tessellation(features)
+    assert count(svg, "circle", "tree") == MOST
+    assert MOST < count(svg, "polygon", "triangle") < 2 * MOST
+    assert 0 < count(svg, "polygon", "polygon") < len(features.tessellation)
+    assert "5,000 of 8,000 trees drawn nearest to the middle" in svg
+
+
+def test_a_picture_ends_with_its_budget() -> None:
+    submap = ring(3_000, 50.0)
+    features, found = describe(forests.uniform(np.random.default_rng(0)), Config()), matched(3_000)
+    abandoned = Budget()
+    abandoned.abandon()
+    for budget, error in ((Budget(0.0), OutOfTime), (abandoned, Abandoned)):
+        with pytest.raises(error):
+            draw_match(submap, submap, found, budget=budget)
+        with pytest.raises(error):
+            draw_tessellation(features, budget=budget)

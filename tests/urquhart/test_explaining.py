@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from tests.urquhart import forests
-from urquhart import SE2, Stage
+from urquhart import SE2, Budget, Stage
+from urquhart.budget import OutOfTime
 from urquhart.decide.verdict import Reason
 from urquhart.report.explanation import (
     REASONS,
@@ -18,9 +19,9 @@ from urquhart.report.explanation import (
     Laid,
     counted,
     draw_explanation,
-    partners,
     sentence,
 )
+from urquhart.report.match import partners
 
 SVG = "{http://www.w3.org/2000/svg}"
 XY = forests.uniform(np.random.default_rng(0), 40)
@@ -136,3 +137,20 @@ def test_partners_are_each_others_nearest_and_near() -> None:
     first, second = partners(query, submap)
     assert list(zip(first.tolist(), second.tolist(), strict=True)) == [(0, 1), (3, 0)]
     assert not re.search(r"\bnan\b", draw_explanation(explanation([found("given", 0.0)])))
+
+
+def test_the_picture_ends_with_its_budget() -> None:
+    laid = Laid("best: p7", "", XY, SE2(0.0, 0.0, 0.0))
+    with pytest.raises(OutOfTime):
+        draw_explanation(explanation([], (laid,)), Budget(0.0))
+
+
+def test_partners_in_the_middle_of_a_ring_are_not_compared_with_all_of_it() -> None:
+    """All landmarks of the ring are equally far from a landmark in its middle, so the work is cut into portions."""
+    turn = np.linspace(0.0, 2.0 * np.pi, 3_000, endpoint=False)
+    ring = 0.5 * np.column_stack([np.cos(turn), np.sin(turn)])
+    middle = np.random.default_rng(0).normal(0.0, 1e-3, (3_000, 2))
+    with pytest.raises(OutOfTime):
+        partners(middle, ring, Budget(0.0))
+    first, second = partners(middle, ring)
+    assert 0 < len(first) == len(second) < 3_000

@@ -13,9 +13,10 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
-from urquhart.report.svg import LEGEND, Canvas, overlay, render
+from urquhart.budget import UNBOUNDED, Budget
+from urquhart.report.match import LEGEND, PARTNERS, overlay, partners
+from urquhart.report.svg import Canvas, left_out, render
 from urquhart.se2 import SE2
 from urquhart.trace import SearchEnd, Skipped, Stage, StoppedBy
 
@@ -53,8 +54,6 @@ UNREFUSED: Final = "enough evidence; only a rival could refuse it"
 
 WIDTH: Final = 1000.0
 """Pixels, of the picture."""
-PARTNERS: Final = 0.75
-"""Metres: landmarks of the two sides that are joined in the picture are no farther apart."""
 _LEFT, _BARS, _NUMBERS, _MIDDLE, _WORDS, _RIGHT = 40.0, 204.0, 425.0, 440.0, 615.0, 960.0
 _BAR: Final = 160.0
 _ALONE: Final = 640.0
@@ -148,8 +147,13 @@ def counted(stage: Stage) -> str:
     return ", ".join(f"{name.replace('_', ' ')} {count}" for name, count in stage.counts.items() if count)
 
 
-def draw_explanation(explanation: Explanation) -> str:
-    """The explanation as SVG, `WIDTH` pixels wide."""
+def draw_explanation(explanation: Explanation, budget: Budget = UNBOUNDED) -> str:
+    """The explanation as SVG, `WIDTH` pixels wide.
+
+    Raises:
+        OutOfTime: the deadline passed before it was drawn.
+        Abandoned: nobody waits for it any more.
+    """
     page = _Page()
     page.text(_LEFT, explanation.title, "head", 34.0)
     page.text(_LEFT, sentence(explanation.reason).capitalize() + ".", "", 24.0)
@@ -157,7 +161,7 @@ def draw_explanation(explanation: Explanation) -> str:
         page.text(_LEFT, subtitle, "small", _ROW)
     _draw_stages(page, explanation.stages)
     _draw_findings(page, explanation)
-    _draw_laid(page, explanation)
+    _draw_laid(page, explanation, budget)
     return render(page.parts, WIDTH, page.y + 16.0, _STYLE)
 
 
@@ -243,7 +247,7 @@ def _draw_finding(page: _Page, one: Found, axis: "_Axis") -> None:
     page.text(_WORDS, sentence(one.refused), "small")
 
 
-def _draw_laid(page: _Page, explanation: Explanation) -> None:
+def _draw_laid(page: _Page, explanation: Explanation, budget: Budget) -> None:
     if not (explanation.laid or explanation.missing):
         return
     rival = ", and over its strongest rival" if len(explanation.laid) > 1 else ""
@@ -255,25 +259,19 @@ def _draw_laid(page: _Page, explanation: Explanation) -> None:
     page.text(_LEFT, legend, "small", 24.0)
     page.y += 8.0
     side = WIDTH / 2.0 if len(explanation.laid) > 1 else _ALONE
-    views = [_view(explanation.query_xy, laid, side) for laid in explanation.laid]
+    views = [_view(explanation.query_xy, laid, side, budget) for laid in explanation.laid]
     for place, view in enumerate(views):
         page.parts.append(view.embed(place * side, page.y))
     page.y += max(view.height for view in views)
 
 
-def _view(query_xy: NDArray[np.float64], laid: Laid, side: float) -> Canvas:
-    query = laid.transform.apply(query_xy)
-    view = Canvas(np.concatenate([laid.submap_xy, query]), _cut(laid.title, 40), laid.subtitle, size=side, width=side)
-    overlay(view, query, laid.submap_xy, *partners(query, laid.submap_xy))
+def _view(query_xy: NDArray[np.float64], laid: Laid, side: float, budget: Budget) -> Canvas:
+    query, submap = laid.transform.apply(query_xy), laid.submap_xy
+    notes = [laid.subtitle, *left_out(len(query), len(submap))]
+    both = np.concatenate([submap, query])
+    view = Canvas(both, _cut(laid.title, 40), "; ".join(notes), size=side, width=side)
+    overlay(view, query, submap, *partners(query, submap, budget), budget)
     return view
-
-
-def partners(query: NDArray[np.float64], submap: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Positions of landmarks (N, 2), (M, 2), metres, in one frame, that are each other's nearest within `PARTNERS`."""
-    distance, found = cKDTree(submap).query(query)
-    nearest, back = np.asarray(found, np.int64), np.asarray(cKDTree(query).query(submap)[1], np.int64)
-    mutual = np.flatnonzero((distance <= PARTNERS) & (back[nearest] == np.arange(len(query))))
-    return mutual, nearest[mutual]
 
 
 class _Axis:

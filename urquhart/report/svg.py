@@ -1,4 +1,4 @@
-"""Pictures as SVG: a tessellation, and a match laid over itself. North (y) is up; a scale bar gives the metres."""
+"""Pictures as SVG, and that of a tessellation. North (y) is up; a scale bar gives the metres."""
 
 import math
 from collections.abc import Sequence
@@ -6,10 +6,9 @@ from html import escape
 from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from scipy.spatial import ConvexHull
+from numpy.typing import NDArray
 
-from urquhart.decide.candidates import Candidate
+from urquhart.budget import UNBOUNDED, Budget
 from urquhart.features.describe import Features
 
 _SIZE: Final = 900.0
@@ -17,8 +16,8 @@ _MARGIN: Final = 40.0
 _HEAD: Final = 44.0
 _LINE: Final = 20.0
 _WIDTH: Final = 620.0
-LEGEND: Final = "cross: seen by one side only, pale: outside the overlap"
-"""What crosses and pale landmarks of an overlay mean."""
+MOST: Final = 5_000
+"""Landmarks of either side that a picture shows: more of them make tens of megabytes, and a black area."""
 STYLE: Final = """
 text{font:14px
 system-ui,sans-serif;fill:#24332b}.head{font-size:18px;font-weight:600}.small{font-size:12px;fill:#5b6b62}
@@ -116,83 +115,39 @@ def render(parts: Sequence[str], width: float, height: float, style: str = "") -
     )
 
 
-def draw_tessellation(features: Features, *, title: str = "") -> str:
-    """SVG of one submap: Delaunay triangles, interior Urquhart polygons (coloured by vertex count), landmarks."""
-    counts = features.counts()
-    subtitle = (
-        f"{counts['landmarks']} landmarks, {counts['triangles']} triangles, {counts['polygons']} interior polygons"
-    )
-    canvas = Canvas(features.landmarks, title or "Tessellation", subtitle)
-    t = features.tessellation
-    for triangle in t.triangles:
-        canvas.outline(features.landmarks[triangle], "triangle")
-    for i in range(len(t)):
-        vertices = t.polygon(i)
-        # The golden angle spreads neighbouring vertex counts over the colour circle.
-        hue = (95.0 + 137.5 * (len(vertices) - 3)) % 360.0
-        canvas.outline(features.landmarks[vertices], "polygon", f"hsl({hue:.0f} 45% 72%)")
-    for i, landmark in enumerate(features.landmarks):
-        canvas.circle(landmark, 3.5, "tree", f"landmark {i}")
-    return canvas.render()
+def draw_tessellation(features: Features, *, title: str = "", budget: Budget = UNBOUNDED) -> str:
+    """SVG of one submap: Delaunay triangles, interior Urquhart polygons (coloured by vertex count), landmarks.
 
+    Of more than `MOST` landmarks those nearest to the middle are drawn, and what has all its corners among them.
 
-def draw_match(query_xy: ArrayLike, submap_xy: ArrayLike, candidate: Candidate, *, title: str = "") -> str:
-    """SVG of a match in the submap frame: both sets of landmarks, inlier pairs joined, misses crossed.
-
-    Args:
-        query_xy, submap_xy: (N, 2), (M, 2), metres, as posted.
+    Raises:
+        OutOfTime: the deadline passed before it was drawn.
+        Abandoned: nobody waits for it any more.
     """
-    submap = np.asarray(submap_xy, dtype=np.float64)
-    query = candidate.transform.apply(np.asarray(query_xy, dtype=np.float64))
-    subtitle = (
-        f"{len(candidate.residuals)} inliers, RMS {candidate.rms:.2f} m, overlap {candidate.overlap:.0%}, "
-        f"confidence {_odds(candidate.confidence)}"
-    )
+    counts, t, xy = features.counts(), features.tessellation, features.landmarks
+    nearest = np.argsort(np.hypot(*(xy - xy.mean(axis=0)).T), kind="stable")[:MOST]
+    shown = np.zeros(len(xy), np.bool_)
+    shown[nearest] = True
     canvas = Canvas(
-        np.concatenate([submap, query]), title or "Match", subtitle, f"filled: query, ring: submap, {LEGEND}"
+        xy[shown],
+        title or "Tessellation",
+        f"{counts['landmarks']} landmarks, {counts['triangles']} triangles, {counts['polygons']} interior polygons",
+        *left_out(len(xy), where=" nearest to the middle"),
     )
-    overlay(canvas, query, submap, candidate.query_indices, candidate.submap_indices)
+    for triangle in budget.each(t.triangles[shown[t.triangles].all(axis=1)]):
+        canvas.outline(xy[triangle], "triangle")
+    for i in budget.each(range(len(t))):
+        vertices = t.polygon(i)
+        if shown[vertices].all():
+            # The golden angle spreads neighbouring vertex counts over the colour circle.
+            hue = (95.0 + 137.5 * (len(vertices) - 3)) % 360.0
+            canvas.outline(xy[vertices], "polygon", f"hsl({hue:.0f} 45% 72%)")
+    for i in budget.each(np.flatnonzero(shown).tolist()):
+        canvas.circle(xy[i], 3.5, "tree", f"landmark {i}")
     return canvas.render()
 
 
-def overlay(
-    canvas: Canvas,
-    query: NDArray[np.float64],
-    submap: NDArray[np.float64],
-    first: NDArray[np.int64],
-    second: NDArray[np.int64],
-) -> None:
-    """Draw two sets of landmarks (N, 2), (M, 2), metres, in one frame: partners joined, misses crossed.
-
-    Args:
-        first, second: (K,), positions of the partners in `query` and `submap`.
-
-    A landmark is a miss where the other footprint covers it; outside of that it is only drawn pale.
-    """
-    paired_query, paired_submap = set(first.tolist()), set(second.tolist())
-    query_covered, submap_covered = _covered(query, submap), _covered(submap, query)
-    for i, j in zip(first.tolist(), second.tolist(), strict=True):
-        canvas.line(query[i], submap[j], "pair")
-    for j, landmark in enumerate(submap):
-        canvas.circle(
-            landmark, 6.0, "submap" if j in paired_submap or submap_covered[j] else "submap outside", f"submap {j}"
-        )
-        if j not in paired_submap and submap_covered[j]:
-            canvas.cross(landmark, 5.0, "miss")
-    for i, landmark in enumerate(query):
-        canvas.circle(
-            landmark, 3.5, "query" if i in paired_query or query_covered[i] else "query outside", f"query {i}"
-        )
-        if i not in paired_query and query_covered[i]:
-            canvas.cross(landmark, 5.0, "miss")
-
-
-def _odds(confidence: float) -> str:
-    return "over 0.9999" if confidence > 0.9999 else f"{confidence:.4f}"
-
-
-def _covered(points: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which `points` lie inside the convex hull of `others`."""
-    hull = ConvexHull(others)
-    outside = points @ hull.equations[:, :2].T + hull.equations[:, 2] > 1e-9
-    return np.asarray(~outside.any(axis=1))
+def left_out(*sides: int, where: str = "") -> list[str]:
+    """What a picture says of landmarks that it does not show, by how many each side has; nothing where it shows all."""
+    shown = sum(min(count, MOST) for count in sides)
+    return [f"{shown:,} of {sum(sides):,} trees drawn{where}"] if shown < sum(sides) else []
