@@ -1,5 +1,6 @@
 """`urquhart db`: the database file, apart from the service."""
 
+from collections.abc import Iterator
 from functools import partial
 from typing import Annotated
 
@@ -8,10 +9,17 @@ import typer
 from rich.console import Console
 
 from server.checks.inspection import inspect
+from server.checks.integrity import Discrepancy
 from server.collections.registry import known_collections, read
-from server.commands.support.database import _database, existing_database, settings_with
+from server.commands.support.database import (
+    _database,
+    existing_database,
+    settings_with,
+    unchanged_database,
+)
 from server.commands.support.options import DatabaseOption
 from server.commands.support.progress import progress_bar
+from server.errors import StorageDamaged
 from server.index.catalog import Catalog
 from server.index.flushing import rebuild
 from server.index.maintenance import Maintenance
@@ -49,7 +57,7 @@ def check_database(
     as_json: Annotated[bool, typer.Option("--json", help="Tell it as JSON.")] = False,
 ) -> None:
     """Prove that file, schema, rows, features and index agree. Exit code 1 when they do not; nothing is changed."""
-    store = existing_database(settings_with(database=database))
+    store = unchanged_database(settings_with(database=database))
     try:
         if tell_findings(store, as_json=as_json):
             raise typer.Exit(1)
@@ -60,7 +68,7 @@ def check_database(
 def tell_findings(store: Database, *, as_json: bool = False) -> int:
     """Inspect a database and print what is found; how much that was. Raises StorageError."""
     found = []
-    for finding in inspect(store):
+    for finding in _findings(store):
         found.append({"where": finding.where, "what": finding.what})
         if not as_json:
             typer.echo(f"{finding.where}: {finding.what}" if finding.where else finding.what)
@@ -69,6 +77,13 @@ def tell_findings(store: Database, *, as_json: bool = False) -> int:
     else:
         typer.echo(f"{store.path}: {len(found)} findings" if found else f"{store.path}: clean")
     return len(found)
+
+
+def _findings(store: Database) -> Iterator[Discrepancy]:
+    try:
+        yield from inspect(store)
+    except StorageDamaged:
+        yield Discrepancy("", "the file is damaged, and SQLite cannot read it: restore a snapshot or a backup")
 
 
 @app.command("reindex")

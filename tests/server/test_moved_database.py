@@ -15,9 +15,14 @@ import httpx
 import pytest
 
 from server.checks.inspection import inspect
+from server.collections import registry
+from server.config.settings import Limits
 from server.errors import StorageAltered
+from server.schemas.collections import CollectionPut
+from server.schemas.submaps import SubmapInput
 from server.store import migrations_runner
 from server.store.sqlite.database import Database
+from server.submaps import ingest
 from tests.server.processes import Server
 from tests.server.world import forest, points
 
@@ -247,6 +252,148 @@ def test_a_log_that_is_cut_off_and_grows_again(path: Path, kept: float) -> None:
     with pytest.raises(StorageAltered), database.write():
         pass
     database.dispose()
+
+
+def other_database(folder: Path) -> Path:
+    """A database with a submap of its own, in one file."""
+    path = folder / "other.db"
+    database = Database(path)
+    migrations_runner.upgrade(database)
+    registry.ensure(database, "plots", CollectionPut())
+    ingest.put(database, "plots", "other", SubmapInput.model_validate({"xy": TREES}), Limits())
+    database.dispose()
+    assert not log_of(path).exists()
+    return path
+
+
+def log_of(path: Path) -> Path:
+    return path.with_name(f"{path.name}-wal")
+
+
+def set_aside(path: Path) -> list[Path]:
+    return sorted(path.parent.glob(f"{path.name}-wal.set-aside-*"))
+
+
+@pytest.mark.parametrize("end", ["stop", "kill"])
+@pytest.mark.parametrize("how", ["mv, then cp", "mv over it", "cp over it"])
+def test_the_file_that_is_put_in_place_is_used_as_it_is(
+    serve: Callable[..., Server], path: Path, how: str, end: str
+) -> None:
+    """The log of the file that was there before is not applied to it, and what was acknowledged is not lost."""
+    servers = start(serve, path, 2)
+    other = other_database(path.parent)
+    content, moved, before = other.read_bytes(), path.with_name("moved.db"), path.with_name("before.db")
+    with writing(*servers) as writers:
+        pass
+    assert log_of(path).stat().st_size
+    shutil.copy(path, before)
+    match how:
+        case "mv, then cp":
+            path.rename(moved)
+            subprocess.run(["cp", str(other), str(path)], check=True)
+        case "mv over it":
+            moved.hardlink_to(path)
+            other.replace(path)
+        case _:
+            subprocess.run(["cp", str(other), str(path)], check=True)
+    until(lambda: not_ready(servers[0]))
+    for server in servers:
+        if end == "stop":
+            server.stop()
+        else:
+            server.kill()
+    assert path.read_bytes() == content
+    assert not log_of(path).exists() or not log_of(path).stat().st_size
+    assert stored(path) == {"other"}
+    if how == "cp over it":
+        (aside,) = set_aside(path)
+        before.replace(moved)
+        shutil.copy(aside, log_of(moved))
+    assert stored(moved) >= set(writers.acknowledged)
+    again = serve(path)
+    assert [one["id"] for one in again.client.get(SUBMAPS).json()["submaps"]] == ["other"]
+
+
+def test_a_log_that_was_cut_off_is_not_written_into_the_file(serve: Callable[..., Server], path: Path) -> None:
+    """The writes that follow leave a hole in it, and nothing of it can be told from what is missing."""
+    (server,) = start(serve, path)
+    with writing(server) as writers:
+        content = path.read_bytes()
+        os.truncate(log_of(path), 0)
+        writers.refused()
+    server.stop()
+    assert path.read_bytes() == content
+    assert set_aside(path) and not log_of(path).exists()
+    assert list(sqlite3.connect(path).execute("PRAGMA integrity_check")) == [("ok",)]
+
+
+def test_a_file_that_was_only_touched(path: Path) -> None:
+    """Nobody can tell from outside; the answer says where the log is, and with it back nothing is missing."""
+    database = Database(path)
+    migrations_runner.upgrade(database)
+    registry.ensure(database, "plots", CollectionPut())
+    assert database.trouble() is None
+    os.utime(path)
+    said = database.trouble() or ""
+    (aside,) = set_aside(path)
+    assert aside.name in said and f"rename that to {log_of(path).name}" in said
+    database.dispose()
+    aside.rename(log_of(path))
+    again = Database(path)
+    assert registry.known_collections(again) == ["plots"]
+    again.dispose()
+
+
+def test_who_did_not_see_it_happen_does_not_write_the_log_either(path: Path) -> None:
+    """One process looked at the file after its last checkpoint, the other did not, and cannot see that it changed."""
+    seeing, idle = Database(path), Database(path)
+    for database in (seeing, idle):
+        migrations_runner.upgrade(database)
+    with closing(sqlite3.connect(path)) as connection:
+        connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+    registry.ensure(seeing, "plots", CollectionPut())
+    content = path.read_bytes()
+    path.write_bytes(content)
+    os.utime(path, ns=(1, 1))
+    assert "by something else" in (seeing.trouble() or "")
+    assert "by something else" in (idle.trouble() or "")
+    seeing.dispose()
+    idle.dispose()
+    assert path.read_bytes() == content
+    assert len(set_aside(path)) == 1
+
+
+def test_logs_that_are_set_aside_keep_each_other(path: Path) -> None:
+    for number in range(1, 12):
+        database = Database(path)
+        migrations_runner.upgrade(database)
+        registry.ensure(database, f"plots{number}", CollectionPut())
+        assert database.trouble() is None
+        os.utime(path)
+        assert f"set-aside-{number} " in (database.trouble() or "")
+        database.dispose()
+        assert len(set_aside(path)) == number
+
+
+def test_what_is_read_while_the_file_is_moved_does_not_keep_the_log_full(path: Path) -> None:
+    """Where somebody reads an older state, the log cannot be emptied at once; it is when the database is closed."""
+    database = Database(path)
+    migrations_runner.upgrade(database)
+    registry.ensure(database, "plots", CollectionPut())
+    reader = sqlite3.connect(path, isolation_level=None)
+    reader.execute("BEGIN")
+    reader.execute("SELECT count(*) FROM collections").fetchone()
+    registry.ensure(database, "more", CollectionPut())
+    moved = path.with_name("moved.db")
+    path.rename(moved)
+    assert database.trouble() is not None
+    assert log_of(path).stat().st_size
+    reader.close()
+    database.dispose()
+    assert not log_of(path).stat().st_size
+    again = Database(moved)
+    assert registry.known_collections(again) == ["plots", "more"]
+    again.dispose()
 
 
 def test_a_memory_of_the_log_that_is_cut_off(serve: Callable[..., Server], path: Path) -> None:

@@ -45,6 +45,20 @@ def existing_database(settings: Settings) -> Database:
     return _database(settings)
 
 
+def unchanged_database(settings: Settings) -> Database:
+    """The database of `settings`, to look at: a log that lies beside it is read, and not written into it.
+
+    Raises:
+        Failure: there is no such file.
+    """
+    check_there(settings)
+    file = settings.database_path.resolve()
+    log = file.with_name(f"{file.name}-wal")
+    # Who only reads leaves an empty log, and is not needed where there is none.
+    left = log.exists() and log.stat().st_size > 0
+    return _database(settings, read_only=left)
+
+
 def check_there(settings: Settings) -> None:
     """A mistyped path is reported, and does not get an empty database. Raises Failure."""
     if not settings.database_path.is_file():
@@ -53,5 +67,9 @@ def check_there(settings: Settings) -> None:
         )
 
 
-def _database(settings: Settings) -> Database:
-    return Database(settings.database_path, busy_timeout=settings.busy_timeout, read_only=settings.database_read_only)
+def _database(settings: Settings, *, read_only: bool = False) -> Database:
+    return Database(
+        settings.database_path,
+        busy_timeout=settings.busy_timeout,
+        read_only=read_only or settings.database_read_only,
+    )

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import NoReturn
+from typing import Literal, NoReturn
 
 import orjson
 from sqlalchemy import Connection, Engine, create_engine, event
@@ -18,7 +18,7 @@ from sqlalchemy.pool import QueuePool
 
 from server import errors
 from server.store.sqlite import database_lock
-from server.store.sqlite.file_watch import FileWatch, Trouble
+from server.store.sqlite.sentinel import Sentinel
 from server.store.sqlite.sqlite_errors import BUSY, domain_error, storage_errors
 
 _WRITE = "urquhart_write"
@@ -35,7 +35,7 @@ class Database:
     get such sessions handed in and never commit. Errors of SQLite leave as `errors.StorageError`.
 
     From `use_wal` to `dispose` the file must stay what it is and where it is: else nothing is read and no write is
-    acknowledged, see `file_watch`.
+    acknowledged, see `sentinel`.
     """
 
     def __init__(
@@ -53,10 +53,7 @@ class Database:
         self._file_lock: int | None = None
         self._moving_in = threading.Lock()
         self._create = create and not read_only
-        self._watch = FileWatch(self.path)
-        self._sentinel: sqlite3.Connection | None = None
-        self._trouble: Trouble | None = None
-        self._noticing = threading.Lock()
+        self._sentinel = Sentinel(self.path, read_only=read_only)
         self.engine = self._make_engine()
         self._write_engine = self.engine.execution_options(**{_WRITE: True})
 
@@ -94,15 +91,7 @@ class Database:
 
         For files that were moved, deleted, replaced or written to by others. It is logged when that begins and ends.
         """
-        found = self._watch.trouble()
-        with self._noticing:
-            before, self._trouble = self._trouble, found
-            if found is not None and before is None:
-                _log.error("the database cannot be used: %s", found.sentence)
-                self._save(found)
-            elif found is None and before is not None:
-                _log.warning("the database can be used again")
-        return None if found is None else found.sentence
+        return self._sentinel.trouble()
 
     def use_wal(self) -> None:
         """Put the file into WAL mode, for good, and watch it from now on. It is made where there is none.
@@ -113,12 +102,12 @@ class Database:
             if not self.read_only:
                 self._begin_wal()
             with self._moving_in:
-                if self._sentinel is None:
-                    self._sentinel = self._watched()
+                if not self._sentinel.watching:
+                    self._sentinel.open(self._connect)
 
     def _begin_wal(self) -> None:
         deadline = time.monotonic() + self._busy_timeout
-        with closing(self._connect(create=self._create and not self._watch.bound)) as connection:
+        with closing(self._connect(create=self._create and not self._sentinel.watching)) as connection:
             while connection.execute("PRAGMA journal_mode").fetchone()[0] != "wal":
                 try:
                     connection.execute("PRAGMA journal_mode = WAL")
@@ -151,13 +140,10 @@ class Database:
             copy.execute("PRAGMA journal_mode = DELETE")
 
     def dispose(self) -> None:
-        """Close all idle connections; the last one to close folds the write-ahead log into the file."""
+        """Close all idle connections; the last one to close folds the write-ahead log into the file, if it is whole."""
         self.engine.dispose()
         with self._moving_in:
-            if self._sentinel is not None:
-                self._sentinel.close()
-                self._watch.release()
-                self._sentinel = self._trouble = None
+            self._sentinel.close()
             if self._file_lock is not None:
                 database_lock.release(self._file_lock)
                 self._file_lock = None
@@ -176,12 +162,12 @@ class Database:
         event.listen(engine, "begin", _begin)
         return engine
 
-    def _connect(self, *, create: bool = False) -> sqlite3.Connection:
+    def _connect(self, mode: Literal["ro", "rw"] = "rw", *, create: bool = False) -> sqlite3.Connection:
         if create:
             self._refuse_orphaned_log()
-        mode = "ro" if self.read_only else ("rwc" if create else "rw")
+        access = "ro" if self.read_only else ("rwc" if create else mode)
         connection = sqlite3.connect(
-            f"{self.path.as_uri()}?mode={mode}",
+            f"{self.path.as_uri()}?mode={access}",
             uri=True,
             timeout=self._busy_timeout,
             isolation_level=None,  # BEGIN is ours to say, see _begin
@@ -196,22 +182,6 @@ class Database:
             raise
         return connection
 
-    def _watched(self) -> sqlite3.Connection:
-        """A connection that keeps the log from being removed by whoever closes the file last; the file is watched."""
-        with storage_errors(self.path):
-            before = self._watch.identity()
-            connection = self._connect()
-            try:
-                connection.execute("SELECT count(*) FROM sqlite_master").fetchone()  # opens the log
-                self._watch.bind()
-                if self._watch.identity() != before:
-                    raise errors.StorageAltered(f"{self.path.name} was replaced while it was opened; start again.")
-            except BaseException:
-                connection.close()
-                self._watch.release()
-                raise
-            return connection
-
     def _refuse_orphaned_log(self) -> None:
         """SQLite would remove the log of a database that is not there, with all that was committed to it."""
         real = self.path.resolve()
@@ -225,15 +195,6 @@ class Database:
     def _require(self, cause: Exception | None = None) -> None:
         if (sentence := self.trouble()) is not None:
             raise errors.StorageAltered(sentence) from cause
-
-    def _save(self, trouble: Trouble) -> None:
-        """Put what is only in the log into the file that is open, wherever that is: the log may get lost."""
-        if self._sentinel is None or self.read_only or not trouble.intact:
-            return
-        try:
-            self._sentinel.execute("PRAGMA wal_checkpoint(PASSIVE)").fetchall()
-        except sqlite3.Error as error:
-            _log.warning("what is in the log cannot be written to the database file: %s", error)
 
     @contextmanager
     def _one_writer(self) -> Iterator[None]:
@@ -258,6 +219,7 @@ class Database:
             self._raise_domain_error(error, error)
         except PoolTimeout as error:
             raise errors.StorageBusy("All database connections are in use; try again shortly.") from error
+        self._sentinel.used()
         self._require()
 
     def _raise_domain_error(self, error: sqlite3.Error, cause: Exception) -> NoReturn:

@@ -14,7 +14,10 @@ import struct
 import threading
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, Literal
+
+from server.store.sqlite import set_aside
+from server.store.sqlite.set_aside import Identity, identity
 
 _HEADER: Final = struct.Struct("=I4xIBBHII8x8s8s")
 """Of the wal-index (SQLite's `WalIndexHdr`): version, change, initialised, byte order, page size, frames, pages, salts,
@@ -38,8 +41,7 @@ _RESTART: Final = (
     "Nothing is read or stored any more. Stop the service, restore the database from a backup or a snapshot if "
     "`urquhart db check` finds fault with it, and start the service."
 )
-_Identity = tuple[int, int]
-"""Device and inode."""
+_CHANGED: Final = "was written to by something else than SQLite."
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,11 +50,13 @@ class Trouble:
 
     Attributes:
         sentence: what is wrong and what to do.
-        intact: whether the file and the log that are open are as SQLite left them, though not under their names.
+        kind: `moved`: the file and the log that are open are as SQLite left them, though not under their names.
+            `apart`: file and log do not belong together any more, and the log must not be written into the file.
+            `index`: file and log do belong together, but what SQLite knows of the log was cut off.
     """
 
     sentence: str
-    intact: bool
+    kind: Literal["moved", "apart", "index"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,22 +80,17 @@ class FileWatch:
     def __init__(self, path: Path) -> None:
         """Of the file at `path`, which need not be there yet."""
         self.path = path
-        self._file: _Identity | None = None
-        self._beside: dict[str, tuple[Path, _Identity]] = {}
+        self._file: Identity | None = None
+        self._beside: dict[str, tuple[Path, Identity]] = {}
         self._descriptors: dict[str, int] = {}
         self._seen: tuple[int, int, tuple[bytes, int]] | None = None
-        self._changed = False
+        self._apart: str | None = None
         self._guard = threading.Lock()
 
     @property
     def bound(self) -> bool:
         """Whether there is something to compare with."""
         return self._file is not None
-
-    def identity(self) -> _Identity:
-        """Device and inode of what lies at the path. Raises OSError."""
-        found = self.path.stat()
-        return found.st_dev, found.st_ino
 
     def bind(self) -> None:
         """What lies at the path now, with its log, is what is open; a connection must have read it. Raises OSError."""
@@ -101,11 +100,10 @@ class FileWatch:
             for ending in ("-wal", "-shm"):
                 path = real.with_name(f"{real.name}{ending}")
                 if path.exists():
-                    found = path.stat()
-                    self._beside[ending] = path, (found.st_dev, found.st_ino)
+                    self._beside[ending] = path, identity(path)
             self._descriptors = {ending: _DESCRIPTORS.borrow(*beside) for ending, beside in self._beside.items()}
-            self._seen, self._changed = None, False
-            self._file = self.identity()
+            self._seen = self._apart = None
+            self._file = identity(self.path)
 
     def release(self) -> None:
         """Compare with nothing any more; no connection may be open."""
@@ -118,61 +116,92 @@ class FileWatch:
     def trouble(self) -> Trouble | None:
         """Why the database must not be used now; None where all is well, or nothing was bound."""
         with self._guard:
-            if self._file is None:
+            return None if self._file is None else self._look()
+
+    def set_log_aside(self) -> Path | None:
+        """Take the log from the name at which SQLite would apply it to the file; where it lies then. Raises OSError."""
+        with self._guard:
+            if "-wal" not in self._beside:
                 return None
-            try:
-                return self._look()
-            except OSError as error:
-                name, why = Path(str(error.filename or self.path)).name, error.strerror or str(error)
-                return Trouble(f"{name} cannot be found: {why}. {_WHAT_TO_DO}", intact=True)
+            aside = set_aside.set_aside(*self._beside["-wal"])
+            shared, wanted = self._beside["-shm"]
+            if shared.exists() and identity(shared) == wanted:
+                shared.unlink()  # whoever opens the file next would read there what was in the log
+            return aside
 
     def _look(self) -> Trouble | None:
         name = self.path.name
-        if self.identity() != self._file:
-            return Trouble(
-                f"Another file lies where the service opened {name}, which was moved or deleted. {_WHAT_TO_DO}",
-                intact=True,
-            )
-        sizes = dict[str, int]()
-        for ending, (path, identity) in self._beside.items():
-            found = path.stat()
-            if (found.st_dev, found.st_ino) != identity:
-                return Trouble(f"Another file lies where {path.name} was. {_WHAT_TO_DO}", intact=True)
-            sizes[ending] = found.st_size
+        if "-shm" in self._descriptors and os.fstat(self._descriptors["-shm"]).st_size < _INDEX_BYTES:
+            return Trouble(f"{name}-shm was cut off. {_RESTART}", "index")
+        moved = self._moved()
+        try:
+            self._apart = self._apart or self._fallen_apart(moved)
+            if self._apart is not None:
+                return Trouble(f"{self._apart} {self._kept()}{_RESTART}", "apart")
+        except OSError as error:
+            moved = moved or _missing(error, self.path)
+        return None if moved is None else Trouble(f"{moved} {_WHAT_TO_DO}", "moved")
+
+    def _moved(self) -> str | None:
+        """What does not lie under its name any more, None where everything does."""
+        try:
+            for path, opened in ((self.path, self._file), *self._beside.values()):
+                if identity(path) != opened:
+                    return f"Another file lies where the service opened {path.name}, which was moved or deleted."
+        except OSError as error:
+            return _missing(error, self.path)
+        return None
+
+    def _fallen_apart(self, moved: str | None) -> str | None:
+        """Why the log does not belong to the file any more, None where it does. Raises OSError."""
         if len(self._descriptors) < 2:
             return None
-        if sizes["-shm"] < _INDEX_BYTES:
-            return Trouble(f"{name}-shm was cut off. {_RESTART}", intact=False)
+        # Looked for after it was missed: another process sets it aside at any moment.
+        if moved is not None and set_aside.find(*self._beside["-wal"]) is not None:
+            return f"{self.path.name} {_CHANGED}"
         for _ in range(_TRIES):  # others commit and checkpoint between the looks at the several files
-            trouble = self._compare(self._descriptors["-shm"], self._descriptors["-wal"])
-            if trouble is None:
+            found = self._compare(self._descriptors["-shm"], self._descriptors["-wal"])
+            if found is None:
                 return None
-        return trouble
+        return found
 
-    def _compare(self, shared: int, log: int) -> Trouble | None:
+    def _kept(self) -> str:
+        log, opened = self._beside["-wal"]
+        aside = set_aside.find(log, opened)
+        if aside is None:
+            return ""
+        return (
+            f"What was stored last is kept in {aside.name} and is not used any more; if nothing but the times of "
+            f"the file was changed, stop the service and rename that to {log.name}. "
+        )
+
+    def _compare(self, shared: int, log: int) -> str | None:
         name = self.path.name
         before = _read_index(shared)
         if before is None:
             return None
         whole, file = _is_whole(log, before), self.path.stat()
+        if (file.st_dev, file.st_ino) != self._file:
+            return None
         after = _read_index(shared)
         if after is None:
             return None
         if not whole and before.salts == after.salts and after.log_bytes >= before.log_bytes:
-            return Trouble(f"{name}-wal was cut off, and what it held is gone. {_RESTART}", intact=False)
+            return f"{name}-wal was cut off, and what it held is gone."
         if file.st_size == 0:
-            return Trouble(f"{name} was cut off. {_RESTART}", intact=False)
-        if self._changed:
-            return Trouble(f"{name} was written to by something else than SQLite. {_RESTART}", intact=False)
+            return f"{name} was cut off."
         if before.checkpoints != after.checkpoints or after.at_work:
             return None  # the file is being written to by SQLite
         seen = file.st_size, file.st_mtime_ns, after.checkpoints
         if self._seen is not None and self._seen[2] == seen[2] and self._seen != seen:
             # SQLite writes to the file in checkpoints only, and there was none.
-            self._changed = True
-            return self._compare(shared, log)
+            return f"{name} {_CHANGED}"
         self._seen = seen
         return None
+
+
+def _missing(error: OSError, path: Path) -> str:
+    return f"{Path(str(error.filename or path)).name} cannot be found: {error.strerror or error}."
 
 
 def _read_index(shared: int) -> _Index | None:
@@ -212,10 +241,10 @@ class _Descriptors:
     """Open files by identity, shared by all who watch the same database in this process."""
 
     def __init__(self) -> None:
-        self._open: dict[_Identity, tuple[int, int]] = {}
+        self._open: dict[Identity, tuple[int, int]] = {}
         self._guard = threading.Lock()
 
-    def borrow(self, path: Path, identity: _Identity) -> int:
+    def borrow(self, path: Path, identity: Identity) -> int:
         """A descriptor for reading. Raises OSError."""
         with self._guard:
             descriptor, users = self._open.get(identity, (-1, 0))
@@ -224,7 +253,7 @@ class _Descriptors:
             self._open[identity] = descriptor, users + 1
             return descriptor
 
-    def give_back(self, identity: _Identity) -> None:
+    def give_back(self, identity: Identity) -> None:
         """One who borrowed it needs it no more."""
         with self._guard:
             descriptor, users = self._open.pop(identity)

@@ -1,5 +1,6 @@
 """`db`, and what every verb does with a database that it cannot use, or an address."""
 
+import shutil
 import socket
 import sqlite3
 from contextlib import closing
@@ -149,6 +150,35 @@ def test_the_index_is_written_checked_and_made_anew(
     assert urquhart("db", "reindex", "stand").code == 0
     refused(urquhart("db", "reindex", "nowhere"), "nowhere")
     refused(urquhart("db", "reindex", "--database", tmp_path / "no.db"), "no such database")
+
+
+def test_a_check_leaves_a_log_where_it_lies(urquhart: Urquhart, tmp_path: Path) -> None:
+    """It may belong to another file that lay there, and what it holds is seen without that."""
+    path, left = tmp_path / "used.db", tmp_path / "left.db"
+    assert urquhart("db", "upgrade", "--database", path).code == 0
+    log = left.with_name("left.db-wal")
+    with closing(sqlite3.connect(path)) as connection:
+        connection.execute("UPDATE alembic_version SET version_num = version_num")
+        connection.commit()
+        shutil.copy(path, left)
+        shutil.copy(path.with_name("used.db-wal"), log)
+    content, kept = left.read_bytes(), log.read_bytes()
+    assert kept
+    assert urquhart("db", "check", "--database", left).out == f"{left}: clean\n"
+    assert (left.read_bytes(), log.read_bytes()) == (content, kept)
+
+
+@pytest.mark.parametrize("begin", [100, 4096 * 3])
+def test_a_check_finds_damage(urquhart: Urquhart, indexed: Path, tmp_path: Path, begin: int) -> None:
+    path = copy(indexed, tmp_path / "damaged.db")
+    content = bytearray(path.read_bytes())
+    content[begin:] = b"\x5a" * (len(content) - begin)
+    path.write_bytes(content)
+    said = urquhart("db", "check", "--database", path)
+    assert (said.code, said.err) == (1, "")
+    assert said.out.endswith(" findings\n")
+    assert "db check" not in said.out
+    assert path.read_bytes() == content
 
 
 def test_everything_is_stored_where_the_index_cannot_be_written(
