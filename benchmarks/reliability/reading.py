@@ -82,7 +82,7 @@ def lines(folder: Path) -> Iterator[Reader]:
     work = batches.of_lines(database, "plots", Limits())
 
     def read(line: bytes) -> str | None:
-        described = work.here(batches.Batch(0, [line]))
+        described = work.here(batches.Batch([(0, line)], 1))
         return type(described.refused[0].error).__name__ if described.refused else None
 
     try:

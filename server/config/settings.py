@@ -43,6 +43,7 @@ class Limits(BaseModel):
         20, ge=1, description="Most unfinished jobs of one key, or of all callers without one; more are answered 429."
     )
     import_bytes: int = Field(8 * 1024**3, ge=1024, description="Largest import, in bytes, unpacked.")
+    import_lines: int = Field(2_000_000, ge=1, description="Most lines of an import, blank ones among them.")
     import_line_seconds: float = Field(
         30.0, gt=0, le=3600, description="Seconds that describing one line of an import may take; then it is refused."
     )

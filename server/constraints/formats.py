@@ -8,18 +8,22 @@ import math
 from collections import Counter, deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import orjson
 from numpy.typing import NDArray
 
 from server.constraints.extraction import Found, pose_of
+from server.errors import InvalidField
 from server.queries.poses import place_pose
 from server.schemas.constraints import ConstraintFormat
 from server.store.repositories.submaps import Place
 from urquhart import SE2
 from urquhart.uncertainty import PoseUncertainty
+
+_NAMED: Final = 10
+"""Map frames that are named where another one is asked for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +50,10 @@ def is_stale(one: Found, known: Mapping[str, StoredSubmap]) -> bool:
 def write_out(
     found: Sequence[Found], wanted: ConstraintFormat, known: Mapping[str, StoredSubmap], frame_id: str | None = None
 ) -> bytes:
-    """Constraints, each with `stale`, in a format; `known` and `frame_id`: where g2o begins, see `_starts`."""
+    """Constraints, each with `stale`, in a format; `known` and `frame_id`: where g2o begins, see `_starts`.
+
+    Raises InvalidField where no submap of the constraints is placed in `frame_id`.
+    """
     if wanted == "json":
         return orjson.dumps({"constraints": list(found)})
     if wanted == "ndjson":
@@ -119,6 +126,13 @@ def _starts(
     Poses in other frames are passed over: nobody says how frames lie to each other.
     """
     frames = Counter(places[name].map_frame_id for name in names if name in places)
+    if frame_id is not None and names and frame_id not in frames:
+        there = ", ".join(map(repr, sorted(frames)[:_NAMED])) or "none"
+        raise InvalidField(
+            f"no submap of these constraints is placed in the map frame {frame_id!r}; the frames there are: {there}",
+            code="not_found",
+            parameter="frame_id",
+        )
     frame = frame_id or min(frames, key=lambda one: (-frames[one], one), default=None)
     beside: dict[str, list[tuple[str, SE2]]] = {name: [] for name in names}
     for one in found:

@@ -208,7 +208,7 @@ def constraints(
     """Constraints that a job left, in a format, and how many of them are stale by now; closes the results.
 
     `frame_id`: of the map in which a g2o file begins; by default the one that most of its submaps are placed in.
-    Raises Conflict for results of other jobs.
+    Raises Conflict for results of other jobs, InvalidField where none of the submaps is placed in `frame_id`.
     """
     with left.file as file:
         if left.kind != "constraints":

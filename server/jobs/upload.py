@@ -9,6 +9,7 @@ from typing import BinaryIO, Final, Protocol
 
 import anyio.to_thread
 
+from server.config.settings import Limits
 from server.errors import MalformedBody, TooLarge
 from server.jobs.folder import JobFolder
 from server.platform.file_locks import try_lock
@@ -39,7 +40,7 @@ class ReceivedUpload:
 
 @asynccontextmanager
 async def receive_upload(
-    folder: JobFolder, job_id: str, pieces: AsyncIterator[bytes], limit: int, inflater: Inflating | None
+    folder: JobFolder, job_id: str, pieces: AsyncIterator[bytes], limits: Limits, inflater: Inflating | None
 ) -> AsyncIterator[ReceivedUpload]:
     """Write an upload to the job's input, and onto the disk; within the block its job is taken on.
 
@@ -53,7 +54,7 @@ async def receive_upload(
                 folder.make()
                 file = held.enter_context(path.open("xb"))
                 try_lock(file)  # until its job is there, nobody takes it for a left-over
-                writer = _Writer(file, limit, inflater)
+                writer = _Writer(file, limits, inflater)
                 async for piece in pieces:
                     if piece:
                         await anyio.to_thread.run_sync(writer.write, piece)
@@ -70,8 +71,8 @@ async def receive_upload(
 
 
 class _Writer:
-    def __init__(self, file: BinaryIO, limit: int, inflater: Inflating | None) -> None:
-        self._file, self._limit, self._inflater = file, limit, inflater
+    def __init__(self, file: BinaryIO, limits: Limits, inflater: Inflating | None) -> None:
+        self._file, self._limits, self._inflater = file, limits, inflater
         self.size = self.lines = 0
         self._open_line = False
         self.digest = hashlib.sha256()
@@ -100,10 +101,16 @@ class _Writer:
 
     def _put(self, content: bytes) -> None:
         self.size += len(content)
-        if self.size > self._limit:
-            raise TooLarge("import_bytes", self._limit, None, "Send it in parts; it counts what it is unpacked.")
+        if self.size > self._limits.import_bytes:
+            raise TooLarge(
+                "import_bytes", self._limits.import_bytes, None, "Send it in parts; it counts what it is unpacked."
+            )
         if content:
             self.lines += content.count(b"\n")
             self._open_line = not content.endswith(b"\n")
+            if self.lines + self._open_line > self._limits.import_lines:
+                raise TooLarge(
+                    "import_lines", self._limits.import_lines, None, "Send it in parts; blank lines count, too."
+                )
             self.digest.update(content)
             self._file.write(content)

@@ -55,17 +55,18 @@ async def post_import(
 ) -> Response:
     """As NDJSON, which goes to the disk as it comes in; then a job stores it, with a line of result for each line.
 
-    Nothing is taken on unless all of it arrives. An id that comes again in one upload is stored as it came last.
+    Nothing is taken on unless all of it arrives. An id that comes again in one upload is taken by the line before: with
+    `on_conflict=replace` the last line stands, with `skip` and `fail` the first. Blank lines count for `import_lines`.
     """
     _check_media_type(request.headers.get("content-type"))
     inflater = _inflater(request.headers.get("content-encoding"))
-    limit = service.settings.limits.import_bytes
-    _check_length(declared_length(request.headers), limit)
+    limits = service.settings.limits
+    _check_length(declared_length(request.headers), limits.import_bytes)
     collection_key = await anyio.to_thread.run_sync(queue.check, service.database, collection)
     if idempotency_key is None:  # one that is sent again is answered whatever else waits
-        await anyio.to_thread.run_sync(check_room, service.database, caller, service.settings.limits)
+        await anyio.to_thread.run_sync(check_room, service.database, caller, limits)
     folder, job_id = service.jobs.folder, new_id()
-    async with receive_upload(folder, job_id, request.stream(), limit, inflater) as arrived:
+    async with receive_upload(folder, job_id, request.stream(), limits, inflater) as arrived:
         key = idempotency_key_of(service, caller, idempotency_key, request.url.query.encode() + arrived.digest.encode())
         response = await anyio.to_thread.run_sync(
             lambda: queue.accept(
@@ -74,7 +75,7 @@ async def post_import(
                 caller,
                 "import",
                 key,
-                service.settings.limits,
+                limits,
                 job_id=job_id,
                 parameters={"on_conflict": on_conflict, "mode": mode},
                 total=arrived.lines,

@@ -5,7 +5,7 @@ import re
 import unicodedata
 from datetime import UTC, datetime
 from itertools import chain
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 from pydantic import (
     AfterValidator,
@@ -96,6 +96,7 @@ Label = Annotated[str, Field(min_length=1, max_length=128), AfterValidator(_chec
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 # Beyond any place on Earth in any projection, and far from where sums and squares overflow.
 Metres = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-1e8, le=1e8)]
+STAMPED: Final = "When it was observed: RFC 3339 with an offset. Kept to the microsecond; further digits are cut off."
 Stamp = Annotated[
     AwareDatetime,
     BeforeValidator(_check_stamp),

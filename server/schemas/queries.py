@@ -8,6 +8,7 @@ from pydantic_core import PydanticCustomError
 
 from server.schemas.candidates import CandidateAnswer, FindingAnswer, Gates, RivalAnswer, SearchAnswer, StageAnswer
 from server.schemas.common import (
+    STAMPED,
     Answer,
     Body,
     Label,
@@ -123,7 +124,7 @@ class QueryInput(LandmarkBody, QueryOptions):
         False, description="Keep the answer, to be read and drawn later."
     )
     frame_id: Label | None = Field(None, description="Name of the frame that the landmarks are in.")
-    stamp: Stamp | None = Field(None, description="When it was observed: RFC 3339 with an offset.")
+    stamp: Stamp | None = Field(None, description=STAMPED)
 
     @model_validator(mode="after")
     def _one_source(self) -> "QueryInput":

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field, PlainSerializer, model_validator
 from pydantic_core import PydanticCustomError
 
-from server.schemas.common import Answer, Free, Label, ResourceId, Stamp, write_stamp
+from server.schemas.common import STAMPED, Answer, Free, Label, ResourceId, Stamp, write_stamp
 from server.schemas.landmarks import _XY, LandmarkBody
 from server.schemas.poses import MapPose, PlacedPose
 from server.schemas.queries import QueryAnswer, QueryInput, QueryOptions
@@ -39,7 +39,7 @@ class SubmapInput(LandmarkBody):
     )
 
     frame_id: Label | None = Field(None, description="Name of the frame that the landmarks are in.")
-    stamp: Stamp | None = Field(None, description="When it was observed: RFC 3339 with an offset.")
+    stamp: Stamp | None = Field(None, description=STAMPED)
     session: Label | None = Field(None, description="The drive, flight or season that it belongs to.")
     map_pose: MapPose | None = Field(None, description="Where the submap's frame is in a map.")
     properties: Free | None = Field(None, description="Anything else worth keeping.")
@@ -63,7 +63,7 @@ class SubmapPatch(LandmarkBody):
     model_config = ConfigDict(json_schema_extra={"examples": [{"map_pose": _POSE}, {"xy": _XY}]})
 
     frame_id: Label | None = Field(None, description="Name of the frame that the landmarks are in.")
-    stamp: Stamp | None = Field(None, description="When it was observed: RFC 3339 with an offset.")
+    stamp: Stamp | None = Field(None, description=STAMPED)
     session: Label | None = Field(None, description="The drive, flight or season that it belongs to.")
     map_pose: MapPose | None = Field(None, description="Where the submap's frame is in a map.")
     properties: Free | None = Field(None, description="Anything else worth keeping.")

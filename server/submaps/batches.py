@@ -57,11 +57,18 @@ class Refusal:
 
 
 @dataclass(frozen=True, slots=True)
-class Batch(Generic[_Item]):
-    """Some of what was given; `first` is the position of the first."""
+class BlankLines:
+    """So many lines without content, one after the other: what stands for them costs as much as one line."""
 
-    first: int
-    items: list[_Item]
+    count: int
+
+
+@dataclass(frozen=True, slots=True)
+class Batch(Generic[_Item]):
+    """Some of what was given, each with its position; `following` is the position after the last, blank or not."""
+
+    items: list[tuple[int, _Item]]
+    following: int
 
 
 @dataclass(slots=True)
@@ -88,8 +95,8 @@ class _Task:
     path: Path
     collection_id: str
     limits: Limits
-    first: int
-    lines: list[bytes]
+    lines: list[tuple[int, bytes]]
+    following: int
 
 
 def describers(processes: int | None = None, *, patience: float = PATIENCE) -> ProcessPool:
@@ -106,11 +113,11 @@ def of_submaps(
     """How batches of submaps are described for a collection. The work raises NotFound and StorageError."""
 
     def here(batch: Batch[NamedSubmap]) -> DescribedBatch:
-        given = list(enumerate(batch.items, start=batch.first))
-        return _describe(database, collection_id, limits, batch.first + len(given), given, [])
+        return _describe(database, collection_id, limits, batch.following, batch.items, [])
 
     def pack(batch: Batch[NamedSubmap]) -> _Task:
-        return _Task(database.path, collection_id, limits, batch.first, [line_of(submap) for submap in batch.items])
+        lines = [(position, line_of(submap)) for position, submap in batch.items]
+        return _Task(database.path, collection_id, limits, lines, batch.following)
 
     return PoolTask(here, pack, _describe_there)
 
@@ -125,24 +132,25 @@ def of_lines(
     """
 
     def here(batch: Batch[bytes]) -> DescribedBatch:
-        return _describe_lines(database, collection_id, limits, batch.first, batch.items)
+        return _describe_lines(database, collection_id, limits, batch.items, batch.following)
 
     def pack(batch: Batch[bytes]) -> _Task:
-        return _Task(database.path, collection_id, limits, batch.first, batch.items)
+        return _Task(database.path, collection_id, limits, batch.items, batch.following)
 
     def singles(batch: Batch[bytes]) -> list[Batch[bytes]]:
-        return [Batch(batch.first + i, [line]) for i, line in enumerate(batch.items)]
+        *others, last = [[one] for one in batch.items] or [[]]
+        return [*(Batch(one, one[0][0] + 1) for one in others), Batch(last, batch.following)]
 
     def refuse(batch: Batch[bytes], why: str) -> DescribedBatch:
-        position, (line,) = batch.first, batch.items
+        ((position, line),) = batch.items
         error = TooCostly("import_line_seconds", limits.import_line_seconds, why)
         with database.read() as session:
             collection = get_collection(session, collection_id)
         submap_id = _id_in(line, error) if _is_json(line) else None
-        return DescribedBatch(collection.key, position + 1, [], 0, [Refusal(submap_id, error, position)])
+        return DescribedBatch(collection.key, batch.following, [], 0, [Refusal(submap_id, error, position)])
 
     def is_light(batch: Batch[bytes]) -> bool:
-        return not careful and all(map(_is_light, batch.items))
+        return not careful and all(_is_light(line) for _, line in batch.items)
 
     apart = IsolationPolicy(is_light, singles, refuse, limits.import_line_seconds)
     return PoolTask(here, pack, _describe_there, apart)
@@ -153,17 +161,26 @@ def _is_light(line: bytes) -> bool:
     return line.count(b"[") + line.count(b"{") <= _LIGHT
 
 
-def cut(items: Iterable[_Item], most: int, weigh: Callable[[_Item], int], first: int = 0) -> Iterator[Batch[_Item]]:
-    """Batches of up to `most` items, or fewer of such that weigh a lot of bytes; the first has position `first`."""
-    batch, weight = list[_Item](), 0
+def cut(
+    items: Iterable[_Item | BlankLines], most: int, weigh: Callable[[_Item], int], first: int = 0
+) -> Iterator[Batch[_Item]]:
+    """Batches of up to `most` items, or fewer of such that weigh a lot of bytes; the first has position `first`.
+
+    Blank lines are in no batch. Those at the end have one without items, so that they are accounted for.
+    """
+    batch, weight, position = list[tuple[int, _Item]](), 0, first
     for item in items:
-        batch.append(item)
+        if isinstance(item, BlankLines):
+            position += item.count
+            continue
+        batch.append((position, item))
+        position += 1
         weight += weigh(item)
         if len(batch) >= most or weight >= _MOST_BYTES:
-            yield Batch(first, batch)
-            first, batch, weight = first + len(batch), [], 0
-    if batch:
-        yield Batch(first, batch)
+            yield Batch(batch, position)
+            first, batch, weight = position, [], 0
+    if position > first:
+        yield Batch(batch, position)
 
 
 def weigh_submap(submap: NamedSubmap) -> int:
@@ -192,17 +209,16 @@ def read_line(line: bytes, limits: Limits) -> NamedSubmap:
 
 
 def _describe_there(task: _Task) -> DescribedBatch:
-    return _describe_lines(_opened(task.path), task.collection_id, task.limits, task.first, task.lines)
+    return _describe_lines(_opened(task.path), task.collection_id, task.limits, task.lines, task.following)
 
 
 def _describe_lines(
-    database: Database, collection_id: str, limits: Limits, first: int, lines: Iterable[bytes]
+    database: Database, collection_id: str, limits: Limits, lines: Iterable[tuple[int, bytes]], following: int
 ) -> DescribedBatch:
     submaps: list[tuple[int, NamedSubmap]] = []
     refused: list[Refusal] = []
-    position = first - 1
-    for position, line in enumerate(lines, start=first):
-        if not line or line.isspace():
+    for position, line in lines:
+        if len(line) <= limits.body_bytes and (not line or line.isspace()):
             continue
         try:
             if len(line) > limits.body_bytes:
@@ -210,7 +226,7 @@ def _describe_lines(
             submaps.append((position, read_line(line, limits)))
         except DomainError as error:
             refused.append(Refusal(_id_in(line, error), error, position))
-    return _describe(database, collection_id, limits, position + 1, submaps, refused)
+    return _describe(database, collection_id, limits, following, submaps, refused)
 
 
 def _describe(

@@ -15,7 +15,7 @@ from server.schemas.submaps import NamedSubmap
 from server.store.repositories.submaps import SubmapRecord, Submaps
 from server.store.sqlite.database import Database
 from server.submaps import batches
-from server.submaps.batches import DescribedBatch, Refusal
+from server.submaps.batches import BlankLines, DescribedBatch, Refusal
 from server.submaps.ingest import same_collection, store
 from server.submaps.receipts import Outcome
 
@@ -115,7 +115,7 @@ def ingest_many(
 def ingest_lines(
     database: Database,
     collection_id: str,
-    lines: Iterable[bytes],
+    lines: Iterable[bytes | BlankLines],
     *,
     batch_size: int = 500,
     limits: Limits | None = None,
@@ -149,7 +149,7 @@ def ingest_lines(
 def describe_lines(
     database: Database,
     collection_id: str,
-    lines: Iterable[bytes],
+    lines: Iterable[bytes | BlankLines],
     *,
     batch_size: int = 500,
     limits: Limits | None = None,

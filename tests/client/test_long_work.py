@@ -60,6 +60,9 @@ def test_one_call_stores_and_asks(client: Client) -> None:
     (found,) = json.loads(client.constraints_of(job.id))["constraints"]
     assert {found["from"], found["to"]} == {first.id, second.id}
     assert "EDGE_SE2" in client.constraints_of(job.id, "g2o")
+    middle = client.constraints_of(job.id, "g2o_middle")
+    assert "EDGE_SE2" in middle
+    assert all(len(line.split()) == 5 for line in middle.splitlines() if line.startswith("# "))
 
 
 def test_the_command(client: Client, season: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

@@ -58,6 +58,12 @@ def test_landmarks_alone_are_patched() -> None:
         client(fake).patch_submap("plots", "p7", ids=["a"])
 
 
+@pytest.mark.parametrize(("point", "count"), [([1.0, 2.0, 3.0], 3), ([1.0], 1)])
+def test_positions_of_other_than_two_numbers_are_named(point: list[float], count: int) -> None:
+    with pytest.raises(ValueError, match=rf"positions are \[x, y\]; the one at 1 has {count} numbers"):
+        client(service(RESULT)).query("plots", xy=[[0.0, 0.0], point])
+
+
 def test_diameters_make_landmarks_of_points() -> None:
     fake = service(RESULT)
     client(fake).query("plots", [[1, 2], [3, 4]], dbh=[0.31, None], explain=True)

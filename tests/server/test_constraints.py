@@ -248,6 +248,21 @@ def test_g2o_starts_from_the_map_where_there_is_one() -> None:
     assert write_out([], "g2o", {}) == b""
 
 
+@pytest.mark.parametrize("wanted", ["g2o", "g2o_middle"])
+def test_g2o_of_a_frame_that_no_submap_has_names_those_there_are(client: httpx.Client, wanted: str) -> None:
+    for name, frame_id, seed in (("a", "one", 1), ("b", "two", 2)):
+        pose = {"frame_id": frame_id, "x": 0.0, "y": 0.0, "yaw": 0.0}
+        place(client, name, forest(1), seed, map_pose=pose)
+    job = finished(client, client.post(URL, json={}))
+    results = job["links"]["results"]
+    assert client.get(results, params={"format": wanted, "frame_id": "two"}).status_code == 200
+    refused = client.get(results, params={"format": wanted, "frame_id": "tow"})
+    assert refused.status_code == 422
+    (error,) = refused.json()["errors"]
+    assert (error["parameter"], error["code"]) == ("frame_id", "not_found")
+    assert "'one', 'two'" in error["detail"]
+
+
 def test_g2o_starts_in_one_frame() -> None:
     """Poses in two robots' maps have nothing to do with each other."""
     step = SE2(2.0, 0.0, 0.0)

@@ -27,7 +27,7 @@ from server.store.repositories.submaps import Submaps
 from server.store.sqlite.database import Database
 from server.store.tables import SubmapRow
 from server.submaps import ingest
-from server.submaps.batches import cut, describers, line_of, read_line
+from server.submaps.batches import Batch, BlankLines, cut, describers, line_of, read_line
 from server.submaps.bulk import BatchResult, ingest_lines, ingest_many
 from server.submaps.preparation import Prepared, reconcile
 from tests.server import labour
@@ -216,11 +216,17 @@ def test_a_collection_that_is_not_there_is_an_error_from_any_process(plots: Data
 
 
 def test_batches_end_by_number_and_by_weight() -> None:
+    numbered = list(enumerate(range(10)))
     batches = list(cut(range(10), 4, lambda _: 1))
-    assert [(batch.first, batch.items) for batch in batches] == [(0, [0, 1, 2, 3]), (4, [4, 5, 6, 7]), (8, [8, 9])]
+    assert batches == [Batch(numbered[:4], 4), Batch(numbered[4:8], 8), Batch(numbered[8:], 10)]
     heavy = list(cut(range(5), 4, lambda item: 3 * 1024 * 1024 if item > 1 else 1))
-    assert [batch.items for batch in heavy] == [[0, 1, 2, 3], [4]]
+    assert heavy == [Batch(numbered[:4], 4), Batch(numbered[4:5], 5)]
     assert list(cut([], 4, len)) == []
+    blanks: list[str | BlankLines] = [BlankLines(3), "a", BlankLines(10**9), "b", "c", BlankLines(7)]
+    assert list(cut(blanks, 2, lambda _: 1, first=5)) == [
+        Batch([(8, "a"), (10**9 + 9, "b")], 10**9 + 10),
+        Batch([(10**9 + 10, "c")], 10**9 + 18),
+    ]
 
 
 SCRIPT = """

@@ -224,7 +224,9 @@ def test_packed_uploads(client: httpx.Client) -> None:
 @pytest.fixture
 def small(settings: Settings) -> Iterator[httpx.Client]:
     """A service of small limits."""
-    limits = Limits(body_bytes=20_000, import_bytes=100_000, import_all_lines=3, import_all_bytes=3000)
+    limits = Limits(
+        body_bytes=20_000, import_bytes=100_000, import_lines=50_000, import_all_lines=3, import_all_bytes=3000
+    )
     with TestClient(create_app(settings.model_copy(update={"limits": limits}))) as started:
         started.put("/v1/collections/plots", json={}).raise_for_status()
         yield started
@@ -241,6 +243,9 @@ def test_limits_of_uploads(small: httpx.Client, settings: Settings) -> None:
     for content, headers in ((bomb, {"Content-Encoding": "gzip"}), (b" " * 100_001, {})):
         response = small.post(IMPORTS, content=content, headers=NDJSON | headers)
         assert (response.status_code, response.json()["limit"]) == (413, "import_bytes")
+    response = small.post(IMPORTS, content=b"\n" * 50_001, headers=NDJSON)
+    assert (response.status_code, response.json()["limit"]) == (413, "import_lines")
+    assert "blank lines count" in response.json()["detail"]
     assert left(small, settings) == []
     wide = b'{"id": "wide", "properties": {"x": "' + b"y" * 20_000 + b'"}}'
     job = finished(small, upload(small, [line("a", 1), wide, line("b", 2)]))
@@ -268,12 +273,12 @@ def test_an_upload_that_says_it_is_too_large_is_not_read(small: httpx.Client) ->
 
 
 def test_blank_lines_have_no_result_and_are_counted(client: httpx.Client, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Also where a whole batch is blank, and what was written before it has to be cut off."""
+    """Also at the end, and where what was written before has to be cut off."""
     monkeypatch.setattr(bulk, "describe_lines", _small_batches(bulk.describe_lines))
     real, stopped = Assignment.report, list[int]()
 
     def report(self: Assignment, session: Any = None, **progress: Any) -> None:
-        if self.done == 2 and not stopped:
+        if self.done == 6 and not stopped:
             stopped.append(1)
             with service_folder(client).results(self.id).open("ab") as file:
                 file.write(b"never committed\n" * 100)
@@ -285,6 +290,34 @@ def test_blank_lines_have_no_result_and_are_counted(client: httpx.Client, monkey
     assert stopped
     assert (job["state"], job["done"], job["total"]) == ("successful", 8, 8)
     assert outcomes(client, job) == [(5, "a", "created"), (6, None, "refused")]
+
+
+@pytest.mark.parametrize("mode", ["continue", "all"])
+@pytest.mark.parametrize("blank", [b"\n", b" \t \r\n"])
+def test_blank_lines_cost_next_to_nothing(
+    client: httpx.Client, monkeypatch: pytest.MonkeyPatch, mode: str, blank: bytes
+) -> None:
+    """They are skipped together, and there is no transaction for them."""
+    monkeypatch.setattr(import_submaps, "_check_size", lambda *_: None)  # all of them at once, too
+    real, reported = Assignment.report, list[int]()
+
+    def report(self: Assignment, session: Any = None, **progress: Any) -> None:
+        reported.append(self.done)
+        real(self, session, **progress)
+
+    monkeypatch.setattr(Assignment, "report", report)
+    run = blank * 100_000
+    content = run + line("a", 1) + b"\n" + run + b"\n" + line("b", 2) + b"\n" + run + b"  "
+    job = finished(client, client.post(IMPORTS, content=content, headers=NDJSON, params={"mode": mode}))
+    assert (job["state"], job["done"], job["total"]) == ("successful", 300_004, 300_004)
+    assert outcomes(client, job) == [(100_001, "a", "created"), (200_003, "b", "created")]
+    assert len(reported) < 10
+
+
+def test_a_line_that_begins_blank_and_is_too_long_is_refused(small: httpx.Client) -> None:
+    """Only its beginning is read: what it holds is not known, so it is not passed over."""
+    job = finished(small, upload(small, [b" " * 25_000 + line("a", 1), line("b", 2)]))
+    assert outcomes(small, job) == [(1, None, "refused"), (2, "b", "created")]
 
 
 def service_folder(client: httpx.Client) -> JobFolder:

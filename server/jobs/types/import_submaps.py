@@ -7,11 +7,13 @@ them off.
 
 import logging
 import os
+import re
 from collections import Counter, deque
 from collections.abc import Iterator
 from contextlib import closing
+from io import BufferedReader
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Final
 
 import orjson
 from sqlalchemy.orm import Session
@@ -23,8 +25,10 @@ from server.jobs.folder import cut
 from server.jobs.refusals import Refusals
 from server.store.sqlite.sqlite_errors import storage_errors
 from server.submaps import batches, bulk
+from server.submaps.batches import BlankLines
 from server.submaps.bulk import BatchResult, LineOutcome
 
+_BLANK: Final = re.compile(rb"\s*\n")
 _log = logging.getLogger(__name__)
 
 
@@ -69,11 +73,10 @@ class _InputLines:
         self._path, self._longest, self._total = path, longest, assignment.total
         self.first: int = assignment.progress.get("line", 0)
         self._offset: int = assignment.progress.get("offset", 0)
-        self._ends: deque[int] = deque()
-        self._taken = self.first
+        self._ends: deque[tuple[int, int]] = deque()
 
-    def lines(self) -> Iterator[bytes]:
-        """Each as it was sent; of one that is too long only as much as shows that.
+    def lines(self) -> Iterator[bytes | BlankLines]:
+        """Each as it was sent, blank ones together; of one that is too long only as much as shows that.
 
         Raises StorageUnavailable where the upload is not there any more.
         """
@@ -83,18 +86,35 @@ class _InputLines:
             raise StorageUnavailable("The upload is gone from the folder of jobs; send again what has no result yet.")
         with self._path.open("rb") as file:
             file.seek(self._offset)
-            while line := file.readline(self._longest + 2):
+            following = self.first
+            while True:
+                blank = _skip_blank(file)
+                if blank:
+                    following += blank
+                    self._ends.append((following, file.tell()))
+                    yield BlankLines(blank)
+                line = file.readline(self._longest + 2)
+                if not line:
+                    return
                 if not line.endswith(b"\n"):
                     _skip_line(file)
-                self._ends.append(file.tell())
+                following += 1
+                self._ends.append((following, file.tell()))
                 yield line.rstrip(b"\r\n")
 
     def after(self, following: int) -> int:
         """The offset behind the line before that position."""
-        while self._taken < following:
-            self._offset = self._ends.popleft()
-            self._taken += 1
+        while self._ends and self._ends[0][0] <= following:
+            _, self._offset = self._ends.popleft()
         return self._offset
+
+
+def _skip_blank(file: BufferedReader) -> int:
+    """Skip the blank lines that come next, by the buffer and not by the line; how many."""
+    count = 0
+    while (blank := _BLANK.match(file.peek())) is not None:
+        count += file.read(blank.end()).count(b"\n")
+    return count
 
 
 def _skip_line(file: BinaryIO) -> None:

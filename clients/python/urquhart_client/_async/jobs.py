@@ -102,8 +102,11 @@ class AsyncJobCalls(AsyncConnection):
         async for line in self._lines(job_requests.get_results(job_id, "errors")):
             yield JobLine.model_validate_json(line)
 
-    async def constraints_of(self, job_id: str, wanted: Literal["json", "g2o", "matrices"] = "json") -> str:
-        """What a job found of how submaps lie to each other, in a format."""
+    async def constraints_of(self, job_id: str, wanted: job_requests.ConstraintFormat = "json") -> str:
+        """What a job found of how submaps lie to each other, in a format.
+
+        `g2o_middle` has its vertices among the trees: for coordinates far from the origin.
+        """
         return await self._send(job_requests.get_constraints(job_id, wanted))
 
     # ------------------------------------------------------------ snapshots

@@ -40,10 +40,17 @@ def landmarks(
             raise ValueError("landmarks carry their own ids and dbh: leave ids and dbh out")
         return {"landmarks": [_plain(landmark) for landmark in listed]}
     assert xy is not None
-    body: dict[str, Any] = {"xy": [[float(x), float(y)] for x, y in xy]}
+    body: dict[str, Any] = {"xy": [_position(i, point) for i, point in enumerate(xy)]}
     if ids is not None:
         body["ids"] = [str(one) for one in ids]
     return body if dbh is None else _measured(body, list(dbh))
+
+
+def _position(index: int, point: Sequence[float]) -> list[float]:
+    numbers = [float(number) for number in point]
+    if len(numbers) != 2:
+        raise ValueError(f"positions are [x, y]; the one at {index} has {len(numbers)} numbers")
+    return numbers
 
 
 def _measured(body: Mapping[str, Any], dbh: Sequence[float | None]) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import httpx
 
@@ -12,6 +12,9 @@ from urquhart_client.models import Page
 from urquhart_client.work import Job, Snapshot
 
 _NDJSON = "application/x-ndjson"
+
+ConstraintFormat = Literal["json", "g2o", "g2o_middle", "matrices"]
+"""How a job's constraints are written; `g2o_middle` has each vertex among the trees of its submap."""
 
 
 def post_import(
@@ -65,7 +68,7 @@ def get_results(job_id: str, what: str) -> Request[str]:
     return Request("GET", f"{_job(job_id)}/{what}", text)
 
 
-def get_constraints(job_id: str, wanted: str) -> Request[str]:
+def get_constraints(job_id: str, wanted: ConstraintFormat) -> Request[str]:
     """Constraints in a format."""
     return Request("GET", f"{_job(job_id)}/results", text, params={"format": wanted})
 
