@@ -190,7 +190,7 @@ def weigh_submap(submap: NamedSubmap) -> int:
 
 def line_of(submap: NamedSubmap) -> bytes:
     """A submap as a line of NDJSON, which is read as one of the same content."""
-    return orjson.dumps(submap.model_dump(exclude_unset=True), option=orjson.OPT_UTC_Z)
+    return orjson.dumps(submap.model_dump(exclude_unset=True, warnings=False), option=orjson.OPT_UTC_Z)
 
 
 def read_line(line: bytes, limits: Limits) -> NamedSubmap:

@@ -630,7 +630,7 @@ def test_results_are_swept_in_time(
     service.jobs.runner.sweep()
     assert results(client, job)
     old = settings.jobs.model_copy(update={"keep_days": 1e-9})
-    monkeypatch.setattr(service.jobs.runner, "_tools", _with(service.jobs.runner._context, old))
+    monkeypatch.setattr(service.jobs.runner, "_context", _with(service.jobs.runner._context, old))
     monkeypatch.setattr("server.jobs.folder._GRACE", 0.0)
     time.sleep(0.01)
     service.jobs.runner.sweep()
@@ -646,7 +646,7 @@ def test_the_newest_jobs_are_remembered(
 ) -> None:
     made = [finished(client, upload(client, [line("a", i)]))["id"] for i in range(3)]
     few = settings.jobs.model_copy(update={"keep_rows": 2})
-    monkeypatch.setattr(service.jobs.runner, "_tools", _with(service.jobs.runner._context, few))
+    monkeypatch.setattr(service.jobs.runner, "_context", _with(service.jobs.runner._context, few))
     monkeypatch.setattr("server.jobs.folder._GRACE", 0.0)
     service.jobs.runner.sweep()
     assert [job["id"] for job in client.get("/v1/jobs").json()["jobs"]] == [made[2], made[1]]
