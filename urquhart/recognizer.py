@@ -13,7 +13,7 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from urquhart.budget import Budget
+from urquhart.budget import Budget, OutOfTime
 from urquhart.decide.ranking import NOTHING, rank
 from urquhart.decide.verdict import Reason, Recognition, decide, unsearched
 from urquhart.features.landmarks import LandmarkError
@@ -72,6 +72,8 @@ class Recognizer(Collection):
             if error.code not in _TOO_LITTLE:
                 raise
             return unsearched(_TOO_LITTLE[error.code], trace)
+        except OutOfTime:
+            return unsearched("deadline", trace)
         if not len(chosen):
             return unsearched("nothing_left" if len(index) else "empty_collection", trace)
         return _search(query, chosen, limit, method, rng)

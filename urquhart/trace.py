@@ -51,8 +51,10 @@ class Trace:
         """Time the block as one stage; what it puts into the yielded dictionary are the stage's counts."""
         counts: dict[str, int] = {}
         start = time.perf_counter()
-        yield counts
-        self._done.append(Stage(name, (time.perf_counter() - start) * 1e3, counts))
+        try:
+            yield counts
+        finally:
+            self._done.append(Stage(name, (time.perf_counter() - start) * 1e3, counts))
 
     def done(self) -> tuple[Stage, ...]:
         """All stages so far."""

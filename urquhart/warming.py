@@ -25,6 +25,11 @@ def warm_up(config: Config) -> None:
     for xy in (here, elsewhere, unknown, rows):
         recognizer.recognize(xy)
         recognizer.recognize(xy, method="paper")
+    # Of a collection with a single submap it is asked first whether the query reaches to its ends.
+    alone = Recognizer(config)
+    alone.add([(0, features[0])])
+    alone.recognize(here)
+    alone.recognize(here, method="paper")
     # What large observations take is cut into portions, which smaller ones are done without.
     portions = Budget(steps=1_000.0)
     for xy in (here, unknown, rows):

@@ -160,7 +160,7 @@ def _features(
         yield f"the features cannot be unpacked: {error}"
         return
     try:
-        made = urquhart.describe(np.array(unpack_positions(landmarks)), config, unpack_diameters(attributes))
+        made = urquhart.describe(unpack_positions(landmarks), config, unpack_diameters(attributes))
     except LandmarkError as error:
         yield f"the landmarks cannot be described: {error}"
         return

@@ -2,8 +2,6 @@
 
 import logging
 
-import numpy as np
-
 import urquhart
 from server.errors import StorageUnavailable
 from server.store.codec import unpack_diameters, unpack_positions
@@ -37,4 +35,4 @@ def features_of(blob: bytes, landmarks: bytes, attributes: bytes | None, config:
     except FeaturesError as error:
         reason = str(error)
     _log.warning("stored features cannot be used (%s); describing the landmarks again", reason)
-    return urquhart.describe(np.array(unpack_positions(landmarks)), config, unpack_diameters(attributes))
+    return urquhart.describe(unpack_positions(landmarks), config, unpack_diameters(attributes))

@@ -24,8 +24,8 @@ def pack_positions(xy: NDArray[np.float64]) -> bytes:
 
 
 def unpack_positions(blob: bytes) -> NDArray[np.float64]:
-    """(N, 2) float64, metres; the array cannot be written."""
-    return np.frombuffer(blob, dtype="<f8").reshape(-1, 2)
+    """(N, 2) float64, metres."""
+    return np.frombuffer(blob, dtype="<f8").reshape(-1, 2).copy()
 
 
 def pack_json(value: object | None) -> bytes | None:

@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Final
 
-import numpy as np
 from sqlalchemy import func, select, update
 from sqlalchemy.orm import Session
 
@@ -93,7 +92,7 @@ def _backfill_batch(database: Database, batch: list[tuple[int, Config]]) -> int:
     made = []
     for row in rows:
         try:
-            xy, diameters = np.array(unpack_positions(row.landmarks)), unpack_diameters(row.attributes)
+            xy, diameters = unpack_positions(row.landmarks), unpack_diameters(row.attributes)
             made.append((row, urquhart.describe(xy, configs[row.key], diameters)))
         except (LandmarkError, ValueError):
             _log.warning("the landmarks of the submap %s cannot be described; `urquhart db check` tells why", row.id)

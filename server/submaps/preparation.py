@@ -157,7 +157,7 @@ def reconcile(record: SubmapRecord, known: Identity | None, config: Config) -> S
         return replace(record, counts=known.counts, polygon_count=known.polygon_count, features=None)
     if record.features is not None:
         return record
-    made = urquhart.describe(np.array(unpack_positions(record.landmarks)), config, unpack_diameters(record.attributes))
+    made = urquhart.describe(unpack_positions(record.landmarks), config, unpack_diameters(record.attributes))
     return replace(record, counts=made.counts(), polygon_count=len(made.tessellation), features=made.pack())
 
 

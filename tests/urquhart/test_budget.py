@@ -3,9 +3,13 @@
 import math
 import threading
 
+import numpy as np
 import pytest
 
-from urquhart.budget import Abandoned, Budget
+from tests.urquhart import forests
+from urquhart import Config, Recognizer, describe
+from urquhart.budget import Abandoned, Budget, OutOfTime
+from urquhart.recognizer import Method
 
 
 def test_without_a_deadline_it_is_never_spent() -> None:
@@ -50,3 +54,26 @@ def test_part_and_whole_are_abandoned_together(which: str) -> None:
 def test_it_tells_how_long_ago_it_began() -> None:
     whole = Budget()
     assert 0.0 <= whole.within(1.0).elapsed <= whole.elapsed
+
+
+def test_work_in_small_items_asks_now_and_then() -> None:
+    budget = Budget()
+    items = budget.each(range(5_000))
+    assert list(zip(items, range(1_500), strict=False))[-1] == (1_499, 1_499)
+    budget.abandon()
+    with pytest.raises(Abandoned):
+        list(items)
+    with pytest.raises(OutOfTime):
+        list(Budget(0.0).each(range(1)))
+
+
+@pytest.mark.parametrize("method", ["robust", "paper"])
+def test_what_cannot_be_described_in_time_is_answered_at_the_deadline(method: Method) -> None:
+    xy = forests.uniform(np.random.default_rng(0))
+    with pytest.raises(OutOfTime):
+        describe(xy, Config(), budget=Budget(0.0))
+    recognizer = Recognizer(Config())
+    recognizer.add([(1, describe(xy, Config()))])
+    late = recognizer.recognize(xy, method=method, budget=Budget(0.0))
+    assert (late.verdict, late.reason, late.candidates) == ("no_match", "deadline", ())
+    assert (late.search.stopped_by, [stage.name for stage in late.stages]) == ("deadline", ["describe"])

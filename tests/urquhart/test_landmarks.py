@@ -1,9 +1,10 @@
 import pickle
 import tracemalloc
+from collections.abc import Callable
 
 import numpy as np
 import pytest
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from urquhart.features.landmarks import MAXIMUM, LandmarkError, check_landmarks, thin, width
 
@@ -26,6 +27,19 @@ BAD: dict[str, tuple[ArrayLike, str, tuple[int, ...]]] = {
     "almost a line": ([[float(i), 0.0004 * (i % 2)] for i in range(9)], "collinear", ()),
     "crowd": (np.random.default_rng(0).uniform(0.0, 5000.0, (20_001, 2)), "too_many", ()),
 }
+
+
+@pytest.mark.parametrize(
+    "make", [np.asfortranarray, lambda xy: xy[::2], lambda xy: np.frombuffer(xy.tobytes()).reshape(-1, 2)]
+)
+def test_what_is_checked_is_of_one_type_to_the_compiler(make: Callable[[NDArray[np.float64]], ArrayLike]) -> None:
+    """A kernel is compiled anew, which takes seconds, for an array that cannot be written or lies otherwise."""
+    xy = np.random.default_rng(0).uniform(0.0, 10.0, (10, 2))
+    checked = check_landmarks(make(xy))
+    assert checked.flags.c_contiguous
+    assert checked.flags.writeable
+    checked[0] = 99.0  # a copy: the caller's landmarks stay what they are
+    assert (xy < 99.0).all()
 
 
 @pytest.mark.parametrize("name", BAD)

@@ -20,6 +20,7 @@ from tests.urquhart.polygons import (
     units,
     whole,
 )
+from urquhart.budget import Abandoned, Budget
 from urquhart.features.describe import Features
 from urquhart.index import polygon_index
 from urquhart.index.polygon_index import (
@@ -243,3 +244,15 @@ def test_hits_come_in_portions_where_there_is_much_work(real: tuple[Partition, R
     [alone] = search_partitions(segments, counts[:1], queries[last:], neighbours=6)
     np.testing.assert_array_equal(portions[-1].keys[-6:], alone.keys)
     np.testing.assert_array_equal(portions[-1].outlines[-6:], alone.outlines)
+
+
+def test_the_budget_is_asked_where_nothing_is_found_too(real: tuple[Partition, Rows]) -> None:
+    """Submaps that are left out are searched like others, and their hits dropped: hours may pass without one."""
+    partitions, keys, unit, _ = searched([real[0]], 1_000)
+    gone = [(partitions, keys, unit, np.zeros(1_000, np.uint8))]
+    abandoned = Budget()
+    abandoned.abandon()
+    with pytest.raises(Abandoned):
+        list(search_partitions(gone, np.array([5]), real[1][:1], neighbours=9, budget=abandoned))
+    found = [(partitions, keys, unit, np.ones(1_000, np.uint8))]
+    assert list(search_partitions(found, np.array([5]), real[1][:1], neighbours=9, budget=Budget(0.0))) == []

@@ -28,11 +28,16 @@ for trees, radius in ((plantation(90.0, 90.0, rng), 20.0), (paper_forest(rng, 25
     for key in range(12):
         features = describe(observe(trees, SE2(middle + key, middle, 0.0), radius, rng).xy, Config())
         recognizer.add([(key, Features.unpack(features.pack()) if key % 2 else features)])
+    alone = Recognizer(Config())
+    alone.add([(0, features)])
     for sigma in (0.05, 0.3, 2.0):
         xy = observe(trees, SE2(middle, middle, 1.0), radius, rng, sigma=sigma, detection=0.8).xy
         for method in ("robust", "paper"):
             recognizer.recognize(xy, method=method, exclude=[3])
             recognizer.recognize(xy.tolist(), method=method)
+            # Nor is what cannot be written: positions as they are read from a database.
+            recognizer.recognize(np.frombuffer(xy.tobytes()).reshape(-1, 2), method=method)
+            alone.recognize(xy, method=method)
     # What is mapped from a file is no other type to the compiler.
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "a.segment"

@@ -69,8 +69,9 @@ def decide(query: Query, ranking: Ranking, limit: int, stopped_by: StoppedBy) ->
 
 
 def unsearched(reason: Reason, trace: Trace) -> Recognition:
-    """The answer where there was nothing to search for, or nothing to search in."""
-    return Recognition("no_match", reason, (), (), None, trace.done(), (), trace.end("not_started"))
+    """The answer where there was nothing to search for, nothing to search in, or no time to begin."""
+    stopped_by: StoppedBy = "deadline" if reason == "deadline" else "not_started"
+    return Recognition("no_match", reason, (), (), None, trace.done(), (), trace.end(stopped_by))
 
 
 def _judge(candidates: Sequence[Candidate]) -> tuple[Verdict, Reason]:

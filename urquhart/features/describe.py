@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from urquhart._kernel import kernel
+from urquhart.budget import UNBOUNDED, Budget
 from urquhart.config import DESCRIPTION_VERSION, Config
 from urquhart.features.descriptor import describe_outlines
 from urquhart.features.landmarks import check_diameters, check_landmarks
@@ -173,7 +174,7 @@ class _Reader:
         return array
 
 
-def describe(xy: ArrayLike, config: Config, diameters: ArrayLike | None = None) -> Features:
+def describe(xy: ArrayLike, config: Config, diameters: ArrayLike | None = None, budget: Budget = UNBOUNDED) -> Features:
     """Describe one submap or observation.
 
     Args:
@@ -182,12 +183,15 @@ def describe(xy: ArrayLike, config: Config, diameters: ArrayLike | None = None) 
 
     Raises:
         LandmarkError: the landmarks cannot be described; nothing is mended silently.
+        OutOfTime: the deadline passed before they were described.
+        Abandoned: nobody waits for that any more.
     """
     posted = check_landmarks(xy)
     measured = check_diameters(diameters, len(posted))
     origin = posted.mean(axis=0)
     landmarks = posted - origin
-    tessellation = tessellate(landmarks, keep_hull=config.keep_hull)
+    tessellation = tessellate(landmarks, keep_hull=config.keep_hull, budget=budget)
+    budget.check()
     descriptors = describe_outlines(
         landmarks, tessellation.vertices, tessellation.vertex_offsets, config.samples, config.squared
     )

@@ -132,8 +132,9 @@ def width(landmarks: NDArray[np.float64]) -> float:
 
 
 def _as_points(xy: ArrayLike) -> NDArray[np.float64]:
+    """A copy: an array that cannot be written is another type to the compiler, which takes seconds for each."""
     try:
-        points = np.ascontiguousarray(xy, dtype=np.float64)
+        points = np.array(xy, dtype=np.float64, order="C")
     except (TypeError, ValueError) as error:
         raise LandmarkError("bad_shape", "landmarks must be numbers, one pair [x, y] for each landmark") from error
     if points.size == 0:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from urquhart._kernel import kernel
+from urquhart.budget import UNBOUNDED, Budget
 from urquhart.features.delaunay import triangulate
 from urquhart.features.quads import quads_of
 
@@ -66,7 +67,7 @@ class Tessellation:
         return np.diff(self.vertex_offsets)
 
 
-def tessellate(landmarks: NDArray[np.float64], *, keep_hull: bool = False) -> Tessellation:
+def tessellate(landmarks: NDArray[np.float64], *, keep_hull: bool = False, budget: Budget = UNBOUNDED) -> Tessellation:
     """Tessellate checked landmarks (N, 2) float64, metres, centred near the origin.
 
     Args:
@@ -75,8 +76,12 @@ def tessellate(landmarks: NDArray[np.float64], *, keep_hull: bool = False) -> Te
 
     Raises:
         LandmarkError: `collinear`, where the landmarks are so close to one line that no triangulation exists.
+        OutOfTime: the deadline passed before it was done.
+        Abandoned: nobody waits for it any more.
     """
+    budget.check()
     triangles, neighbours = triangulate(landmarks)
+    budget.check()
     vertices, vertex_offsets, members, member_offsets, hull, non_simple, dangling = join_triangles(
         landmarks, triangles, neighbours, keep_hull
     )

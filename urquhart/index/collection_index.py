@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from urquhart.budget import UNBOUNDED, Budget
 from urquhart.config import Config
 from urquhart.features.describe import Features
 from urquhart.index.polygon_index import Hits, search_partitions
@@ -115,13 +116,18 @@ class CollectionIndex:
         return [QuadShard(p.segment.quads, p.segment.scales, p.alive) for p in self.live_segments if p.living]
 
     def search_polygons(
-        self, counts: NDArray[np.int32], descriptors: NDArray[np.float32], neighbours: int, window: int = 0
+        self,
+        counts: NDArray[np.int32],
+        descriptors: NDArray[np.float32],
+        neighbours: int,
+        window: int = 0,
+        budget: Budget = UNBOUNDED,
     ) -> Iterator[Hits]:
         """The nearest `neighbours` living polygons of each of the query's, by vertex count; see `search_partitions`."""
         searched = [
             (p.segment.polygons, p.segment.keys, p.segment.units, p.alive) for p in self.live_segments if p.living
         ]
-        return search_partitions(searched, counts, descriptors, neighbours=neighbours, window=window)
+        return search_partitions(searched, counts, descriptors, neighbours=neighbours, window=window, budget=budget)
 
     def keys_of(self, slots: NDArray[np.int64]) -> list[int]:
         """Keys of slots that are numbered through all of `quad_shards`."""

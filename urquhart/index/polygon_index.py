@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from urquhart.budget import UNBOUNDED, Budget
 from urquhart.index.polygon_merge import EXACT_BELOW, merge_partitions
 from urquhart.index.polygon_partition import Partition, build_partitions
 from urquhart.index.polygon_scan import Heaps, Outlines, Scan, gather_places, scan_partition, sort_heaps
@@ -30,7 +31,7 @@ LARGEST: Final = 256
 """Vertices of the largest polygons that are looked for: forests have none with a quarter as many, and what is about a
 ring of trees or a lake changes with every tree."""
 _STEPS: Final = 10_000_000
-"""Steps of compiled work after which hits are handed on, so that the caller can end the search: 10 to 50 ms."""
+"""Steps of compiled work after which hits are handed on and the budget is asked: 10 to 50 ms."""
 _AT_ONCE: Final = 4
 """Components of a descriptor that take one step."""
 
@@ -61,16 +62,19 @@ def search_partitions(
     *,
     neighbours: int,
     window: int = 0,
+    budget: Budget = UNBOUNDED,
 ) -> Iterator[Hits]:
     """The nearest `neighbours` living polygons of each row, for every vertex count within `window` of its own.
 
-    Hits of one vertex count come in portions, in the order of the rows, where there is more than a little work.
+    Hits of one vertex count come in portions, in the order of the rows, where there is more than a little work. The
+    budget is asked before each, also where there are none, and after the deadline no more come.
 
     Args:
         counts: (Q,) int32, vertices of each query polygon.
         descriptors: (Q, D) float32.
 
     Raises:
+        Abandoned: nobody waits for the hits any more.
         ValueError: masks, keys and units of a segment of different lengths, masks of another type than bool and uint8,
             or descriptors of another width.
     """
@@ -85,6 +89,8 @@ def search_partitions(
         cost = read * descriptors.shape[1] // _AT_ONCE + neighbours * count * count
         portion = max(_STEPS // max(cost, 1), 1)
         for begin in range(0, len(rows), portion):
+            if budget.is_spent():
+                return
             hits = _search(segments, living, count, rows[begin : begin + portion], descriptors, neighbours)
             if len(hits.rows):
                 yield hits

@@ -71,7 +71,9 @@ def match_landmarks(
         OutOfTime: the deadline passed before all polygons were compared.
     """
     first = sampled_polygons(query, config, rng)
+    budget.check()
     second = sampled_polygons(submap, config, rng)
+    budget.check()
     claims = [
         claim_landmarks(first._replace(sample=first.sample[rows]), second, config.tau, config.vertex_window, config.eta)
         for rows in budget.portions(len(first.sample), _PAIR * len(second.sample))

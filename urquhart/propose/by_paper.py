@@ -17,10 +17,11 @@ def propose_by_paper(query: Query, index: CollectionIndex, rng: np.random.Genera
     """The paper's chain; its pose is then verified like any other, because a vote never accepts itself."""
     features, config = query.features, query.config
     with query.trace.timed("search polygons") as counts:
+        counted = features.tessellation.vertex_counts()
         found = index.search_polygons(
-            features.tessellation.vertex_counts(), features.descriptors, config.neighbours, config.vertex_window
+            counted, features.descriptors, config.neighbours, config.vertex_window, query.budget
         )
-        near = [hits.keys[hits.distances < config.tau**2] for hits in query.budget.unless_spent(found)]
+        near = [hits.keys[hits.distances < config.tau**2] for hits in found]
         keys, votes = np.unique(np.concatenate([np.empty(0, np.int64), *near]), return_counts=True)
         counts["submaps"] = len(keys)
     proposals = []

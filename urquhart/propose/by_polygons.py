@@ -18,8 +18,7 @@ def propose_by_polygons(query: Query, index: CollectionIndex) -> list[Proposal]:
     features, config, trace = query.features, query.config, query.trace
     with trace.timed("search polygons") as counts:
         vertex_counts = features.tessellation.vertex_counts()
-        hits_by_count = index.search_polygons(vertex_counts, features.descriptors, config.neighbours)
-        found = list(query.budget.unless_spent(hits_by_count))
+        found = list(index.search_polygons(vertex_counts, features.descriptors, config.neighbours, budget=query.budget))
         counts["hits"] = sum(len(hits.keys) for hits in found)
     with trace.timed("vote polygons") as counts:
         votes = vote_polygons(features, query.budget.unless_spent(found), TIGHT * config.sigma)

@@ -87,13 +87,17 @@ def make_query(
 
     Raises:
         LandmarkError: for input that cannot be described.
+        OutOfTime: the deadline passed before it was described.
+        Abandoned: nobody waits for the answer any more.
     """
     with trace.timed("describe") as counts:
-        features = describe(xy, config, diameters)
+        budget = budget or Budget()
+        features = describe(xy, config, diameters, budget)
         counts.update(features.counts())
+        budget.check()
         laid = landmark_grid(features, config.reach)
     submaps, volume = Submaps(source, config.reach), log_volume(searched, laid)
-    return Query(features, laid, config, submaps, volume, budget or Budget(), trace)
+    return Query(features, laid, config, submaps, volume, budget, trace)
 
 
 def log_volume(submaps: int, query: LandmarkGrid) -> float:
