@@ -16,11 +16,16 @@ from tests.server.processes import Server
 from tests.server.world import TestClient
 
 
-@pytest.fixture
-def settings(tmp_path: Path) -> Settings:
+def settings_in(folder: Path) -> Settings:
     """Settings over a database that is not there yet, with small pages, and time enough on a machine that is busy."""
     limits = Limits(page=50, page_max=50, query_seconds=600, batch_seconds=600)
-    return Settings(database=str(tmp_path / "urquhart.db"), limits=limits)
+    return Settings(database=str(folder / "urquhart.db"), limits=limits)
+
+
+@pytest.fixture
+def settings(tmp_path: Path) -> Settings:
+    """The settings of the app of one test."""
+    return settings_in(tmp_path)
 
 
 @pytest.fixture
@@ -33,6 +38,14 @@ def app(settings: Settings) -> FastAPI:
 def client(app: FastAPI) -> Iterator[httpx.Client]:
     """A client of the started app, with the empty collection `plots`."""
     with TestClient(app) as started:
+        started.put("/v1/collections/plots", json={}).raise_for_status()
+        yield started
+
+
+@pytest.fixture(scope="module")
+def shared_client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[httpx.Client]:
+    """The same for all tests of a module of which every request is refused or reads: none finds what another left."""
+    with TestClient(create_app(settings_in(tmp_path_factory.mktemp("shared")))) as started:
         started.put("/v1/collections/plots", json={}).raise_for_status()
         yield started
 

@@ -63,13 +63,13 @@ def nothing_stored(client: httpx.Client) -> None:
     ],
 )
 @pytest.mark.parametrize("padding", [0, 100_000])
-def test_what_is_not_json(client: httpx.Client, body: bytes, padding: int) -> None:
-    response = client.put(SUBMAP, content=body + b" " * padding if body else body, headers=JSON)
+def test_what_is_not_json(shared_client: httpx.Client, body: bytes, padding: int) -> None:
+    response = shared_client.put(SUBMAP, content=body + b" " * padding if body else body, headers=JSON)
     found = problem(response, 400 if body else 422)
     assert found["type"] == ("/problems/malformed-json" if body else "/problems/invalid-request")
     if b"NaN" in body or b"Infinity" in body:
         assert "NaN or Infinity" in found["detail"]
-    nothing_stored(client)
+    nothing_stored(shared_client)
 
 
 @pytest.mark.parametrize(
@@ -138,16 +138,16 @@ def test_what_is_not_json(client: httpx.Client, body: bytes, padding: int) -> No
     ],
 )
 @pytest.mark.parametrize("padding", [0, 100_000])
-def test_fields_that_cannot_be(client: httpx.Client, body: Any, pointer: str, code: str, padding: int) -> None:
+def test_fields_that_cannot_be(shared_client: httpx.Client, body: Any, pointer: str, code: str, padding: int) -> None:
     """Long bodies are told of as short ones, though they are read elsewhere."""
-    found = problem(client.put(SUBMAP, content=json.dumps(body) + " " * padding, headers=JSON), 422)
+    found = problem(shared_client.put(SUBMAP, content=json.dumps(body) + " " * padding, headers=JSON), 422)
     assert found["type"] == "/problems/invalid-request"
     if code == "datetime_from_date_parsing":
         code = found["errors"][0]["code"]
         assert code.startswith("datetime")
     assert [(entry["pointer"], entry["code"]) for entry in found["errors"]] == [(pointer, code)]
     assert found["errors"][0]["detail"]
-    nothing_stored(client)
+    nothing_stored(shared_client)
 
 
 @pytest.mark.parametrize(

@@ -54,11 +54,11 @@ def test_the_services_own_names_are_known(client: httpx.Client, host: str) -> No
     ],
 )
 @pytest.mark.parametrize("method", ["POST", "PUT", "DELETE", "GET", "OPTIONS"])
-def test_a_page_of_another_site_is_refused(client: httpx.Client, origin: str, method: str) -> None:
-    answer = client.request(method, "/v1/collections/plots", headers={"Origin": origin})
+def test_a_page_of_another_site_is_refused(shared_client: httpx.Client, origin: str, method: str) -> None:
+    answer = shared_client.request(method, "/v1/collections/plots", headers={"Origin": origin})
     assert answer.status_code == 403
     assert "access-control-allow-origin" not in answer.headers
-    assert client.get("/v1/collections/plots").status_code == 200
+    assert shared_client.get("/v1/collections/plots").status_code == 200
 
 
 @pytest.mark.parametrize("origin", ["http://testserver", "http://testserver:80"])
@@ -69,7 +69,7 @@ def test_the_services_own_page_may_ask(client: httpx.Client, origin: str) -> Non
 
 def test_a_service_with_keys_answers_under_any_name(client: httpx.Client, service: Service) -> None:
     secret, _ = api_keys.make(service.database, "robot", [Scope.READ], ["*"])
-    client.app.state.authenticator._locked = None  # type: ignore[attr-defined]
+    client.app.state.authenticator._asks_for_keys = None  # type: ignore[attr-defined]
     headers = {"Authorization": f"Bearer {secret}"}
     assert asked(client, Host="forest.example", **headers).status_code == 200
     assert asked(client, Host="forest.example").status_code == 401

@@ -184,14 +184,14 @@ def test_stems_that_an_older_version_let_in_count_as_not_known(client: httpx.Cli
      (1e300, "diameter_range"), (1e-300, "diameter_range"), (0.004, "diameter_range"), (5.1, "diameter_range"),
      ("0.3", "float_type"), (True, "float_type"), ([0.3], "float_type")],
 )  # fmt: skip
-def test_diameters_that_cannot_be(client: httpx.Client, dbh: Any, code: str) -> None:
+def test_diameters_that_cannot_be(shared_client: httpx.Client, dbh: Any, code: str) -> None:
     body = landmarks(STORED.xy, None)
     body["landmarks"][3]["dbh"] = dbh
-    for response in (client.put(f"{PLOTS}/submaps/bad", json=body), client.post(QUERIES, json=body)):
+    for response in (shared_client.put(f"{PLOTS}/submaps/bad", json=body), shared_client.post(QUERIES, json=body)):
         assert response.status_code == 422
         (error,) = response.json()["errors"]
         assert (error["pointer"], error["code"]) == ("/landmarks/3/dbh", code)
-    assert client.get(f"{PLOTS}/submaps/bad").status_code == 404
+    assert shared_client.get(f"{PLOTS}/submaps/bad").status_code == 404
 
 
 def test_a_diameter_or_height_in_another_unit_is_told_so(client: httpx.Client) -> None:

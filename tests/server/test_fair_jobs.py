@@ -66,7 +66,7 @@ def slow(monkeypatch: pytest.MonkeyPatch) -> Iterator[threading.Event]:
 def key(app: FastAPI, *scopes: Scope) -> tuple[str, dict[str, str]]:
     """A new key: its id, and the header that shows it."""
     secret, info = api_keys.make(app.state.service.database, "robot", scopes or [Scope.READ, Scope.WRITE], ["*"])
-    app.state.authenticator._locked = None
+    app.state.authenticator._asks_for_keys = None
     return info.id, {"Authorization": f"Bearer {secret}"}
 
 

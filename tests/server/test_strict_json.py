@@ -127,11 +127,13 @@ BODIES = [
 @pytest.mark.parametrize(("method", "path", "body", "where"), BODIES)
 @pytest.mark.parametrize("packed", [False, True])
 def test_members_that_come_twice_are_refused_everywhere(
-    client: httpx.Client, method: str, path: str, body: str, where: str, packed: bool
+    shared_client: httpx.Client, method: str, path: str, body: str, where: str, packed: bool
 ) -> None:
     content = body.format('"title": "other"').encode()
     headers = {"Content-Type": "application/json"} | ({"Content-Encoding": "gzip"} if packed else {})
-    response = client.request(method, path, content=gzip.compress(content) if packed else content, headers=headers)
+    response = shared_client.request(
+        method, path, content=gzip.compress(content) if packed else content, headers=headers
+    )
     assert response.status_code == 422, response.text
     (problem,) = response.json()["errors"]
     assert (problem["pointer"], problem["code"]) == (where, "duplicate_member")
