@@ -15,7 +15,7 @@ from benchmarks.markdown import FOLDER
 from benchmarks.page import write_page
 from benchmarks.paper.plots import save
 from benchmarks.pool import Pool
-from benchmarks.robust import grid, rows, stands, table1
+from benchmarks.robust import edges, grid, rows, stands, table1
 from benchmarks.robust.plots import PICTURES
 from benchmarks.robust.reliability import reliability
 
@@ -23,6 +23,7 @@ EXPERIMENTS: Final[dict[str, Experiment]] = {
     "robust_table1": table1.run,
     "robust_grid": grid.run,
     "robust_rows": rows.run,
+    "robust_edges": edges.run,
     "robust_stands": stands.run,
 }
 RELIABILITY: Final = "robust_reliability"

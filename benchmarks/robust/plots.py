@@ -18,6 +18,7 @@ KINDS: Final = {
     "robust_table1": "Table I",
     "robust_grid": "extended grid",
     "robust_rows": "plantations",
+    "robust_edges": "edges of plantations",
     "robust_stands": "real trees",
 }
 _PALETTE: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")

@@ -11,7 +11,7 @@ from benchmarks import record
 from benchmarks.markdown import FOLDER
 from benchmarks.paper.drive import CELLS
 from benchmarks.paper.tracks import BESIDE
-from benchmarks.robust import grid, rows, stands, table1
+from benchmarks.robust import edges, grid, rows, stands, table1
 from benchmarks.robust.__main__ import EXPERIMENTS, FULL, RELIABILITY, main
 from benchmarks.robust.plots import PICTURES
 from benchmarks.robust.reliability import LEAST, bins, expected_error
@@ -69,6 +69,16 @@ def test_in_plantations_nothing_false_is_matched(kind: int) -> None:
     assert found["alone"] >= found["oracle"]
 
 
+@pytest.mark.parametrize("kind", range(len(edges.KINDS)))
+def test_no_edge_of_a_plantation_is_taken_for_another(kind: int) -> None:
+    stands = 1 if edges.KINDS[kind].scene == "inside" else 2
+    found = summarize(edges.run_kind(edges.Job(kind, SEED, stands)))
+    assert (found["false"], found["wrong"]) == (0, 0)
+    assert found["right"] >= 0.5 * found["oracle"]
+    if edges.KINDS[kind].jitter >= 0.2:
+        assert found["right"] >= found["inside"] - 1
+
+
 def test_real_stands_that_are_shipped_are_recognised() -> None:
     for name in ("lansing", "bei"):
         answers = stands.run_stand(stands.Job(name, SEED, 3))
@@ -124,11 +134,11 @@ def test_bins_hold_enough_and_tell_a_true_confidence_from_a_false_one() -> None:
 
 def test_an_experiment_leaves_figures_and_a_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    main(quick=True, out=tmp_path, only=["robust_stands"], seed=1, workers=1)
-    figures = record.read(tmp_path / FOLDER / "robust_stands.json")
-    assert figures["command"] == "python -m benchmarks.robust --quick --seed 1 --only robust_stands"
+    main(quick=True, out=tmp_path, only=["robust_edges"], seed=1, workers=1)
+    figures = record.read(tmp_path / FOLDER / "robust_edges.json")
+    assert figures["command"] == "python -m benchmarks.robust --quick --seed 1 --only robust_edges"
     assert "answers" not in figures
-    assert "## Real trees" in (tmp_path / "results.md").read_text()
+    assert "## Edges of plantations" in (tmp_path / "results.md").read_text()
 
 
 def test_the_published_figures_hold_what_is_claimed() -> None:
@@ -144,6 +154,12 @@ def test_the_published_figures_hold_what_is_claimed() -> None:
     assert sum(row["outside"] for row in planted) >= 10_000
     assert sum(row["false"] + row["wrong"] for row in planted) == 0
     assert sum(row["right"] for row in planted) >= 0.95 * sum(row["oracle"] for row in planted)
+    edged = figures["robust_edges"]["summaries"]
+    assert all(row["inside"] + row["outside"] >= 30 for row in edged)
+    assert sum(row["false"] + row["wrong"] for row in edged) == 0
+    assert sum(row["right"] for row in edged) >= 0.95 * sum(row["oracle"] for row in edged)
+    for (_, _, jitter, _), row in zip(figures["robust_edges"]["kinds"], edged, strict=True):
+        assert row["right"] >= (0.8 * row["inside"] if jitter >= 0.1 else 0)
     real = [row for levels in figures["robust_stands"]["stands"].values() for row in levels.values()]
     assert sum(row["wrong"] + row["false"] for row in real) == 0
     for group in figures["robust_stands"]["plots"]:

@@ -106,6 +106,9 @@ def house(tmp_path_factory: pytest.TempPathFactory) -> Iterator[House]:
     try:
         _furnish(house)
         yield house
+        # Of all that was tried meanwhile.
+        assert not [name for name, secret in secrets.items() if secret.split("_")[2] in served.log.read_text()]
+        assert "Traceback" not in served.log.read_text()
     finally:
         served.close()
         database.dispose()
@@ -895,7 +898,6 @@ def test_a_private_database_stays_private_while_it_is_put_back(
 
 
 def test_the_log_holds_no_secret(house: House) -> None:
-    """The last one here: of all that was tried before."""
     for header in _forms(house).values():
         house.get(f"{A}?key={house.secrets['owner']}", header)
     house.ask("owner", "GET", "/v1/limits", headers={"X-Request-Id": "the-last-one"})
@@ -903,4 +905,3 @@ def test_the_log_holds_no_secret(house: House) -> None:
     text = house.served.log.read_text()
     assert f"key={house.secrets['owner'].split('_')[1]}" in text
     assert not [name for name, secret in house.secrets.items() if secret.split("_")[2] in text]
-    assert "Traceback" not in text
