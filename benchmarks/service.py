@@ -103,7 +103,9 @@ def bulk_rate(forest: Forest, submaps: int, processes: int | None = None) -> Bul
         with describers(processes) as workers:
             stored, half = 0, (0, 0.0)
             began = time.perf_counter()
-            for batch in bulk.ingest_lines(database, COLLECTION, _lines(forest, submaps), workers=workers):
+            for batch in bulk.ingest_lines(
+                database, COLLECTION, _lines(forest, submaps), bulk.LineOptions(workers=workers)
+            ):
                 stored += batch.created
                 if not half[0] and 2 * stored >= submaps:
                     half = stored, time.perf_counter()

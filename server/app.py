@@ -85,6 +85,31 @@ def create_app(settings: Settings, exchange: MetricsExchange | None = None, *, c
     With an `exchange`, this is one process of several whose metrics are merged. `create_database`: make the file
     where there is none; not for a process that goes on with what another one opened.
     """
+    service = _build_service(settings, exchange, create_database=create_database)
+    app = FastAPI(
+        title="Urquhart",
+        version=service_version(),
+        description=_DESCRIPTION,
+        openapi_tags=_TAGS,
+        lifespan=_lifespan,
+        redirect_slashes=False,
+        docs_url=None,
+        redoc_url=None,
+    )
+    # The documentation's scripts come from an installed package: a forest has no internet.
+    app.mount(pages.ASSETS, StaticFiles(packages=[("fastapi_offline", "static")]), name="assets")
+    app.state.service = service
+    app.state.authenticator = Authenticator(settings, service.database)
+    app.state.routers = _ROUTERS
+    for router in _ROUTERS:
+        app.include_router(router)
+    problems.install(app)
+    _add_middleware(app, service)
+    app.openapi = lambda: openapi_document(app)  # type: ignore[method-assign]
+    return app
+
+
+def _build_service(settings: Settings, exchange: MetricsExchange | None, *, create_database: bool) -> Service:
     database = Database(
         settings.database_path,
         busy_timeout=settings.busy_timeout,
@@ -99,7 +124,7 @@ def create_app(settings: Settings, exchange: MetricsExchange | None = None, *, c
     metrics.queued.set_function(lambda: gate.waiting)
     waits = JobWaits(database, settings.limits, lambda: readiness.stopping)
     metrics.waits.set_function(lambda: waits.count)
-    service = Service(
+    return Service(
         settings,
         database,
         catalog,
@@ -114,29 +139,15 @@ def create_app(settings: Settings, exchange: MetricsExchange | None = None, *, c
         RepeatedRequests(),
         waits,
     )
-    app = FastAPI(
-        title="Urquhart",
-        version=service_version(),
-        description=_DESCRIPTION,
-        openapi_tags=_TAGS,
-        lifespan=_lifespan,
-        redirect_slashes=False,
-        docs_url=None,
-        redoc_url=None,
-    )
-    # The documentation's scripts come from an installed package: a forest has no internet.
-    app.mount(pages.ASSETS, StaticFiles(packages=[("fastapi_offline", "static")]), name="assets")
-    app.state.service = service
-    app.state.authenticator = Authenticator(settings, database)
-    app.state.routers = _ROUTERS
-    for router in _ROUTERS:
-        app.include_router(router)
-    problems.install(app)
+
+
+def _add_middleware(app: FastAPI, service: Service) -> None:
+    settings = service.settings
     # The one added last is the outermost.
     app.add_middleware(InflateRequests, limit=settings.limits.body_bytes)
     app.add_middleware(DeflateAnswers)
     app.add_middleware(BodyLimit, limit=settings.limits.body_bytes)
-    app.state.shared = AdmissionState(settings.limits, gate, metrics, readiness)
+    app.state.shared = AdmissionState(settings.limits, service.gate, service.metrics, service.readiness)
     app.add_middleware(AdmissionMiddleware, shared=app.state.shared)
     app.add_middleware(
         KnownHosts,
@@ -145,9 +156,7 @@ def create_app(settings: Settings, exchange: MetricsExchange | None = None, *, c
         everywhere=settings.host in ("0.0.0.0", "::", "[::]"),
     )
     app.add_middleware(SafeAnswers)
-    app.add_middleware(RequestContext, metrics=metrics)
-    app.openapi = lambda: openapi_document(app)  # type: ignore[method-assign]
-    return app
+    app.add_middleware(RequestContext, metrics=service.metrics)
 
 
 def create_app_from_env() -> FastAPI:

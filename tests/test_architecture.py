@@ -181,6 +181,26 @@ def test_functions_of_the_method_are_short_and_take_few_parameters() -> None:
     assert not large
 
 
+def is_interface(path: Path, function: ast.FunctionDef | ast.AsyncFunctionDef) -> bool:
+    """Whether the parameters are those of a route or of a command, which name what callers give one by one."""
+    if path.parent == ROOT / "server/commands":
+        return not function.name.startswith("_")
+    return any(ast.unparse(decorator).startswith("router.") for decorator in function.decorator_list)
+
+
+def test_functions_of_the_service_are_short_and_take_few_parameters() -> None:
+    found = []
+    for path in sources("server"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                given = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
+                count = len([one for one in given if one.arg not in ("self", "cls")])
+                lines = (node.end_lineno or node.lineno) - node.lineno + 1
+                if lines > LONGEST_FUNCTION or (count > MOST_PARAMETERS and not is_interface(path, node)):
+                    found.append(f"{path.relative_to(ROOT)}: {node.name}, {lines} lines, {count} parameters")
+    assert not found
+
+
 def test_every_public_name_is_explained() -> None:
     bare = [
         f"{path.relative_to(ROOT)}: {node.name}"

@@ -27,7 +27,10 @@ def store(path: Path, collection: str, lines: Iterable[bytes]) -> tuple[int, flo
         registry.ensure(database, collection, CollectionPut())
         began = time.perf_counter()
         with batches.describers() as workers:
-            stored = sum(batch.created for batch in bulk.ingest_lines(database, collection, lines, workers=workers))
+            stored = sum(
+                batch.created
+                for batch in bulk.ingest_lines(database, collection, lines, bulk.LineOptions(workers=workers))
+            )
         return stored, time.perf_counter() - began
     finally:
         database.dispose()

@@ -50,7 +50,9 @@ def store(path: Path, submaps: Observations, workers: int, done: Callable[[int],
         registry.ensure(database, COLLECTION, CollectionPut())
         stored = 0
         with batches.describers(workers) as pool:
-            for batch in bulk.ingest_lines(database, COLLECTION, lines(), batch_size=_BATCH, workers=pool):
+            for batch in bulk.ingest_lines(
+                database, COLLECTION, lines(), bulk.LineOptions(batch_size=_BATCH, workers=pool)
+            ):
                 # Two trees may stand within a millimetre of each other: such a submap is refused, and left out.
                 if len(batch.refused) > _REFUSED * batch.submaps:
                     raise RuntimeError(f"submap {batch.refused[0].submap_id} was refused: {batch.refused[0].error}")

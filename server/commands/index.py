@@ -15,18 +15,19 @@ from server.commands.support.database import open_database, settings_with
 from server.commands.support.failure import CommandError
 from server.commands.support.options import DbhUnit, Ignored
 from server.commands.support.progress import progress_bar
-from server.config.settings import IndexSettings
+from server.config.settings import IndexSettings, Limits
 from server.errors import StorageError
 from server.index.catalog import Catalog
 from server.index.maintenance import Maintenance
 from server.observability.metrics import Metrics
 from server.schemas.collections import CollectionPut
 from server.schemas.common import check_id
-from server.stem_maps.reader import read_stem_map
+from server.stem_maps.reader import StemMap, read_stem_map
 from server.stem_maps.stands import StandError, StandReport, cut_stand, store_stand
-from server.stem_maps.tiling import MINIMUM_TREES, CuttingError
+from server.stem_maps.tiling import MINIMUM_TREES, Cut, CuttingError
 from server.store.sqlite.database import Database
 from server.submaps.batches import describers
+from server.submaps.bulk import LineOptions
 
 
 def index(
@@ -63,16 +64,7 @@ def index(
     """
     settings = settings_with(database=database)
     stem_maps = [read_stem_map(path, dbh_unit=dbh_unit, ignore=ignore or ()) for path in files]
-    names = [stem_map.name for stem_map in stem_maps]
-    for name in names:
-        if names.count(name) > 1:
-            raise CommandError(f"two files are called {name!r}, and their submaps would have the same ids: rename one")
-    stands = []
-    for path, stem_map in zip(files, stem_maps, strict=True):
-        try:
-            stands.append(cut_stand(stem_map, radius, spacing, settings.limits))
-        except (CuttingError, StandError) as error:
-            raise CommandError(f"{path}: {error}") from error
+    stands = _cut_all(files, stem_maps, radius, spacing, settings.limits)
 
     store = open_database(settings)
     console = Console(stderr=True)
@@ -82,22 +74,15 @@ def index(
         with console.status("loading the kernels"):  # compiled at the first use, which is no part of the rate
             urquhart.describe(np.random.default_rng(0).uniform(0.0, 50.0, (30, 2)), urquhart.Config())
         with describers(processes) as workers, progress_bar(console) as progress:
+            options = LineOptions(limits=settings.limits, workers=workers)
             for path, stem_map, stand in zip(files, stem_maps, stands, strict=True):
                 task = progress.add_task(path.name, total=len(stand.discs))
+                advance = partial(progress.advance, task)
                 try:
-                    reports.append(
-                        store_stand(
-                            store,
-                            collection,
-                            stem_map,
-                            stand,
-                            limits=settings.limits,
-                            advance=partial(progress.advance, task),
-                            workers=workers,
-                        )
-                    )
+                    report = store_stand(store, collection, stem_map, stand, options, advance=advance)
                 except StandError as error:
                     raise CommandError(f"{path}: {error}") from error
+                reports.append(report)
             task = progress.add_task("index", total=None)
             _write_index(store, settings.index, collection, partial(progress.advance, task))
     finally:
@@ -105,6 +90,21 @@ def index(
     for stem_map, report in zip(stem_maps, reports, strict=True):
         typer.echo(f"{stem_map.name}: {stem_map.understood}")
         typer.echo(sentence(report))
+
+
+def _cut_all(files: list[Path], stem_maps: list[StemMap], radius: float, spacing: float, limits: Limits) -> list[Cut]:
+    """Each stem map cut into discs. Raises CommandError."""
+    names = [stem_map.name for stem_map in stem_maps]
+    for name in names:
+        if names.count(name) > 1:
+            raise CommandError(f"two files are called {name!r}, and their submaps would have the same ids: rename one")
+    stands = []
+    for path, stem_map in zip(files, stem_maps, strict=True):
+        try:
+            stands.append(cut_stand(stem_map, radius, spacing, limits))
+        except (CuttingError, StandError) as error:
+            raise CommandError(f"{path}: {error}") from error
+    return stands
 
 
 def _write_index(store: Database, settings: IndexSettings, collection: str, advance: Callable[[int], Any]) -> None:

@@ -16,7 +16,7 @@ from server.commands.support.failure import CommandError
 from server.commands.support.options import DbhUnit, Ignored
 from server.index.catalog import Catalog
 from server.observability.metrics import Metrics
-from server.queries.lookup import QueryContext, look_up
+from server.queries.lookup import LookupResult, QueryContext, look_up
 from server.schemas.queries import QueryAnswer, QueryInput
 from server.stem_maps.reader import StemMap, read_stem_map
 from server.stem_maps.stands import landmarks_of
@@ -65,15 +65,10 @@ def locate(
         query = _query(observation, limit, seed, file, explain=explain or explain_svg is not None)
         to_draw = svg is not None or explain_svg is not None
         look = look_up(QueryContext(store, catalog, metrics, settings.limits), collection, query, to_draw=to_draw)
-        answer = look.answer
-        if svg is not None and answer.candidates:
-            best = answer.candidates[0]
-            title = f"{observation.name} on {best.submap_id}: {best.inlier_count} inliers"
-            svg.write_text(look.draw(1, title), encoding="utf-8")
-        if explain_svg is not None:
-            explain_svg.write_text(look.explain(observation.name).to_svg(), encoding="utf-8")
+        _draw(look, observation.name, svg, explain_svg)
     finally:
         store.dispose()
+    answer = look.answer
     if as_json:
         typer.echo(answer.model_dump_json(indent=2))
     else:
@@ -87,6 +82,16 @@ def locate(
     if svg is not None:
         drawn = f"drawn: {svg}" if answer.candidates else "nothing to draw: there is no candidate"
         typer.echo(drawn, err=as_json)
+
+
+def _draw(look: LookupResult, name: str, svg: Path | None, explain_svg: Path | None) -> None:
+    """Write the drawings that are asked for: the best candidate, and why the answer is what it is."""
+    answer = look.answer
+    if svg is not None and answer.candidates:
+        best = answer.candidates[0]
+        svg.write_text(look.draw(1, f"{name} on {best.submap_id}: {best.inlier_count} inliers"), encoding="utf-8")
+    if explain_svg is not None:
+        explain_svg.write_text(look.explain(name).to_svg(), encoding="utf-8")
 
 
 def _left_out(seen: StemMap, used: StemMap) -> str:

@@ -5,6 +5,7 @@ import re
 import secrets
 import time
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import ClientDisconnect
@@ -14,6 +15,7 @@ from server.http.problems import internal_problem
 from server.http.routing import matched
 from server.observability.logs import log_access, quoted, shortened
 from server.observability.metrics import Metrics
+from server.observability.request_log import RequestNotes
 from server.observability.request_log import begin as begin_notes
 
 _log = logging.getLogger("server")
@@ -23,6 +25,16 @@ _GIVEN_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
 def new_request_id() -> str:
     """The id of a request that has none, or none that can be used."""
     return secrets.token_hex(8)
+
+
+@dataclass(slots=True)
+class _Seen:
+    """What was seen of a request and its answer: status, bytes of the bodies, and whether the answer has begun."""
+
+    status: int = 500
+    bytes_in: int = 0
+    bytes_out: int = 0
+    begun: bool = False
 
 
 class RequestContext:
@@ -49,58 +61,59 @@ class RequestContext:
         scope = {**scope, "headers": _folded(scope["headers"]), "state": state}
         if method == "HEAD":
             scope["method"] = "GET"
-        status, bytes_in, bytes_out, begun = 500, 0, 0, False
+        seen = _Seen()
         started = time.perf_counter()
         notes = begin_notes()
 
         async def receive_counting() -> Message:
-            nonlocal bytes_in
             message = await receive()
-            bytes_in += len(message.get("body", b""))
+            seen.bytes_in += len(message.get("body", b""))
             return message
 
         async def send_with_id(message: Message) -> None:
-            nonlocal status, bytes_out, begun
             if message["type"] == "http.response.start":
-                begun, status = True, message["status"]
+                seen.begun, seen.status = True, message["status"]
                 MutableHeaders(scope=message)["X-Request-Id"] = request_id
             elif message["type"] == "http.response.body":
                 if method == "HEAD":
                     message = {**message, "body": b""}
-                bytes_out += len(message.get("body", b""))
+                seen.bytes_out += len(message.get("body", b""))
             await send(message)
 
         try:
             await self._app(scope, receive_counting, send_with_id)
         except ClientDisconnect:
-            status = 499  # as others log a caller that went away; nobody is left to be answered
+            seen.status = 499  # as others log a caller that went away; nobody is left to be answered
         except Exception:
             _log.exception("request %s: %s %s failed", request_id, quoted(method), quoted(scope["path"]))
-            if begun:
+            if seen.begun:
                 raise
             await internal_problem(scope)(scope, receive, send_with_id)
         finally:
-            spent = time.perf_counter() - started
-            route, parameters = _route(scope)
-            labelled = method if method in _METHODS else "other"
-            self._metrics.requests.labels(route, labelled, str(status)).inc()
-            self._metrics.request_seconds.labels(route, labelled).observe(spent)
-            caller = scope["state"].get("caller")
-            log_access(
-                {
-                    "request_id": request_id,
-                    "method": method if labelled == method else method[:20],
-                    "route": route,
-                    "path": shortened(scope["path"]),
-                    "status": status,
-                    "ms": round(spent * 1e3, 2),
-                    "bytes_in": bytes_in,
-                    "bytes_out": bytes_out,
-                    "key": caller.id if caller is not None else "",
-                    "collection": parameters.get("collection", ""),
-                    **notes.log_members(),
-                }
-            )
+            self._record(scope, method, seen, time.perf_counter() - started, notes)
+
+    def _record(self, scope: Scope, method: str, seen: _Seen, seconds: float, notes: RequestNotes) -> None:
+        """Count the request, and write its line of the log; `method` as it came."""
+        route, parameters = _route(scope)
+        labelled = method if method in _METHODS else "other"
+        self._metrics.requests.labels(route, labelled, str(seen.status)).inc()
+        self._metrics.request_seconds.labels(route, labelled).observe(seconds)
+        caller = scope["state"].get("caller")
+        log_access(
+            {
+                "request_id": scope["state"]["request_id"],
+                "method": method if labelled == method else method[:20],
+                "route": route,
+                "path": shortened(scope["path"]),
+                "status": seen.status,
+                "ms": round(seconds * 1e3, 2),
+                "bytes_in": seen.bytes_in,
+                "bytes_out": seen.bytes_out,
+                "key": caller.id if caller is not None else "",
+                "collection": parameters.get("collection", ""),
+                **notes.log_members(),
+            }
+        )
 
 
 def _route(scope: Scope) -> tuple[str, Mapping[str, str]]:

@@ -1,7 +1,7 @@
 """Jobs as callers see them: accepted, reported, dismissed."""
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any, BinaryIO, Literal
 
@@ -18,7 +18,7 @@ from server.jobs.refusals import summary
 from server.platform.ids import new_id
 from server.resources import links
 from server.resources.idempotency import NO_CONTENT, IdempotencyKey, StoredResponse, find_response, store_response
-from server.resources.paging import page_size, read_cursor, write_cursor
+from server.resources.paging import PageRequest, page_size, read_cursor, write_cursor
 from server.schemas.common import to_json
 from server.schemas.constraints import ConstraintFormat
 from server.schemas.jobs import JobAnswer, JobLinks, JobPage, JobState
@@ -32,47 +32,59 @@ from server.store.tables import JobRow
 JobType = Literal["import", "reindex", "constraints"]
 
 
+@dataclass(frozen=True, slots=True)
+class NewJob:
+    """A job to accept.
+
+    Attributes:
+        type: what it does.
+        parameters: for whoever runs it.
+        id: under which files of it were made already; None for a new one.
+        total: of its steps; None where that is not known.
+        exclusive: not beside another unfinished one of its type on the collection.
+        collection_key: of the collection that `check` found, where one of that name may have been made again since.
+    """
+
+    type: JobType
+    parameters: dict[str, Any] = field(default_factory=dict)
+    id: str | None = None
+    total: int | None = None
+    exclusive: bool = False
+    collection_key: int | None = None
+
+
 def accept(
     database: Database,
     collection_id: str,
     caller: Principal,
-    kind: JobType,
+    job: NewJob,
     idempotency_key: IdempotencyKey | None,
     limits: Limits,
-    *,
-    job_id: str | None = None,
-    parameters: dict[str, Any] | None = None,
-    total: int | None = None,
-    exclusive: bool = False,
-    collection_key: int | None = None,
 ) -> StoredResponse:
-    """Take a job on, unless the same was done before; what is answered.
+    """Accept a job, unless the same was done before; the response.
 
-    `alone`: not beside another unfinished one of its kind on the collection.
-    `collection_key`: of the collection that `check` found, where one of that name may have been made again since.
     Raises NotFound, Conflict, KeyReused, TooManyJobs, Unauthorized (the key was just revoked) and StorageError.
     """
     with database.write() as session:
         collection = get_collection(session, collection_id)
-        if collection_key not in (None, collection.key):
+        if job.collection_key not in (None, collection.key):
             raise NotFound("collection", collection_id)
-        operation = f"{kind} {collection.key}"
+        operation = f"{job.type} {collection.key}"
         response = find_response(session, idempotency_key, operation)
         if response is not None:
             return response
         jobs = Jobs(session)
         check_key(session, caller)
         check_quota(session, caller, limits)
-        if exclusive and jobs.unfinished(collection.key, kind):
-            raise Conflict(f"A job of the kind {kind} is at work on {collection_id!r}; wait for it, or dismiss it.")
+        if job.exclusive and jobs.unfinished(collection.key, job.type):
+            raise Conflict(f"A job of the kind {job.type} is at work on {collection_id!r}; wait for it, or dismiss it.")
         row = jobs.add(
-            job_id=job_id or new_id(),
-            kind=kind,
-            collection_id=collection.id,
-            collection_key=collection.key,
+            job_id=job.id or new_id(),
+            kind=job.type,
+            collection=collection,
             caller=caller.id,
-            parameters=parameters or {},
-            total=total,
+            parameters=job.parameters,
+            total=job.total,
         )
         answer = StoredResponse(202, {"Location": links.job(row.id), "Retry-After": "1"}, to_json(describe(row)))
         return store_response(session, idempotency_key, operation, answer)
@@ -100,20 +112,19 @@ def page(
     database: Database,
     limits: Limits,
     caller: Principal,
+    asked: PageRequest,
     *,
     state: JobState | None,
     collection_id: str | None,
-    limit: int | None,
-    cursor: str | None,
 ) -> JobPage:
     """A page of the jobs on collections that the caller sees, the newest first. Raises InvalidField."""
-    size = page_size(limit, limits)
+    size = page_size(asked.limit, limits)
     with database.read() as session:
         rows = Jobs(session).page(
             caller.patterns,
             state=state,
             collection_id=collection_id,
-            before_key=read_cursor("jobs", cursor) or None,
+            before_key=read_cursor("jobs", asked.cursor) or None,
             limit=size + 1,
             caller=caller.id,
         )

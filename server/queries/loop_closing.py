@@ -54,7 +54,7 @@ class LoopQuestion:
         return self._answer
 
     def confirm(self, session: Session, collection: CollectionRow, own_key: int | None, turn: int) -> QueryAnswer:
-        """The last answer, once nothing that was committed since could change it. Raises AskAgain."""
+        """The last answer, once nothing that was committed since could change it. Raises SearchOutdated."""
         answer = self._answer
         assert answer is not None, "ask comes before settle"
         new = self._unseen(session, collection, answer.revision, own_key)

@@ -17,6 +17,7 @@ from sqlalchemy.orm import Session
 from server.errors import KeyReused
 from server.store.repositories.stored_responses import StoredResponses
 from server.store.sqlite.database import Database
+from server.store.tables import IdempotencyRow
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,16 +72,17 @@ def store_response(
 ) -> StoredResponse:
     """Store the response that is about to be sent, and return it."""
     if idempotency_key is not None:
-        StoredResponses(session).keep(
-            idempotency_key.caller,
-            operation,
-            idempotency_key.name,
+        row = IdempotencyRow(
+            caller=idempotency_key.caller,
+            operation=operation,
+            name=idempotency_key.name,
             digest=idempotency_key.digest,
             status=answer.status,
             headers=answer.headers,
             body=answer.body,
-            since=idempotency_key.since,
+            created=datetime.now(UTC),
         )
+        StoredResponses(session).keep(row, idempotency_key.since)
     return answer
 
 

@@ -2,6 +2,7 @@
 
 import base64
 import binascii
+from dataclasses import dataclass
 from typing import Literal, TypeVar
 
 import orjson
@@ -11,6 +12,14 @@ from server.errors import InvalidField
 
 _Place = TypeVar("_Place", int, str)
 Listing = Literal["collections", "submaps", "sessions", "jobs", "snapshots"]
+
+
+@dataclass(frozen=True, slots=True)
+class PageRequest:
+    """Which page of a listing is asked for: rows at most, None for the usual number, and the cursor of the last one."""
+
+    limit: int | None
+    cursor: str | None
 
 
 def write_cursor(listing: Listing, after: int | str) -> str:

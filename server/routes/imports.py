@@ -68,20 +68,14 @@ async def post_import(
     folder, job_id = service.jobs.folder, new_id()
     async with receive_upload(folder, job_id, request.stream(), limits, inflater) as arrived:
         key = idempotency_key_of(service, caller, idempotency_key, request.url.query.encode() + arrived.digest.encode())
-        response = await anyio.to_thread.run_sync(
-            lambda: queue.accept(
-                service.database,
-                collection,
-                caller,
-                "import",
-                key,
-                limits,
-                job_id=job_id,
-                parameters={"on_conflict": on_conflict, "mode": mode},
-                total=arrived.lines,
-                collection_key=collection_key,
-            )
+        job = queue.NewJob(
+            "import",
+            {"on_conflict": on_conflict, "mode": mode},
+            id=job_id,
+            total=arrived.lines,
+            collection_key=collection_key,
         )
+        response = await anyio.to_thread.run_sync(queue.accept, service.database, collection, caller, job, key, limits)
     if response.replayed:
         folder.remove(job_id)
     service.jobs.runner.wake()

@@ -14,6 +14,7 @@ from server.http.json_body import JsonRoute
 from server.http.negotiation import JSON, NDJSON
 from server.http.responses import json_response, next_link, problems, stored_response
 from server.jobs import queue
+from server.resources.paging import PageRequest
 from server.routes.dependencies import CollectionId, IdempotencyKeyDep, PageCursor, PageLimit, PrincipalDep, ServiceDep
 from server.schemas.constraints import CONSTRAINT_EXAMPLE, ConstraintFormat, ConstraintsInput
 from server.schemas.jobs import JOB_EXAMPLE, JobAnswer, JobPage, JobState
@@ -55,7 +56,12 @@ def post_reindex(
 ) -> Response:
     """From the landmarks; the old index serves until the new one takes its place. 409 while one is at work."""
     response = queue.accept(
-        service.database, collection, caller, "reindex", idempotency_key, service.settings.limits, exclusive=True
+        service.database,
+        collection,
+        caller,
+        queue.NewJob("reindex", exclusive=True),
+        idempotency_key,
+        service.settings.limits,
     )
     service.jobs.runner.wake()
     return stored_response(response)
@@ -85,10 +91,9 @@ def post_constraints(
         service.database,
         collection,
         caller,
-        "constraints",
+        queue.NewJob("constraints", body.model_dump(mode="json")),
         idempotency_key,
         service.settings.limits,
-        parameters=body.model_dump(mode="json"),
     )
     service.jobs.runner.wake()
     return stored_response(response)
@@ -115,10 +120,9 @@ def list_jobs(
         service.database,
         service.settings.limits,
         caller,
+        PageRequest(limit, cursor),
         state=state,
         collection_id=collection,
-        limit=limit,
-        cursor=cursor,
     )
     headers = {} if page.next is None else {"Link": next_link("/v1/jobs", request, page.next)}
     return json_response(page, headers=headers)

@@ -64,21 +64,9 @@ def put_submap(
 
     With `query`, the answer tells of every other submap at this place that was stored before this one.
     """
-    return _answered(
-        service,
-        ingest.put(
-            service.database,
-            collection,
-            submap,
-            body,
-            service.settings.limits,
-            preconditions,
-            idempotency_key=idempotency_key,
-            question=_question(service, caller, collection, submap, body, budget)
-            if query or body.query is not None
-            else None,
-        ),
-    )
+    question = _question(service, caller, collection, submap, body, budget) if query or body.query is not None else None
+    terms = ingest.WriteTerms(preconditions, idempotency_key, question)
+    return _answered(service, ingest.put(service.database, collection, submap, body, service.settings.limits, terms))
 
 
 @router.post(
@@ -105,20 +93,9 @@ def post_submap(
     """Under an id that the service makes, later ones after earlier ones. Sent again with the same `Idempotency-Key`,
     it is not stored again, and is answered as the first time.
     """
-    return _answered(
-        service,
-        ingest.post(
-            service.database,
-            collection,
-            new_id(),
-            body,
-            service.settings.limits,
-            idempotency_key=idempotency_key,
-            question=_question(service, caller, collection, None, body, budget)
-            if query or body.query is not None
-            else None,
-        ),
-    )
+    question = _question(service, caller, collection, None, body, budget) if query or body.query is not None else None
+    terms = ingest.WriteTerms(idempotency_key=idempotency_key, question=question)
+    return _answered(service, ingest.post(service.database, collection, new_id(), body, service.settings.limits, terms))
 
 
 def _question(
@@ -159,7 +136,9 @@ def patch_submap(
     caller.require(Scope.READ)
     limits = service.settings.limits
     return stored_response(
-        ingest.patch(service.database, collection, submap, body, limits, preconditions, idempotency_key=idempotency_key)
+        ingest.patch(
+            service.database, collection, submap, body, limits, ingest.WriteTerms(preconditions, idempotency_key)
+        )
     )
 
 

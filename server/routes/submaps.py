@@ -9,6 +9,7 @@ from server.http.json_body import JsonRoute
 from server.http.negotiation import GEOJSON, JSON, SVG, choose
 from server.http.responses import etag_header, json_response, next_link, not_modified, problems
 from server.resources import links
+from server.resources.paging import PageRequest
 from server.routes.dependencies import (
     Accept,
     CollectionId,
@@ -93,7 +94,7 @@ def list_submaps(
     """
     media_type = choose(accept, [JSON, GEOJSON])
     chosen = reader.submap_filter(session=session, bbox=bbox, frame_id=frame_id, datetime_range=datetime)
-    arguments = (service.database, service.settings.limits, collection, chosen, limit, cursor)
+    arguments = (service.database, service.settings.limits, collection, chosen, PageRequest(limit, cursor))
     content: Any
     if media_type == GEOJSON:
         with in_time(service, budget) as own:

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from server.config.settings import Limits
-from server.platform.process_pool import ProcessPool
 from server.schemas.common import check_id
 from server.schemas.landmarks import Landmark
 from server.schemas.poses import MapPose
@@ -23,7 +22,7 @@ from server.store.codec import digest, pack_positions
 from server.store.repositories.stands import StandRecord
 from server.store.sqlite.database import Database
 from server.submaps.batches import DescribedBatch
-from server.submaps.bulk import describe_lines
+from server.submaps.bulk import USUAL, LineOptions, describe_lines
 
 BATCH = 200
 
@@ -50,24 +49,22 @@ def store_stand(
     collection: str,
     stem_map: StemMap,
     stand: Cut,
+    options: LineOptions = USUAL,
     *,
-    limits: Limits,
     advance: Callable[[int], None] | None = None,
-    workers: ProcessPool | None = None,
 ) -> StandReport:
     """Store the discs of `stand`, which `stem_map` was cut into, in a collection that exists.
 
     They take the place of all that was stored under the map's name before, in one transaction at the end. `advance` is
-    told how many more submaps are described, batch by batch; `workers` are as in `ingest_lines`.
+    told how many more submaps are described, batch by batch; `options` are as in `ingest_lines`.
 
     Raises:
         StandError: a tree's id or species is not one that a landmark can have, or as `replace_stand`.
         DomainError: what `describe_lines` and `replace_stand` raise. Nothing is stored.
     """
     began = time.perf_counter()
-    describing = describe_lines(
-        database, collection, lines_of(stem_map, stand), batch_size=BATCH, limits=limits, workers=workers
-    )
+    lines = lines_of(stem_map, stand)
+    describing = describe_lines(database, collection, lines, replace(options, batch_size=BATCH))
     with closing(describing), spool_to_disk(_counted(describing, advance), database.path.parent) as batches:
         ids = [disc.submap_id for disc in stand.discs]
         outcome = replace_stand(database, collection, _record(stem_map, stand), ids, batches)

@@ -2,8 +2,8 @@
 
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import closing, nullcontext
-from dataclasses import dataclass
-from typing import Literal, TypeVar
+from dataclasses import dataclass, field
+from typing import Final, Literal, TypeVar
 
 from sqlalchemy.orm import Session
 
@@ -112,34 +112,42 @@ def ingest_many(
         yield write(database, collection_id, described)
 
 
+@dataclass(frozen=True, slots=True)
+class LineOptions:
+    """How lines of NDJSON are read and described.
+
+    Attributes:
+        batch_size: lines of a batch, at most.
+        limits: what a line is held to.
+        workers: processes that describe; None for a pool of this call, a process for each core.
+        first: position of the first line.
+        careful: one of the lines is suspected to end the process that describes it.
+    """
+
+    batch_size: int = 500
+    limits: Limits = field(default_factory=Limits)
+    workers: ProcessPool | None = None
+    first: int = 0
+    careful: bool = False
+
+
+USUAL: Final = LineOptions()
+
+
 def ingest_lines(
     database: Database,
     collection_id: str,
     lines: Iterable[bytes | BlankLines],
+    options: LineOptions = USUAL,
     *,
-    batch_size: int = 500,
-    limits: Limits | None = None,
-    workers: ProcessPool | None = None,
-    first: int = 0,
     on_conflict: OnConflict = "replace",
     on_written: OnWritten | None = None,
-    careful: bool = False,
 ) -> Generator[BatchResult, None, None]:
     """Store submaps that come as lines of NDJSON, each the body of a PUT with the submap's `id`; as `ingest_many`.
 
-    Lines are read where they are described, which is the fastest way in. Empty ones are passed over. `first` is the
-    position of the first line. `careful`: one of the lines is suspected to end the process that describes it.
+    Lines are read where they are described, which is the fastest way in. Empty ones are passed over.
     """
-    described_lines = describe_lines(
-        database,
-        collection_id,
-        lines,
-        batch_size=batch_size,
-        limits=limits,
-        workers=workers,
-        first=first,
-        careful=careful,
-    )
+    described_lines = describe_lines(database, collection_id, lines, options)
     # Closed here, where what it waits for is known, and not when it is found to be garbage.
     with closing(described_lines):
         for described in described_lines:
@@ -147,19 +155,11 @@ def ingest_lines(
 
 
 def describe_lines(
-    database: Database,
-    collection_id: str,
-    lines: Iterable[bytes | BlankLines],
-    *,
-    batch_size: int = 500,
-    limits: Limits | None = None,
-    workers: ProcessPool | None = None,
-    first: int = 0,
-    careful: bool = False,
+    database: Database, collection_id: str, lines: Iterable[bytes | BlankLines], options: LineOptions = USUAL
 ) -> Generator[DescribedBatch, None, None]:
     """The same without storing: what each batch of lines holds. Raises NotFound, StorageError and WorkerLost."""
-    work = batches.of_lines(database, collection_id, limits or Limits(), careful=careful)
-    return _described(work, batches.cut(lines, batch_size, len, first), workers)
+    work = batches.of_lines(database, collection_id, options.limits, careful=options.careful)
+    return _described(work, batches.cut(lines, options.batch_size, len, options.first), options.workers)
 
 
 def write(

@@ -46,13 +46,23 @@ class Stored:
 
 
 @dataclass(frozen=True, slots=True)
-class _Terms:
-    """On what terms a submap is stored; `is_named`: under an id of the caller's."""
+class WriteTerms:
+    """On what terms a submap is written: preconditions, the idempotency key, and what is asked before."""
+
+    preconditions: Preconditions = ANYTHING
+    idempotency_key: IdempotencyKey | None = None
+    question: Question | None = None
+
+
+NO_TERMS: Final = WriteTerms()
+
+
+@dataclass(frozen=True, slots=True)
+class _Write:
+    """A write on its terms; `is_named`: under an id of the caller's."""
 
     operation: str
-    preconditions: Preconditions
-    idempotency_key: IdempotencyKey | None
-    question: Question | None
+    terms: WriteTerms
     is_named: bool
 
 
@@ -62,14 +72,11 @@ def put(
     submap_id: str,
     body: SubmapInput,
     limits: Limits,
-    preconditions: Preconditions = ANYTHING,
-    *,
-    idempotency_key: IdempotencyKey | None = None,
-    question: Question | None = None,
+    terms: WriteTerms = NO_TERMS,
 ) -> Stored:
     """Store a submap under an id: created, replaced, or unchanged when it is there already with the same content.
 
-    With a `question`, landmarks of which no submap can be made are an answer, and nothing is stored.
+    With a question in its `terms`, landmarks of which no submap can be made are an answer, and nothing is stored.
 
     Raises NotFound, PreconditionFailed, InvalidLandmarks, TooLarge, KeyReused, Overloaded and StorageError; then
     nothing is stored.
@@ -79,20 +86,18 @@ def put(
     with database.read() as session:
         collection = get_collection(session, collection_id)
         operation = f"putSubmap {collection.key} {submap_id}"
-        response = find_response(session, idempotency_key, operation)
+        response = find_response(session, terms.idempotency_key, operation)
         if response is not None:
             return Stored(None, response)
         check_place(session, collection, prepared.place)
         known = Submaps(session, collection.key).identities([submap_id]).get(submap_id)
-    preconditions.check(known.etag if known else None)
+    terms.preconditions.check(known.etag if known else None)
     same = known is not None and known.etag == prepared.etag
-    if known is not None and same and idempotency_key is None:
-        found = None if question is None else question.ask()
+    if known is not None and same and terms.idempotency_key is None:
+        found = None if terms.question is None else terms.question.ask()
         receipt = Receipt("unchanged", known.etag, known.revision, known.counts)
         return Stored("unchanged", receipt_answer(collection_id, submap_id, receipt, found))
-    return _store(
-        database, collection, prepared, known, _Terms(operation, preconditions, idempotency_key, question, True)
-    )
+    return _store(database, collection, prepared, known, _Write(operation, terms, is_named=True))
 
 
 def post(
@@ -101,9 +106,7 @@ def post(
     submap_id: str,
     body: SubmapInput,
     limits: Limits,
-    *,
-    idempotency_key: IdempotencyKey | None = None,
-    question: Question | None = None,
+    terms: WriteTerms = NO_TERMS,
 ) -> Stored:
     """Store a new submap under an id that is not taken, unless the same was done before. Otherwise as `put`."""
     pin_threads()
@@ -111,18 +114,18 @@ def post(
     with database.read() as session:
         collection = get_collection(session, collection_id)
         operation = f"postSubmap {collection.key}"
-        response = find_response(session, idempotency_key, operation)
+        response = find_response(session, terms.idempotency_key, operation)
         if response is not None:
             return Stored(None, response)
         check_place(session, collection, prepared.place)
-    return _store(database, collection, prepared, None, _Terms(operation, ANYTHING, idempotency_key, question, False))
+    return _store(database, collection, prepared, None, _Write(operation, terms, is_named=False))
 
 
 def _store(
-    database: Database, collection: CollectionRow, prepared: Prepared, known: Identity | None, terms: _Terms
+    database: Database, collection: CollectionRow, prepared: Prepared, known: Identity | None, write: _Write
 ) -> Stored:
     """Ask, then store in a transaction before which nothing was committed that the question should have seen."""
-    config, question = config_of(collection), terms.question
+    config, question = config_of(collection), write.terms.question
     found = None if question is None else question.ask()
     if not prepared.has_features(known):
         try:
@@ -131,11 +134,11 @@ def _store(
             if found is None or error.code not in _UNPLACEABLE:
                 raise
             return Stored(
-                None, refusal_answer(collection, prepared.id if terms.is_named else None, known, error, found)
+                None, refusal_answer(collection, prepared.id if write.is_named else None, known, error, found)
             )
     for turn in range(_TURNS):
         try:
-            return _write(database, collection, prepared, terms, turn)
+            return _write(database, collection, prepared, write, turn)
         except SearchOutdated:
             if question is not None and turn + 1 < _TURNS:
                 question.ask()
@@ -144,25 +147,27 @@ def _store(
     )
 
 
-def _write(database: Database, collection: CollectionRow, prepared: Prepared, terms: _Terms, turn: int) -> Stored:
-    """One transaction: the submap, and what is answered. Raises AskAgain."""
-    config, question, submap_id = config_of(collection), terms.question, prepared.id
+def _write(database: Database, collection: CollectionRow, prepared: Prepared, write: _Write, turn: int) -> Stored:
+    """One transaction: the submap, and what is answered. Raises SearchOutdated."""
+    config, terms, submap_id = config_of(collection), write.terms, prepared.id
     with database.write() as session:
         now = same_collection(session, collection.id, collection.key)
-        response = find_response(session, terms.idempotency_key, terms.operation)
+        response = find_response(session, terms.idempotency_key, write.operation)
         if response is not None:
             return Stored(None, response)
         submaps = Submaps(session, now.key)
         known = submaps.identities([submap_id]).get(submap_id)
         terms.preconditions.check(known.etag if known else None)
-        found = None if question is None else question.confirm(session, now, known.key if known else None, turn)
+        found = (
+            None if terms.question is None else terms.question.confirm(session, now, known.key if known else None, turn)
+        )
         before = frozenset[str]() if known is None else submaps.members(known.key)
         record = prepared.record(known, config)
         receipt = store(session, now, [(known, record)])[0]
         gone = before - record.members()
         receipt = replace(receipt, cleared=tuple(name for name in MEMBERS if name in gone))
         answer = receipt_answer(now.id, submap_id, receipt, found)
-        return Stored(receipt.outcome, store_response(session, terms.idempotency_key, terms.operation, answer))
+        return Stored(receipt.outcome, store_response(session, terms.idempotency_key, write.operation, answer))
 
 
 def patch(
@@ -171,9 +176,7 @@ def patch(
     submap_id: str,
     body: SubmapPatch,
     limits: Limits,
-    preconditions: Preconditions = ANYTHING,
-    *,
-    idempotency_key: IdempotencyKey | None = None,
+    terms: WriteTerms = NO_TERMS,
 ) -> StoredResponse:
     """Change what the body names of a submap; the index is concerned only where it gives landmarks. What is answered.
 
@@ -190,14 +193,14 @@ def patch(
     with database.write() as session:
         now = same_collection(session, collection_id, collection.key)
         operation = f"patchSubmap {now.key} {submap_id}"
-        response = find_response(session, idempotency_key, operation)
+        response = find_response(session, terms.idempotency_key, operation)
         if response is not None:
             return response
         submaps = Submaps(session, now.key)
         row, known = submaps.get_whole(submap_id), submaps.identities([submap_id]).get(submap_id)
         if row is None or known is None:
             raise NotFound("submap", submap_id)
-        preconditions.check(row.etag)
+        terms.preconditions.check(row.etag)
         record = patched(row, body, trees, config)
         if "map_pose" in body.model_fields_set:
             check_place(session, now, record.place)
@@ -206,7 +209,7 @@ def patch(
         changed = submaps.get_whole(submap_id)
         assert changed is not None
         return store_response(
-            session, idempotency_key, operation, submap_answer(reader.submap_of(collection_id, changed))
+            session, terms.idempotency_key, operation, submap_answer(reader.submap_of(collection_id, changed))
         )
 
 

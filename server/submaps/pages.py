@@ -6,7 +6,7 @@ import orjson
 
 from server.collections.registry import get_collection
 from server.config.settings import Limits
-from server.resources.paging import page_size, read_cursor, write_cursor
+from server.resources.paging import PageRequest, page_size, read_cursor, write_cursor
 from server.store.repositories.submaps import Submaps
 from server.store.sqlite.database import Database
 from server.store.submap_filter import SubmapFilter
@@ -23,8 +23,7 @@ def rows_of_page(
     limits: Limits,
     collection_id: str,
     chosen: SubmapFilter,
-    limit: int | None,
-    cursor: str | None,
+    asked: PageRequest,
     *,
     landmarks: bool = False,
 ) -> tuple[CollectionRow, list[SubmapRow], str | None]:
@@ -33,8 +32,8 @@ def rows_of_page(
     The page ends at `limits.page_bytes`, but has one row at least. With `landmarks`, those are read, too, and count.
     Raises NotFound and InvalidField.
     """
-    size = page_size(limit, limits)
-    after = read_cursor("submaps", cursor)
+    size = page_size(asked.limit, limits)
+    after = read_cursor("submaps", asked.cursor)
     rows: list[SubmapRow] = []
     left = limits.page_bytes
     with database.read() as session:

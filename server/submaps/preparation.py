@@ -1,6 +1,6 @@
 """A posted submap made ready for the store: checked against the limits, hashed, described."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Any
 
@@ -61,16 +61,8 @@ class Prepared:
         self.id = submap_id
         self._body = body
         self.place = place_from(body.map_pose, self.trees.xy)
-        self.etag = content_etag(
-            self.trees.landmarks_hash,
-            self.trees.ids,
-            self.trees.attributes,
-            frame_id=body.frame_id,
-            session=body.session,
-            stamp=body.stamp,
-            place=self.place,
-            properties=body.properties,
-        )
+        rest = Circumstances(body.frame_id, body.session, body.stamp, self.place, body.properties)
+        self.etag = content_etag(self.trees.landmarks_hash, self.trees.ids, self.trees.attributes, rest)
 
     def describe(self, config: Config) -> Features:
         """Features of the landmarks, made once. Raises InvalidLandmarks."""
@@ -138,7 +130,7 @@ def patched(row: SubmapRow, body: SubmapPatch, trees: Trees | None, config: Conf
         counts=counts,
         place=place,
         landmarks_hash=landmarks_hash,
-        etag=content_etag(landmarks_hash, ids, attributes, place=place, **members),
+        etag=content_etag(landmarks_hash, ids, attributes, Circumstances(place=place, **members)),
         landmarks=landmarks,
         landmark_ids=ids,
         attributes=attributes,
@@ -216,32 +208,29 @@ def _footprint(x: float, y: float, yaw: float, xy: NDArray[np.float64]) -> dict[
     return {"map_min_x": min_x, "map_min_y": min_y, "map_max_x": max_x, "map_max_y": max_y}
 
 
-def content_etag(
-    landmarks_hash: str,
-    ids: bytes | None,
-    attributes: bytes | None,
-    *,
-    frame_id: str | None,
-    session: str | None,
-    stamp: datetime | None,
-    place: Place | None,
-    properties: dict[str, Any] | None,
-) -> str:
+@dataclass(frozen=True, slots=True)
+class Circumstances:
+    """What a submap has beside its landmarks."""
+
+    frame_id: str | None
+    session: str | None
+    stamp: datetime | None
+    place: Place | None
+    properties: dict[str, Any] | None
+
+
+def content_etag(landmarks_hash: str, ids: bytes | None, attributes: bytes | None, rest: Circumstances) -> str:
     """Entity tag of a submap's whole content."""
+    place = rest.place
     pose = place and [place.map_frame_id, place.map_x, place.map_y, place.map_yaw, place.map_covariance]
-    rest = orjson.dumps([frame_id, session, stamp, pose, properties], option=orjson.OPT_SORT_KEYS | orjson.OPT_UTC_Z)
-    return digest(landmarks_hash.encode(), ids, attributes, rest)
+    packed = orjson.dumps(
+        [rest.frame_id, rest.session, rest.stamp, pose, rest.properties],
+        option=orjson.OPT_SORT_KEYS | orjson.OPT_UTC_Z,
+    )
+    return digest(landmarks_hash.encode(), ids, attributes, packed)
 
 
 def row_etag(row: SubmapRow, place: Place | None, properties: dict[str, Any] | None) -> str:
     """Entity tag of a stored submap with a pose in the map and properties, its own or others."""
-    return content_etag(
-        row.landmarks_hash,
-        row.landmark_ids,
-        row.attributes,
-        frame_id=row.frame_id,
-        session=row.session,
-        stamp=row.stamp,
-        place=place,
-        properties=properties,
-    )
+    rest = Circumstances(row.frame_id, row.session, row.stamp, place, properties)
+    return content_etag(row.landmarks_hash, row.landmark_ids, row.attributes, rest)

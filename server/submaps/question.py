@@ -21,5 +21,5 @@ class Question(Protocol):
     def confirm(self, session: Session, collection: CollectionRow, own_key: int | None, turn: int) -> QueryAnswer:
         """The answer, in the transaction that stores the submap, after `turn` + 1 searches.
 
-        `own_key`: what is stored under the submap's id. Raises AskAgain.
+        `own_key`: what is stored under the submap's id. Raises SearchOutdated.
         """

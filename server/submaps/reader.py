@@ -13,7 +13,7 @@ from server.config.settings import Limits
 from server.errors import InvalidField, NotAcceptable, NotFound
 from server.index.derived import config_of, features_of
 from server.resources import links
-from server.resources.paging import page_size, read_name_cursor, write_cursor
+from server.resources.paging import PageRequest, page_size, read_name_cursor, write_cursor
 from server.schemas.common import Stamp
 from server.schemas.poses import PlacedPose
 from server.schemas.submaps import (
@@ -55,10 +55,10 @@ def submap_of(collection_id: str, row: SubmapRow) -> Submap:
 
 
 def page(
-    database: Database, limits: Limits, collection_id: str, chosen: SubmapFilter, limit: int | None, cursor: str | None
+    database: Database, limits: Limits, collection_id: str, chosen: SubmapFilter, asked: PageRequest
 ) -> SubmapPage:
     """A page of submaps without their landmarks, in the order they came. Raises NotFound and InvalidField."""
-    rows, following = rows_of_page(database, limits, collection_id, chosen, limit, cursor)[1:]
+    rows, following = rows_of_page(database, limits, collection_id, chosen, asked)[1:]
     return SubmapPage(submaps=[SubmapSummary(**_summary(collection_id, row)) for row in rows], next=following)
 
 
@@ -86,8 +86,7 @@ def geojson_page(
     limits: Limits,
     collection_id: str,
     chosen: SubmapFilter,
-    limit: int | None,
-    cursor: str | None,
+    asked: PageRequest,
     budget: Budget,
 ) -> tuple[dict[str, Any], str | None]:
     """The same page as GeoJSON: footprints, each by its own map frame's CRS. And the next cursor.
@@ -95,7 +94,7 @@ def geojson_page(
     A submap without map_pose, or in a map frame without CRS, has no geometry, and `no_geometry` says why. Raises
     NotAcceptable for a collection without any CRS, and urquhart.budget.OutOfTime and Abandoned.
     """
-    collection, rows, following = rows_of_page(database, limits, collection_id, chosen, limit, cursor, landmarks=True)
+    collection, rows, following = rows_of_page(database, limits, collection_id, chosen, asked, landmarks=True)
     references = references_of(database, collection, {row.map_frame_id for row in rows if row.map_frame_id is not None})
     features = []
     for row in rows:

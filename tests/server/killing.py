@@ -88,12 +88,9 @@ def _prepare(path: Path, mode: str, content: bytes) -> None:
         database,
         "plots",
         UNRESTRICTED,
-        "import",
+        queue.NewJob("import", {"mode": mode, "on_conflict": "replace"}, _JOB, content.count(b"\n")),
         None,
         Limits(),
-        job_id=_JOB,
-        parameters={"mode": mode, "on_conflict": "replace"},
-        total=content.count(b"\n"),
     )
     database.dispose()
 

@@ -15,6 +15,7 @@ from server.config.settings import Settings
 from server.runtime import Service
 from server.stem_maps.reader import read_stem_map
 from server.stem_maps.stands import cut_stand, store_stand
+from server.submaps.bulk import LineOptions
 from tests.server.world import TestClient, points
 from urquhart import SE2
 from urquhart.evaluation.simulation import observe, plantation
@@ -221,7 +222,9 @@ def test_bulk_ingest_describes_with_diameters(service: Service, client: httpx.Cl
     file.write_text("x_m,y_m,dbh_cm\n" + "".join(f"{x},{y},{100.0 * dbh}\n" for (x, y), dbh in rows))
     stem_map = read_stem_map(file)
     limits = service.settings.limits
-    report = store_stand(service.database, "plots", stem_map, cut_stand(stem_map, 40.0, 100.0, limits), limits=limits)
+    report = store_stand(
+        service.database, "plots", stem_map, cut_stand(stem_map, 40.0, 100.0, limits), LineOptions(limits=limits)
+    )
     assert report.outcome.created == 1
     assert ask(client, None)["verdict"] == "ambiguous"
     assert ask(client, HERE)["verdict"] == "matched"

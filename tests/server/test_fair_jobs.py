@@ -115,7 +115,7 @@ def test_callers_take_turns(client: httpx.Client, app: FastAPI, service: Service
     limits = service.settings.limits
     for name, caller in (("a1", "a"), ("a2", "a"), ("a3", "a"), ("b1", "b"), ("c1", "c")):
         of = type(UNRESTRICTED)(caller, UNRESTRICTED.scopes, UNRESTRICTED.patterns)
-        queue.accept(service.database, "plots", of, "import", None, limits, parameters={"name": name})
+        queue.accept(service.database, "plots", of, queue.NewJob("import", {"name": name}), None, limits)
     runner._stopping.clear()
     while runner.run_once():
         pass

@@ -28,7 +28,7 @@ from server.store.sqlite.database import Database
 from server.store.tables import SubmapRow
 from server.submaps import ingest
 from server.submaps.batches import Batch, BlankLines, cut, describers, line_of, read_line
-from server.submaps.bulk import BatchResult, ingest_lines, ingest_many
+from server.submaps.bulk import BatchResult, LineOptions, ingest_lines, ingest_many
 from server.submaps.preparation import Prepared, reconcile
 from tests.server import labour
 from tests.server.world import forest, points
@@ -117,7 +117,11 @@ def test_it_is_the_same_whatever_process_describes(plots: Database, pool: Proces
     assert rows(plots, "plots") == rows(plots, "other")
     lines = [line_of(submap) for submap in varied()]
     for workers in (describers(1), pool):
-        assert sums(ingest_lines(plots, "other", lines, batch_size=batch_size, workers=workers))[:3] == (0, 0, 8)
+        assert sums(ingest_lines(plots, "other", lines, LineOptions(batch_size=batch_size, workers=workers)))[:3] == (
+            0,
+            0,
+            8,
+        )
     assert list(discrepancies(plots)) == []
 
 
@@ -188,7 +192,7 @@ def test_a_refused_line_says_which_and_why(plots: Database, pool: ProcessPool) -
     ]
     for workers in (describers(1), pool):
         for batch_size in (2, 500):
-            results = list(ingest_lines(plots, "plots", lines, batch_size=batch_size, workers=workers))
+            results = list(ingest_lines(plots, "plots", lines, LineOptions(batch_size=batch_size, workers=workers)))
             refused = [one for result in results for one in result.refused]
             assert sum(result.submaps for result in results) == 10
             assert [(one.position, one.submap_id, type(one.error)) for one in refused] == [
@@ -212,7 +216,7 @@ def test_a_refused_line_says_which_and_why(plots: Database, pool: ProcessPool) -
 def test_a_collection_that_is_not_there_is_an_error_from_any_process(plots: Database, pool: ProcessPool) -> None:
     for workers in (describers(1), pool):
         with pytest.raises(NotFound, match="'nope'"):
-            list(ingest_lines(plots, "nope", [orjson.dumps(body("a", 0))], workers=workers))
+            list(ingest_lines(plots, "nope", [orjson.dumps(body("a", 0))], LineOptions(workers=workers)))
 
 
 def test_batches_end_by_number_and_by_weight() -> None:
@@ -233,7 +237,7 @@ SCRIPT = """
 import sys
 from pathlib import Path
 from server.submaps.batches import describers, line_of
-from server.submaps.bulk import ingest_lines
+from server.submaps.bulk import LineOptions, ingest_lines
 from server.store.sqlite.database import Database
 from tests.server import labour
 from tests.server.test_ingest import body
@@ -244,7 +248,7 @@ if __name__ == "__main__":
     print(*workers.pids, flush=True)
     lines = (orjson.dumps(body(f"s{i}", i % 7)) for i in itertools.count())
     total = 0
-    for batch in ingest_lines(Database(Path(sys.argv[1])), "plots", lines, batch_size=20, workers=workers):
+    for batch in ingest_lines(Database(Path(sys.argv[1])), "plots", lines, LineOptions(batch_size=20, workers=workers)):
         total += batch.created
         print(total, flush=True)
 """
@@ -282,7 +286,7 @@ def test_lines_that_are_refused_leave_nothing_in_memory(database: Database) -> N
         return sum(isinstance(one, ValidationError) for one in gc.get_objects())
 
     before = refusals()  # of tests that went before
-    results = list(ingest_lines(database, "plots", kinds * 50, workers=describers(1)))
+    results = list(ingest_lines(database, "plots", kinds * 50, LineOptions(workers=describers(1))))
     assert sum(len(result.refused) for result in results) == 200
     del results
     assert refusals() <= before

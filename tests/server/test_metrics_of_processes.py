@@ -182,8 +182,7 @@ def test_jobs_are_told_by_state(database: Database) -> None:
             jobs.add(
                 job_id=f"j{number}",
                 kind="reindex",
-                collection_id="plots",
-                collection_key=row.key,
+                collection=row,
                 caller="",
                 parameters={},
                 total=None,

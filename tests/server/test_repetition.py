@@ -54,14 +54,25 @@ def test_answers_outlive_the_process(tmp_path: Path, serve: Callable[..., Server
     assert again.headers["Idempotency-Replayed"] == "true"
 
 
+def _row(operation: str, name: str) -> IdempotencyRow:
+    return IdempotencyRow(
+        caller="",
+        operation=operation,
+        name=name,
+        digest="d",
+        status=201,
+        headers={},
+        body=b"{}",
+        created=datetime.now(UTC),
+    )
+
+
 def test_old_answers_are_swept_some_at_a_time(database: Database) -> None:
     now = datetime.now(UTC)
 
     def keep(name: str) -> None:
         with database.write() as session:
-            StoredResponses(session).keep(
-                "", "post", name, digest="d", status=201, headers={}, body=b"{}", since=now - timedelta(hours=24)
-            )
+            StoredResponses(session).keep(_row("post", name), now - timedelta(hours=24))
 
     def names() -> list[str]:
         with database.read() as session:
@@ -86,9 +97,7 @@ def test_only_the_newest_answers_are_kept(database: Database, monkeypatch: pytes
     since = datetime.now(UTC) - timedelta(hours=24)
     for i in range(30):
         with database.write() as session:
-            StoredResponses(session).keep(
-                "", "put", str(i), digest="d", status=200, headers={}, body=b"{}", since=since
-            )
+            StoredResponses(session).keep(_row("put", str(i)), since)
     with database.read() as session:
         names = list(session.scalars(select(IdempotencyRow.name).order_by(IdempotencyRow.key)))
     assert names == [str(i) for i in range(19, 30)]

@@ -27,6 +27,7 @@ from server.snapshots import restoring, snapshots
 from server.snapshots.restoring import RestoreSource, find, restore, verify
 from server.snapshots.snapshot_folder import SnapshotFolder
 from server.store import migrations_runner
+from server.store.repositories.collections import Collections
 from server.store.repositories.jobs import Jobs
 from server.store.sqlite import database_lock
 from server.store.sqlite.database import Database
@@ -187,12 +188,13 @@ def test_an_entity_tag_of_later_is_not_one_of_now(process: Process) -> None:
 def test_jobs_do_not_go_on(process: Process) -> None:
     with process.database.write() as session:
         jobs = Jobs(session)
+        plots = Collections(session).get("plots")
+        assert plots is not None
         for name in ("waiting", "running"):
             jobs.add(
                 job_id=name,
                 kind="reindex",
-                collection_id="plots",
-                collection_key=1,
+                collection=plots,
                 caller="",
                 parameters={},
                 total=None,

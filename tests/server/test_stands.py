@@ -24,6 +24,7 @@ from server.stem_maps.stands import StandReport, cut_stand, store_stand
 from server.store import migrations_runner
 from server.store.repositories.stands import Stands
 from server.store.sqlite.database import Database
+from server.submaps.bulk import LineOptions
 from tests.server.cli.conftest import urquhart
 from tests.server.cli.world import Urquhart, refused, write_observation
 from tests.server.world import Client, points
@@ -49,7 +50,9 @@ def as_map(xy: np.ndarray[Any, np.dtype[np.float64]], name: str = "stand") -> St
 
 
 def put_stand(database: Database, stem_map: StemMap, radius: float = RADIUS, spacing: float = SPACING) -> StandReport:
-    return store_stand(database, "c", stem_map, cut_stand(stem_map, radius, spacing, Limits()), limits=Limits())
+    return store_stand(
+        database, "c", stem_map, cut_stand(stem_map, radius, spacing, Limits()), LineOptions(limits=Limits())
+    )
 
 
 def ids_in(path: Path) -> set[str]:

@@ -31,6 +31,7 @@ from server.stem_maps.reader import StemMap, read_stem_map
 from server.stem_maps.stands import cut_stand, store_stand
 from server.store.migrations_runner import upgrade
 from server.store.sqlite.database import Database
+from server.submaps.bulk import LineOptions
 from urquhart_client import Client
 
 COLLECTION: Final = "forests"
@@ -126,7 +127,7 @@ def _store(path: Path, stem_maps: dict[str, StemMap], console: Console) -> None:
                     COLLECTION,
                     stem_map,
                     cut,
-                    limits=limits,
+                    LineOptions(limits=limits),
                     advance=partial(progress.advance, task),
                 )
                 console.print(sentence(report), highlight=False, soft_wrap=True)

@@ -142,12 +142,11 @@ def _one_by_one(assignment: Assignment, context: JobContext, source: _InputLines
             context.database,
             assignment.collection_id,
             source.lines(),
-            limits=context.settings.limits,
-            workers=workers,
-            first=source.first,
+            bulk.LineOptions(
+                limits=context.settings.limits, workers=workers, first=source.first, careful=assignment.is_suspect
+            ),
             on_conflict=assignment.parameters["on_conflict"],
             on_written=on_written,
-            careful=assignment.is_suspect,
         )
         with closing(ingesting):
             for batch in ingesting:
@@ -169,9 +168,7 @@ def _all_or_nothing(assignment: Assignment, context: JobContext, source: _InputL
             context.database,
             assignment.collection_id,
             source.lines(),
-            limits=context.settings.limits,
-            workers=workers,
-            careful=assignment.is_suspect,
+            bulk.LineOptions(limits=context.settings.limits, workers=workers, careful=assignment.is_suspect),
         )
         with closing(describing):
             for batch in describing:

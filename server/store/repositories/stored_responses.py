@@ -1,6 +1,6 @@
 """Answers to writes that carried an Idempotency-Key."""
 
-from datetime import UTC, datetime
+from datetime import datetime
 
 from sqlalchemy import delete, func, select
 from sqlalchemy.orm import Session
@@ -30,40 +30,23 @@ class StoredResponses:
             )
         )
 
-    def keep(
-        self,
-        caller: str,
-        operation: str,
-        name: str,
-        *,
-        digest: str,
-        status: int,
-        headers: dict[str, str],
-        body: bytes,
-        since: datetime,
-    ) -> None:
-        """Keep an answer, in the place of one that is older than `since`.
+    def keep(self, row: IdempotencyRow, since: datetime) -> None:
+        """Store a response, in the place of one to the same key that is older than `since`.
 
         Others of that age go, too, and what is beyond the newest 100,000.
         """
+        same_key = (
+            (IdempotencyRow.caller == row.caller)
+            & (IdempotencyRow.operation == row.operation)
+            & (IdempotencyRow.name == row.name)
+        )
         old = select(IdempotencyRow.key).where(IdempotencyRow.created < since).limit(_SWEPT)
         newest = select(func.max(IdempotencyRow.key)).scalar_subquery()
         surplus = select(IdempotencyRow.key).where(IdempotencyRow.key <= newest - _MOST).limit(_SWEPT)
         for stale in (
             IdempotencyRow.key.in_(old),
             IdempotencyRow.key.in_(surplus),
-            (IdempotencyRow.caller == caller) & (IdempotencyRow.operation == operation) & (IdempotencyRow.name == name),
+            same_key,
         ):
             self._session.execute(delete(IdempotencyRow).where(stale), execution_options={"synchronize_session": False})
-        self._session.add(
-            IdempotencyRow(
-                caller=caller,
-                operation=operation,
-                name=name,
-                digest=digest,
-                status=status,
-                headers=headers,
-                body=body,
-                created=datetime.now(UTC),
-            )
-        )
+        self._session.add(row)
