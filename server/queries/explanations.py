@@ -12,7 +12,7 @@ from server.schemas.poses import Transform
 from server.schemas.queries import ExplanationAnswer, ExplanationLinks, QueryAnswer
 from urquhart import SE2, Stage
 from urquhart.budget import UNBOUNDED, Budget
-from urquhart.report.explanation import Explanation, Found, Laid, draw_explanation, sentence
+from urquhart.report.explanation import ExplainedFinding, Explanation, PoseDrawing, draw_explanation, sentence
 from urquhart.verify.distortion import WARNINGS
 
 
@@ -71,7 +71,7 @@ class QueryExplanation:
         findings = None
         if answer.findings is not None:
             findings = [
-                Found(
+                ExplainedFinding(
                     one.level,
                     one.submap_id,
                     one.votes,
@@ -94,20 +94,20 @@ class QueryExplanation:
                 findings=findings,
                 findings_total=answer.findings_total or 0,
                 query_xy=self.query_xy,
-                laid=laid,
+                drawings=laid,
                 missing=bool(answer.candidates) and not laid,
             ),
             budget,
         )
 
-    def _laid(self) -> list[Laid]:
+    def _laid(self) -> list[PoseDrawing]:
         answer = self.answer
         if not answer.candidates or answer.candidates[0].submap_id not in self.submaps:
             return []
         best = answer.candidates[0]
         pose = _se2(best.transform)
         weight = f"evidence {best.evidence:.1f}, {best.inlier_count} inliers"
-        laid = [Laid(f"best: {best.submap_id}", weight, self.submaps[best.submap_id], pose)]
+        laid = [PoseDrawing(f"best: {best.submap_id}", weight, self.submaps[best.submap_id], pose)]
         for rival in answer.rivals[:1]:
             if rival.submap_id in self.submaps:
                 there = _se2(rival.transform)
@@ -117,7 +117,7 @@ class QueryExplanation:
                     metres = float(np.hypot(*(there.apply(centre) - pose.apply(centre))[0]))
                     degrees = math.degrees(there.distance(pose)[1])
                     weight += f"; {metres:.1f} m and {degrees:.0f}\N{DEGREE SIGN} from the best"
-                laid.append(Laid(f"rival: {rival.submap_id}", weight, self.submaps[rival.submap_id], there))
+                laid.append(PoseDrawing(f"rival: {rival.submap_id}", weight, self.submaps[rival.submap_id], there))
         return laid
 
 

@@ -14,9 +14,9 @@ from urquhart.report.explanation import (
     REASONS,
     UNREFUSED,
     WIDTH,
+    ExplainedFinding,
     Explanation,
-    Found,
-    Laid,
+    PoseDrawing,
     counted,
     draw_explanation,
     sentence,
@@ -28,12 +28,15 @@ XY = forests.uniform(np.random.default_rng(0), 40)
 STAGES = (Stage("describe", 0.8, {"landmarks": 40, "hull_polygons": 3, "dangling_edges": 0}), Stage("doubt", 0.0, {}))
 
 
-def found(level: str, log_odds: float, refused: str | None = None, submap: str = "p7") -> Found:
-    return Found(level, submap, 12, 30, 36, log_odds + 9.0, log_odds, refused)
+def found(level: str, log_odds: float, refused: str | None = None, submap: str = "p7") -> ExplainedFinding:
+    return ExplainedFinding(level, submap, 12, 30, 36, log_odds + 9.0, log_odds, refused)
 
 
 def explanation(
-    findings: list[Found] | None = None, laid: tuple[Laid, ...] = (), total: int = 0, missing: bool = False
+    findings: list[ExplainedFinding] | None = None,
+    laid: tuple[PoseDrawing, ...] = (),
+    total: int = 0,
+    missing: bool = False,
 ) -> Explanation:
     return Explanation(
         "query 1: ambiguous",
@@ -110,8 +113,8 @@ def test_far_below_zero_a_bar_is_cut_and_the_weaker_ones_are_counted() -> None:
 
 
 def test_the_query_is_laid_over_candidate_and_rival() -> None:
-    best = Laid("best: p7", "evidence 50", XY, SE2.identity())
-    rival = Laid("rival: p7", "evidence 48", XY, SE2(3.0, 0.0, 1.0))
+    best = PoseDrawing("best: p7", "evidence 50", XY, SE2.identity())
+    rival = PoseDrawing("rival: p7", "evidence 48", XY, SE2(3.0, 0.0, 1.0))
     alone = ET.fromstring(draw_explanation(explanation([], (best,))))
     both = ET.fromstring(draw_explanation(explanation([], (best, rival))))
     assert [float(view.get("width", "")) for view in alone.iter(SVG + "svg")] == [WIDTH, 640.0]
@@ -140,7 +143,7 @@ def test_partners_are_each_others_nearest_and_near() -> None:
 
 
 def test_the_picture_ends_with_its_budget() -> None:
-    laid = Laid("best: p7", "", XY, SE2(0.0, 0.0, 0.0))
+    laid = PoseDrawing("best: p7", "", XY, SE2(0.0, 0.0, 0.0))
     with pytest.raises(OutOfTime):
         draw_explanation(explanation([], (laid,)), Budget(0.0))
 

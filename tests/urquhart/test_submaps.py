@@ -9,7 +9,7 @@ from tests.urquhart.contents import CONFIG, answers, contents, over, place, sigh
 from urquhart import Features, Recognizer
 from urquhart.index.collection import FeatureMemory
 from urquhart.index.collection_index import CollectionIndex
-from urquhart.propose.submaps import Submaps
+from urquhart.propose.submap_cache import SubmapCache
 
 PLACES = {key: place(key) for key in range(36)}
 INDEX = CollectionIndex(CONFIG).with_changes(PLACES.items())
@@ -29,7 +29,7 @@ class Counted:
 
 def test_each_is_read_once_and_many_at_a_time() -> None:
     source = Counted()
-    submaps = Submaps(source, 0.75)
+    submaps = SubmapCache(source, 0.75)
     submaps.read([3, 1, 4])
     submaps.read(key for key in (1, 5, 9, 3))
     submaps.read([])
@@ -44,7 +44,7 @@ def test_each_is_read_once_and_many_at_a_time() -> None:
 
 
 def test_what_is_not_there_is_a_key_error_and_what_was_read_stays() -> None:
-    submaps = Submaps(Counted(), 0.75)
+    submaps = SubmapCache(Counted(), 0.75)
     submaps.read([1])
     for ask in (submaps.features, submaps.grid):
         with pytest.raises(KeyError):

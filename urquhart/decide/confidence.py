@@ -1,21 +1,22 @@
-"""How sure a verified transform is: against chance, and against every other pose that explains the data about as well.
+"""How sure a verified pose is: against chance, and against every other pose that explains the landmarks about as well.
 
-Chance. Evidence is a log-likelihood ratio at the best pose; a collection offers a great many poses, and the best of
-many wrong ones is better than one wrong one. The log-odds are the evidence less the logarithm of the share of all poses
-that the landmarks leave possible (Laplace's approximation of the Bayes factor: the Occam factor).
+Chance. Evidence is a log-likelihood ratio at the best pose. A collection offers very many poses, and the best of many
+wrong ones looks better than a single wrong one. So the log-odds are the evidence minus a penalty: the logarithm of the
+share of all poses that the landmarks leave possible (Laplace's approximation of the Bayes factor: the Occam factor).
 
-Rivals. A forest that repeats itself (rows of a plantation) gives wrong poses evidence that no model of independent
-trees foresees. What a wrong pose can reach here is read off the data at hand: the best distinct pose among all
-hypotheses, and the best that shifting the match along the pattern, straight on or turned by quarters, brings up. In a
-natural forest these rivals explain nothing; in rows they come close, and closer the fewer trees there are to tell them
-apart: a lead counts by what it is more than `Config.margin` for each landmark of the overlap. Shifted by a row, fewer
-trees overlap, and a rival would have less evidence however alike the rows are: it is credited with what it cannot see
-at the rate at which it explains what it does see, or the corner of one orchard would pass for that of another.
+Rivals. A forest that repeats itself, such as rows of a plantation, gives wrong poses more evidence than a model of
+independent trees predicts. So the evidence that a wrong pose can reach is measured in the data at hand: it is that of
+the best distinct pose among all hypotheses, and among the poses that shifting the match along the pattern brings up,
+with its own rotation or turned by quarters. In a natural forest these rivals explain nothing. In rows they come close,
+and the closer, the fewer trees tell them apart, so a lead counts only as far as it exceeds `Config.margin` for each
+landmark of the overlap. Under a pose that is one row off, fewer trees overlap, and the rival would have less evidence
+however alike the rows are. Its evidence is therefore extrapolated to the overlap of the match; otherwise the corner of
+one orchard would pass for the corner of another.
 
-Confidence. Neither number is a probability as it stands: trees are not independent, and every level takes its best of
-many. Two straight lines make them into one, fitted to answers whose truth is known (`calibrate` in the benchmarks,
-which also draws how well it holds on others): the odds of being right against chance, and against a rival. Being wrong
-in either way is being wrong, so the two are added up as 1 / (1 + 1 / chance + 1 / rival).
+Confidence. Neither number is a probability yet: trees are not independent, and every level keeps its best of many
+poses. Two straight lines turn them into log-odds of being right, one against chance and one against a rival. They are
+fitted to answers whose truth is known (`calibrate` in the benchmarks, which also shows how well they hold on others).
+A pose is wrong if it is wrong in either way, so the odds are combined as 1 / (1 / chance + 1 / rival).
 """
 
 import math
@@ -33,20 +34,19 @@ Refusal = Literal["verification_failed", "runner_up_too_close", "below_gate", "d
 """Why a pose is not reported as matched; the words are stable."""
 
 _CHANCE: Final = (0.7, -1.5)
-"""Odds against chance: their logarithm grows so much with the log-odds, and is nought where these are so much."""
+"""Line from the log-odds against chance to calibrated ones: its slope, and the log-odds at which it is zero."""
 _RIVAL: Final = (0.265, -5.4)
-"""Odds against a rival: their logarithm grows so much with the lead beyond what says nothing, and is nought where that
-is so much."""
+"""Line from the lead over a rival, minus what says nothing, to calibrated log-odds: its slope, and where it is zero."""
 _LEAST: Final = -4.0
-"""Logarithm of the odds that a pose keeps however close its rivals: one of them all is right now and then."""
+"""Least log-odds against a rival: however close the rivals are, one of the poses is right now and then."""
 _RIVAL_PENALTY: Final = 0.1
-"""Share of a rival's evidence that its defeat is discounted by: where trees stand to a few centimetres in their rows, a
-lane that is one row off costs it dear, and yet the next lane looks the same."""
+"""Share of a rival's evidence by which the lead over it is reduced: where trees stand within a few centimetres of their
+rows, a pose that is one row off loses much evidence, and yet the next row looks the same."""
 _COMPARABLE: Final = 0.5
 """A rival claims at least this share of the query's inliers."""
 _UNKNOWN: Final = -8.0
-"""Log-odds below which a pose is as likely right as at this value: where noise is larger than anything foreseen, the
-evidence of right poses falls without end."""
+"""Log-odds against chance are cut off here: with more noise than the model allows for, right poses lose evidence
+without limit."""
 
 
 def log_odds(verified: PoseEvidence, query: LandmarkGrid, volume: float) -> float:
@@ -70,13 +70,13 @@ def log_odds(verified: PoseEvidence, query: LandmarkGrid, volume: float) -> floa
 
 
 def chance_logit(odds: float) -> float:
-    """Logarithm of the odds that a pose with these log-odds is right and not a work of chance."""
+    """Calibrated log-odds that a pose with these log-odds is right and not a coincidence."""
     slope, even = _CHANCE
     return slope * (max(odds, _UNKNOWN) - even)
 
 
 def rival_logit(verified: PoseEvidence, lead: float | None, margin: float) -> float:
-    """Logarithm of the odds that a pose is right and not its best rival, over which it leads by `lead` of evidence."""
+    """Log-odds that a pose is right and not its best rival, which has `lead` less evidence; None: it has no rival."""
     if lead is None:
         return math.inf
     return rival_logit_from(verified.evidence, lead, verified.overlap, margin)
@@ -100,11 +100,11 @@ class Gates:
     """What a pose must pass to be reported as matched.
 
     Attributes:
-        confidence: the least there may be.
-        log_odds: the least that reach it where nothing rivals the pose.
-        lead: the least evidence over the best rival that reaches it where chance is out of the question,
-        lead_each: and as much more for each landmark of the overlap,
-        lead_share: and such a share of the rival's evidence, where it has any.
+        confidence: the least confidence.
+        log_odds: the least log-odds that give this confidence to a pose without rivals.
+        lead: the least evidence over the best rival that gives it where chance is ruled out. Added to it are:
+        lead_each: evidence for each landmark of the overlap.
+        lead_share: share of the rival's evidence, where that is above zero.
     """
 
     confidence: float
@@ -115,7 +115,7 @@ class Gates:
 
     @staticmethod
     def of(config: Config) -> "Gates":
-        """The gates that a configuration puts in force."""
+        """The gates of a configuration."""
         slope, even = _CHANCE
         sure = 1.0 / (1.0 + math.exp(-config.gate))
         steep, level = _RIVAL
@@ -123,7 +123,7 @@ class Gates:
 
 
 def combine(chance: float, rival: float) -> float:
-    """Logarithm of the odds of being right from those against chance and against the best rival."""
+    """Log-odds of being right, from those against chance and those against the best rival."""
     return -float(np.logaddexp(-chance, -rival))
 
 

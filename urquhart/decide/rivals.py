@@ -55,9 +55,8 @@ def same_place(
     """Whether two submaps that both match a query are the same patch of forest seen twice.
 
     `first_pose`, `second_pose`: `submap_T_query`, centred frames. Chained they give the transform between the submaps.
-    Submaps of one region overlap, and then that transform explains their landmarks too: so well that nothing else comes
-    to mind, or at least clearly better than its own rivals. Two ends of one plantation explain each other as well under
-    many transforms, and are not the same place.
+    If they overlap, that transform explains their landmarks as well: it has no rival, or is clearly better than its
+    rivals. Two ends of one plantation fit each other equally well under many transforms: they are not the same place.
 
     Raises:
         OutOfTime: the deadline passed before that was known.
@@ -80,12 +79,14 @@ def hill_climb(
     config: Config,
     budget: Budget = UNBOUNDED,
 ) -> tuple[PoseEvidence, list[tuple[PoseEvidence, float]]]:
-    """Change over to the best rival as long as one explains the data better; the best pose, and what rivals it.
+    """Move to the best rival of a pose as long as that explains the landmarks better.
 
-    In rows of trees a hypothesis is easily one planting distance off: its rivals include the right pose. The rivals are
-    distinct, each with the evidence it is credited with, and leave the odds against them below `odds` (a logarithm);
-    the strongest first. Nothing lies at two places of one submap: there a rival that claims other trees is one as well,
-    but is credited with nothing that it cannot see.
+    In rows of trees a proposed pose is often off by a planting distance, and its rivals include the right pose.
+
+    Returns:
+        The best pose, and its rivals, the strongest first: distinct poses in the same submap against which its log-odds
+        are below `odds`, each with its evidence. Evidence is extrapolated to the overlap of the best pose, but not for
+        a rival that pairs other trees of the query.
 
     Raises:
         OutOfTime: the deadline passed before all rivals were looked at.
@@ -145,8 +146,8 @@ def find_rivals(
     ]
     starts = np.concatenate(turned)
     counted = count_all(query.landmarks, submap, starts, reach, budget)
-    settled = refine_and_score_all(query, submap, starts[np.argsort(-counted)[: 2 * peaks]], reach, least, budget)
-    return np.array([row for row in settled if distinct(row, best, submap.spacing, reach)]).reshape(-1, 6)
+    scored = refine_and_score_all(query, submap, starts[np.argsort(-counted)[: 2 * peaks]], reach, least, budget)
+    return np.array([row for row in scored if distinct(row, best, submap.spacing, reach)]).reshape(-1, 6)
 
 
 @kernel
@@ -161,13 +162,13 @@ def find_rivals_at_once(
         starts[count : count + len(shifts)] = shifts
         count += len(shifts)
     counted = count_inliers(query.landmarks, submap, starts[:count], reach)
-    settled = refine_and_score(query, submap, starts[np.argsort(-counted)[: 2 * peaks]], reach, least)
+    scored = refine_and_score(query, submap, starts[np.argsort(-counted)[: 2 * peaks]], reach, least)
     kept = 0
-    for k in range(len(settled)):
-        if distinct(settled[k], best, submap.spacing, reach):
-            settled[kept] = settled[k]
+    for k in range(len(scored)):
+        if distinct(scored[k], best, submap.spacing, reach):
+            scored[kept] = scored[k]
             kept += 1
-    return settled[:kept].copy()
+    return scored[:kept].copy()
 
 
 @kernel

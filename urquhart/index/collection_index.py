@@ -1,7 +1,7 @@
-"""Everything a look-up searches of one collection: segments of quads and polygons, and what lives in them.
+"""The index of one collection: segments of quads and polygons, and which of their submaps are still part of it.
 
-An index never changes: adding and removing make another that shares all but the small segments. A search goes on
-undisturbed in the one that it began with. It is derived from features and can be rebuilt at any time.
+An index is immutable. Adding and removing submaps makes a new one, which shares all but the small segments, and each
+query searches the snapshot it started with. The index is derived from features and can be rebuilt at any time.
 """
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
@@ -24,7 +24,7 @@ _FANOUT: Final = 4
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LiveSegment:
-    """A segment and what lives of it: (S,) uint8; `living` of them."""
+    """A segment, and which of its submaps are part of the collection: (S,) uint8; `living` is their number."""
 
     segment: Segment
     alive: NDArray[np.uint8]

@@ -1,7 +1,7 @@
-"""Submaps of a collection laid out for search, never changed once made: in memory, or mapped from a file.
+"""Segments: quads and polygons of many submaps, arranged for search. Immutable; in memory, or mapped from a file.
 
-New submaps make small segments; segments are merged into larger ones, as in a log-structured store. What is deleted or
-replaced is left out by whoever holds the segment (see `collection_index`) and dropped for good by the next merge.
+New submaps make small segments, and segments are merged into larger ones, as in a log-structured store. A submap that
+was deleted or replaced is masked by the `LiveSegment` around the segment, and the next merge drops it.
 """
 
 from collections.abc import Iterable, Sequence

@@ -223,5 +223,5 @@ def keep_one_to_one(
         if not query_taken[i] and not submap_taken[j]:
             query_taken[i] = submap_taken[j] = True
             kept.append((i, j))
-    settled = np.array(sorted(kept), np.int64)
-    return settled[:, 0], settled[:, 1]
+    pairs_kept = np.array(sorted(kept), np.int64)
+    return pairs_kept[:, 0], pairs_kept[:, 1]

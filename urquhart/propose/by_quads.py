@@ -69,5 +69,5 @@ def verify_rough(query: Query, key: int, poses: NDArray[np.float64]) -> PoseEvid
         OutOfTime: the deadline passed before all were verified.
     """
     submap = query.submaps.grid(key)
-    settled = refine_rough(query.grid, submap, poses, query.reach, _VERIFIED, query.budget)
-    return evidence_of_row(query.grid, submap, settled)
+    scored = refine_rough(query.grid, submap, poses, query.reach, _VERIFIED, query.budget)
+    return evidence_of_row(query.grid, submap, scored)

@@ -1,10 +1,11 @@
 """Quads that agree on a pose: the search through tables of quads, rarest first.
 
-A query quad finds, in every submap it might be in, those whose five lengths agree within a tolerance. Alone a hit says
-little: there are far more by chance than true ones. But a hit is a pose (its rotation, and where its centre goes), and
-the true ones agree on it. Every hit is compared with the earlier ones of its submap; what agrees adds up. A hit is
-worth the logarithm of how much likelier it is under the right pose than by chance, so that a rare shape says more than
-a common one. Quads are looked for in the order of their rarity: the rarer half costs a fifth and mostly settles it.
+A hit is a stored quad whose five lengths agree with those of a query quad within a tolerance. A single hit says little,
+because most hits are coincidences. But each hit gives a pose, by the direction and the centre of both quads, and the
+true hits agree on one. Every hit is compared with earlier hits in its submap, and the weights of those that agree are
+added up. The weight of a hit is the logarithm of how much likelier it is under the right pose than by chance, so a rare
+shape counts more than a common one. Quads are searched in the order of their rarity: the rarer half takes a fifth of
+the time and answers most queries.
 """
 
 import math
@@ -22,13 +23,13 @@ from urquhart.propose.hit_buffer import HitBuffer
 from urquhart.propose.quad_votes import SLOT_VOTES, TURN_BINS, Hits, fit_poses, order_by_slots, rank_turns, tally, vote
 
 _CHUNK: Final = 32
-"""Query quads looked for in all tables before it is asked whether there are hits enough."""
+"""Query quads that are searched in all tables before the number of hits is checked."""
 _SEEN: Final = 0.2
 """Share of a query's quads that are found under the right pose, roughly; it only shifts what a hit is worth."""
 _AGREE: Final = 2e-4
 """Chance that two hits of a submap agree on a pose (measured; the tolerances below)."""
 _COMPARED: Final = 50_000
-"""Hits that are compared with others before it is asked whether the search is to go on: 20 ms."""
+"""Hits that are compared with others before the budget is checked: 20 ms."""
 _COMMON: Final = 64
 """A query quad with more than this part of the hits that are enough is passed over."""
 TURN: Final = 1.2 * 2.0 * math.pi / TURN_BINS

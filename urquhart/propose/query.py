@@ -11,7 +11,7 @@ from urquhart.budget import Budget
 from urquhart.config import Config
 from urquhart.features.describe import Features, describe
 from urquhart.index.collection import FeatureSource
-from urquhart.propose.submaps import Submaps
+from urquhart.propose.submap_cache import SubmapCache
 from urquhart.trace import Trace
 from urquhart.verify.evidence import PoseEvidence
 from urquhart.verify.landmark_grid import LandmarkGrid, landmark_grid
@@ -50,7 +50,7 @@ class Query:
     features: Features
     grid: LandmarkGrid
     config: Config
-    submaps: Submaps
+    submaps: SubmapCache
     volume: float
     budget: Budget
     trace: Trace
@@ -95,9 +95,9 @@ def make_query(
         features = describe(xy, config, diameters, budget)
         counts.update(features.counts())
         budget.check()
-        laid = landmark_grid(features, config.reach)
-    submaps, volume = Submaps(source, config.reach), log_volume(searched, laid)
-    return Query(features, laid, config, submaps, volume, budget, trace)
+        grid = landmark_grid(features, config.reach)
+    submaps, volume = SubmapCache(source, config.reach), log_volume(searched, grid)
+    return Query(features, grid, config, submaps, volume, budget, trace)
 
 
 def log_volume(submaps: int, query: LandmarkGrid) -> float:

@@ -80,8 +80,8 @@ _STYLE: Final = """
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
-    """A finding by the name of its submap; everything else as in `Finding`."""
+class ExplainedFinding:
+    """A `Finding` with the name of its submap instead of the key."""
 
     level: str
     submap: str
@@ -94,9 +94,14 @@ class Found:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Laid:
-    """The query to be laid over a submap: what to write above, the submap's landmarks (M, 2), metres, as posted, and
-    `submap_T_query`."""
+class PoseDrawing:
+    """The query drawn over a submap.
+
+    Attributes:
+        title, subtitle: text above the drawing.
+        submap_xy: (M, 2) float64, metres, the submap's landmarks as posted.
+        transform: `submap_T_query`.
+    """
 
     title: str
     subtitle: str
@@ -116,7 +121,7 @@ class Explanation:
         findings: by level, the best first; None where they were not kept.
         findings_total: how many there were, of which `findings` may be the strongest.
         query_xy: (N, 2) float64, metres, as posted.
-        laid: the poses to be shown side by side: the best candidate's, and its strongest rival's where there is one.
+        drawings: the poses to show side by side: the best candidate's, and its strongest rival's if there is one.
         missing: whether there are candidates whose landmarks cannot be shown any more.
     """
 
@@ -125,10 +130,10 @@ class Explanation:
     reason: str
     gate: float
     stages: Sequence[Stage]
-    findings: Sequence[Found] | None
+    findings: Sequence[ExplainedFinding] | None
     findings_total: int
     query_xy: NDArray[np.float64]
-    laid: Sequence[Laid]
+    drawings: Sequence[PoseDrawing]
     missing: bool = False
 
 
@@ -235,7 +240,7 @@ def _draw_findings(page: _Page, explanation: Explanation) -> None:
         page.text(_LEFT, f"These are the strongest {len(found)} of {explanation.findings_total}.", "small", 26.0)
 
 
-def _draw_finding(page: _Page, one: Found, axis: "_Axis") -> None:
+def _draw_finding(page: _Page, one: ExplainedFinding, axis: "_Axis") -> None:
     tip = f"{one.submap}: evidence {one.evidence:.1f}, {one.votes} votes by {one.level}"
     page.text(_LEFT, _cut(one.submap), "small", _ROW, tip=tip)
     page.bar(axis.at(0.0), axis.at(one.log_odds), "finding", tip, _COLOURS.get(one.level, _OTHER))
@@ -248,24 +253,24 @@ def _draw_finding(page: _Page, one: Found, axis: "_Axis") -> None:
 
 
 def _draw_laid(page: _Page, explanation: Explanation, budget: Budget) -> None:
-    if not (explanation.laid or explanation.missing):
+    if not (explanation.drawings or explanation.missing):
         return
-    rival = ", and over its strongest rival" if len(explanation.laid) > 1 else ""
+    rival = ", and over its strongest rival" if len(explanation.drawings) > 1 else ""
     page.section(f"The query over the best candidate{rival}")
-    if not explanation.laid:
+    if not explanation.drawings:
         page.text(_LEFT, "The candidate's landmarks are no longer those that were searched.", "small", 24.0)
         return
     legend = f"filled: query, ring: submap, joined: partners within {PARTNERS:g} m, {LEGEND}"
     page.text(_LEFT, legend, "small", 24.0)
     page.y += 8.0
-    side = WIDTH / 2.0 if len(explanation.laid) > 1 else _ALONE
-    views = [_view(explanation.query_xy, laid, side, budget) for laid in explanation.laid]
+    side = WIDTH / 2.0 if len(explanation.drawings) > 1 else _ALONE
+    views = [_view(explanation.query_xy, laid, side, budget) for laid in explanation.drawings]
     for place, view in enumerate(views):
         page.parts.append(view.embed(place * side, page.y))
     page.y += max(view.height for view in views)
 
 
-def _view(query_xy: NDArray[np.float64], laid: Laid, side: float, budget: Budget) -> Canvas:
+def _view(query_xy: NDArray[np.float64], laid: PoseDrawing, side: float, budget: Budget) -> Canvas:
     query, submap = laid.transform.apply(query_xy), laid.submap_xy
     notes = [laid.subtitle, *left_out(len(query), len(submap))]
     both = np.concatenate([submap, query])
@@ -277,7 +282,7 @@ def _view(query_xy: NDArray[np.float64], laid: Laid, side: float, budget: Budget
 class _Axis:
     """Log-odds to pixels. Zero and the gate are always in view; far below zero the bars are cut off, with an arrow."""
 
-    def __init__(self, found: Sequence[Found], gate: float) -> None:
+    def __init__(self, found: Sequence[ExplainedFinding], gate: float) -> None:
         self._high = 1.1 * max(gate, *(one.log_odds for one in found), 1.0)
         self._low = max(min(0.0, *(one.log_odds for one in found)), -0.4 * self._high)
 

@@ -74,9 +74,9 @@ def evidence_of_pose(query: LandmarkGrid, submap: LandmarkGrid, pose: SE2, reach
     )
 
 
-def evidence_of_row(query: LandmarkGrid, submap: LandmarkGrid, settled: NDArray[np.float64]) -> PoseEvidence:
+def evidence_of_row(query: LandmarkGrid, submap: LandmarkGrid, row: NDArray[np.float64]) -> PoseEvidence:
     """All that speaks for a pose as `refine_and_score` gives it, a row (6,)."""
-    x, y, yaw, _, reach, _ = settled.tolist()
+    x, y, yaw, _, reach, _ = row.tolist()
     return evidence_of_pose(query, submap, SE2(x, y, yaw), reach)
 
 

@@ -44,8 +44,8 @@ def verify_best(
     Raises:
         OutOfTime: the deadline passed before all were weighed.
     """
-    settled = refine_and_score_all(query, submap, starts, reach, 0.0, budget)
-    return evidence_of_row(query, submap, settled[settled[:, 3].argmax()])
+    scored = refine_and_score_all(query, submap, starts, reach, 0.0, budget)
+    return evidence_of_row(query, submap, scored[scored[:, 3].argmax()])
 
 
 def refine_rough(
@@ -61,7 +61,7 @@ def refine_rough(
     Partners are sought far away first; the `count` poses that then bring most landmarks together are refined again.
 
     Raises:
-        OutOfTime: the deadline passed before all were settled.
+        OutOfTime: the deadline passed before all were scored.
     """
     cost = pose_cost(query, submap)
     if budget.fits(len(starts), cost):
@@ -70,8 +70,8 @@ def refine_rough(
     near = np.concatenate([refine_all(query, submap, starts[rows], LOOSE * reach) for rows in portions])
     scores = count_inliers(query.landmarks, submap, near, reach)
     chosen = near[np.argsort(-scores, kind="stable")[:count]]
-    settled = refine_and_score_all(query, submap, chosen, reach, 0.0, budget)
-    best: NDArray[np.float64] = settled[settled[:, 3].argmax()]
+    scored = refine_and_score_all(query, submap, chosen, reach, 0.0, budget)
+    best: NDArray[np.float64] = scored[scored[:, 3].argmax()]
     return best
 
 
@@ -82,8 +82,8 @@ def refine_rough_at_once(
     """What `refine_rough` gives, in one step: for ordinary sizes that is fastest."""
     near = refine_all(query, submap, starts, LOOSE * reach)
     scores = count_inliers(query.landmarks, submap, near, reach)
-    settled = refine_and_score(query, submap, near[np.argsort(-scores, kind="mergesort")[:count]], reach, 0.0)
-    best: NDArray[np.float64] = settled[settled[:, 3].argmax()]
+    scored = refine_and_score(query, submap, near[np.argsort(-scores, kind="mergesort")[:count]], reach, 0.0)
+    best: NDArray[np.float64] = scored[scored[:, 3].argmax()]
     return best
 
 
@@ -122,7 +122,7 @@ def refine_and_score(
     The landmarks are those of the side that has more of them there.
     `least`: evidence that makes the second try, with partners farther away, worth its time.
     """
-    settled = np.empty((len(starts), 6))
+    scored = np.empty((len(starts), 6))
     wide = min(LOOSE * reach, _ROOM * query.spacing, _ROOM * submap.spacing)
     for k in range(len(starts)):
         x, y, yaw = refine(query.landmarks, submap, starts[k, 0], starts[k, 1], starts[k, 2], reach)
@@ -133,9 +133,9 @@ def refine_and_score(
             loose, _, _, _, _, seen, stored, _ = score_pose(query, submap, there[0], there[1], there[2], wide)
             if loose > evidence:
                 (x, y, yaw), evidence, overlap, used = there, loose, max(seen, stored), wide
-        settled[k, 0], settled[k, 1], settled[k, 2] = x, y, yaw
-        settled[k, 3], settled[k, 4], settled[k, 5] = evidence, used, overlap
-    return settled
+        scored[k, 0], scored[k, 1], scored[k, 2] = x, y, yaw
+        scored[k, 3], scored[k, 4], scored[k, 5] = evidence, used, overlap
+    return scored
 
 
 def best_hypotheses(

@@ -7,7 +7,7 @@ from urquhart.index.collection import FeatureSource
 from urquhart.verify.landmark_grid import LandmarkGrid, landmark_grid
 
 
-class Submaps:
+class SubmapCache:
     """Features of submaps by key, read from their source when they are first asked for."""
 
     def __init__(self, source: FeatureSource, reach: float) -> None:
