@@ -11,7 +11,7 @@ from benchmarks import record
 from benchmarks.experiments import Figures, choose
 from benchmarks.machine import machine
 from benchmarks.markdown import FOLDER
-from benchmarks.reliability import contract, exhaustion, fleet, hostile, load, readers, season, shapes
+from benchmarks.reliability import contract, exhaustion, fleet, hostile, load, meetings, readers, season, shapes
 from benchmarks.reliability.report import write_report
 
 PARTS: Final[dict[str, Callable[..., Figures]]] = {
@@ -20,6 +20,7 @@ PARTS: Final[dict[str, Callable[..., Figures]]] = {
     "load": load.run,
     "fleet": fleet.run,
     "season": season.run,
+    "meetings": meetings.run,
     "hostile": hostile.run,
     "shapes": shapes.run,
     "exhaustion": exhaustion.run,

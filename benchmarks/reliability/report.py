@@ -6,6 +6,7 @@ from typing import Any, Final
 from benchmarks.experiments import Figures, provenance
 from benchmarks.markdown import bullets, number, page, prose, table
 from benchmarks.reliability.exhaustion.section import exhaustion_faults, exhaustion_section
+from benchmarks.reliability.meetings_report import meeting_faults, meetings_section
 from benchmarks.reliability.shapes_report import shape_faults, shapes_section
 from benchmarks.reliability.trials import trials_section
 
@@ -50,6 +51,8 @@ def faults(results: Mapping[str, Figures]) -> list[str]:
         found += [f"season, the log: {line}" for line in season["logged"]]
         if (season["state"], season["results"]) != ("successful", season["lines"]):
             found.append(f"season: the import is {season['state']}, with {season['results']} lines of result")
+    if meetings := results.get("meetings"):
+        found += meeting_faults(meetings)
     if hostile := results.get("hostile"):
         found += [f"{name}: {what}" for name, trial in hostile["trials"].items() for what in trial["problems"]]
     if shapes := results.get("shapes"):
@@ -219,6 +222,7 @@ SECTIONS: Final[dict[str, Callable[[Figures], str]]] = {
     "load": _load,
     "fleet": _fleet,
     "season": _season,
+    "meetings": meetings_section,
     "hostile": _hostile,
     "shapes": shapes_section,
     "exhaustion": exhaustion_section,

@@ -142,6 +142,9 @@ def test_the_published_figures_hold_what_is_claimed() -> None:
     assert figures["fleet"]["sessions"] == 5
     season = figures["season"]
     assert (season["state"], season["results"], season["lines"]) == ("successful", 100_000, 100_000)
+    alone, together = figures["meetings"]["alone"], figures["meetings"]["together"]
+    assert sum(one["found"] for one in alone.values()) == sum(one["submaps"] for one in alone.values()) == 1_000
+    assert (together["pairs"], together["untold"]) == (1_000, [])
     assert set(figures["hostile"]["trials"]) == set(TRIALS)
     attacks = figures["exhaustion"]["attacks"]
     assert set(attacks) == set(ATTACKS)
@@ -180,4 +183,4 @@ def test_what_falls_short_is_said() -> None:
     ):
         assert any(part in line for line in found), part
         assert part in " ".join(write_report(figures).split())
-    assert "Not run yet: contract, readers, load, fleet, season, hostile, shapes, exhaustion." in write_report({})
+    assert "Not run yet: contract, readers, load, fleet, season, meetings, hostile, shapes, exhaustion." in write_report({})
