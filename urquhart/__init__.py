@@ -26,6 +26,7 @@ from urquhart.features.tessellation import Tessellation
 from urquhart.index.segment_file import SegmentDamaged
 from urquhart.recognizer import Method, Recognizer
 from urquhart.report.match import draw_match
+from urquhart.report.motion import draw_motion
 from urquhart.report.svg import draw_tessellation
 from urquhart.se2 import SE2
 from urquhart.trace import SearchEnd, Stage
@@ -54,6 +55,7 @@ __all__ = [
     "Verdict",
     "describe",
     "draw_match",
+    "draw_motion",
     "draw_tessellation",
     "warm_up",
 ]

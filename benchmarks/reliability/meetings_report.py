@@ -29,7 +29,7 @@ def meetings_section(figures: Figures) -> str:
         table(["forest", "submaps", "found", "worst pose, m"], rows),
         prose(
             f"""{together["pairs"]:,} times two robots stored a view of one place at the same moment, through two
-            processes on one database, and asked with it for what the other had stored. In {len(together["untold"])} cases
-            neither robot was told of the other."""
+            processes on one database, and asked with it for what the other had stored.
+            In {len(together["untold"])} cases neither robot was told of the other."""
         ),
     )

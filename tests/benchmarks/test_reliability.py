@@ -183,4 +183,7 @@ def test_what_falls_short_is_said() -> None:
     ):
         assert any(part in line for line in found), part
         assert part in " ".join(write_report(figures).split())
-    assert "Not run yet: contract, readers, load, fleet, season, meetings, hostile, shapes, exhaustion." in write_report({})
+    assert (
+        "Not run yet: contract, readers, load, fleet, season, meetings, hostile, shapes, exhaustion."
+        in write_report({})
+    )

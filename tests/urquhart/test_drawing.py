@@ -1,3 +1,4 @@
+import re
 import tracemalloc
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
@@ -9,7 +10,18 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from tests.urquhart import forests
-from urquhart import SE2, Abandoned, Budget, Candidate, Config, Recognizer, describe, draw_match, draw_tessellation
+from urquhart import (
+    SE2,
+    Abandoned,
+    Budget,
+    Candidate,
+    Config,
+    Recognizer,
+    describe,
+    draw_match,
+    draw_motion,
+    draw_tessellation,
+)
 from urquhart.budget import OutOfTime
 from urquhart.report.match import covered
 from urquhart.report.svg import MOST
@@ -43,6 +55,35 @@ def test_a_match_joins_its_inliers_and_crosses_its_misses() -> None:
     assert 4 <= misses <= 8
     assert count(svg, "circle", "query") + count(svg, "circle", "query outside") == 72
     assert count(svg, "circle", "submap") + count(svg, "circle", "submap outside") == 80
+
+
+def test_a_moving_match_starts_as_the_query_was_seen_and_ends_in_the_submap() -> None:
+    """The CSS transform takes every landmark from where it is drawn back to its position in the query's own frame."""
+    rng = np.random.default_rng(1)
+    xy = forests.uniform(rng)
+    recognizer = Recognizer(Config())
+    recognizer.add([(1, describe(xy, Config()))])
+    seen = SE2(3.0, 4.0, 1.0).inverse().apply(xy)
+    svg = draw_motion(seen, xy, recognizer.recognize(seen).candidates[0])
+    root = ET.fromstring(svg)
+    moving, proof = (next(g for g in root.iter(SVG + "g") if g.get("class") == name) for name in ("moving", "proof"))
+    assert len(proof.findall(SVG + "line")) == len(xy)
+
+    def pixels(parent: ET.Element) -> NDArray[np.float64]:
+        return np.array([[float(c.get("cx", "")), float(c.get("cy", ""))] for c in parent.findall(SVG + "circle")])
+
+    placed, submap = pixels(moving), pixels(root)
+    assert np.abs(placed - submap).max() < 0.3
+    numbers = [float(n) for n in re.findall(r"-?[0-9.]+(?=px|deg)", svg[svg.index("transform-origin") :])]
+    x, y, dx, dy, turn = numbers
+    angle = np.radians(turn)
+    rotation = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    start = (placed - [x, y]) @ rotation.T + [x + dx, y + dy]
+    scale = np.ptp(placed, axis=0).max() / np.ptp(xy, axis=0).max()
+    shown = (start - start.mean(axis=0)) * [1.0, -1.0] / scale
+    assert np.abs(shown - (seen - seen.mean(axis=0))).max() < 0.2
+    assert (start[:, 0] > submap[:, 0].max()).all()
+    assert abs(turn - np.degrees(1.0)) < 0.5
 
 
 def test_scale_bars_fit_any_extent() -> None:

@@ -91,9 +91,17 @@ class Canvas:
         body = "\n".join(self._parts)
         return f'<svg x="{x:g}" y="{y:g}" width="{self.width:.0f}" height="{self.height:.0f}">\n{body}\n</svg>'
 
-    def render(self) -> str:
-        """The elements as a picture of their own."""
-        return render(self._parts, self.width, self.height)
+    def open_group(self, style: str) -> None:
+        """What is drawn from here on belongs together, until the group is closed."""
+        self._parts.append(f'<g class="{style}">')
+
+    def close_group(self) -> None:
+        """Close the group that was opened last."""
+        self._parts.append("</g>")
+
+    def render(self, style: str = "") -> str:
+        """The elements as a picture of their own; `style` is more CSS."""
+        return render(self._parts, self.width, self.height, style)
 
     def _scale_bar(self, extent: float) -> None:
         metres = 10.0 ** math.floor(math.log10(extent / 4.0))
