@@ -5,6 +5,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from urquhart._kernel import kernel
 from urquhart.budget import UNBOUNDED, Budget
@@ -13,7 +14,7 @@ from urquhart.decide.confidence import comparable, extrapolated, rival_logit, ri
 from urquhart.se2 import SE2
 from urquhart.verify.evidence import PoseEvidence, evidence_of_row
 from urquhart.verify.landmark_grid import LandmarkGrid
-from urquhart.verify.pairing import count_inliers
+from urquhart.verify.pairing import count_inliers, pair_up
 from urquhart.verify.refinement import count_all, pose_cost, refine_and_score, refine_and_score_all, verify
 
 _QUARTERS: Final = 4
@@ -24,6 +25,12 @@ _DEEP: Final = 16
 _IN_ROWS: Final = 0.25
 """Share of the match's evidence that no rival of a natural forest has."""
 _SAMPLED: Final = 500
+_MOST_CELLS: Final = 400.0
+"""Cells of shifts on either side of the middle, along each axis."""
+_CLOSE: Final = 0.25
+"""Noise as a share of the distance to the nearest tree, from which on partners are mistaken for their neighbours."""
+_STEPS: Final = 5
+"""Starts of a refinement along either axis, from one reach before a pose to one behind it."""
 _SAME_TURN: Final = math.radians(6.0)
 _SLACK: Final = 30.0
 """Evidence that partners farther away hardly ever add to a wrong pose."""
@@ -93,6 +100,7 @@ def hill_climb(
     """
     reach, margin = config.reach, config.margin
     seen = [np.empty((0, 6))]
+    best = polish(query, submap, best, reach, budget)
     while True:
         place = pose_row(best.transform)
         least = rival_threshold(best, odds, margin) - _SLACK
@@ -117,6 +125,32 @@ def hill_climb(
             if counted > behind:
                 rivals.append((rival, counted))
     return best, sorted(rivals, key=lambda found: -found[1])
+
+
+def polish(
+    query: LandmarkGrid, submap: LandmarkGrid, best: PoseEvidence, reach: float, budget: Budget = UNBOUNDED
+) -> PoseEvidence:
+    """The best of the poses that refinement reaches from around `best`, where trees stand close for their noise.
+
+    There, partners are easily mistaken for their neighbours: refinement then ends between two trees, and each such end
+    is the best of its surroundings.
+
+    Raises:
+        OutOfTime: the deadline passed before all were refined.
+    """
+    if best.noise < _CLOSE * neighbour_distance(query.landmarks):
+        return best
+    steps = np.linspace(-reach, reach, _STEPS)
+    starts = np.array([[best.transform.x + x, best.transform.y + y, best.transform.yaw] for x in steps for y in steps])
+    found = refine_and_score_all(query, submap, starts, reach, best.evidence, budget)
+    first = found[found[:, 3].argmax()]
+    return evidence_of_row(query, submap, first) if first[3] > best.evidence else best
+
+
+def neighbour_distance(landmarks: NDArray[np.float64]) -> float:
+    """Metres from a landmark to the nearest other one, the median of landmarks (N, 2), N >= 2."""
+    distances = np.asarray(cKDTree(landmarks).query(landmarks, k=2)[0])
+    return float(np.median(distances[:, 1]))
 
 
 def find_rivals(
@@ -155,7 +189,7 @@ def find_rivals_at_once(
     query: LandmarkGrid, submap: LandmarkGrid, best: NDArray[np.float64], reach: float, least: float, peaks: int
 ) -> NDArray[np.float64]:
     """What `find_rivals` gives, in one step: for ordinary sizes that is fastest."""
-    starts = np.empty((_QUARTERS * peaks + 1, 3))
+    starts = np.empty((2 * (_QUARTERS * peaks + 1), 3))
     count = 0
     for quarter in range(_QUARTERS):
         shifts = shifted(query, submap, best, reach, peaks, quarter)
@@ -175,50 +209,94 @@ def find_rivals_at_once(
 def shifted(
     query: LandmarkGrid, submap: LandmarkGrid, best: NDArray[np.float64], reach: float, peaks: int, quarter: int
 ) -> NDArray[np.float64]:
-    """Poses (K, 3) that `best`, turned by so many quarters, is shifted to; one more of the match's own rotation."""
+    """Poses (K, 3) that `best`, turned by so many quarters, is shifted to; one more of the match's own rotation.
+
+    Shifts are sought about the middle of the submap. Where the submap is so large that `best` lies outside of that
+    window, they are also sought about `best`: a row at the edge of a large stand repeats itself along the edge.
+    """
     yaw = best[2] + quarter * math.pi / 2.0
-    shifts = shift_peaks(query.landmarks, submap.landmarks, yaw, reach, peaks + (quarter == 0))
-    poses = np.empty((len(shifts), 3))
-    for p in range(len(shifts)):
-        poses[p, 0], poses[p, 1], poses[p, 2] = shifts[p, 0], shifts[p, 1], yaw
-    return poses
+    turned = turn(chosen_landmarks(query, submap, best, reach), yaw)
+    half = half_window(turned, submap.landmarks, reach)
+    wanted = peaks + (quarter == 0)
+    poses = np.empty((2 * wanted, 3))
+    poses[:wanted, :2] = shift_peaks(turned, submap.landmarks, reach, wanted, half, np.zeros(2))
+    count = wanted
+    if abs(best[0]) > half[0] or abs(best[1]) > half[1]:
+        poses[wanted:, :2] = shift_peaks(turned, submap.landmarks, reach, wanted, half, best[:2])
+        count = 2 * wanted
+    poses[:, 2] = yaw
+    return poses[:count]
+
+
+@kernel
+def chosen_landmarks(
+    query: LandmarkGrid, submap: LandmarkGrid, best: NDArray[np.float64], reach: float
+) -> NDArray[np.float64]:
+    """The landmarks (K, 2) of the query whose pattern is looked for: all, or `_SAMPLED` of those that `best` pairs.
+
+    Of a large query, the few trees that speak for a pose would be lost among the others.
+    """
+    if len(query.landmarks) <= _SAMPLED:
+        return query.landmarks
+    paired, _, _ = pair_up(query.landmarks, submap, best[0], best[1], best[2], reach)
+    return query.landmarks[paired[:: 1 + len(paired) // _SAMPLED]]
+
+
+@kernel
+def turn(landmarks: NDArray[np.float64], yaw: float) -> NDArray[np.float64]:
+    """Landmarks (N, 2) turned about the origin by `yaw`."""
+    c, s = math.cos(yaw), math.sin(yaw)
+    turned = np.empty_like(landmarks)
+    for i in range(len(landmarks)):
+        turned[i, 0] = c * landmarks[i, 0] - s * landmarks[i, 1]
+        turned[i, 1] = s * landmarks[i, 0] + c * landmarks[i, 1]
+    return turned
+
+
+@kernel
+def half_window(turned: NDArray[np.float64], submap: NDArray[np.float64], cell: float) -> NDArray[np.float64]:
+    """Half the sides (2,), in metres, of the rectangle of shifts that are looked at.
+
+    Under these the middle of the smaller footprint lies within the larger one, and at least about half of it.
+    """
+    half = np.empty(2)
+    for axis in range(2):
+        extent = max(np.ptp(submap[:, axis]), np.ptp(turned[:, axis]))
+        half[axis] = min(max(0.5 * extent, 4.0 * cell), _MOST_CELLS * cell)
+    return half
 
 
 @kernel
 def shift_peaks(
-    query: NDArray[np.float64], submap: NDArray[np.float64], yaw: float, cell: float, peaks: int
+    turned: NDArray[np.float64],
+    submap: NDArray[np.float64],
+    cell: float,
+    peaks: int,
+    half: NDArray[np.float64],
+    middle: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """The `peaks` shifts (peaks, 2), metres, that bring most landmarks of the turned query onto the submap's.
 
-    Shifts are counted in square cells; a peak is the fullest block of two by two, so that no border splits it, and
-    blanks its neighbourhood for the next.
+    Shifts within `half` (2,) metres of `middle` (2,) are counted in square cells; a peak is the fullest block of two by
+    two, so that no border splits it, and blanks its neighbourhood for the next.
     """
-    c, s = math.cos(yaw), math.sin(yaw)
-    # A few hundred landmarks show a pattern as well as all of a large map would.
-    query = query[:: 1 + len(query) // _SAMPLED]
-    turned = np.empty_like(query)
-    for i in range(len(query)):
-        turned[i, 0] = c * query[i, 0] - s * query[i, 1]
-        turned[i, 1] = s * query[i, 0] + c * query[i, 1]
-    # Shifts that leave less than about half of either footprint in common say little and are many: keep the middle.
-    extent = min(np.ptp(submap[:, 0]), np.ptp(submap[:, 1])) + min(np.ptp(turned[:, 0]), np.ptp(turned[:, 1]))
-    half = min(max(0.25 * extent, 4.0 * cell), 400.0 * cell)
-    side = int(2.0 * half / cell) + 2
-    counts = np.zeros((side, side), np.int32)
-    for i in range(len(query)):
+    corner = middle - half
+    wide, high = int(2.0 * half[0] / cell) + 2, int(2.0 * half[1] / cell) + 2
+    counts = np.zeros((wide, high), np.int32)
+    for i in range(len(turned)):
         for j in range(len(submap)):
-            a = (submap[j, 0] - turned[i, 0] + half) / cell
-            b = (submap[j, 1] - turned[i, 1] + half) / cell
-            if 0.0 <= a < side and 0.0 <= b < side:
+            a = (submap[j, 0] - turned[i, 0] - corner[0]) / cell
+            b = (submap[j, 1] - turned[i, 1] - corner[1]) / cell
+            if 0.0 <= a < wide and 0.0 <= b < high:
                 counts[int(a), int(b)] += 1
-    blocks = np.zeros((side - 1, side - 1), np.int32)
-    for a in range(side - 1):
-        for b in range(side - 1):
+    blocks = np.zeros((wide - 1, high - 1), np.int32)
+    for a in range(wide - 1):
+        for b in range(high - 1):
             blocks[a, b] = counts[a, b] + counts[a + 1, b] + counts[a, b + 1] + counts[a + 1, b + 1]
     found = np.empty((peaks, 2))
     for p in range(peaks):
         at = np.argmax(blocks)
-        a, b = at // (side - 1), at % (side - 1)
-        found[p, 0], found[p, 1] = (a + 1) * cell - half, (b + 1) * cell - half
+        a, b = at // (high - 1), at % (high - 1)
+        found[p, 0], found[p, 1] = corner[0] + (a + 1) * cell, corner[1] + (b + 1) * cell
         blocks[max(a - 2, 0) : a + 3, max(b - 2, 0) : b + 3] = -1
     return found

@@ -19,6 +19,9 @@ FALSE_ALARMS: Final = 1e-3
 """Share of undistorted matches in which each of the two tests errs."""
 _RIGID, _AFFINE, _BENT = 3, 6, 12
 """Numbers that a field has: rigid, stretched along two directions, and bent."""
+_LARGEST: Final = 0.1
+"""Displacement that a distortion brings about as far from the middle as the trees are spread, as a share of that
+distance: a tenth is a scale of 1.1, or a tilt by 25 degrees."""
 _FEWEST: Final = 4
 """Residuals that must be left over, for a test to say anything."""
 _HEIGHT: Final = 1.3
@@ -71,7 +74,7 @@ def find_distortion(source: Field, target: Field, target_T_source: SE2) -> Disto
     spread = max(float(np.sqrt((trees**2).mean())), 1e-9)
     left = (target - there - trees).T.ravel()
     size = _BENT if 2 * len(source) >= _BENT + _FEWEST else _AFFINE
-    fit = _Fit(_fields(trees / spread)[:, :size], left)
+    fit = _Fit(_fields(trees / spread)[:, :size], left, _LARGEST * spread)
     strained = fit.explains(_RIGID, _AFFINE)
     bent = size == _BENT and fit.explains(_AFFINE, _BENT)
     if not (strained or bent):
@@ -94,7 +97,9 @@ def find_distortion(source: Field, target: Field, target_T_source: SE2) -> Disto
 class _Fit:
     """Least squares of what is left, field after field; nested, so that one factorisation serves all tests."""
 
-    def __init__(self, fields: Field, left: Field) -> None:
+    def __init__(self, fields: Field, left: Field, largest: float) -> None:
+        """`largest`: metres, one standard deviation of what distortions are like before anything is seen of them."""
+        self._largest = largest
         self._q, self._r = np.linalg.qr(fields)
         self._parts = self._q.T @ left
         self._total = float(left @ left)
@@ -109,10 +114,16 @@ class _Fit:
         return float(fdtrc(larger - size, degrees, gained / (rest / degrees))) < FALSE_ALARMS
 
     def solve(self, size: int) -> tuple[Field, Field]:
-        """The coefficients (size,) of a field and their covariance (size, size)."""
-        inverse = np.linalg.inv(self._r[:size, :size])
+        """The coefficients (size,) of a field and their covariance (size, size).
+
+        Trees along two lines do not tell all of them: what they leave open is bounded by how large distortions are.
+        """
         variance = self._rest(size) / (len(self._q) - size)
-        return inverse @ self._parts[:size], variance * inverse @ inverse.T
+        held = self._r[:size, :size]
+        known = np.full(size, self._largest**-2)
+        known[:_RIGID] = 0.0
+        covariance = np.linalg.inv(held.T @ held / variance + np.diag(known))
+        return covariance @ (held.T @ self._parts[:size]) / variance, covariance
 
     def _rest(self, size: int) -> float:
         return max(self._total - float((self._parts[:size] ** 2).sum()), 0.0)
