@@ -175,7 +175,7 @@ def test_climbing_finds_the_pose_one_planting_distance_away() -> None:
 
 def test_shift_peaks_are_where_most_trees_fall_on_trees() -> None:
     points = forests.uniform(np.random.default_rng(4)) - 40.0
-    peaks = shift_peaks(SE2(7.0, -4.0, 0.0).inverse().apply(points), points, 0.0, REACH, 3)
+    peaks = shift_peaks(SE2(7.0, -4.0, 0.0).inverse().apply(points), points, REACH, 3, np.full(2, 40.0), np.zeros(2))
     assert np.abs(peaks[0] - [7.0, -4.0]).max() <= REACH
 
 
