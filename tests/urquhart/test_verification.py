@@ -6,7 +6,8 @@ import pytest
 from tests.urquhart import forests
 from urquhart import SE2, Config, describe
 from urquhart.decide.confidence import log_odds
-from urquhart.decide.rivals import distinct, hill_climb, pose_row, same_place, shift_peaks
+from urquhart.decide.rivals import distinct, hill_climb, pose_row, same_place
+from urquhart.decide.shifts import shift_peaks
 from urquhart.evaluation.simulation import observe, paper_forest, plantation
 from urquhart.propose.query import log_volume
 from urquhart.uncertainty import least_squares

@@ -11,10 +11,11 @@ from urquhart._kernel import kernel
 from urquhart.budget import UNBOUNDED, Budget
 from urquhart.config import Config
 from urquhart.decide.confidence import comparable, extrapolated, rival_logit, rival_threshold
+from urquhart.decide.shifts import shifted
 from urquhart.se2 import SE2
 from urquhart.verify.evidence import PoseEvidence, evidence_of_row
 from urquhart.verify.landmark_grid import LandmarkGrid
-from urquhart.verify.pairing import count_inliers, pair_up
+from urquhart.verify.pairing import count_inliers
 from urquhart.verify.refinement import count_all, pose_cost, refine_and_score, refine_and_score_all, verify
 
 _QUARTERS: Final = 4
@@ -24,9 +25,6 @@ _DEEP: Final = 16
 """As many where trees stand in rows: the best rival may overlap less than many others do."""
 _IN_ROWS: Final = 0.25
 """Share of the match's evidence that no rival of a natural forest has."""
-_SAMPLED: Final = 500
-_MOST_CELLS: Final = 400.0
-"""Cells of shifts on either side of the middle, along each axis."""
 _CLOSE: Final = 0.25
 """Noise as a share of the distance to the nearest tree, from which on partners are mistaken for their neighbours."""
 _STEPS: Final = 5
@@ -203,100 +201,3 @@ def find_rivals_at_once(
             scored[kept] = scored[k]
             kept += 1
     return scored[:kept].copy()
-
-
-@kernel
-def shifted(
-    query: LandmarkGrid, submap: LandmarkGrid, best: NDArray[np.float64], reach: float, peaks: int, quarter: int
-) -> NDArray[np.float64]:
-    """Poses (K, 3) that `best`, turned by so many quarters, is shifted to; one more of the match's own rotation.
-
-    Shifts are sought about the middle of the submap. Where the submap is so large that `best` lies outside of that
-    window, they are also sought about `best`: a row at the edge of a large stand repeats itself along the edge.
-    """
-    yaw = best[2] + quarter * math.pi / 2.0
-    turned = turn(chosen_landmarks(query, submap, best, reach), yaw)
-    half = half_window(turned, submap.landmarks, reach)
-    wanted = peaks + (quarter == 0)
-    poses = np.empty((2 * wanted, 3))
-    poses[:wanted, :2] = shift_peaks(turned, submap.landmarks, reach, wanted, half, np.zeros(2))
-    count = wanted
-    if abs(best[0]) > half[0] or abs(best[1]) > half[1]:
-        poses[wanted:, :2] = shift_peaks(turned, submap.landmarks, reach, wanted, half, best[:2])
-        count = 2 * wanted
-    poses[:, 2] = yaw
-    return poses[:count]
-
-
-@kernel
-def chosen_landmarks(
-    query: LandmarkGrid, submap: LandmarkGrid, best: NDArray[np.float64], reach: float
-) -> NDArray[np.float64]:
-    """The landmarks (K, 2) of the query whose pattern is looked for: all, or `_SAMPLED` of those that `best` pairs.
-
-    Of a large query, the few trees that speak for a pose would be lost among the others.
-    """
-    if len(query.landmarks) <= _SAMPLED:
-        return query.landmarks
-    paired, _, _ = pair_up(query.landmarks, submap, best[0], best[1], best[2], reach)
-    return query.landmarks[paired[:: 1 + len(paired) // _SAMPLED]]
-
-
-@kernel
-def turn(landmarks: NDArray[np.float64], yaw: float) -> NDArray[np.float64]:
-    """Landmarks (N, 2) turned about the origin by `yaw`."""
-    c, s = math.cos(yaw), math.sin(yaw)
-    turned = np.empty_like(landmarks)
-    for i in range(len(landmarks)):
-        turned[i, 0] = c * landmarks[i, 0] - s * landmarks[i, 1]
-        turned[i, 1] = s * landmarks[i, 0] + c * landmarks[i, 1]
-    return turned
-
-
-@kernel
-def half_window(turned: NDArray[np.float64], submap: NDArray[np.float64], cell: float) -> NDArray[np.float64]:
-    """Half the sides (2,), in metres, of the rectangle of shifts that are looked at.
-
-    Under these the middle of the smaller footprint lies within the larger one, and at least about half of it.
-    """
-    half = np.empty(2)
-    for axis in range(2):
-        extent = max(np.ptp(submap[:, axis]), np.ptp(turned[:, axis]))
-        half[axis] = min(max(0.5 * extent, 4.0 * cell), _MOST_CELLS * cell)
-    return half
-
-
-@kernel
-def shift_peaks(
-    turned: NDArray[np.float64],
-    submap: NDArray[np.float64],
-    cell: float,
-    peaks: int,
-    half: NDArray[np.float64],
-    middle: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """The `peaks` shifts (peaks, 2), metres, that bring most landmarks of the turned query onto the submap's.
-
-    Shifts within `half` (2,) metres of `middle` (2,) are counted in square cells; a peak is the fullest block of two by
-    two, so that no border splits it, and blanks its neighbourhood for the next.
-    """
-    corner = middle - half
-    wide, high = int(2.0 * half[0] / cell) + 2, int(2.0 * half[1] / cell) + 2
-    counts = np.zeros((wide, high), np.int32)
-    for i in range(len(turned)):
-        for j in range(len(submap)):
-            a = (submap[j, 0] - turned[i, 0] - corner[0]) / cell
-            b = (submap[j, 1] - turned[i, 1] - corner[1]) / cell
-            if 0.0 <= a < wide and 0.0 <= b < high:
-                counts[int(a), int(b)] += 1
-    blocks = np.zeros((wide - 1, high - 1), np.int32)
-    for a in range(wide - 1):
-        for b in range(high - 1):
-            blocks[a, b] = counts[a, b] + counts[a + 1, b] + counts[a, b + 1] + counts[a + 1, b + 1]
-    found = np.empty((peaks, 2))
-    for p in range(peaks):
-        at = np.argmax(blocks)
-        a, b = at // (high - 1), at % (high - 1)
-        found[p, 0], found[p, 1] = corner[0] + (a + 1) * cell, corner[1] + (b + 1) * cell
-        blocks[max(a - 2, 0) : a + 3, max(b - 2, 0) : b + 3] = -1
-    return found
