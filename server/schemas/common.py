@@ -129,7 +129,7 @@ Points = Annotated[
     list[Point],
     Field(fail_fast=True),
     WrapValidator(_take_points),
-    PlainSerializer(lambda points: points, return_type=list[Point]),
+    PlainSerializer(lambda points: points, return_type=Any),
 ]
 Free = Annotated[dict[str, Any], AfterValidator(_check_depth)]
 

@@ -98,16 +98,19 @@ def hill_climb(
     """
     reach, margin = config.reach, config.margin
     seen = [np.empty((0, 6))]
-    best = polish(query, submap, best, reach, budget)
     while True:
         place = pose_row(best.transform)
         least = rival_threshold(best, odds, margin) - _SLACK
         found = find_rivals(query, submap, place, reach, least, _PEAKS, budget=budget)
         seen.append(found)
-        if found[:, 3].max(initial=-math.inf) <= best.evidence:
+        if found[:, 3].max(initial=-math.inf) > best.evidence:
+            better = evidence_of_row(query, submap, found[found[:, 3].argmax()])
+        else:
+            better = polish(query, submap, best, reach, budget)
+        if better is best:
             break
         seen.append(np.array([[*place, best.evidence, reach, best.overlap]]))
-        best = evidence_of_row(query, submap, found[found[:, 3].argmax()])
+        best = better
     behind = rival_threshold(best, odds, margin)
     if found[:, 3].max(initial=-math.inf) > _IN_ROWS * best.evidence:
         seen.append(find_rivals(query, submap, place, reach, behind - _SLACK, _DEEP, budget=budget))

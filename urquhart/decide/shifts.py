@@ -108,6 +108,10 @@ def shift_peaks(
     for p in range(peaks):
         at = np.argmax(blocks)
         a, b = at // (high - 1), at % (high - 1)
-        found[p, 0], found[p, 1] = corner[0] + (a + 1) * cell, corner[1] + (b + 1) * cell
+        # The four cells' centre of mass: the shift that puts most trees onto trees may lie at the block's edge.
+        right, upper = counts[a + 1, b] + counts[a + 1, b + 1], counts[a, b + 1] + counts[a + 1, b + 1]
+        whole = max(counts[a, b] + counts[a, b + 1] + right, 1)
+        found[p, 0] = corner[0] + (a + 0.5 + right / whole) * cell
+        found[p, 1] = corner[1] + (b + 0.5 + upper / whole) * cell
         blocks[max(a - 2, 0) : a + 3, max(b - 2, 0) : b + 3] = -1
     return found
