@@ -50,7 +50,7 @@ def run(*, quick: bool, seed: int) -> Figures:
 
 def _alone(kind: str, count: int, seed: int) -> Figures:
     """How many of `count` submaps of a kind were found in a collection of nothing else; which were not."""
-    missed, apart = [], 0.0
+    missed, apart = list[Figures](), 0.0
     (make, reach), config = KINDS[kind], Config()
     for number in range(count):
         rng = np.random.default_rng([seed, number])
@@ -60,10 +60,10 @@ def _alone(kind: str, count: int, seed: int) -> Figures:
         recognizer.add([(0, describe(xy, config))])
         found = recognizer.recognize(moved.apply(xy))
         if found.verdict != "matched":
-            missed.append(f"{number}: {found.verdict}, {found.reason}, {len(xy)} landmarks")
+            missed.append({"submap": number, "landmarks": len(xy), "reason": found.reason})
             continue
         apart = max(apart, (found.candidates[0].transform @ moved).distance(SE2.identity())[0])
-    return {"submaps": count, "found": count - len(missed), "missed": missed[:20], "most_metres": apart}
+    return {"submaps": count, "found": count - len(missed), "missed": missed, "most_metres": apart}
 
 
 def _together(count: int, seed: int) -> Figures:

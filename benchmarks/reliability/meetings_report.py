@@ -7,7 +7,11 @@ from benchmarks.markdown import number, page, prose, table
 def meeting_faults(figures: Figures) -> list[str]:
     """What falls short, a sentence each."""
     together = figures["together"]
-    found = [f"alone, {kind}: submap {what}" for kind, one in figures["alone"].items() for what in one["missed"]]
+    found = [
+        f"alone, {kind}: {missed['reason']} for a submap of {missed['landmarks']} landmarks"
+        for kind, one in figures["alone"].items()
+        for missed in one["missed"]
+    ]
     if together["untold"]:
         found.append(f"meetings: {len(together['untold'])} pairs of robots were not told of each other")
     return found + [f"meetings, the log: {line}" for line in together["logged"]]

@@ -143,7 +143,10 @@ def test_the_published_figures_hold_what_is_claimed() -> None:
     season = figures["season"]
     assert (season["state"], season["results"], season["lines"]) == ("successful", 100_000, 100_000)
     alone, together = figures["meetings"]["alone"], figures["meetings"]["together"]
-    assert sum(one["found"] for one in alone.values()) == sum(one["submaps"] for one in alone.values()) == 1_000
+    assert sum(one["found"] + len(one["missed"]) for one in alone.values()) == 1_000
+    # A handful of trees fit onto themselves in more than one way, and the answer says so.
+    assert all(missed["landmarks"] < 8 for one in alone.values() for missed in one["missed"])
+    assert all(one["most_metres"] < 0.05 for one in alone.values())
     assert (together["pairs"], together["untold"]) == (1_000, [])
     assert set(figures["hostile"]["trials"]) == set(TRIALS)
     attacks = figures["exhaustion"]["attacks"]
