@@ -1,7 +1,9 @@
 """A robot drives twice around a loop in a mapped forest, and notices where it has been before.
 
-    make serve &                           # or any service: its address is the first argument
-    python examples/robot_loop.py [URL]    # with URQUHART_API_KEY set where it asks for a key
+    make serve                                       # or any service: its address is the first argument
+    .venv/bin/python examples/robot_loop.py [URL]    # in another terminal, with URQUHART_API_KEY set if it needs a key
+
+A key with the scopes read and write is enough where an administrator has made the collection `robots` before.
 
 It sees the trees of data/stem_maps/longleaf.csv within 25 m, to 10 cm, nine of ten; it knows neither where it is nor
 which way it looks. At every stop it stores what it sees, and asks in the same call whether it was there before.
@@ -21,7 +23,8 @@ trees = np.loadtxt(stem_map, delimiter=",", skiprows=1, usecols=(1, 2))
 centre, rng, stops = trees.mean(axis=0), np.random.default_rng(1), {}
 
 with Client(url, api_key=os.environ.get("URQUHART_API_KEY")) as robot:
-    robot.put_collection("robots")
+    if all(known.id != "robots" for known in robot.collections()):
+        robot.put_collection("robots")
     for stop in range(50):  # 25 on each round
         angle, heading = 2 * np.pi * stop / 25, rng.uniform(-np.pi, np.pi)
         here = centre + 40 * np.array([np.cos(angle), np.sin(angle)])

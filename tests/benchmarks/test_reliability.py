@@ -111,7 +111,8 @@ def test_modules_that_look_at_the_clock_are_found(tmp_path: Path) -> None:
     (tmp_path / "looks.py").write_text("import time\nprint(time.time())\n")
     (tmp_path / "waits.py").write_text("import time\nprint(time.monotonic())\n")
     assert clock.looks(tmp_path) == {"looks.py"}
-    assert {"identifiers.py", "idempotency.py", "store/submaps.py"} <= clock.looks(ROOT / "server")
+    looking = {"platform/ids.py", "resources/idempotency.py", "store/repositories/submaps.py"}
+    assert looking <= clock.looks(ROOT / "server")
 
 
 def test_the_published_page_is_the_one_of_the_published_figures(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ import shutil
 import signal
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -131,7 +132,11 @@ def _work(path: Path, point: int) -> None:
 
     write, describe = import_submaps._write_results, bulk.describe_lines
     import_submaps._write_results = write_half
-    bulk.describe_lines = lambda *a, **named: describe(*a, **(named | {"batch_size": 2}))
+
+    def describe_two(database: Any, name: str, lines: Any, options: Any = bulk.USUAL) -> Any:
+        return describe(database, name, lines, replace(options, batch_size=2))
+
+    bulk.describe_lines = describe_two  # type: ignore[assignment]
     os.fsync, os.unlink = around(os.fsync), around(os.unlink)
     event.listen(Session, "before_commit", reached)
     event.listen(Session, "after_commit", reached)

@@ -10,8 +10,8 @@ from server.submaps import batches
 
 def poisoned(task: Any) -> Any:
     """Describes lines, of which `poison` ends the process and `endless` never ends."""
-    if any(b'"poison' in line for line in task.lines):
+    if any(b'"poison' in line for _, line in task.lines):
         os.kill(os.getpid(), signal.SIGKILL)
-    if any(b'"endless' in line for line in task.lines):
+    if any(b'"endless' in line for _, line in task.lines):
         time.sleep(600)
     return batches._describe_there(task)

@@ -250,7 +250,12 @@ def test_every_process_of_a_group_may_get_the_signal(start: Start) -> None:
 
 
 def test_what_is_loaded_is_spared_from_the_collector() -> None:
-    script = "import gc\nfrom server.http.serving.lifecycle import _settle\n_settle()\nprint(gc.get_freeze_count())"
+    script = (
+        "import gc\n"
+        "from server.http.serving.lifecycle import _freeze_loaded_objects\n"
+        "_freeze_loaded_objects()\n"
+        "print(gc.get_freeze_count())"
+    )
     said = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
     assert int(said) > 10_000
 

@@ -4,6 +4,7 @@ import gzip
 import os
 import time
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -335,9 +336,7 @@ def test_outcomes_do_not_depend_on_batches(client: httpx.Client, monkeypatch: py
     }
     describe = bulk.describe_lines
     for size in (1, 2, 3, 6):
-        monkeypatch.setattr(
-            bulk, "describe_lines", lambda *a, size=size, **named: describe(*a, **(named | {"batch_size": size}))
-        )
+        monkeypatch.setattr(bulk, "describe_lines", _small_batches(describe, size))
         for on_conflict, outcome in expected.items():
             client.delete("/v1/collections/plots").raise_for_status()
             client.put("/v1/collections/plots", json={}).raise_for_status()
@@ -489,8 +488,8 @@ def test_a_dismissed_import_keeps_what_it_stored(client: httpx.Client, monkeypat
     assert outcomes(client, job) == [(i + 1, f"p{i}", "created") for i in range(4)]
 
 
-def _small_batches(describe: Callable[..., Any]) -> Callable[..., Any]:
-    return lambda *arguments, **named: describe(*arguments, **(named | {"batch_size": 2}))
+def _small_batches(describe: Callable[..., Any], size: int = 2) -> Callable[..., Any]:
+    return lambda *arguments: describe(*arguments[:-1], replace(arguments[-1], batch_size=size))
 
 
 def test_a_stopped_job_goes_on_where_it_was(settings: Settings, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -675,7 +674,7 @@ def test_an_upload_that_is_gone_is_no_success(
     real = queue.accept
 
     def accept(*arguments: Any, **named: Any) -> Any:
-        service.jobs.folder.input(named["job_id"]).unlink()
+        service.jobs.folder.input(arguments[3].id).unlink()
         return real(*arguments, **named)
 
     monkeypatch.setattr(queue, "accept", accept)

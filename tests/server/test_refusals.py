@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -77,9 +78,9 @@ def test_the_count_goes_on_after_a_stop(tmp_path: Path, monkeypatch: pytest.Monk
     stopping = create_app(settings)
     describe, batches = bulk.describe_lines, 0
 
-    def stop_in_the_middle(*arguments: Any, **named: Any) -> Iterator[Any]:
+    def stop_in_the_middle(database: Any, name: str, lines: Any, options: bulk.LineOptions) -> Iterator[Any]:
         nonlocal batches
-        for batch in describe(*arguments, **(named | {"batch_size": 100})):
+        for batch in describe(database, name, lines, replace(options, batch_size=100)):
             batches += 1
             if batches == 10:
                 stopping.state.service.jobs.runner._stopping.set()

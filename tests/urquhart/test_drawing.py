@@ -64,7 +64,8 @@ def test_a_moving_match_starts_as_the_query_was_seen_and_ends_in_the_submap() ->
     recognizer = Recognizer(Config())
     recognizer.add([(1, describe(xy, Config()))])
     seen = SE2(3.0, 4.0, 1.0).inverse().apply(xy)
-    svg = draw_motion(seen, xy, recognizer.recognize(seen).candidates[0])
+    found = recognizer.recognize(seen).candidates[0]
+    svg = draw_motion(seen, xy, found.transform, np.column_stack([found.query_indices, found.submap_indices]))
     root = ET.fromstring(svg)
     moving, proof = (next(g for g in root.iter(SVG + "g") if g.get("class") == name) for name in ("moving", "proof"))
     assert len(proof.findall(SVG + "line")) == len(xy)

@@ -6,8 +6,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from urquhart.decide.candidates import Candidate
 from urquhart.report.svg import Canvas
+from urquhart.se2 import SE2
 
 _GAP: Final = 0.08
 """Space between the submap and the query beside it, as a share of the submap's width."""
@@ -20,18 +20,21 @@ _STYLE: Final = """
 """
 
 
-def draw_motion(query_xy: ArrayLike, submap_xy: ArrayLike, candidate: Candidate, *, title: str = "") -> str:
-    """SVG, about 7 s in a loop, of the query that moves by the candidate's transform into the submap's frame.
+def draw_motion(
+    query_xy: ArrayLike, submap_xy: ArrayLike, submap_T_query: SE2, pairs: ArrayLike, *, title: str = ""
+) -> str:
+    """SVG, about 7 s in a loop, of a query that moves into the submap's frame.
 
     Where the viewer shows no animation, it is a still picture of the match.
 
     Args:
         query_xy, submap_xy: (N, 2), (M, 2), metres, each in its own frame.
-        candidate: `transform` takes the query into the submap's frame; its inlier pairs are joined at the end.
+        submap_T_query: the transform that the query moves by.
+        pairs: (K, 2), positions of the inlier pairs in either; they are joined at the end.
     """
     submap = np.asarray(submap_xy, dtype=np.float64)
     query = np.asarray(query_xy, dtype=np.float64)
-    placed = candidate.transform.apply(query)
+    placed = submap_T_query.apply(query)
     centre = placed.mean(axis=0)
     beside = query - query.mean(axis=0)
     low, high = submap.min(axis=0), submap.max(axis=0)
@@ -44,11 +47,11 @@ def draw_motion(query_xy: ArrayLike, submap_xy: ArrayLike, candidate: Candidate,
         canvas.circle(landmark, 4.5, "query", "query")
     canvas.close_group()
     canvas.open_group("proof")
-    for i, j in zip(candidate.query_indices.tolist(), candidate.submap_indices.tolist(), strict=True):
+    for i, j in np.asarray(pairs, dtype=np.int64).reshape(-1, 2).tolist():
         canvas.line(placed[i], submap[j], "pair")
         canvas.circle(submap[j], 9.0, "submap", "inlier pair")
     canvas.close_group()
     (x, y), (from_x, from_y) = canvas.at(centre), canvas.at(start)
     # Turning back by the yaw is clockwise in metres (y up), and counter-clockwise on the screen (y down).
-    turn = math.degrees(candidate.transform.yaw)
+    turn = math.degrees(submap_T_query.yaw)
     return canvas.render(_STYLE.format(x=x, y=y, dx=from_x - x, dy=from_y - y, turn=turn))

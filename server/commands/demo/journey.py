@@ -32,7 +32,7 @@ from server.stem_maps.stands import cut_stand, store_stand
 from server.store.migrations_runner import upgrade
 from server.store.sqlite.database import Database
 from server.submaps.bulk import LineOptions
-from urquhart_client import Client
+from urquhart_client import Candidate, Client
 
 COLLECTION: Final = "forests"
 STANDS: Final = (
@@ -49,6 +49,7 @@ OUTPUT: Final = (
     "urquhart.db-shm",
     "server.log",
     "match.svg",
+    "moving.svg",
     "tessellation.svg",
     "hard.svg",
 )
@@ -158,8 +159,24 @@ def _draw(client: Client, answers: Sequence[JudgedAnswer], out: Path) -> list[Pa
             match, tessellation = out / "match.svg", out / "tessellation.svg"
             match.write_text(client.match_svg(COLLECTION, stored.id, stored.best.rank), encoding="utf-8")
             tessellation.write_text(client.tessellation_svg(COLLECTION, stored.best.submap_id), encoding="utf-8")
-            return [match, tessellation]
+            return [match, tessellation, _draw_motion(client, answer, stored.best, out)]
     return []
+
+
+def _draw_motion(client: Client, answer: JudgedAnswer, found: Candidate, out: Path) -> Path:
+    """The observation, as it was made, that turns and slides into the submap it was found in."""
+    trees = client.get_submap(COLLECTION, found.submap_id).landmarks or ()
+    position = {tree.id: at for at, tree in enumerate(trees)}
+    drawing = urquhart.draw_motion(
+        answer.question.xy,
+        [(tree.x, tree.y) for tree in trees],
+        urquhart.SE2(found.transform.x, found.transform.y, found.transform.yaw),
+        [(int(pair.query), position[pair.submap]) for pair in found.inliers],
+        title="Where is this?",
+    )
+    path = out / "moving.svg"
+    path.write_text(drawing, encoding="utf-8")
+    return path
 
 
 def _compare(client: Client, hard: Sequence[Question], seed: int, out: Path, console: Console) -> list[Path]:

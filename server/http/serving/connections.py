@@ -199,6 +199,9 @@ class Connection(H11Protocol):
             )
             for event in (head, h11.Data(data=body), h11.EndOfMessage()):
                 self.transport.write(self.conn.send(event) or b"")
+        if not self.is_idle:  # a request whose rest is none: whoever works on it must not answer, too
+            self.cycle.disconnected = True
+            self.cycle.message_event.set()
         self.transport.close()
         self._abort_later()
 
