@@ -296,7 +296,8 @@ def test_the_file_that_is_put_in_place_is_used_as_it_is(
             other.replace(path)
         case _:
             subprocess.run(["cp", str(other), str(path)], check=True)
-    until(lambda: not_ready(servers[0]))
+    # Emptied or set aside as soon as nobody reads from it any more.
+    until(lambda: not_ready(servers[0]) and not (log_of(path).exists() and log_of(path).stat().st_size))
     for server in servers:
         if end == "stop":
             server.stop()
