@@ -11,7 +11,7 @@ from urquhart._kernel import kernel
 from urquhart.budget import UNBOUNDED, Budget
 from urquhart.config import Config
 from urquhart.decide.confidence import comparable, extrapolated, rival_logit, rival_threshold
-from urquhart.decide.shifts import shifted
+from urquhart.decide.shifts import chosen_landmarks, shifted
 from urquhart.se2 import SE2
 from urquhart.verify.evidence import PoseEvidence, evidence_of_row
 from urquhart.verify.landmark_grid import LandmarkGrid
@@ -176,8 +176,9 @@ def find_rivals(
     if budget.fits(_QUARTERS * peaks, pose_cost(query, submap)):
         return find_rivals_at_once(query, submap, best, reach, least, peaks)
     # One quarter after the other: beside the pairs there are up to 640,000 shifts to go through for each peak.
+    chosen = chosen_landmarks(query, submap, best, reach)
     turned = [
-        shifted(query, submap, best, reach, peaks, quarter.start) for quarter in budget.portions(_QUARTERS, math.inf)
+        shifted(chosen, submap, best, reach, peaks, quarter.start) for quarter in budget.portions(_QUARTERS, math.inf)
     ]
     starts = np.concatenate(turned)
     counted = count_all(query.landmarks, submap, starts, reach, budget)
@@ -192,8 +193,9 @@ def find_rivals_at_once(
     """What `find_rivals` gives, in one step: for ordinary sizes that is fastest."""
     starts = np.empty((2 * (_QUARTERS * peaks + 1), 3))
     count = 0
+    chosen = chosen_landmarks(query, submap, best, reach)
     for quarter in range(_QUARTERS):
-        shifts = shifted(query, submap, best, reach, peaks, quarter)
+        shifts = shifted(chosen, submap, best, reach, peaks, quarter)
         starts[count : count + len(shifts)] = shifts
         count += len(shifts)
     counted = count_inliers(query.landmarks, submap, starts[:count], reach)

@@ -18,15 +18,22 @@ _MOST_CELLS: Final = 400.0
 
 @kernel
 def shifted(
-    query: LandmarkGrid, submap: LandmarkGrid, best: NDArray[np.float64], reach: float, peaks: int, quarter: int
+    chosen: NDArray[np.float64],
+    submap: LandmarkGrid,
+    best: NDArray[np.float64],
+    reach: float,
+    peaks: int,
+    quarter: int,
 ) -> NDArray[np.float64]:
     """Poses (K, 3) that `best`, turned by so many quarters, is shifted to; one more of the match's own rotation.
+
+    `chosen`: the query's landmarks of `chosen_landmarks`.
 
     Shifts are sought about the middle of the submap. Where the submap is so large that `best` lies outside of that
     window, they are also sought about `best`: a row at the edge of a large stand repeats itself along the edge.
     """
     yaw = best[2] + quarter * math.pi / 2.0
-    turned = turn(chosen_landmarks(query, submap, best, reach), yaw)
+    turned = turn(chosen, yaw)
     half = half_window(turned, submap.landmarks, reach)
     wanted = peaks + (quarter == 0)
     poses = np.empty((2 * wanted, 3))
