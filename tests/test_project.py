@@ -21,6 +21,7 @@ ROOT = Path(__file__).parents[1]
 LOCKS = ("requirements.lock", "requirements-build.lock", "requirements-dev.lock")
 PROJECT: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text())
 CLIENT: dict[str, Any] = tomllib.loads((ROOT / "clients" / "python" / "pyproject.toml").read_text())
+PAGES = (ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "clients/python/README.md", *ROOT.glob("docs/**/*.md"))
 VERBS = {
     "help",
     "demo",
@@ -199,12 +200,28 @@ def test_commit_hooks_are_local() -> None:
 
 def test_the_commands_of_the_documentation_exist() -> None:
     group = get_group(app)
-    for path in (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *ROOT.glob("docs/*.md")):
+    for path in PAGES:
         text = path.read_text(encoding="utf-8")
         for verb in re.findall(r"\bmake ([a-z][a-z-]*)\b(?=`|\s*$| ARGS)", text, flags=re.MULTILINE):
             assert verb in VERBS, f"{path.name}: make {verb}"
         for verb in re.findall(r"(?:^\s*|`|bin/)urquhart ([a-z]+)\b", text, flags=re.MULTILINE):
             assert verb in group.commands, f"{path.name}: urquhart {verb}"
+
+
+def anchors(path: Path) -> set[str]:
+    """The anchors of a page's headings, as GitHub makes them."""
+    headings = re.findall(r"^#+ (.+)$", path.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_every_link_leads_somewhere(page: Path) -> None:
+    for link in re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8")):
+        if "://" not in link:
+            name, _, anchor = link.partition("#")
+            target = page.parent / name if name else page
+            assert target.exists(), link
+            assert not anchor or anchor in anchors(target), link
 
 
 def test_every_command_and_option_has_help() -> None:
