@@ -207,7 +207,7 @@ def _problems(path: Path, expected: Expected, rng: random.Random) -> list[str]:
             for name in rng.sample(sorted(expected.submaps), min(_SAMPLE, len(expected.submaps))):
                 if not _holds(view.recognizer, keys, name, expected.submaps[name]):
                     problems.append(f"{name} is not found")
-            if view.recognizer.recognize(forest(rng.randrange(2**41, 2**42))).verdict == "matched":
+            if view.recognizer.locate(forest(rng.randrange(2**41, 2**42))).verdict == "matched":
                 problems.append("a forest that was never stored is matched")
     finally:
         database.dispose()
@@ -227,7 +227,7 @@ def _holds(recognizer: Recognizer, keys: dict[str, int], name: str, seed: int | 
     """Whether a submap is there with that forest; or is not there, for None."""
     if seed is None or name not in keys:
         return seed is None and name not in keys
-    found = recognizer.recognize(forest(seed))
+    found = recognizer.locate(forest(seed))
     return found.verdict == "matched" and found.candidates[0].key == keys[name]
 
 

@@ -104,7 +104,7 @@ def query_cost(
     for _ in range(asked):
         pose, xy = (foreign or forest).look(rng, sigma, detection)
         start = time.perf_counter()
-        found = recognizer.recognize(xy)
+        found = recognizer.locate(xy)
         totals.append((time.perf_counter() - start) * 1e3)
         spent: dict[str, float] = {}
         for stage in found.stages:

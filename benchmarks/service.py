@@ -80,7 +80,7 @@ def http_cost(
                 _, xy = forest.look(rng, sigma, detection)
                 body = json.dumps({"xy": xy.tolist()}).encode()
                 began = time.perf_counter()
-                found = recognizer.recognize(xy)
+                found = recognizer.locate(xy)
                 between = time.perf_counter()
                 raw = _post(connection, f"/v1/collections/{COLLECTION}/queries", body)
                 ended = time.perf_counter()

@@ -19,12 +19,14 @@ from urquhart.budget import Abandoned, Budget
 from urquhart.config import Config, ConfigError
 from urquhart.decide.candidates import Candidate, Finding, Rival
 from urquhart.decide.confidence import Gates
-from urquhart.decide.verdict import Recognition, Verdict
+from urquhart.decide.verdict import Recognition, Verdict, unsearched
 from urquhart.features.describe import Features, FeaturesError, describe
+from urquhart.features.description import OBSTACLES, Description, describe_observation
 from urquhart.features.landmarks import LandmarkError
 from urquhart.features.tessellation import Tessellation
 from urquhart.index.segment_file import SegmentDamaged
-from urquhart.recognizer import Method, Recognizer
+from urquhart.options import Method, SearchOptions
+from urquhart.recognizer import Recognizer
 from urquhart.report.match import draw_match
 from urquhart.report.motion import draw_motion
 from urquhart.report.svg import draw_tessellation
@@ -33,12 +35,14 @@ from urquhart.trace import SearchEnd, Stage
 from urquhart.warming import warm_up
 
 __all__ = [
+    "OBSTACLES",
     "SE2",
     "Abandoned",
     "Budget",
     "Candidate",
     "Config",
     "ConfigError",
+    "Description",
     "Features",
     "FeaturesError",
     "Finding",
@@ -49,13 +53,16 @@ __all__ = [
     "Recognizer",
     "Rival",
     "SearchEnd",
+    "SearchOptions",
     "SegmentDamaged",
     "Stage",
     "Tessellation",
     "Verdict",
     "describe",
+    "describe_observation",
     "draw_match",
     "draw_motion",
     "draw_tessellation",
+    "unsearched",
     "warm_up",
 ]

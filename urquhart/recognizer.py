@@ -7,28 +7,25 @@ decide     against chance and every rival pose; candidates and verdict    decide
 """
 
 from collections.abc import Collection as Keys
-from collections.abc import Mapping
-from typing import Final, Literal
+from dataclasses import replace
+from typing import Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from urquhart.budget import Budget, OutOfTime
+from urquhart.budget import Budget
 from urquhart.decide.ranking import NOTHING, rank
-from urquhart.decide.verdict import Reason, Recognition, decide, unsearched
-from urquhart.features.landmarks import LandmarkError
+from urquhart.decide.verdict import Recognition, decide, unsearched
+from urquhart.features.describe import Features
+from urquhart.features.description import describe_observation
 from urquhart.index.collection import Collection
 from urquhart.index.collection_index import CollectionIndex
+from urquhart.options import Method, SearchOptions
 from urquhart.propose.by_paper import propose_by_paper
 from urquhart.propose.levels import propose_on
 from urquhart.propose.query import Proposal, Query, make_query
 from urquhart.se2 import SE2
-from urquhart.trace import Trace
 from urquhart.verify.refinement import verify
-
-Method = Literal["robust", "paper"]
-_TOO_LITTLE: Final[Mapping[str, Reason]] = {"too_few": "too_few_landmarks", "collinear": "collinear_landmarks"}
-"""Landmarks that fix no pose are no error of the caller: the reason of their `no_match`."""
 
 
 class Recognizer(Collection):
@@ -36,9 +33,8 @@ class Recognizer(Collection):
 
     def recognize(
         self,
-        xy: ArrayLike,
+        observation: Features,
         *,
-        diameters: ArrayLike | None = None,
         limit: int = 5,
         method: Method = "robust",
         exclude: Keys[int] = (),
@@ -46,11 +42,10 @@ class Recognizer(Collection):
         rng: np.random.Generator | None = None,
         budget: Budget | None = None,
     ) -> Recognition:
-        """Look an observation up.
+        """Look up an observation that was described with this collection's configuration.
 
         Args:
-            xy: (N, 2), metres, any rigid frame.
-            diameters: (N,), stem diameters in any unit, NaN where not known; they count where a submap has them too.
+            observation: from `describe`, or of a submap that was stored.
             limit: most candidates returned.
             exclude: keys of submaps that are not to be considered.
             only: keys of those that are; all by default.
@@ -59,26 +54,37 @@ class Recognizer(Collection):
                 `no_match` with the reason `deadline` and the candidates found so far: rivals may not have been seen.
 
         Raises:
+            ValueError: the observation was described with another configuration.
             Abandoned: nobody waits for the answer any more.
-            LandmarkError: for input that is wrong. Too few landmarks, or all on one line, is normal life for a robot
-                and answered with `no_match` and the reason.
         """
-        trace = Trace()
         index, source = self._held
         chosen = index.narrowed(only, exclude)
-        try:
-            query = make_query(xy, diameters, self.config, source, len(chosen), trace=trace, budget=budget)
-        except LandmarkError as error:
-            if error.code not in _TOO_LITTLE:
-                raise
-            return unsearched(_TOO_LITTLE[error.code], trace)
-        except OutOfTime:
-            return unsearched("deadline", trace)
         if not len(chosen):
-            return unsearched("nothing_left" if len(index) else "empty_collection", trace)
+            return unsearched("nothing_left" if len(index) else "empty_collection")
+        query = make_query(observation, self.config, source, len(chosen), budget)
         return _search(query, chosen, limit, method, rng)
 
-    def check(self, xy: ArrayLike, key: int, transform: SE2, *, diameters: ArrayLike | None = None) -> Recognition:
+    def locate(
+        self, xy: ArrayLike, *, diameters: ArrayLike | None = None, **options: Unpack[SearchOptions]
+    ) -> Recognition:
+        """Describe landmarks and look them up. Too few of them, or all on one line, is answered with `no_match`.
+
+        Args:
+            xy: (N, 2), metres, any rigid frame.
+            diameters: (N,), stem diameters in any unit, NaN where not known; they count where a submap has them too.
+            options: of `recognize`.
+
+        Raises:
+            LandmarkError: for input that is wrong.
+            Abandoned: nobody waits for the answer any more.
+        """
+        described = describe_observation(xy, self.config, diameters, options.get("budget") or Budget())
+        if not isinstance(described.result, Features):
+            return unsearched(described.result, described.stages)
+        found = self.recognize(described.result, **options)
+        return replace(found, stages=described.stages + found.stages)
+
+    def check(self, observation: Features, key: int, transform: SE2) -> Recognition:
         """Verify a given pose as if it had been found, with the same rivals and the same verdict.
 
         Args:
@@ -86,10 +92,10 @@ class Recognizer(Collection):
 
         Raises:
             KeyError: no such submap.
-            LandmarkError: for input that cannot be described.
+            ValueError: the observation was described with another configuration.
         """
         index, source = self._held
-        query = make_query(xy, diameters, self.config, source, len(index), trace=Trace())
+        query = make_query(observation, self.config, source, len(index))
         start = SE2.shift(query.submaps.features(key).origin).inverse() @ transform @ SE2.shift(query.features.origin)
         with query.trace.timed("verify given"):
             verified = verify(query.grid, query.submaps.grid(key), start, query.reach)

@@ -23,14 +23,14 @@ def warm_up(config: Config) -> None:
     recognizer.add(enumerate(features))
     recognizer.add([(len(features), describe(rows, config))])
     for xy in (here, elsewhere, unknown, rows):
-        recognizer.recognize(xy)
-        recognizer.recognize(xy, method="paper")
+        recognizer.locate(xy)
+        recognizer.locate(xy, method="paper")
     # Of a collection with a single submap it is asked first whether the query reaches to its ends.
     alone = Recognizer(config)
     alone.add([(0, features[0])])
-    alone.recognize(here)
-    alone.recognize(here, method="paper")
+    alone.locate(here)
+    alone.locate(here, method="paper")
     # What large observations take is cut into portions, which smaller ones are done without.
     portions = Budget(steps=1_000.0)
     for xy in (here, unknown, rows):
-        recognizer.recognize(xy, budget=portions)
+        recognizer.locate(xy, budget=portions)

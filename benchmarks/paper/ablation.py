@@ -161,7 +161,7 @@ def run_collection(job: CollectionJob) -> dict[str, Any]:
     recognizer.add(enumerate(features))
     right = wrong = 0
     for pose, xy in seen:
-        found = recognizer.recognize(xy, limit=1, method="paper")
+        found = recognizer.locate(xy, limit=1, method="paper")
         good = _is_right(found, forest, pose)
         right, wrong = right + good, wrong + (found.verdict == "matched" and not good)
     return {
@@ -195,7 +195,7 @@ def _price_of_the_hull(pool: Pool, side: float, seed: int, queries: int) -> dict
         spent = []
         for at, recognizer in enumerate(recognizers):
             started = time.perf_counter()
-            found = recognizer.recognize(xy, limit=1)
+            found = recognizer.locate(xy, limit=1)
             spent.append(time.perf_counter() - started)
             right[at] += _is_right(found, forest, pose)
         ratios.append(spent[0] / spent[1])

@@ -186,5 +186,5 @@ class Robust:
 
     def answer(self, xy: Points, submap: Recognizer) -> Answer:
         """Look an observation (N, 2), metres, up in a collection of one submap."""
-        found = submap.recognize(xy, limit=1)
+        found = submap.locate(xy, limit=1)
         return Answer(found.verdict == "matched", found.candidates[0].transform if found.candidates else None)

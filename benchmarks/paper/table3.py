@@ -107,7 +107,7 @@ def measure(
                 verifier.refine(i, j, consensus.transform)
                 note(name, "verify", started)
         started = time.perf_counter()
-        answer = collections[i].recognize(seen[j], limit=1)
+        answer = collections[i].locate(seen[j], limit=1)
         whole = (time.perf_counter() - started) * 1e3
         describing = sum(stage.milliseconds for stage in answer.stages if stage.name == "describe")
         times["robust"].setdefault("describe", []).append(describing)

@@ -58,7 +58,7 @@ def _alone(kind: str, count: int, seed: int) -> Figures:
         moved = SE2(rng.uniform(-9.0, 9.0), rng.uniform(-9.0, 9.0), rng.uniform(-math.pi, math.pi))
         recognizer = Recognizer(config)
         recognizer.add([(0, describe(xy, config))])
-        found = recognizer.recognize(moved.apply(xy))
+        found = recognizer.locate(moved.apply(xy))
         if found.verdict != "matched":
             missed.append({"submap": number, "landmarks": len(xy), "reason": found.reason})
             continue

@@ -73,7 +73,7 @@ def _cost(name: str, size: int, seed: int, before: float) -> dict[str, Any]:
     recognizer.add((key, describe(xy * (1.0 + 0.01 * key), config)) for key in range(ALIKE))
     query, budget = SE2(5.0, 3.0, 0.7).apply(xy), Watched(DEADLINE)
     began = time.monotonic()
-    found = recognizer.recognize(query, budget=budget)
+    found = recognizer.locate(query, budget=budget)
     took = time.monotonic() - began
     return {
         "landmarks": size,

@@ -93,7 +93,7 @@ class World:
         """
         row = np.zeros((), ANSWER)
         start = time.perf_counter()
-        found = self.recognizer.recognize(xy, diameters=diameters, limit=1)
+        found = self.recognizer.locate(xy, diameters=diameters, limit=1)
         row["milliseconds"] = 1e3 * (time.perf_counter() - start)
         row["inside"] = ground is not None
         row["verdict"] = VERDICTS.index(found.verdict)
@@ -127,15 +127,16 @@ class World:
         """The strongest of the true poses in the submaps nearest to them that would be reported, if any would be."""
         away = np.hypot(*(self._positions - (pose.x, pose.y)).T)
         away[self._grounds != ground] = np.inf
+        try:
+            observation = describe(xy, self.recognizer.config, diameters)
+        except LandmarkError:
+            return None
         passed = []
         for key in np.argsort(away, kind="stable")[:_ASKED].tolist():
             if np.isinf(away[key]):
                 break
             truth = self.places[key].pose.inverse() @ pose
-            try:
-                found = self.recognizer.check(xy, key, truth, diameters=diameters)
-            except LandmarkError:
-                return None
+            found = self.recognizer.check(observation, key, truth)
             if found.verdict == "matched" and self.is_right(found, ground, pose):
                 passed.append(found.candidates[0])
         return max(passed, key=lambda candidate: candidate.evidence, default=None)

@@ -49,7 +49,7 @@ def run(job: Job) -> Figures:
 def answer(catalog: Catalog, xy: NDArray[np.float64]) -> Recognition:
     """Look landmarks (N, 2) float64, metres, up in the collection, as a query of the service does."""
     with catalog.view(COLLECTION) as view:
-        return view.recognizer.recognize(xy)
+        return view.recognizer.locate(xy)
 
 
 def is_right(submap: SE2, found: SE2, truth: SE2) -> bool:
@@ -64,7 +64,7 @@ def _ask(
     xy, truth = queries.xy(number), queries.pose(number)
     start = time.perf_counter()
     with catalog.view(COLLECTION) as view:
-        found = view.recognizer.recognize(xy)
+        found = view.recognizer.locate(xy)
         milliseconds = 1e3 * (time.perf_counter() - start)
         best = found.candidates[0] if found.candidates else None
         submap = None if best is None else index_of(view, best.key)

@@ -1,7 +1,7 @@
 """Queries: landmarks in, a verdict with its evidence out; and the stored ones again."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from functools import wraps
 from typing import Concatenate, Final, ParamSpec
@@ -28,20 +28,25 @@ from server.queries.answers import (
 )
 from server.queries.explanations import QueryExplanation, sentences
 from server.queries.filters import keys_excluded, keys_near
-from server.queries.per_session import by_session
-from server.queries.search import SubmapSearch
+from server.queries.search import SubmapSearch, describe_query
 from server.queries.stored import NO_KEY, AnswerKey, NewAnswer, keep
 from server.resources import links
 from server.schemas.candidates import CandidateAnswer
 from server.schemas.queries import QueryAnswer, QueryInput, QueryLinks
 from server.store.codec import position_names, unpack_diameters, unpack_ids, unpack_positions
 from server.store.repositories.candidate_rows import found_submaps
-from server.store.repositories.sessions import Sessions
 from server.store.repositories.submaps import Submaps
 from server.store.sqlite.database import Database
 from server.store.tables import CollectionRow, SubmapRow
-from server.submaps.preparation import check_landmark_count, invalid_landmarks
-from urquhart import Budget, Candidate, LandmarkError, Recognition
+from server.submaps.preparation import check_landmark_count
+from urquhart import (
+    Budget,
+    Candidate,
+    Description,
+    Features,
+    Recognition,
+    unsearched,
+)
 
 _TO_ANSWER: Final = 0.2
 """Seconds before the deadline at which a search ends, because it takes a while to end it and to write the answer,"""
@@ -76,6 +81,14 @@ class QueryLandmarks:
 
     def names(self) -> list[str]:
         return self.ids if self.ids is not None else position_names(len(self.xy))
+
+
+@dataclass(frozen=True, slots=True)
+class PendingSubmap:
+    """A submap that is asked about before it is stored; `id` is None where the service makes it."""
+
+    id: str | None
+    description: Description
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,13 +170,13 @@ def look_up(
     collection_id: str,
     body: QueryInput,
     *,
-    own_id: str | None = None,
+    pending: PendingSubmap | None = None,
     to_draw: bool = False,
     budget: Budget | None = None,
 ) -> LookupResult:
     """Place an observation in a collection; with `to_draw`, read the landmarks of candidates and first rival too.
 
-    The submap `own_id` is left out of the search: what is stored there, if anything, is the observation itself.
+    What is asked with may be a `pending` submap: it is described already, and not to be found under its own id.
     With a `budget`, the search ends when that is spent, and without an answer when it is abandoned.
 
     Too few or collinear landmarks are an answer, not an error. Raises NotFound (the collection, or `submap_id`),
@@ -179,11 +192,20 @@ def look_up(
         excluded = keys_excluded(submaps, body.exclude, asked.stamp)
         if own is not None:
             excluded.add(own.key)
-        if own_id is not None:
-            excluded.update(submaps.keys([own_id]).values())
+        if pending is not None and pending.id is not None:
+            excluded.update(submaps.keys([pending.id]).values())
         most = min(body.limit, limits.candidates)  # less than the default only where the operator wants it so
-        search = SubmapSearch(view, body, asked.xy, asked.diameters, most, keys_near(submaps, body.near), budget)
-        found, warnings = _search(search, body, excluded)
+        if pending is not None:
+            observation = pending.description
+        else:
+            own_key = None if own is None else own.key
+            observation = describe_query(view, body, asked.xy, asked.diameters, own_key, budget)
+        if isinstance(observation.result, Features):
+            search = SubmapSearch(view, body, observation.result, most, keys_near(submaps, body.near), budget)
+            found, warnings = search.find(excluded)
+        else:
+            found, warnings = unsearched(observation.result), ()
+        found = replace(found, stages=observation.stages + found.stages)
         keys = {candidate.key for candidate in found.candidates} | {rival.key for rival in found.rivals[:1]}
         rows = found_submaps(view.session, view.collection.key, keys, landmarks=to_draw)
         pairs = limits.answer_pairs if body.pairs or body.store else 0
@@ -209,20 +231,6 @@ def _asked(submaps: Submaps, body: QueryInput) -> tuple[QueryLandmarks, SubmapRo
     ids = None if row.landmark_ids is None else unpack_ids(row.landmark_ids, len(xy))
     diameters = unpack_diameters(row.attributes)
     return QueryLandmarks(xy, diameters, ids, body.frame_id or row.frame_id, body.stamp or row.stamp), row
-
-
-def _search(search: SubmapSearch, body: QueryInput, excluded: set[int]) -> tuple[Recognition, tuple[str, ...]]:
-    """What is found, and warnings. Raises InvalidLandmarks."""
-    try:
-        if body.per_session:
-            sessions = Sessions(search.view.session, search.view.collection.key)
-            found = by_session(search, sessions, excluded, search.most)
-        else:
-            found = search(excluded)
-    except LandmarkError as error:
-        raise invalid_landmarks(error, body) from error
-    # A search for the mirror image takes as long again.
-    return search.try_mirrored(found, excluded) if body.explain else (found, ())
 
 
 def _observe(metrics: Metrics, answer: QueryAnswer) -> None:

@@ -8,13 +8,41 @@ from numpy.typing import NDArray
 
 from server.index.catalog import View
 from server.queries.contradictions import COMPARED, without_contradictions
+from server.queries.per_session import by_session
 from server.schemas.queries import QueryInput
 from server.store.repositories.candidate_rows import found_submaps
 from server.store.repositories.map_frames import MapFrames
-from urquhart import Budget, Recognition, Stage
+from server.store.repositories.sessions import Sessions
+from server.submaps.preparation import invalid_landmarks
+from urquhart import Budget, Description, Features, LandmarkError, Recognition, Stage, describe, describe_observation
 
 _UNFOUND = frozenset({"below_gate", "verification_failed", "no_votes"})
 """Reasons that a mirror image of a place has, too."""
+
+
+def describe_query(
+    view: View,
+    body: QueryInput,
+    xy: NDArray[np.float64],
+    diameters: NDArray[np.float64] | None,
+    key: int | None,
+    budget: Budget | None,
+) -> Description:
+    """Describe the landmarks of a query, unless they are of the stored submap `key`, whose features are stored too.
+
+    Args:
+        xy: (N, 2), metres, query frame.
+        diameters: (N,), NaN where one is not known; None where none is.
+
+    Raises:
+        InvalidLandmarks, Abandoned.
+    """
+    if key is not None:
+        return Description(view.recognizer.features(key))
+    try:
+        return describe_observation(xy, view.recognizer.config, diameters, budget or Budget())
+    except LandmarkError as error:
+        raise invalid_landmarks(error, body) from error
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,8 +52,7 @@ class SubmapSearch:
     Attributes:
         view: the collection at the revision that is searched.
         body: the query, for its method and its seed.
-        xy: landmarks (N, 2) float64, metres, query frame.
-        diameters: (N,) float64, metres, NaN where one is not known; None where none is.
+        observation: features of the query's landmarks.
         most: candidates to find.
         only: keys of the submaps to search; None for all.
         budget: what the search may take; None for as long as it takes.
@@ -33,17 +60,25 @@ class SubmapSearch:
 
     view: View
     body: QueryInput
-    xy: NDArray[np.float64]
-    diameters: NDArray[np.float64] | None
+    observation: Features
     most: int
     only: set[int] | None
     budget: Budget | None
 
+    def find(self, excluded: set[int]) -> tuple[Recognition, tuple[str, ...]]:
+        """The answer, and warnings."""
+        if self.body.per_session:
+            sessions = Sessions(self.view.session, self.view.collection.key)
+            found = by_session(self, sessions, excluded, self.most)
+        else:
+            found = self(excluded)
+        # A search for the mirror image takes as long again.
+        return self._try_mirrored(found, excluded) if self.body.explain else (found, ())
+
     def __call__(self, excluded: set[int]) -> Recognition:
         """The best candidates in all submaps but those with these keys."""
         found = self.view.recognizer.recognize(
-            self.xy,
-            diameters=self.diameters,
+            self.observation,
             limit=max(self.most, COMPARED),
             method=self.body.method,
             exclude=excluded,
@@ -60,7 +95,7 @@ class SubmapSearch:
         frames = MapFrames(self.view.session, self.view.collection).some(map_frames) if len(map_frames) > 1 else {}
         return without_contradictions(found, places, frames, self.most)
 
-    def try_mirrored(self, found: Recognition, excluded: set[int]) -> tuple[Recognition, tuple[str, ...]]:
+    def _try_mirrored(self, found: Recognition, excluded: set[int]) -> tuple[Recognition, tuple[str, ...]]:
         """If the query found nothing, search for its mirror image, too; what was `found`, and warnings.
 
         The verdict stays what it was; the time that this took is added to its stages.
@@ -70,7 +105,13 @@ class SubmapSearch:
         if self.budget is not None and self.budget.is_spent():
             return found, ()
         began = time.perf_counter()
-        image = replace(self, xy=self.xy * (1.0, -1.0), most=1)(excluded)
+        image = replace(self, observation=self._mirrored(), most=1)(excluded)
         spent = 1000.0 * (time.perf_counter() - began)
         stage = Stage("mirror image", spent, {"matched": int(image.verdict == "matched")})
         return replace(found, stages=(*found.stages, stage)), ("mirrored",) if image.verdict == "matched" else ()
+
+    def _mirrored(self) -> Features:
+        """The features of the query's mirror image."""
+        here = self.observation
+        diameters = here.diameters if len(here.diameters) else None
+        return describe(here.landmarks * (1.0, -1.0), self.view.recognizer.config, diameters)

@@ -94,8 +94,8 @@ def post_submap(
     it is not stored again, and is answered as the first time.
     """
     question = _question(service, caller, collection, None, body, budget) if query or body.query is not None else None
-    terms = ingest.WriteTerms(idempotency_key=idempotency_key, question=question)
-    return _answered(service, ingest.post(service.database, collection, new_id(), body, service.settings.limits, terms))
+    terms = ingest.WriteTerms(idempotency_key=idempotency_key, question=question, is_named=False)
+    return _answered(service, ingest.put(service.database, collection, new_id(), body, service.settings.limits, terms))
 
 
 def _question(

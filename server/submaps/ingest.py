@@ -15,13 +15,14 @@ from server.collections import georeference
 from server.collections.registry import get_collection
 from server.config.settings import Limits
 from server.errors import Conflict, InvalidLandmarks, NotFound, Overloaded
-from server.index.derived import config_of
+from server.index.derived import config_of, features_of
 from server.platform.threads import pin_threads
 from server.resources.idempotency import NO_CONTENT, IdempotencyKey, StoredResponse, find_response, store_response
 from server.resources.preconditions import ANYTHING, Preconditions
 from server.schemas.submaps import SubmapInput, SubmapPatch
 from server.store.codec import MEMBERS
 from server.store.repositories.collections import Collections
+from server.store.repositories.feature_rows import FeatureRows
 from server.store.repositories.map_frames import MapFrames
 from server.store.repositories.submaps import Identity, Place, SubmapRecord, Submaps
 from server.store.sqlite.database import Database
@@ -30,11 +31,10 @@ from server.submaps import reader
 from server.submaps.preparation import Prepared, Trees, check_properties, patched, reconcile
 from server.submaps.question import Question, SearchOutdated
 from server.submaps.receipts import Outcome, Receipt, receipt_answer, refusal_answer, submap_answer
+from urquhart import OBSTACLES, Description, Features
 
 _TURNS: Final = 8
 """Searches before a submap that is asked about is refused, because others store submaps faster than one is searched."""
-_UNPLACEABLE: Final = frozenset({"too_few", "collinear"})
-"""What is no fault of the caller's landmarks: there are too few trees, or they stand on one line."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,23 +47,22 @@ class Stored:
 
 @dataclass(frozen=True, slots=True)
 class WriteTerms:
-    """On what terms a submap is written: preconditions, the idempotency key, and what is asked before."""
+    """On what terms a submap is written.
+
+    Attributes:
+        preconditions: what must be true of the submap that is there.
+        idempotency_key: a request that repeats it is answered as the first one was.
+        question: what is asked of the collection before the submap is stored.
+        is_named: whether the id is the caller's; else the service made it, and a repeated request has another.
+    """
 
     preconditions: Preconditions = ANYTHING
     idempotency_key: IdempotencyKey | None = None
     question: Question | None = None
+    is_named: bool = True
 
 
 NO_TERMS: Final = WriteTerms()
-
-
-@dataclass(frozen=True, slots=True)
-class _Write:
-    """A write on its terms; `is_named`: under an id of the caller's."""
-
-    operation: str
-    terms: WriteTerms
-    is_named: bool
 
 
 def put(
@@ -85,74 +84,65 @@ def put(
     prepared = Prepared(submap_id, body, limits)
     with database.read() as session:
         collection = get_collection(session, collection_id)
-        operation = f"putSubmap {collection.key} {submap_id}"
+        operation = _operation(collection, submap_id, terms)
         response = find_response(session, terms.idempotency_key, operation)
         if response is not None:
             return Stored(None, response)
         check_place(session, collection, prepared.place)
         known = Submaps(session, collection.key).identities([submap_id]).get(submap_id)
+        if known is not None and terms.question is not None and prepared.has_features(known):
+            prepared.trees.reuse(_stored_features(session, collection, known.key))
     terms.preconditions.check(known.etag if known else None)
     same = known is not None and known.etag == prepared.etag
     if known is not None and same and terms.idempotency_key is None:
-        found = None if terms.question is None else terms.question.ask()
+        found = None
+        if terms.question is not None:
+            found = terms.question.ask(Description(prepared.describe(config_of(collection))))
         receipt = Receipt("unchanged", known.etag, known.revision, known.counts)
         return Stored("unchanged", receipt_answer(collection_id, submap_id, receipt, found))
-    return _store(database, collection, prepared, known, _Write(operation, terms, is_named=True))
+    return _store(database, collection, prepared, known, terms)
 
 
-def post(
-    database: Database,
-    collection_id: str,
-    submap_id: str,
-    body: SubmapInput,
-    limits: Limits,
-    terms: WriteTerms = NO_TERMS,
-) -> Stored:
-    """Store a new submap under an id that is not taken, unless the same was done before. Otherwise as `put`."""
-    pin_threads()
-    prepared = Prepared(submap_id, body, limits)
-    with database.read() as session:
-        collection = get_collection(session, collection_id)
-        operation = f"postSubmap {collection.key}"
-        response = find_response(session, terms.idempotency_key, operation)
-        if response is not None:
-            return Stored(None, response)
-        check_place(session, collection, prepared.place)
-    return _store(database, collection, prepared, None, _Write(operation, terms, is_named=False))
+def _operation(collection: CollectionRow, submap_id: str, terms: WriteTerms) -> str:
+    """What an idempotency key is good for."""
+    return f"putSubmap {collection.key} {submap_id}" if terms.is_named else f"postSubmap {collection.key}"
 
 
 def _store(
-    database: Database, collection: CollectionRow, prepared: Prepared, known: Identity | None, write: _Write
+    database: Database, collection: CollectionRow, prepared: Prepared, known: Identity | None, terms: WriteTerms
 ) -> Stored:
     """Ask, then store in a transaction before which nothing was committed that the question should have seen."""
-    config, question = config_of(collection), write.terms.question
-    found = None if question is None else question.ask()
-    if not prepared.has_features(known):
+    config, question = config_of(collection), terms.question
+    observation = found = None
+    if question is not None or not prepared.has_features(known):
         try:
-            prepared.describe(config)
+            observation = Description(prepared.describe(config))
         except InvalidLandmarks as error:
-            if found is None or error.code not in _UNPLACEABLE:
+            if question is None or error.code not in OBSTACLES:
                 raise
+            found = question.ask(Description(OBSTACLES[error.code]))
             return Stored(
-                None, refusal_answer(collection, prepared.id if write.is_named else None, known, error, found)
+                None, refusal_answer(collection, prepared.id if terms.is_named else None, known, error, found)
             )
     for turn in range(_TURNS):
+        if question is not None and observation is not None:
+            question.ask(observation)
         try:
-            return _write(database, collection, prepared, write, turn)
+            return _write(database, collection, prepared, terms, turn)
         except SearchOutdated:
-            if question is not None and turn + 1 < _TURNS:
-                question.ask()
+            continue
     raise Overloaded(
         "Others store submaps near this one faster than they can be searched: nothing was stored. Send it again.", 1.0
     )
 
 
-def _write(database: Database, collection: CollectionRow, prepared: Prepared, write: _Write, turn: int) -> Stored:
+def _write(database: Database, collection: CollectionRow, prepared: Prepared, terms: WriteTerms, turn: int) -> Stored:
     """One transaction: the submap, and what is answered. Raises SearchOutdated."""
-    config, terms, submap_id = config_of(collection), write.terms, prepared.id
+    config, submap_id = config_of(collection), prepared.id
+    operation = _operation(collection, submap_id, terms)
     with database.write() as session:
         now = same_collection(session, collection.id, collection.key)
-        response = find_response(session, terms.idempotency_key, write.operation)
+        response = find_response(session, terms.idempotency_key, operation)
         if response is not None:
             return Stored(None, response)
         submaps = Submaps(session, now.key)
@@ -167,7 +157,7 @@ def _write(database: Database, collection: CollectionRow, prepared: Prepared, wr
         gone = before - record.members()
         receipt = replace(receipt, cleared=tuple(name for name in MEMBERS if name in gone))
         answer = receipt_answer(now.id, submap_id, receipt, found)
-        return Stored(receipt.outcome, store_response(session, terms.idempotency_key, write.operation, answer))
+        return Stored(receipt.outcome, store_response(session, terms.idempotency_key, operation, answer))
 
 
 def patch(
@@ -238,6 +228,12 @@ def delete(
         )
         submaps.delete(known.key, revision)
         return store_response(session, idempotency_key, operation, NO_CONTENT)
+
+
+def _stored_features(session: Session, collection: CollectionRow, key: int) -> Features:
+    """The features of a submap that is there."""
+    row = next(FeatureRows(session, collection.key).stored([key]))
+    return features_of(row.features, row.landmarks, row.attributes, config_of(collection))
 
 
 def check_place(session: Session, collection: CollectionRow, place: Place | None) -> None:

@@ -41,6 +41,10 @@ class Trees:
         self._body = body
         self._features: Features | None = None
 
+    def reuse(self, features: Features) -> None:
+        """Take the features of a stored submap with the same landmarks, which spares describing them."""
+        self._features = features
+
     def describe(self, config: Config) -> Features:
         """Features of the landmarks, made once. Raises InvalidLandmarks."""
         if self._features is None or self._features.fingerprint != config.fingerprint():

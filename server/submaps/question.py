@@ -6,6 +6,7 @@ from sqlalchemy.orm import Session
 
 from server.schemas.queries import QueryAnswer
 from server.store.tables import CollectionRow
+from urquhart import Description
 
 
 class SearchOutdated(Exception):
@@ -15,8 +16,8 @@ class SearchOutdated(Exception):
 class Question(Protocol):
     """What is asked of the collection before a submap is stored in it."""
 
-    def ask(self) -> QueryAnswer:
-        """Search what is stored now."""
+    def ask(self, observation: Description) -> QueryAnswer:
+        """Search what is stored now for the submap's landmarks, which were described before."""
 
     def confirm(self, session: Session, collection: CollectionRow, own_key: int | None, turn: int) -> QueryAnswer:
         """The answer, in the transaction that stores the submap, after `turn` + 1 searches.

@@ -299,7 +299,7 @@ def test_warm_up_builds_every_index_but_empty_ones(pair: tuple[Process, Process]
     assert list(two.catalog.warm_up()) == [("plots", 1, 2), ("other", 2, 2)]
     assert two.catalog.live("never") is None
     with two.catalog.view("never") as view:
-        assert view.recognizer.recognize(forest(1)).verdict == "no_match"
+        assert view.recognizer.locate(forest(1)).verdict == "no_match"
 
 
 def test_ingest_many(database: Database) -> None:

@@ -18,7 +18,7 @@ from server.security.principal import Scope
 from tests.server.served import PATIENCE, Start, Threaded, starting, wait_until
 from tests.server.test_disconnect import ASK, BATCH, QUERY, Searches
 from tests.server.world import put_submap
-from urquhart import Recognition, Recognizer
+from urquhart import Features, Recognition, Recognizer
 
 # --------------------------------------------------------------------- the gate
 
@@ -152,9 +152,9 @@ def only_of(monkeypatch: pytest.MonkeyPatch, points: int) -> Searches:
     """Searches of queries with so many points go on until their budget ends them; the others are answered."""
     searches, search = Searches(), Recognizer.recognize
 
-    def recognize(recognizer: Recognizer, xy: Any, **options: Any) -> Recognition:
-        is_one = "budget" in options and len(xy) == points
-        return (searches if is_one else search)(recognizer, xy, **options)
+    def recognize(recognizer: Recognizer, observation: Features, **options: Any) -> Recognition:
+        is_one = options.get("budget") is not None and len(observation.landmarks) == points
+        return (searches if is_one else search)(recognizer, observation, **options)
 
     monkeypatch.setattr(Recognizer, "recognize", recognize)
     return searches

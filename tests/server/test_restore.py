@@ -536,6 +536,6 @@ def test_a_look_up_after_a_restore_has_the_rows_of_now(process: Process) -> None
     store = Database(process.database.path)
     catalog = Catalog(store, Metrics())
     with catalog.view("plots") as view:
-        assert view.recognizer.recognize(trees(1)).verdict == "matched"
-        assert view.recognizer.recognize(trees(2)).verdict == "no_match"
+        assert view.recognizer.locate(trees(1)).verdict == "matched"
+        assert view.recognizer.locate(trees(2)).verdict == "no_match"
     store.dispose()

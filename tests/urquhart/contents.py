@@ -73,7 +73,7 @@ def outline(found: Recognition) -> tuple[object, ...]:
 
 def answers(recognizer: Recognizer, seen: Sequence[np.ndarray[tuple[int, ...], np.dtype[np.float64]]]) -> list[object]:
     """What is answered to each observation."""
-    return [outline(recognizer.recognize(xy, limit=8)) for xy in seen]
+    return [outline(recognizer.locate(xy, limit=8)) for xy in seen]
 
 
 def conclusions(
@@ -82,7 +82,7 @@ def conclusions(
     """The same without what depends on the order of the search, which what is dead has a say in."""
     told: list[tuple[object, ...]] = []
     for xy in seen:
-        found = recognizer.recognize(xy)
+        found = recognizer.locate(xy)
         best = found.candidates[:1] if found.verdict == "matched" else ()
         told.append((found.verdict, *((c.key, round(c.evidence, 6), c.query_indices.tobytes()) for c in best)))
     return told

@@ -26,7 +26,7 @@ def test_a_place_that_is_stored_twice_is_matched_and_neither_copy_rivals_the_oth
         pose = forests.pose(rng, 100.0, 200.0)
         xy = observe(FOREST, SE2(150.0, 150.0, 0.0), 60.0, rng, sigma=0.05).xy
         far = SE2(5000.0, -3000.0, 2.0).apply(xy + rng.normal(0.0, noise, xy.shape))
-        found = stored(xy, far).recognize(
+        found = stored(xy, far).locate(
             observe(FOREST, SE2(0.1 * pose.x + 135.0, 0.1 * pose.y + 135.0, pose.yaw), 40.0, rng, sigma=0.05).xy
         )
         assert found.verdict == "matched"
@@ -45,7 +45,7 @@ def test_a_stand_whose_core_was_copied_is_matched_where_its_surroundings_are_rig
         other = paper_forest(rng, 100.0) - 50.0
         reach, away = np.hypot(*xy.T), np.hypot(*other.T)
         copy = np.concatenate([xy[reach < 35.0], other[(away >= 35.0) & (away < 50.0)]])
-        found = stored(copy, xy).recognize(observe(FOREST, SE2(150.0, 150.0, 1.0), 50.0, rng, sigma=0.05).xy)
+        found = stored(copy, xy).locate(observe(FOREST, SE2(150.0, 150.0, 1.0), 50.0, rng, sigma=0.05).xy)
         if found.verdict == "matched":
             assert found.candidates[0].key == 1
             assert found.candidates[0].transform.distance(SE2(0.0, 0.0, 1.0))[0] < 0.5
@@ -59,7 +59,7 @@ def test_a_query_that_covers_two_submaps_is_matched_to_one_of_them(apart: float)
         poses = [SE2(150.0 + x, 150.0, float(rng.uniform(-3.0, 3.0))) for x in (-0.5 * apart, 0.5 * apart)]
         recognizer = stored(*(observe(FOREST, pose, 35.0, rng, sigma=0.05, detection=0.95).xy for pose in poses))
         truth = SE2(150.0, 150.0, float(rng.uniform(-3.0, 3.0)))
-        found = recognizer.recognize(observe(FOREST, truth, 60.0, rng, sigma=0.05, detection=0.95).xy)
+        found = recognizer.locate(observe(FOREST, truth, 60.0, rng, sigma=0.05, detection=0.95).xy)
         assert found.verdict == "matched"
         assert found.rivals == ()
         best = found.candidates[0]
@@ -89,7 +89,7 @@ def at_crossings(jitter: float, *, here: bool) -> tuple[int, int]:
             *(observe(trees, pose, 16.0, rng, sigma=0.03, detection=0.98).xy for trees, pose in places[: 1 + here])
         )
         pose = SE2(x, y, float(rng.uniform(-3.0, 3.0)))
-        found = recognizer.recognize(observe(one, pose, 16.0, rng, sigma=0.03, detection=0.98).xy)
+        found = recognizer.locate(observe(one, pose, 16.0, rng, sigma=0.03, detection=0.98).xy)
         if found.verdict == "matched":
             best = found.candidates[0]
             is_it = best.key == 1 and (places[1][1] @ best.transform).distance(pose)[0] < 1.0

@@ -9,7 +9,7 @@ import pytest
 from tests.urquhart import forests
 from urquhart import Config, Recognizer, describe
 from urquhart.budget import Abandoned, Budget, OutOfTime
-from urquhart.recognizer import Method
+from urquhart.options import Method
 
 
 def test_without_a_deadline_it_is_never_spent() -> None:
@@ -74,6 +74,6 @@ def test_what_cannot_be_described_in_time_is_answered_at_the_deadline(method: Me
         describe(xy, Config(), budget=Budget(0.0))
     recognizer = Recognizer(Config())
     recognizer.add([(1, describe(xy, Config()))])
-    late = recognizer.recognize(xy, method=method, budget=Budget(0.0))
+    late = recognizer.locate(xy, method=method, budget=Budget(0.0))
     assert (late.verdict, late.reason, late.candidates) == ("no_match", "deadline", ())
     assert (late.search.stopped_by, [stage.name for stage in late.stages]) == ("deadline", ["describe"])

@@ -36,7 +36,7 @@ def recognize(stored: list[Trees], asked: Trees, noise: float, seed: int) -> Rec
     recognizer = Recognizer(CONFIG)
     recognizer.add((key, describe(xy, CONFIG)) for key, xy in enumerate(stored))
     pose = SE2(rng.uniform(-9.0, 9.0), rng.uniform(-9.0, 9.0), rng.uniform(-3.0, 3.0))
-    return recognizer.recognize(pose.apply(asked + rng.normal(0.0, noise, asked.shape)))
+    return recognizer.locate(pose.apply(asked + rng.normal(0.0, noise, asked.shape)))
 
 
 @pytest.mark.parametrize(
@@ -71,7 +71,7 @@ def test_a_corner_of_close_rows_lies_on_itself(make: Callable[[], Trees]) -> Non
     trees = make()
     recognizer = Recognizer(CONFIG)
     recognizer.add([(0, describe(trees, CONFIG)), (1, describe(ring(5000, 2.5), CONFIG))])
-    found = recognizer.recognize(trees)
+    found = recognizer.locate(trees)
     best = found.candidates[0]
     assert best.key == 0
     assert best.transform.distance(SE2.identity())[0] < 0.01 or found.verdict != "matched"

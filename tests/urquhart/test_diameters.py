@@ -45,9 +45,9 @@ def forest() -> NDArray[np.float64]:
 
 def test_true_diameters_add_evidence_in_any_unit(forest: NDArray[np.float64]) -> None:
     stored, asked, there, here = sightings(forest, 1)
-    without = collection(stored, None).recognize(asked.xy)
-    metres = collection(stored, there).recognize(asked.xy, diameters=here)
-    inches = collection(stored, there).recognize(asked.xy, diameters=here / 0.0254)
+    without = collection(stored, None).locate(asked.xy)
+    metres = collection(stored, there).locate(asked.xy, diameters=here)
+    inches = collection(stored, there).locate(asked.xy, diameters=here / 0.0254)
     assert metres.verdict == inches.verdict == without.verdict == "matched"
     assert metres.candidates[0].evidence > without.candidates[0].evidence + 5.0
     assert inches.candidates[0].evidence == pytest.approx(metres.candidates[0].evidence, abs=1e-3)
@@ -57,22 +57,22 @@ def test_diameters_on_one_side_or_of_a_few_trees_change_nothing(forest: NDArray[
     stored, asked, there, here = sightings(forest, 2)
     few = np.full(len(here), np.nan)
     few[:5] = here[:5]
-    evidence = collection(stored, None).recognize(asked.xy).candidates[0].evidence
+    evidence = collection(stored, None).locate(asked.xy).candidates[0].evidence
     for recognizer, diameters in (
         (collection(stored, None), here),
         (collection(stored, there), None),
         (collection(stored, there), few),
         (collection(stored, there), np.full(len(here), 0.3)),
     ):
-        assert recognizer.recognize(asked.xy, diameters=diameters).candidates[0].evidence == evidence
+        assert recognizer.locate(asked.xy, diameters=diameters).candidates[0].evidence == evidence
 
 
 def test_shuffled_diameters_cost_a_right_pose_almost_nothing(forest: NDArray[np.float64]) -> None:
     for seed in range(5):
         stored, asked, there, here = sightings(forest, seed)
         mixed = np.random.default_rng(seed).permutation(here)
-        without = collection(stored, None).recognize(asked.xy)
-        shuffled = collection(stored, there).recognize(asked.xy, diameters=mixed)
+        without = collection(stored, None).locate(asked.xy)
+        shuffled = collection(stored, there).locate(asked.xy, diameters=mixed)
         assert shuffled.verdict == without.verdict == "matched"
         assert shuffled.candidates[0].evidence > without.candidates[0].evidence - 1.0
 
@@ -86,7 +86,7 @@ def test_shuffled_diameters_never_make_a_wrong_match() -> None:
     recognizer = collection(stored, measured(stored, diameters, rng))
     for _ in range(40):
         asked = observe(others, SE2(*rng.uniform((30.0, 30.0, -3.0), (60.0, 60.0, 3.0)).tolist()), 20.0, rng, sigma=0.1)
-        found = recognizer.recognize(asked.xy, diameters=rng.permutation(measured(asked, diameters, rng)))
+        found = recognizer.locate(asked.xy, diameters=rng.permutation(measured(asked, diameters, rng)))
         assert found.verdict != "matched"
 
 
@@ -97,8 +97,8 @@ def test_diameters_tell_the_rows_of_a_plantation_apart() -> None:
     ambiguous = matched = 0
     for seed in range(8):
         stored, asked, there, here = sightings(rows, seed, sigma=0.1)
-        without = collection(stored, None).recognize(asked.xy)
-        found = collection(stored, there).recognize(asked.xy, diameters=here)
+        without = collection(stored, None).locate(asked.xy)
+        found = collection(stored, there).locate(asked.xy, diameters=here)
         truth = POSE.inverse() @ ELSEWHERE
         for answer in (without, found):
             if answer.verdict == "matched":

@@ -44,7 +44,7 @@ def matches(shape: Shape, count: int, sigma: float = 0.05) -> list[tuple[Candida
         seen = shape(pose.inverse().apply(trees[rng.random(70) < 0.9]))
         recognizer = Recognizer(config)
         recognizer.add([(0, describe(submap, config))])
-        answer = recognizer.recognize(seen + rng.normal(0.0, sigma, seen.shape))
+        answer = recognizer.locate(seen + rng.normal(0.0, sigma, seen.shape))
         assert answer.verdict == "matched"
         found.append((answer.candidates[0], pose))
     return found
@@ -118,7 +118,7 @@ def test_floor_and_scale_of_a_configuration() -> None:
     def covariance(**chosen: float) -> Matrix:
         recognizer = Recognizer(config := Config(**chosen))  # type: ignore[arg-type]
         recognizer.add([(0, describe(trees, config))])
-        return recognizer.recognize(seen).candidates[0].uncertainty.covariance
+        return recognizer.locate(seen).candidates[0].uncertainty.covariance
 
     plain = covariance()
     np.testing.assert_allclose(covariance(covariance_scale=4.0), 4.0 * plain)

@@ -48,7 +48,7 @@ def test_a_match_joins_its_inliers_and_crosses_its_misses() -> None:
     recognizer = Recognizer(Config())
     recognizer.add([(1, describe(xy, Config()))])
     seen = SE2(3.0, 4.0, 1.0).inverse().apply(xy[8:] + rng.normal(0.0, 0.05, (72, 2)))
-    candidate = recognizer.recognize(seen).candidates[0]
+    candidate = recognizer.locate(seen).candidates[0]
     svg = draw_match(seen, xy, candidate)
     assert count(svg, "line", "pair") == len(candidate.query_indices) == 72
     misses = count(svg, "path", "miss")
@@ -64,7 +64,7 @@ def test_a_moving_match_starts_as_the_query_was_seen_and_ends_in_the_submap() ->
     recognizer = Recognizer(Config())
     recognizer.add([(1, describe(xy, Config()))])
     seen = SE2(3.0, 4.0, 1.0).inverse().apply(xy)
-    found = recognizer.recognize(seen).candidates[0]
+    found = recognizer.locate(seen).candidates[0]
     svg = draw_motion(seen, xy, found.transform, np.column_stack([found.query_indices, found.submap_indices]))
     root = ET.fromstring(svg)
     moving, proof = (next(g for g in root.iter(SVG + "g") if g.get("class") == name) for name in ("moving", "proof"))
@@ -104,7 +104,7 @@ def matched(pairs: int) -> Candidate:
     xy = forests.uniform(np.random.default_rng(1))
     recognizer = Recognizer(Config())
     recognizer.add([(1, describe(xy, Config()))])
-    found = recognizer.recognize(xy).candidates[0]
+    found = recognizer.locate(xy).candidates[0]
     both = np.arange(pairs)
     return replace(found, transform=SE2(0.0, 0.0, 0.0), query_indices=both, submap_indices=both)
 

@@ -41,7 +41,7 @@ def nowhere(seed: int) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
 
 
 def test_the_rarest_quads_come_first_and_mostly_settle_it() -> None:
-    found = recognizer().recognize(here(sigma=0.1, detection=0.9), limit=3)
+    found = recognizer().locate(here(sigma=0.1, detection=0.9), limit=3)
     assert names(found) == ["describe", *QUADS]
     assert found.verdict == "matched"
     assert found.candidates[0].level == "quads"
@@ -70,7 +70,7 @@ DENSE, SEEN = dense()
 
 @pytest.mark.parametrize("limit", [1, 5, 20, 50])
 def test_as_many_candidates_as_are_asked_for_although_it_stops_early(limit: int) -> None:
-    found = DENSE.recognize(SEEN, limit=limit)
+    found = DENSE.locate(SEEN, limit=limit)
     assert found.verdict == "matched"
     assert names(found) == ["describe", *QUADS]
     assert found.stages[2].counts["candidates"] == max(limit, 4)
@@ -78,11 +78,11 @@ def test_as_many_candidates_as_are_asked_for_although_it_stops_early(limit: int)
     assert len({candidate.key for candidate in found.candidates}) == limit
     evidence = [candidate.evidence for candidate in found.candidates]
     assert evidence == sorted(evidence, reverse=True)
-    assert found.candidates[0].key == DENSE.recognize(SEEN).candidates[0].key
+    assert found.candidates[0].key == DENSE.locate(SEEN).candidates[0].key
 
 
 def test_there_are_no_more_candidates_than_submaps_in_which_anything_was_found() -> None:
-    found = recognizer(count=72).recognize(here(sigma=0.1, detection=0.9), limit=72)
+    found = recognizer(count=72).locate(here(sigma=0.1, detection=0.9), limit=72)
     assert found.verdict == "matched"
     assert 4 < len(found.candidates) == found.stages[2].counts["candidates"] < 72
     assert len({candidate.key for candidate in found.candidates}) == len(found.candidates)
@@ -92,7 +92,7 @@ def test_there_are_no_more_candidates_than_submaps_in_which_anything_was_found()
 @pytest.mark.parametrize("count", [20, 72])
 def test_for_a_place_that_is_not_there_every_level_is_tried_once_and_none_without_bounds(seed: int, count: int) -> None:
     config = Config(survey=200, sweeps=16, candidates=10)
-    found = recognizer(config, count).recognize(nowhere(seed))
+    found = recognizer(config, count).locate(nowhere(seed))
     assert found.verdict == "no_match"
     assert names(found) == ["describe", *QUADS, *QUADS, *POLYGONS, *QUADS, *QUADS, *SWEEP]
     total = Counter[str]()
@@ -109,7 +109,7 @@ def test_for_a_place_that_is_not_there_every_level_is_tried_once_and_none_withou
 
 
 def test_where_every_submap_can_be_swept_quads_are_not_measured_loosely() -> None:
-    found = recognizer(count=20).recognize(nowhere(0))
+    found = recognizer(count=20).locate(nowhere(0))
     assert names(found) == ["describe", *QUADS, *QUADS, *POLYGONS, *SWEEP]
     assert [stage.counts for stage in found.stages if stage.name == "survey"] == [{"places": 20}]
 
@@ -127,7 +127,7 @@ def test_a_level_answers_where_those_before_it_have_nothing_to_say(level: str, m
     if level == "sweep":
         monkeypatch.setattr("urquhart.propose.levels.propose_by_polygons", nothing)
     for count in (20, 36):
-        found = recognizer(count=count).recognize(here(sigma=0.1, detection=0.9))
+        found = recognizer(count=count).locate(here(sigma=0.1, detection=0.9))
         assert found.verdict == "matched"
         assert found.candidates[0].level == level
         best = found.candidates[0]
@@ -136,13 +136,13 @@ def test_a_level_answers_where_those_before_it_have_nothing_to_say(level: str, m
 
 
 def test_in_a_collection_that_a_survey_hardly_reaches_there_is_none() -> None:
-    found = recognizer(Config(survey=1), 72).recognize(nowhere(0))
+    found = recognizer(Config(survey=1), 72).locate(nowhere(0))
     assert names(found) == ["describe", *QUADS, *QUADS, *POLYGONS, *QUADS, *QUADS]
     assert found.verdict == "no_match"
 
 
 def test_a_single_submap_is_swept_at_once() -> None:
-    found = recognizer(count=36).recognize(here(sigma=0.1), only=[14])
+    found = recognizer(count=36).locate(here(sigma=0.1), only=[14])
     assert names(found) == ["describe", *SWEEP]
     assert [candidate.key for candidate in found.candidates] == [14]
 
@@ -150,20 +150,20 @@ def test_a_single_submap_is_swept_at_once() -> None:
 def test_only_what_is_asked_for_is_looked_at() -> None:
     everything = recognizer(count=72)
     seen = here(sigma=0.1, detection=0.9)
-    right = [c.key for c in everything.recognize(seen, limit=72).candidates if c.refused is None]
+    right = [c.key for c in everything.locate(seen, limit=72).candidates if c.refused is None]
     assert len(right) > 3
     wrong = sorted({*range(72)} - {*right})
     for key in right:
-        found = everything.recognize(seen, only=[key, *wrong[:10], 99], limit=72)
+        found = everything.locate(seen, only=[key, *wrong[:10], 99], limit=72)
         assert found.verdict == "matched"
         assert found.candidates[0].key == key
         assert {c.key for c in found.candidates} <= {key, *wrong[:10]}
         assert {f.key for f in found.findings} <= {key, *wrong[:10]}
     best = right[0]
-    found = everything.recognize(seen, exclude=[best, 99], limit=72)
+    found = everything.locate(seen, exclude=[best, 99], limit=72)
     assert found.candidates[0].key == right[1]
     assert best not in {f.key for f in found.findings}
-    both = everything.recognize(seen, only=right, exclude=right[:2], limit=72)
+    both = everything.locate(seen, only=right, exclude=right[:2], limit=72)
     assert {c.key for c in both.candidates} == {*right[2:]}
     assert len(everything) == 72
 
@@ -174,14 +174,14 @@ def test_only_what_is_asked_for_is_looked_at() -> None:
 def test_where_nothing_is_left_to_look_at_that_is_the_reason(
     only: list[int] | range | None, exclude: list[int] | range
 ) -> None:
-    found = recognizer().recognize(here(), only=only, exclude=exclude)
+    found = recognizer().locate(here(), only=only, exclude=exclude)
     assert (found.verdict, found.reason) == ("no_match", "nothing_left")
     assert names(found) == ["describe"]
 
 
 @pytest.mark.parametrize("only", [[14, 15], range(36)])
 def test_the_paper_looks_at_nothing_else_either(only: list[int] | range) -> None:
-    found = recognizer().recognize(here(), only=only, exclude=[15], method="paper", limit=72)
+    found = recognizer().locate(here(), only=only, exclude=[15], method="paper", limit=72)
     assert names(found) == ["describe", "search polygons", "match and verify", "doubt"]
     assert found.verdict == "matched"
     assert {c.key for c in found.candidates} <= {*only} - {15}
@@ -226,10 +226,10 @@ def searches() -> list[tuple[Recognizer, np.ndarray[tuple[int, ...], np.dtype[np
 def test_a_budget_that_is_not_reached_changes_nothing(which: int) -> None:
     """However small the portions that the work is done in."""
     asked, seen, method = searches()[which]
-    whole = told(asked.recognize(seen, method=method))
+    whole = told(asked.locate(seen, method=method))
     for steps in (1.0, 3_000.0, 1e5):
         budget = Countdown(10**9, steps)
-        assert told(asked.recognize(seen, method=method, budget=budget)) == whole
+        assert told(asked.locate(seen, method=method, budget=budget)) == whole
         assert budget.asked > 10
 
 
@@ -237,10 +237,10 @@ def test_a_budget_that_is_not_reached_changes_nothing(which: int) -> None:
 def test_wherever_the_deadline_falls_it_answers_what_it_has_and_never_a_match_in_doubt(which: int) -> None:
     asked, seen, method = searches()[which]
     counter = Countdown(10**9)
-    whole = asked.recognize(seen, method=method, budget=counter)
+    whole = asked.locate(seen, method=method, budget=counter)
     for asks in sorted({*range(30), *np.linspace(30, counter.asked, 40).astype(int).tolist()}):
         budget = Countdown(asks)
-        found = asked.recognize(seen, method=method, budget=budget)
+        found = asked.locate(seen, method=method, budget=budget)
         if found.reason != "deadline":
             assert (found.verdict, found.reason) == (whole.verdict, whole.reason)
             continue
@@ -248,14 +248,14 @@ def test_wherever_the_deadline_falls_it_answers_what_it_has_and_never_a_match_in
         assert all(candidate.refused is not None for candidate in found.candidates)
         # Whoever is told that the time is over ends soon, and nobody begins anything new.
         assert budget.asked - asks < 30
-    assert asked.recognize(seen, method=method, budget=Countdown(0)).reason == "deadline"
+    assert asked.locate(seen, method=method, budget=Countdown(0)).reason == "deadline"
 
 
 def test_what_was_found_by_the_deadline_is_told() -> None:
     asked, seen, _ = searches()[1]
     counter = Countdown(10**9)
-    asked.recognize(seen, budget=counter)
-    late = asked.recognize(seen, budget=Countdown(counter.asked - 5))
+    asked.locate(seen, budget=counter)
+    late = asked.locate(seen, budget=Countdown(counter.asked - 5))
     assert late.reason == "deadline"
     assert late.candidates
     assert late.findings
@@ -271,26 +271,26 @@ def test_wherever_it_is_abandoned_it_ends(asks: int) -> None:
 
     for asked, seen, method in searches():
         with pytest.raises(Abandoned):
-            asked.recognize(seen, method=method, budget=Leaving(asks, 1_000.0))
+            asked.locate(seen, method=method, budget=Leaving(asks, 1_000.0))
 
 
 def test_a_search_that_nobody_waits_for_ends() -> None:
     budget = Budget()
     budget.abandon()
     with pytest.raises(Abandoned):
-        recognizer().recognize(nowhere(3), budget=budget)
+        recognizer().locate(nowhere(3), budget=budget)
 
 
 def test_how_a_search_ended_is_told() -> None:
     seen = here(sigma=0.1, detection=0.9)
-    assert recognizer().recognize(seen).search == SearchEnd("settled")
-    assert recognizer().recognize(nowhere(0)).search.stopped_by == "exhausted"
-    assert recognizer().recognize(nowhere(3), budget=Budget(0.0)).search == SearchEnd("deadline")
-    assert recognizer().recognize(seen, only=[]).search == SearchEnd("not_started")
-    assert Recognizer(CONFIG).recognize(seen).search == SearchEnd("not_started")
-    assert recognizer().recognize(seen[:2]).search == SearchEnd("not_started")
-    assert recognizer().recognize(seen, method="paper").search == SearchEnd("settled")
-    found = recognizer(Config(gate=60.0)).recognize(seen)
+    assert recognizer().locate(seen).search == SearchEnd("settled")
+    assert recognizer().locate(nowhere(0)).search.stopped_by == "exhausted"
+    assert recognizer().locate(nowhere(3), budget=Budget(0.0)).search == SearchEnd("deadline")
+    assert recognizer().locate(seen, only=[]).search == SearchEnd("not_started")
+    assert Recognizer(CONFIG).locate(seen).search == SearchEnd("not_started")
+    assert recognizer().locate(seen[:2]).search == SearchEnd("not_started")
+    assert recognizer().locate(seen, method="paper").search == SearchEnd("settled")
+    found = recognizer(Config(gate=60.0)).locate(seen)
     assert found.verdict != "matched"
     assert found.search == SearchEnd("beats_chance")
 
@@ -300,10 +300,10 @@ def test_limits_that_left_something_out_are_told() -> None:
     thickets = [rng.uniform(-40.0, 40.0, (700, 2)) for _ in range(3)]
     crowd = Recognizer(config)
     crowd.add((key, describe(xy, config)) for key, xy in enumerate(thickets[:2]))
-    assert crowd.recognize(thickets[2]).search.skipped == ("quad_hits", "common_quads")
-    assert recognizer().recognize(nowhere(0)).search.skipped == ("exhaustive_rest",)
-    assert recognizer(Config(survey=1), 72).recognize(nowhere(0)).search.skipped == ("exhaustive",)
-    assert recognizer(count=20).recognize(nowhere(0)).search.skipped == ()
+    assert crowd.locate(thickets[2]).search.skipped == ("quad_hits", "common_quads")
+    assert recognizer().locate(nowhere(0)).search.skipped == ("exhaustive_rest",)
+    assert recognizer(Config(survey=1), 72).locate(nowhere(0)).search.skipped == ("exhaustive",)
+    assert recognizer(count=20).locate(nowhere(0)).search.skipped == ()
 
 
 def test_every_end_and_every_limit_has_a_sentence() -> None:

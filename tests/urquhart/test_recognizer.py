@@ -4,7 +4,7 @@ import pytest
 from tests.urquhart import forests
 from urquhart import SE2, Config, LandmarkError, Recognition, Recognizer, describe
 from urquhart.evaluation.simulation import Observation, observe, paper_forest, plantation
-from urquhart.recognizer import Method
+from urquhart.options import Method
 
 FOREST = paper_forest(np.random.default_rng(0), side=400.0)
 CENTRES = [
@@ -48,7 +48,7 @@ def test_an_observation_is_found_where_it_was_made(sigma: float, detection: floa
     right = 0
     for seed in range(40):
         observation = look(seed, sigma, detection)
-        found = RECOGNIZER.recognize(observation.xy)
+        found = RECOGNIZER.locate(observation.xy)
         if found.verdict == "matched":
             shift, turn = error(found, observation)
             assert shift < 1.0
@@ -61,7 +61,7 @@ def test_inliers_are_the_same_trees() -> None:
     same = total = 0
     for seed in range(20):
         observation = look(seed)
-        best = RECOGNIZER.recognize(observation.xy).candidates[0]
+        best = RECOGNIZER.locate(observation.xy).candidates[0]
         same += int((observation.trees[best.query_indices] == SUBMAPS[best.key].trees[best.submap_indices]).sum())
         total += len(best.query_indices)
         assert best.residuals.max() <= 1.5
@@ -76,7 +76,7 @@ def test_the_covariance_covers_the_error() -> None:
     squared = []
     for seed in range(40):
         observation = look(seed)
-        best = RECOGNIZER.recognize(observation.xy).candidates[0]
+        best = RECOGNIZER.locate(observation.xy).candidates[0]
         truth = CENTRES[best.key].inverse() @ observation.pose
         off = np.array([best.transform.x - truth.x, best.transform.y - truth.y, best.transform.yaw - truth.yaw])
         off[2] = (off[2] + np.pi) % (2.0 * np.pi) - np.pi
@@ -89,7 +89,7 @@ def test_a_place_that_is_not_there_is_not_matched(seed: int) -> None:
     rng = np.random.default_rng(seed)
     elsewhere = paper_forest(np.random.default_rng(500 + seed), side=200.0)
     observation = observe(elsewhere, SE2(100.0, 100.0, rng.uniform(-3.0, 3.0)), 40.0, rng, sigma=0.1, detection=0.9)
-    assert RECOGNIZER.recognize(observation.xy).verdict != "matched"
+    assert RECOGNIZER.locate(observation.xy).verdict != "matched"
 
 
 @pytest.mark.parametrize(
@@ -110,27 +110,27 @@ def test_another_plantation_of_the_same_pattern_is_not_matched(
     verdicts = []
     for _ in range(15):
         pose = forests.pose(rng, 25.0, 75.0)
-        verdicts.append(recognizer.recognize(observe(foreign, pose, 20.0, rng, sigma=0.1, detection=0.9).xy).verdict)
+        verdicts.append(recognizer.locate(observe(foreign, pose, 20.0, rng, sigma=0.1, detection=0.9).xy).verdict)
     assert "matched" not in verdicts
     inside = observe(mapped, SE2(50.0, 50.0, 2.0), 20.0, rng, sigma=0.02)
-    assert recognizer.recognize(inside.xy).verdict == "matched"
+    assert recognizer.locate(inside.xy).verdict == "matched"
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_moving_or_reordering_the_observation_moves_the_answer_with_it(seed: int) -> None:
     rng = np.random.default_rng(seed)
     observation = look(seed)
-    plain = RECOGNIZER.recognize(observation.xy).candidates[0]
+    plain = RECOGNIZER.locate(observation.xy).candidates[0]
 
     motion = forests.pose(rng, -500.0, 500.0)
-    moved = RECOGNIZER.recognize(motion.apply(observation.xy)).candidates[0]
+    moved = RECOGNIZER.locate(motion.apply(observation.xy)).candidates[0]
     assert moved.key == plain.key
     shift, turn = (moved.transform @ motion).distance(plain.transform)
     assert shift < 1e-6
     assert turn < 1e-8
 
     order = rng.permutation(len(observation.xy))
-    reordered = RECOGNIZER.recognize(observation.xy[order]).candidates[0]
+    reordered = RECOGNIZER.locate(observation.xy[order]).candidates[0]
     assert reordered.key == plain.key
     pairs = set(zip(order[reordered.query_indices].tolist(), reordered.submap_indices.tolist(), strict=True))
     assert pairs == set(zip(plain.query_indices.tolist(), plain.submap_indices.tolist(), strict=True))
@@ -138,8 +138,8 @@ def test_moving_or_reordering_the_observation_moves_the_answer_with_it(seed: int
 
 def test_adding_replacing_and_removing_is_seen_at_once() -> None:
     recognizer, observation = Recognizer(Config()), look(3)
-    assert recognizer.recognize(observation.xy).reason == "empty_collection"
-    true = {c.key for c in RECOGNIZER.recognize(observation.xy, limit=3).candidates if c.refused is None}
+    assert recognizer.locate(observation.xy).reason == "empty_collection"
+    true = {c.key for c in RECOGNIZER.locate(observation.xy, limit=3).candidates if c.refused is None}
     recognizer.add((key, describe(SUBMAPS[key].xy, Config())) for key in range(len(SUBMAPS)) if key not in true)
     [other] = [min(true)]
     recognizer.add([(other, describe(forests.uniform(np.random.default_rng(0)), Config()))])
@@ -147,11 +147,11 @@ def test_adding_replacing_and_removing_is_seen_at_once() -> None:
     recognizer.add([(other, describe(SUBMAPS[other].xy, Config()))])
     assert len(recognizer) == size
     assert other in recognizer
-    found = recognizer.recognize(observation.xy)
+    found = recognizer.locate(observation.xy)
     assert found.verdict == "matched"
     recognizer.remove([other, 12345])
     assert other not in recognizer
-    assert other not in {c.key for c in recognizer.recognize(observation.xy, limit=99).candidates}
+    assert other not in {c.key for c in recognizer.locate(observation.xy, limit=99).candidates}
 
 
 def test_a_history_of_changes_answers_like_a_fresh_build() -> None:
@@ -162,14 +162,14 @@ def test_a_history_of_changes_answers_like_a_fresh_build() -> None:
         recognizer.add([(key, describe(SUBMAPS[key].xy, Config()))])
     for seed in range(5):
         observation = look(seed)
-        assert outline(recognizer.recognize(observation.xy)) == outline(RECOGNIZER.recognize(observation.xy))
+        assert outline(recognizer.locate(observation.xy)) == outline(RECOGNIZER.locate(observation.xy))
 
 
 def test_excluded_submaps_are_not_considered() -> None:
     observation = look(5)
-    best = RECOGNIZER.recognize(observation.xy).candidates[0].key
-    assert best not in {c.key for c in RECOGNIZER.recognize(observation.xy, exclude=[best], limit=99).candidates}
-    everything = RECOGNIZER.recognize(observation.xy, exclude=range(len(SUBMAPS)))
+    best = RECOGNIZER.locate(observation.xy).candidates[0].key
+    assert best not in {c.key for c in RECOGNIZER.locate(observation.xy, exclude=[best], limit=99).candidates}
+    everything = RECOGNIZER.locate(observation.xy, exclude=range(len(SUBMAPS)))
     assert (everything.verdict, everything.reason) == ("no_match", "nothing_left")
 
 
@@ -182,22 +182,22 @@ def test_excluded_submaps_are_not_considered() -> None:
     ],
 )
 def test_seeing_too_little_is_an_answer(xy: list[list[float]], reason: str) -> None:
-    found = RECOGNIZER.recognize(xy)
+    found = RECOGNIZER.locate(xy)
     assert (found.verdict, found.reason, found.candidates) == ("no_match", reason, ())
 
 
 def test_wrong_input_is_an_error() -> None:
     with pytest.raises(LandmarkError, match="not a finite number"):
-        RECOGNIZER.recognize([[0.0, 0.0], [1.0, 0.0], [0.0, np.nan]])
+        RECOGNIZER.locate([[0.0, 0.0], [1.0, 0.0], [0.0, np.nan]])
     with pytest.raises(LandmarkError, match="closer than"):
-        RECOGNIZER.recognize([[0.0, 0.0], [1.0, 0.0], [1.0, 0.0]])
+        RECOGNIZER.locate([[0.0, 0.0], [1.0, 0.0], [1.0, 0.0]])
 
 
 def test_three_trees_are_never_enough() -> None:
     for seed in range(20):
         rng = np.random.default_rng(seed)
         corner = SUBMAPS[seed].xy[describe(SUBMAPS[seed].xy, Config()).tessellation.triangles[5]]
-        assert RECOGNIZER.recognize(corner + rng.normal(0.0, 0.02, (3, 2))).verdict != "matched"
+        assert RECOGNIZER.locate(corner + rng.normal(0.0, 0.02, (3, 2))).verdict != "matched"
 
 
 def test_features_of_another_configuration_are_refused() -> None:
@@ -210,7 +210,7 @@ def test_features_of_another_configuration_are_refused() -> None:
 @pytest.mark.parametrize("method", ["robust", "paper"])
 def test_the_same_seed_gives_the_same_bytes(method: Method) -> None:
     observation = look(8)
-    a, b = (RECOGNIZER.recognize(observation.xy, method=method, rng=np.random.default_rng(4)) for _ in range(2))
+    a, b = (RECOGNIZER.locate(observation.xy, method=method, rng=np.random.default_rng(4)) for _ in range(2))
     assert outline(a) == outline(b)
     assert (a.verdict, a.margin) == (b.verdict, b.margin)
 
@@ -219,7 +219,7 @@ def test_the_paper_finds_its_way_on_easy_data() -> None:
     right = 0
     for seed in range(20):
         observation = look(seed, 0.05, 0.98)
-        found = RECOGNIZER.recognize(observation.xy, method="paper")
+        found = RECOGNIZER.locate(observation.xy, method="paper")
         if found.verdict == "matched":
             assert error(found, observation)[0] < 1.0
             assert found.candidates[0].level == "paper"
@@ -228,7 +228,7 @@ def test_the_paper_finds_its_way_on_easy_data() -> None:
 
 
 def test_limit_and_stages() -> None:
-    found = RECOGNIZER.recognize(look(9).xy, limit=3)
+    found = RECOGNIZER.locate(look(9).xy, limit=3)
     assert len(found.candidates) == 3
     evidence = [c.evidence for c in found.candidates]
     assert evidence == sorted(evidence, reverse=True)
@@ -242,7 +242,7 @@ def test_other_configurations_find_it_too(config: Config) -> None:
     recognizer, observation = build(config), look(11)
     methods: tuple[Method, ...] = ("robust", "paper")
     for method in methods:
-        found = recognizer.recognize(observation.xy, method=method)
+        found = recognizer.locate(observation.xy, method=method)
         if method == "robust":
             assert found.verdict == "matched"
         if found.verdict == "matched":
@@ -254,8 +254,8 @@ def test_landmarks_in_map_coordinates_change_nothing() -> None:
     observation = look(12)
     offset = np.array([432_000.0, 5_310_000.0])
     plain, far = (
-        RECOGNIZER.recognize(observation.xy).candidates[0],
-        RECOGNIZER.recognize(observation.xy + offset).candidates[0],
+        RECOGNIZER.locate(observation.xy).candidates[0],
+        RECOGNIZER.locate(observation.xy + offset).candidates[0],
     )
     np.testing.assert_array_equal(plain.query_indices, far.query_indices)
     np.testing.assert_allclose(plain.residuals, far.residuals, atol=1e-6)

@@ -38,7 +38,7 @@ def test_in_rows_what_is_matched_is_right(jitter: float, least: int, most: int) 
     right = 0
     for _ in range(8):
         pose = forests.pose(rng, 20.0, 70.0)
-        found = recognizer.recognize(observe(trees, pose, 20.0, rng, sigma=0.05, detection=0.95).xy)
+        found = recognizer.locate(observe(trees, pose, 20.0, rng, sigma=0.05, detection=0.95).xy)
         if found.verdict == "matched":
             assert is_right(found, CENTRES, pose)
             assert found.rivals == ()
@@ -53,7 +53,7 @@ def test_what_is_ambiguous_names_rivals_that_are_elsewhere() -> None:
     trees = plantation(SIDE, SIDE, rng, jitter=0.03, survival=0.97)
     recognizer, ambiguous = stored(trees, CENTRES, 20.0, rng), 0
     for _ in range(10):
-        found = recognizer.recognize(observe(trees, forests.pose(rng, 25.0, 65.0), 20.0, rng, sigma=0.05).xy)
+        found = recognizer.locate(observe(trees, forests.pose(rng, 25.0, 65.0), 20.0, rng, sigma=0.05).xy)
         if found.verdict != "ambiguous":
             continue
         ambiguous += 1
@@ -72,7 +72,7 @@ def test_a_rival_among_the_candidates_has_no_confidence_of_its_own() -> None:
     trees = plantation(SIDE, SIDE, rng, jitter=0.02, survival=0.98)
     recognizer, checked = stored(trees, CENTRES, 20.0, rng), 0
     for _ in range(6):
-        found = recognizer.recognize(observe(trees, forests.pose(rng, 25.0, 65.0), 20.0, rng, sigma=0.05).xy)
+        found = recognizer.locate(observe(trees, forests.pose(rng, 25.0, 65.0), 20.0, rng, sigma=0.05).xy)
         if found.verdict == "ambiguous":
             checked += 1
             # They cannot all be right: what is said of each adds up to hardly more than one.

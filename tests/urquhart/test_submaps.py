@@ -69,7 +69,7 @@ def test_a_look_up_reads_each_submap_once_and_in_few_batches() -> None:
     levels = set()
     for xy in SEEN:
         source = Counted()
-        found = Recognizer(CONFIG, INDEX, source).recognize(xy)
+        found = Recognizer(CONFIG, INDEX, source).locate(xy)
         keys = [key for batch in source.asked for key in batch]
         assert len(keys) == len(set(keys)) > 0
         verified = [stage for stage in found.stages if stage.name.startswith(("verify", "survey"))]

@@ -152,8 +152,8 @@ def test_a_stand_half_seen_on_both_sides_is_recognised_by_it(forest: NDArray[np.
         here, there, truth = two(forest, seed, sigma=0.2, detection=0.6)
         recognizer = Recognizer(CONFIG)
         recognizer.add([(0, describe(here.xy, CONFIG))])
-        found = recognizer.recognize(there.xy)
-        if recognizer.check(there.xy, 0, truth).verdict == "matched":
+        found = recognizer.locate(there.xy)
+        if recognizer.check(describe(there.xy, CONFIG), 0, truth).verdict == "matched":
             assert found.verdict == "matched"
             assert found.candidates[0].transform.distance(truth)[0] < 1.0
             levels.append(found.candidates[0].level)
@@ -183,7 +183,7 @@ def test_in_a_dense_forest_hardly_a_polygon_is_whole_but_quads_and_surveys_find_
     def levels() -> list[str]:
         right: list[str] = []
         for pose, xy in zip(poses, seen, strict=True):
-            found = recognizer.recognize(xy)
+            found = recognizer.locate(xy)
             if found.verdict == "matched":
                 best = found.candidates[0]
                 shift, turn = (centres[best.key] @ best.transform).distance(pose)
@@ -218,7 +218,7 @@ def test_what_is_not_stored_is_not_found_by_a_survey_either() -> None:
     )
     for _ in range(20):
         pose = SE2(*rng.uniform((20.0, 20.0, -np.pi), (120.0, 120.0, np.pi)).tolist())
-        found = recognizer.recognize(observe(other, pose, 15.0, rng, sigma=0.3, detection=0.8, clutter=0.1).xy)
+        found = recognizer.locate(observe(other, pose, 15.0, rng, sigma=0.3, detection=0.8, clutter=0.1).xy)
         assert found.verdict != "matched"
         stages = {stage.name: stage.counts for stage in found.stages}
         assert "sweep" in stages
@@ -237,7 +237,7 @@ def test_the_end_of_a_single_long_submap_is_found(length: float) -> None:
     for yaw in (0.0, 1.0, 2.5, -2.0):
         for x in (300.0 - 0.9 * length, 300.0, 300.0 + 0.9 * length):
             pose = SE2(x, 300.0, yaw)
-            found = recognizer.recognize(observe(forest, pose, 25.0, rng, sigma=0.05, detection=0.95).xy)
+            found = recognizer.locate(observe(forest, pose, 25.0, rng, sigma=0.05, detection=0.95).xy)
             assert found.verdict == "matched"
             assert found.candidates[0].transform.distance(pose)[0] < 0.5
 
@@ -254,7 +254,7 @@ def alone(xy: NDArray[np.float64], pose: SE2) -> tuple[Recognition, float]:
     """What a collection of nothing but `xy` answers to the same trees seen from `pose`, and metres from the truth."""
     recognizer = Recognizer(CONFIG)
     recognizer.add([(0, describe(xy, CONFIG))])
-    found = recognizer.recognize(pose.apply(xy))
+    found = recognizer.locate(pose.apply(xy))
     apart = (found.candidates[0].transform @ pose).distance(SE2.identity())[0] if found.candidates else np.inf
     return found, apart
 

@@ -33,11 +33,11 @@ for trees, radius in ((plantation(90.0, 90.0, rng), 20.0), (paper_forest(rng, 25
     for sigma in (0.05, 0.3, 2.0):
         xy = observe(trees, SE2(middle, middle, 1.0), radius, rng, sigma=sigma, detection=0.8).xy
         for method in ("robust", "paper"):
-            recognizer.recognize(xy, method=method, exclude=[3])
-            recognizer.recognize(xy.tolist(), method=method)
+            recognizer.locate(xy, method=method, exclude=[3])
+            recognizer.locate(xy.tolist(), method=method)
             # Nor is what cannot be written: positions as they are read from a database.
-            recognizer.recognize(np.frombuffer(xy.tobytes()).reshape(-1, 2), method=method)
-            alone.recognize(xy, method=method)
+            recognizer.locate(np.frombuffer(xy.tobytes()).reshape(-1, 2), method=method)
+            alone.locate(xy, method=method)
     # What is mapped from a file is no other type to the compiler.
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "a.segment"
@@ -48,7 +48,7 @@ for trees, radius in ((plantation(90.0, 90.0, rng), 20.0), (paper_forest(rng, 25
         for sigma in (0.05, 2.0):
             xy = observe(trees, SE2(middle, middle, 1.0), radius, rng, sigma=sigma, detection=0.8).xy
             for method in ("robust", "paper"):
-                stored.recognize(xy, method=method, only=range(9))
+                stored.locate(xy, method=method, only=range(9))
         merge_segments([(mapped, index.live_segments[0].alive)], path)
 print({name: (before.get(name), count) for name, count in compiled().items() if before.get(name) != count})
 """

@@ -105,7 +105,7 @@ def test_a_large_submap_alone_finds_itself(shape: str) -> None:
     recognizer = Recognizer(CONFIG)
     recognizer.add([(0, describe(xy, CONFIG))])
     middle = xy.mean(axis=0)
-    found = recognizer.recognize(SE2(30.0, 4.0, 2.2).apply(xy - middle))
+    found = recognizer.locate(SE2(30.0, 4.0, 2.2).apply(xy - middle))
     assert found.verdict == "matched"
     best = found.candidates[0]
     assert len(best.query_indices) == len(xy)

@@ -7,8 +7,9 @@ from typing import Literal
 from urquhart.decide.candidates import Candidate, Finding, Rival, make_candidate, make_rivals
 from urquhart.decide.confidence import Refusal
 from urquhart.decide.ranking import Ranking
+from urquhart.features.description import Obstacle
 from urquhart.propose.query import Query
-from urquhart.trace import SearchEnd, Stage, StoppedBy, Trace
+from urquhart.trace import SearchEnd, Stage, StoppedBy
 
 Verdict = Literal["matched", "ambiguous", "no_match"]
 Reason = Literal[
@@ -16,8 +17,7 @@ Reason = Literal[
     "no_votes",
     "empty_collection",
     "nothing_left",
-    "too_few_landmarks",
-    "collinear_landmarks",
+    Obstacle,
     Refusal,
 ]
 """Why a verdict is what it is; the words are stable."""
@@ -68,10 +68,10 @@ def decide(query: Query, ranking: Ranking, limit: int, stopped_by: StoppedBy) ->
     return Recognition(verdict, reason, candidates, rivals, ranking.lead, stages, ranking.findings, end)
 
 
-def unsearched(reason: Reason, trace: Trace) -> Recognition:
+def unsearched(reason: Reason, stages: tuple[Stage, ...] = ()) -> Recognition:
     """The answer where there was nothing to search for, nothing to search in, or no time to begin."""
     stopped_by: StoppedBy = "deadline" if reason == "deadline" else "not_started"
-    return Recognition("no_match", reason, (), (), None, trace.done(), (), trace.end(stopped_by))
+    return Recognition("no_match", reason, (), (), None, stages, (), SearchEnd(stopped_by))
 
 
 def _judge(candidates: Sequence[Candidate]) -> tuple[Verdict, Reason]:

@@ -5,11 +5,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from numpy.typing import ArrayLike
-
 from urquhart.budget import Budget
 from urquhart.config import Config
-from urquhart.features.describe import Features, describe
+from urquhart.features.describe import Features
 from urquhart.index.collection import FeatureSource
 from urquhart.propose.submap_cache import SubmapCache
 from urquhart.trace import Trace
@@ -69,35 +67,22 @@ class Query:
 
 
 def make_query(
-    xy: ArrayLike,
-    diameters: ArrayLike | None,
-    config: Config,
-    source: FeatureSource,
-    searched: int,
-    *,
-    trace: Trace,
-    budget: Budget | None = None,
+    features: Features, config: Config, source: FeatureSource, searched: int, budget: Budget | None = None
 ) -> Query:
-    """Describe an observation, which is looked up among `searched` submaps.
+    """Make an observation ready to be looked up among `searched` submaps.
 
     Args:
-        xy: (N, 2), metres, any rigid frame.
-        diameters: (N,), stem diameters in any unit, NaN where not known.
+        features: of the observation.
         source: where the features of submaps are kept.
 
     Raises:
-        LandmarkError: for input that cannot be described.
-        OutOfTime: the deadline passed before it was described.
-        Abandoned: nobody waits for the answer any more.
+        ValueError: the observation was described with another configuration.
     """
-    with trace.timed("describe") as counts:
-        budget = budget or Budget()
-        features = describe(xy, config, diameters, budget)
-        counts.update(features.counts())
-        budget.check()
-        grid = landmark_grid(features, config.reach)
+    if features.fingerprint != config.fingerprint():
+        raise ValueError(f"features of {features.fingerprint}, this collection's are of {config.fingerprint()}")
+    grid = landmark_grid(features, config.reach)
     submaps, volume = SubmapCache(source, config.reach), log_volume(searched, grid)
-    return Query(features, grid, config, submaps, volume, budget, trace)
+    return Query(features, grid, config, submaps, volume, budget or Budget(), Trace())
 
 
 def log_volume(submaps: int, query: LandmarkGrid) -> float:
