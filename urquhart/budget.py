@@ -4,15 +4,21 @@ import math
 import threading
 import time
 from collections.abc import Iterable, Iterator
-from typing import Final, TypeVar
+from typing import Final, NamedTuple, TypeVar
 
 T = TypeVar("T")
 
 
-_ITEMS: Final = 1_000
-"""Items of work in Python, of a few microseconds each, after which it asks."""
-_STEPS: Final = 5_000_000
-"""Steps that take 10 to 50 ms."""
+class WorkNumbers(NamedTuple):
+    """How often work asks whether to go on. Chosen by hand for answers within 100 ms, not fitted."""
+
+    items: int = 1_000
+    """Items of work in Python, of a few microseconds each, after which it asks."""
+    steps: float = 5_000_000
+    """Steps of compiled work that take 10 to 50 ms."""
+
+
+WORK: Final = WorkNumbers()
 
 
 class Abandoned(Exception):
@@ -29,7 +35,7 @@ class Budget:
     One thread works and asks; any other thread may call `abandon`. Work asks often enough to end within 100 ms.
     """
 
-    def __init__(self, seconds: float = math.inf, *, steps: float = _STEPS) -> None:
+    def __init__(self, seconds: float = math.inf, *, steps: float = WORK.steps) -> None:
         """Begin now and end in `seconds`; by default there is no deadline.
 
         Args:
@@ -108,7 +114,7 @@ class Budget:
             Abandoned: nobody waits for the result.
         """
         for number, item in enumerate(items):
-            if number % _ITEMS == 0:
+            if number % WORK.items == 0:
                 self.check()
             yield item
 

@@ -10,7 +10,7 @@ All matrices are (3, 3) float64 over (x, y, yaw): square metres, metre radians, 
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,10 +23,18 @@ _ROUNDING: Final = 4.0 * np.finfo(np.float64).eps
 """Share of the sum of a covariance's eigenvalues that rounding may have taken from one of them."""
 _LEAST_SPREAD: Final = 1e-6
 """Square metres: sum of squared distances from their middle, of trees that all but coincide."""
-_CURVED: Final = 0.5
-"""An origin is far when the curvature of the turn adds so much of the standard deviation of the position,"""
-_LOST: Final = 0.01
-"""or when rounding takes this share of what the covariance about it knows."""
+
+
+class UncertaintyNumbers(NamedTuple):
+    """When an origin is too far away for a covariance about it. Chosen by hand, not fitted."""
+
+    curved: float = 0.5
+    """An origin is far when the curvature of the turn adds this share of the standard deviation of the position."""
+    lost: float = 0.01
+    """An origin is also far when rounding takes this share of what the covariance about it knows."""
+
+
+UNCERTAINTY: Final = UncertaintyNumbers()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,8 +88,8 @@ class PoseUncertainty:
         """Whether the source's origin is so far from the trees that the covariance about it is of little use."""
         arm = math.hypot(*self._arm(target_T_source, np.zeros(2)).tolist())
         place, turn = float(np.diag(self.covariance)[:2].min()), float(self.covariance[2, 2])
-        curved = 0.75 * (turn * arm) ** 2 > _CURVED**2 * place
-        return curved or float(np.finfo(np.float64).eps) * arm**4 * turn > _LOST * place
+        curved = 0.75 * (turn * arm) ** 2 > UNCERTAINTY.curved**2 * place
+        return curved or float(np.finfo(np.float64).eps) * arm**4 * turn > UNCERTAINTY.lost * place
 
     def widened(self, target_T_source: SE2, more: Matrix) -> "PoseUncertainty":
         """The same with an independent error of covariance `more` (3, 3) about the same point added."""

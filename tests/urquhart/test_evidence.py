@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from tests.urquhart import forests
 from urquhart import SE2, Config, describe
 from urquhart.evaluation.simulation import observe, paper_forest
-from urquhart.verify.evidence import DETECTION, NOISE, PoseEvidence, evidence_of_pose, evidence_of_row
-from urquhart.verify.landmark_grid import LOOSE, LandmarkGrid, build_landmark_grid, is_inside, landmark_grid
+from urquhart.verify.evidence import EVIDENCE, PoseEvidence, evidence_of_pose, evidence_of_row
+from urquhart.verify.landmark_grid import GRID, LandmarkGrid, build_landmark_grid, is_inside, landmark_grid
 from urquhart.verify.refinement import refine_and_score, verify, verify_best
 
 REACH = 0.75
@@ -36,7 +36,7 @@ def plain(query: LandmarkGrid, submap: LandmarkGrid, found: PoseEvidence) -> tup
     """Evidence and noise, by the formula at the head of `evidence`."""
     density = np.maximum(query.density[found.query], submap.density[found.submap])
     lonely, best = alone(query, submap, found), (-np.inf, 0.0)
-    for noise, detection in itertools.product(NOISE, DETECTION):
+    for noise, detection in itertools.product(EVIDENCE.noise, EVIDENCE.detection):
         peak = np.exp(-(found.residuals**2) / (2.0 * noise**2)) / (2.0 * np.pi * noise**2 * density)
         total = np.log(1.0 - detection + detection * peak).sum() + lonely * np.log(1.0 - detection)
         best = max(best, (float(total), noise))
@@ -97,7 +97,7 @@ def test_densities_beyond_all_forests_leave_evidence_finite(density: float) -> N
     assert np.isfinite(found.evidence)
     # A landmark where none is to be expected says much; one among a crowd says no more than that it was not missed.
     assert (found.evidence > 20.0 * len(trees)) == (density < 1e-6)
-    assert found.evidence > len(trees) * np.log(1.0 - DETECTION[0]) - 1.0
+    assert found.evidence > len(trees) * np.log(1.0 - EVIDENCE.detection[0]) - 1.0
 
 
 def test_poses_settled_are_those_verified_one_by_one() -> None:
@@ -112,7 +112,7 @@ def test_poses_settled_are_those_verified_one_by_one() -> None:
     for start, row in zip(starts, settled, strict=True):
         one = verify(query, submap, SE2(*start.tolist()), REACH)
         there = evidence_of_pose(query, submap, SE2(*row[:3].tolist()), float(row[4]))
-        assert REACH <= row[4] <= LOOSE * REACH
+        assert REACH <= row[4] <= GRID.loose * REACH
         for found in (one, there, evidence_of_row(query, submap, row)):
             assert found.evidence == pytest.approx(row[3], rel=1e-12, abs=1e-12)
             assert found.transform.distance(SE2(*row[:3].tolist())) == pytest.approx((0.0, 0.0), abs=1e-12)

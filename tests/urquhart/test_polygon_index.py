@@ -163,7 +163,7 @@ def test_lists_find_nearly_all_that_a_full_search_finds(real: tuple[Partition, R
 def test_a_search_reads_no_more_rows_than_its_budget(
     real: tuple[Partition, Rows], inverted: Partition, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(polygon_index, "_BUDGET", 37)
+    monkeypatch.setattr(polygon_index, "POLYGONS", polygon_index.POLYGONS._replace(most_rows=37))
     assert len(find([searched([inverted], 1_000)], real[1][0], 400).keys) == 37
 
 

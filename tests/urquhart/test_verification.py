@@ -12,7 +12,7 @@ from urquhart.evaluation.simulation import observe, paper_forest, plantation
 from urquhart.propose.query import log_volume
 from urquhart.uncertainty import least_squares
 from urquhart.verify.evidence import evidence_of_pose, evidence_of_row
-from urquhart.verify.landmark_grid import LOOSE, LandmarkGrid, build_landmark_grid, landmark_grid, nearest
+from urquhart.verify.landmark_grid import GRID, LandmarkGrid, build_landmark_grid, landmark_grid, nearest
 from urquhart.verify.pairing import pair_up
 from urquhart.verify.refinement import best_hypotheses, refine_rough, verify
 
@@ -68,7 +68,7 @@ def test_a_rough_start_is_refined_to_the_truth(seed: int) -> None:
     assert found.evidence > 60.0
     assert len(found.query) > 25
     assert len(found.query) <= min(found.query_overlap, found.submap_overlap)
-    assert found.residuals.max() <= LOOSE * REACH
+    assert found.residuals.max() <= GRID.loose * REACH
 
 
 @pytest.mark.parametrize("seed", range(6))

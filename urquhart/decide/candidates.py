@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +15,17 @@ from urquhart.uncertainty import PoseUncertainty, least_squares
 from urquhart.verify.distortion import find_distortion
 from urquhart.verify.evidence import PoseEvidence
 
-_LEAST_NOISE: Final = 0.02
-"""Metres: no tree is located better than this, however well a few of them happen to agree."""
-_RIVALS: Final = 8
-"""Most rivals named: a lattice has one at every planting distance."""
+
+class CandidateNumbers(NamedTuple):
+    """What an answer says of its candidates. Chosen by hand, not fitted."""
+
+    least_noise: float = 0.02
+    """Metres: no tree is located better than this, however well a few of them happen to agree."""
+    rivals: int = 8
+    """Most rivals named: a lattice has one at every planting distance."""
+
+
+CANDIDATES: Final = CandidateNumbers()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -126,7 +133,7 @@ def make_rivals(
     close.sort(key=lambda found: -found[2])
     return tuple(
         Rival(key, _as_posted(rival.transform, key, query), evidence, len(rival.residuals))
-        for key, rival, evidence in close[:_RIVALS]
+        for key, rival, evidence in close[: CANDIDATES.rivals]
     )
 
 
@@ -180,7 +187,7 @@ def _uncertainty(
         distorted: whether distortions are looked for.
     """
     degrees = max(2 * len(seen) - 3, 1)
-    variance = max(float((verified.residuals**2).sum()) / degrees, _LEAST_NOISE**2)
+    variance = max(float((verified.residuals**2).sum()) / degrees, CANDIDATES.least_noise**2)
     known = least_squares(seen, transform, variance * config.covariance_scale)
     more = np.diag([config.covariance_floor, config.covariance_floor, config.covariance_floor_yaw]) ** 2
     words: tuple[str, ...] = ()

@@ -21,7 +21,7 @@ A pose is wrong if it is wrong in either way, so the odds are combined as 1 / (1
 
 import math
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,16 +37,24 @@ _CHANCE: Final = (0.7, -1.5)
 """Line from the log-odds against chance to calibrated ones: its slope, and the log-odds at which it is zero."""
 _RIVAL: Final = (0.265, -5.4)
 """Line from the lead over a rival, minus what says nothing, to calibrated log-odds: its slope, and where it is zero."""
-_LEAST: Final = -4.0
-"""Least log-odds against a rival: however close the rivals are, one of the poses is right now and then."""
-_RIVAL_PENALTY: Final = 0.1
-"""Share of a rival's evidence by which the lead over it is reduced: where trees stand within a few centimetres of their
-rows, a pose that is one row off loses much evidence, and yet the next row looks the same."""
-_COMPARABLE: Final = 0.5
-"""A rival claims at least this share of the query's inliers."""
-_UNKNOWN: Final = -8.0
-"""Log-odds against chance are cut off here: with more noise than the model allows for, right poses lose evidence
-without limit."""
+
+
+class ConfidenceNumbers(NamedTuple):
+    """What frames the fitted lines of `calibration.json`. Chosen by hand; the fit takes these as given."""
+
+    least_rival_logit: float = -4.0
+    """Least log-odds against a rival: however close the rivals are, one of the poses is right now and then."""
+    rival_penalty: float = 0.1
+    """Share of a rival's evidence by which the lead over it is reduced: where trees stand within a few centimetres of
+    their rows, a pose that is one row off loses much evidence, and yet the next row looks the same."""
+    comparable: float = 0.5
+    """A rival claims at least this share of the query's inliers."""
+    unknown: float = -8.0
+    """Log-odds against chance are cut off here, and no rivals are looked for below: hardly one pose in ten is right
+    there. With more noise than the model allows for, right poses lose evidence without limit."""
+
+
+CONFIDENCE: Final = ConfidenceNumbers()
 
 
 def log_odds(verified: PoseEvidence, query: LandmarkGrid, volume: float) -> float:
@@ -72,7 +80,7 @@ def log_odds(verified: PoseEvidence, query: LandmarkGrid, volume: float) -> floa
 def chance_logit(odds: float) -> float:
     """Calibrated log-odds that a pose with these log-odds is right and not a coincidence."""
     slope, even = _CHANCE
-    return slope * (max(odds, _UNKNOWN) - even)
+    return slope * (max(odds, CONFIDENCE.unknown) - even)
 
 
 def rival_logit(verified: PoseEvidence, lead: float | None, margin: float) -> float:
@@ -85,14 +93,15 @@ def rival_logit(verified: PoseEvidence, lead: float | None, margin: float) -> fl
 def rival_logit_from(evidence: float, lead: float, overlap: int, margin: float) -> float:
     """`rival_logit` by numbers: `overlap` landmarks could have been inliers."""
     slope, even = _RIVAL
-    return max(slope * (lead - margin * overlap - _RIVAL_PENALTY * max(evidence - lead, 0.0) - even), _LEAST)
+    beyond = lead - margin * overlap - CONFIDENCE.rival_penalty * max(evidence - lead, 0.0)
+    return max(slope * (beyond - even), CONFIDENCE.least_rival_logit)
 
 
 def rival_threshold(verified: PoseEvidence, odds: float, margin: float) -> float:
     """Evidence up to which a rival leaves the odds against it at `odds` (a logarithm) or better."""
     slope, even = _RIVAL
     behind = verified.evidence - margin * verified.overlap - even - odds / slope
-    return behind / (1.0 + _RIVAL_PENALTY) if behind > 0.0 else behind
+    return behind / (1.0 + CONFIDENCE.rival_penalty) if behind > 0.0 else behind
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +128,8 @@ class Gates:
         slope, even = _CHANCE
         sure = 1.0 / (1.0 + math.exp(-config.gate))
         steep, level = _RIVAL
-        return Gates(sure, config.gate / slope + even, config.gate / steep + level, config.margin, _RIVAL_PENALTY)
+        odds, lead = config.gate / slope + even, config.gate / steep + level
+        return Gates(sure, odds, lead, config.margin, CONFIDENCE.rival_penalty)
 
 
 def combine(chance: float, rival: float) -> float:
@@ -161,4 +171,4 @@ def comparable(rival: PoseEvidence, best: PoseEvidence) -> bool:
     in two of them at once.
     """
     shared = len(np.intersect1d(rival.query, best.query, assume_unique=True))
-    return shared >= _COMPARABLE * len(best.query)
+    return shared >= CONFIDENCE.comparable * len(best.query)

@@ -13,13 +13,18 @@ import numpy as np
 
 from urquhart.budget import OutOfTime
 from urquhart.decide.candidates import Finding, make_finding
-from urquhart.decide.confidence import chance_logit, comparable, extrapolated, log_odds, refusal, rival_threshold
+from urquhart.decide.confidence import (
+    CONFIDENCE,
+    chance_logit,
+    comparable,
+    extrapolated,
+    log_odds,
+    refusal,
+    rival_threshold,
+)
 from urquhart.decide.rivals import hill_climb, same_place
 from urquhart.propose.query import Proposal, Query
 from urquhart.verify.evidence import PoseEvidence
-
-_HOPELESS: Final = -8.0
-"""Log-odds below which no pose is worth a search for its rivals: hardly one in ten is right."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,7 +82,7 @@ def rank(query: Query, proposals: list[Proposal], earlier: Ranking = NOTHING) ->
         counts["rivals"] = 0
         findings = (*earlier.findings, *(make_finding(one, query) for one in best_by_submap(proposals)))
         ranked = best_by_submap([*earlier.proposals, *proposals])
-        if not ranked or log_odds(ranked[0].verified, query.grid, query.volume) < _HOPELESS:
+        if not ranked or log_odds(ranked[0].verified, query.grid, query.volume) < CONFIDENCE.unknown:
             return Ranking(ranked, findings=findings)
         try:
             ranking = _against_rivals(query, ranked)

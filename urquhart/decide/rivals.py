@@ -1,7 +1,7 @@
 """The search for poses that explain the data about as well as the best one, in its own submap and in others."""
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,19 +19,29 @@ from urquhart.verify.pairing import count_inliers
 from urquhart.verify.refinement import count_all, pose_cost, refine_and_score, refine_and_score_all, verify
 
 _QUARTERS: Final = 4
-_PEAKS: Final = 4
-"""Shifts for each quarter; twice as many in all are refined, those that bring most landmarks together."""
-_DEEP: Final = 16
-"""As many where trees stand in rows: the best rival may overlap less than many others do."""
-_IN_ROWS: Final = 0.25
-"""Share of the match's evidence that no rival of a natural forest has."""
-_CLOSE: Final = 0.25
-"""Noise as a share of the distance to the nearest tree, from which on partners are mistaken for their neighbours."""
-_STEPS: Final = 5
-"""Starts of a refinement along either axis, from one reach before a pose to one behind it."""
-_SAME_TURN: Final = math.radians(6.0)
-_SLACK: Final = 30.0
-"""Evidence that partners farther away hardly ever add to a wrong pose."""
+
+
+class RivalNumbers(NamedTuple):
+    """How a match is shifted in the search for its rivals. Chosen by hand, not fitted."""
+
+    peaks: int = 4
+    """Shifts for each quarter turn. Twice as many in all are refined: those that bring most landmarks together."""
+    peaks_in_rows: int = 16
+    """The same where trees stand in rows: there the best rival may overlap less than many others."""
+    in_rows: float = 0.25
+    """Share of the match's evidence that no rival reaches in a natural forest; one that does means rows."""
+    close: float = 0.25
+    """Noise, as a share of the distance to the nearest tree, from which on partners are mistaken for their
+    neighbours."""
+    steps: int = 5
+    """Starts of a refinement along each axis, from one reach before a pose to one behind it."""
+    same_turn: float = math.radians(6.0)
+    """Radians: poses that differ by more are distinct."""
+    slack: float = 30.0
+    """Evidence that partners farther away hardly ever add to a wrong pose."""
+
+
+RIVALS: Final = RivalNumbers()
 
 
 def pose_row(pose: SE2) -> NDArray[np.float64]:
@@ -46,7 +56,7 @@ def distinct(a: NDArray[np.float64], b: NDArray[np.float64], spacing: float, rea
     `spacing`: metres, distance between trees of the submap.
     """
     turn = abs((a[2] - b[2] + 3.0 * math.pi) % (2.0 * math.pi) - math.pi)
-    return math.hypot(a[0] - b[0], a[1] - b[1]) > min(0.5 * spacing, 2.0 * reach) or turn > _SAME_TURN
+    return math.hypot(a[0] - b[0], a[1] - b[1]) > min(0.5 * spacing, 2.0 * reach) or turn > RIVALS.same_turn
 
 
 def same_place(
@@ -70,8 +80,8 @@ def same_place(
     chained = verify(second, first, first_pose @ second_pose.inverse(), config.reach, budget)
     if chained.evidence <= 0.0:
         return False
-    least = rival_threshold(chained, 0.0, margin) - _SLACK
-    rivals = find_rivals(second, first, pose_row(chained.transform), config.reach, least, _PEAKS, budget=budget)
+    least = rival_threshold(chained, 0.0, margin) - RIVALS.slack
+    rivals = find_rivals(second, first, pose_row(chained.transform), config.reach, least, RIVALS.peaks, budget=budget)
     lead = chained.evidence - extrapolated(rivals[:, 3], rivals[:, 5], chained.overlap).max(initial=-math.inf)
     return rival_logit(chained, lead, margin) > 0.0
 
@@ -100,8 +110,8 @@ def hill_climb(
     seen = [np.empty((0, 6))]
     while True:
         place = pose_row(best.transform)
-        least = rival_threshold(best, odds, margin) - _SLACK
-        found = find_rivals(query, submap, place, reach, least, _PEAKS, budget=budget)
+        least = rival_threshold(best, odds, margin) - RIVALS.slack
+        found = find_rivals(query, submap, place, reach, least, RIVALS.peaks, budget=budget)
         seen.append(found)
         if found[:, 3].max(initial=-math.inf) > best.evidence:
             better = evidence_of_row(query, submap, found[found[:, 3].argmax()])
@@ -112,8 +122,9 @@ def hill_climb(
         seen.append(np.array([[*place, best.evidence, reach, best.overlap]]))
         best = better
     behind = rival_threshold(best, odds, margin)
-    if found[:, 3].max(initial=-math.inf) > _IN_ROWS * best.evidence:
-        seen.append(find_rivals(query, submap, place, reach, behind - _SLACK, _DEEP, budget=budget))
+    if found[:, 3].max(initial=-math.inf) > RIVALS.in_rows * best.evidence:
+        least = behind - RIVALS.slack
+        seen.append(find_rivals(query, submap, place, reach, least, RIVALS.peaks_in_rows, budget=budget))
     poses = np.concatenate(seen)
     given = extrapolated(poses[:, 3], poses[:, 5], best.overlap)
     rivals: list[tuple[PoseEvidence, float]] = []
@@ -139,9 +150,9 @@ def polish(
     Raises:
         OutOfTime: the deadline passed before all were refined.
     """
-    if best.noise < _CLOSE * neighbour_distance(query.landmarks):
+    if best.noise < RIVALS.close * neighbour_distance(query.landmarks):
         return best
-    steps = np.linspace(-reach, reach, _STEPS)
+    steps = np.linspace(-reach, reach, RIVALS.steps)
     starts = np.array([[best.transform.x + x, best.transform.y + y, best.transform.yaw] for x in steps for y in steps])
     found = refine_and_score_all(query, submap, starts, reach, best.evidence, budget)
     first = found[found[:, 3].argmax()]

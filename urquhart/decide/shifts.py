@@ -1,7 +1,7 @@
 """Shifts of a match along the pattern of the trees: where most landmarks fall onto landmarks again."""
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,10 +10,17 @@ from urquhart._kernel import kernel
 from urquhart.verify.landmark_grid import LandmarkGrid
 from urquhart.verify.pairing import pair_up
 
-_SAMPLED: Final = 500
-"""Landmarks of the query that show its pattern."""
-_MOST_CELLS: Final = 400.0
-"""Cells of shifts on either side of the middle, along each axis."""
+
+class ShiftNumbers(NamedTuple):
+    """Bounds on the work of a search for shifts. Chosen by hand for about 10 ms a quarter turn, not fitted."""
+
+    sampled: int = 500
+    """Landmarks of the query that show its pattern."""
+    most_cells: float = 400.0
+    """Cells of shifts on either side of the middle, along each axis."""
+
+
+SHIFTS: Final = ShiftNumbers()
 
 
 @kernel
@@ -50,14 +57,14 @@ def shifted(
 def chosen_landmarks(
     query: LandmarkGrid, submap: LandmarkGrid, best: NDArray[np.float64], reach: float
 ) -> NDArray[np.float64]:
-    """The landmarks (K, 2) of the query whose pattern is looked for: all, or `_SAMPLED` of those that `best` pairs.
+    """The landmarks (K, 2) of the query whose pattern is sought: all, or `SHIFTS.sampled` of those that `best` pairs.
 
     Of a large query, the few trees that speak for a pose would be lost among the others.
     """
-    if len(query.landmarks) <= _SAMPLED:
+    if len(query.landmarks) <= SHIFTS.sampled:
         return query.landmarks
     paired, _, _ = pair_up(query.landmarks, submap, best[0], best[1], best[2], reach)
-    return query.landmarks[paired[:: 1 + len(paired) // _SAMPLED]]
+    return query.landmarks[paired[:: 1 + len(paired) // SHIFTS.sampled]]
 
 
 @kernel
@@ -80,7 +87,7 @@ def half_window(turned: NDArray[np.float64], submap: NDArray[np.float64], cell: 
     half = np.empty(2)
     for axis in range(2):
         extent = max(np.ptp(submap[:, axis]), np.ptp(turned[:, axis]))
-        half[axis] = min(max(0.5 * extent, 4.0 * cell), _MOST_CELLS * cell)
+        half[axis] = min(max(0.5 * extent, 4.0 * cell), SHIFTS.most_cells * cell)
     return half
 
 

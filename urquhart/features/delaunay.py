@@ -1,6 +1,6 @@
 """Delaunay triangles of landmarks (SciPy's Qhull), all counter-clockwise, in bounded time whatever the shape."""
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,10 +9,18 @@ from scipy.spatial import Delaunay, QhullError
 from urquhart._kernel import kernel
 from urquhart.features.landmarks import LandmarkError
 
-_JOGGLED: Final = 1_000
-"""Landmarks up to which the triangulation is exact. Where many lie on one circle or one side of the hull, that takes
-quadratic time: 0.1 s for 1,000, 40 s for 20,000. More landmarks are first moved by some 1e-11 of their extent, which
-takes 0.1 to 0.7 s for 20,000 in any shape, and which only decides between triangulations that are equally good."""
+
+class DelaunayNumbers(NamedTuple):
+    """When the triangulation is joggled. Measured with SciPy's Qhull; no command repeats it."""
+
+    most_exact: int = 1_000
+    """Landmarks up to which the triangulation is exact. Where many lie on one circle or one side of the hull, that
+    takes quadratic time: 0.1 s for 1,000, 40 s for 20,000. More landmarks are first moved by some 1e-11 of their
+    extent, which takes 0.1 to 0.7 s for 20,000 in any shape, and which only decides between triangulations that are
+    equally good."""
+
+
+DELAUNAY: Final = DelaunayNumbers()
 _EXACT: Final = "Qbb Qc Qz Q12"
 _JOGGLE: Final = "Qbb Q12 QJ"
 
@@ -26,7 +34,7 @@ def triangulate(landmarks: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDAr
         LandmarkError: `collinear`, where the landmarks are so close to one line that no triangulation exists.
     """
     try:
-        found = Delaunay(landmarks, qhull_options=_EXACT if len(landmarks) <= _JOGGLED else _JOGGLE)
+        found = Delaunay(landmarks, qhull_options=_EXACT if len(landmarks) <= DELAUNAY.most_exact else _JOGGLE)
     except QhullError as error:
         raise LandmarkError("collinear", "the landmarks are too close to one line to be triangulated") from error
     triangles = np.array(found.simplices, dtype=np.int32)

@@ -6,15 +6,23 @@ sides and its diagonal fix its shape, its direction the rotation of a match.
 """
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from urquhart._kernel import kernel
 
-_LONGEST: Final = 4.0
-"""Quads with a side longer than this many median edges are slivers along the hull, gone with the next tree in view."""
+
+class QuadNumbers(NamedTuple):
+    """Which quads are kept. Chosen by hand, not fitted."""
+
+    longest: float = 4.0
+    """Quads with a side longer than this many median edges are slivers along the hull, gone with the next tree in
+    view."""
+
+
+QUADS: Final = QuadNumbers()
 
 
 @kernel
@@ -31,7 +39,7 @@ def quads_of(
         for k in range(3):
             a, b = triangles[t, k], triangles[t, (k + 1) % 3]
             lengths[3 * t + k] = math.hypot(landmarks[b, 0] - landmarks[a, 0], landmarks[b, 1] - landmarks[a, 1])
-    limit = _LONGEST * np.median(lengths)
+    limit = QUADS.longest * np.median(lengths)
     quads = np.empty((3 * count, 4), np.int32)
     kept = 0
     for t in range(count):

@@ -6,7 +6,7 @@ query searches the snapshot it started with. The index is derived from features 
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +18,15 @@ from urquhart.index.polygon_index import Hits, search_partitions
 from urquhart.index.quad_search import QuadShard
 from urquhart.index.segment import Segment, merge_segments
 
-_FANOUT: Final = 4
-"""A segment in memory is merged with the one before it while that is less than this many times as large."""
+
+class SegmentNumbers(NamedTuple):
+    """How segments in memory are merged. Chosen by hand, not fitted."""
+
+    fanout: int = 4
+    """A segment in memory is merged with the one before it while that is less than this many times as large."""
+
+
+SEGMENTS: Final = SegmentNumbers()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -144,7 +151,7 @@ class CollectionIndex:
 def _tidied(parts: Sequence[LiveSegment]) -> list[LiveSegment]:
     """Drop what is empty and merge small segments; those from files are left as they are."""
     tidy = [part for part in parts if part.living or part.segment.file is not None]
-    while len(tidy) > 1 and tidy[-2].segment.file is None and tidy[-2].living < _FANOUT * tidy[-1].living:
+    while len(tidy) > 1 and tidy[-2].segment.file is None and tidy[-2].living < SEGMENTS.fanout * tidy[-1].living:
         last, before = tidy.pop(), tidy.pop()
         tidy.append(LiveSegment.of(merge_segments([(before.segment, before.alive), (last.segment, last.alive)])))
     return tidy

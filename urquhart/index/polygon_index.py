@@ -6,34 +6,42 @@ told by the masks that come with its segments.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from urquhart.budget import UNBOUNDED, Budget
-from urquhart.index.polygon_merge import EXACT_BELOW, merge_partitions
+from urquhart.index.polygon_merge import merge_partitions
 from urquhart.index.polygon_partition import Partition, build_partitions
 from urquhart.index.polygon_scan import Heaps, Outlines, Scan, gather_places, scan_partition, sort_heaps
 
-__all__ = ["EXACT_BELOW", "Hits", "Partition", "Searched", "build_partitions", "merge_partitions", "search_partitions"]
+__all__ = ["Hits", "Partition", "Searched", "build_partitions", "merge_partitions", "search_partitions"]
 
 Searched = tuple[Mapping[int, Partition], NDArray[np.int64], NDArray[np.float32], NDArray[np.uint8] | NDArray[np.bool_]]
 """A segment as it is searched: partitions; key, unit (metres) and life (S,) of the submap in each slot."""
 
-_LEAST_PROBES: Final = 16
-_PROBED: Final = 64
-"""One list in so many is read, or the least number if that is more: neighbours lie in few lists, and in hardly more as
-a partition grows,"""
-_BUDGET: Final = 60_000
-"""but never more rows than this for a polygon of the query: that bounds what a query costs."""
-LARGEST: Final = 256
-"""Vertices of the largest polygons that are looked for: forests have none with a quarter as many, and what is about a
-ring of trees or a lake changes with every tree."""
-_STEPS: Final = 10_000_000
-"""Steps of compiled work after which hits are handed on and the budget is asked: 10 to 50 ms."""
-_AT_ONCE: Final = 4
-"""Components of a descriptor that take one step."""
+
+class PolygonSearchNumbers(NamedTuple):
+    """How much of an index a polygon of the query reads. Chosen by hand, not fitted."""
+
+    least_probes: int = 16
+    """Lists read of each partition, at least."""
+    probed: int = 64
+    """One list in this many is read, if that is more than `least_probes`: neighbours lie in few lists, and in hardly
+    more as a partition grows."""
+    most_rows: int = 60_000
+    """Most rows read for a polygon of the query: that bounds what a query costs."""
+    largest: int = 256
+    """Vertices of the largest polygons that are looked for: forests have none with a quarter as many, and the polygon
+    about a ring of trees or a lake changes with every tree."""
+    steps: int = 10_000_000
+    """Steps of compiled work after which hits are handed on and the budget is asked: 10 to 50 ms."""
+    at_once: int = 4
+    """Components of a descriptor that take one step."""
+
+
+POLYGONS: Final = PolygonSearchNumbers()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,14 +88,14 @@ def search_partitions(
     """
     living = [_alive(segment) for segment in segments]
     near = {count + offset for count in np.unique(counts).tolist() for offset in range(-window, window + 1)}
-    known = {count for partitions, *_ in segments for count in partitions if count <= LARGEST}
+    known = {count for partitions, *_ in segments for count in partitions if count <= POLYGONS.largest}
     for count in sorted(near & known):
         rows = np.flatnonzero(np.abs(counts - count) <= window)
         held = [partitions[count] for partitions, *_ in segments if count in partitions]
-        read = sum(min(len(p), _BUDGET) if p.inverted else len(p) for p in held)
+        read = sum(min(len(p), POLYGONS.most_rows) if p.inverted else len(p) for p in held)
         # The work on each hit grows with the square of the vertices: every start of one outline is tried on the other.
-        cost = read * descriptors.shape[1] // _AT_ONCE + neighbours * count * count
-        portion = max(_STEPS // max(cost, 1), 1)
+        cost = read * descriptors.shape[1] // POLYGONS.at_once + neighbours * count * count
+        portion = max(POLYGONS.steps // max(cost, 1), 1)
         for begin in range(0, len(rows), portion):
             if budget.is_spent():
                 return
@@ -118,8 +126,9 @@ def _search(
         if len(p.low) != queries.shape[1]:
             raise ValueError(f"descriptors of {queries.shape[1]} components, {len(p.low)} in the index")
         listed = len(p.centroids)
-        probes = min(max(_LEAST_PROBES, listed // _PROBED), listed)
-        scan = Scan(p.owners, p.descriptors, p.low, p.step, p.centroids, p.lists, living[i], i, probes, _BUDGET)
+        probes = min(max(POLYGONS.least_probes, listed // POLYGONS.probed), listed)
+        most = POLYGONS.most_rows
+        scan = Scan(p.owners, p.descriptors, p.low, p.step, p.centroids, p.lists, living[i], i, probes, most)
         scan_partition(scan, queries, heaps)
     which, near_by, found, occurs = sort_heaps(heaps, rows)
     keys, outlines = np.empty(len(found), np.int64), np.empty((len(found), count, 2), np.float32)

@@ -6,7 +6,7 @@ Beside what comes out, a merge needs memory for one block of rows and a few byte
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import faiss
 import numpy as np
@@ -15,17 +15,24 @@ from numpy.typing import NDArray
 from urquhart._kernel import kernel
 from urquhart.index.polygon_partition import Partition, PartitionArrays
 
-EXACT_BELOW: Final = 50_000
-"""Partitions with no more polygons than this are read as a whole."""
-_BLOCK: Final = 65_536
-"""Rows handled at once."""
-_SAMPLE: Final = 64
-"""Rows a centroid is trained on."""
-_ROUNDS: Final = 10
-"""Rounds of k-means; later ones move centroids by next to nothing."""
+
+class PolygonMergeNumbers(NamedTuple):
+    """How partitions are merged and their lists trained. Chosen by hand, not fitted."""
+
+    exact_below: int = 50_000
+    """Partitions with no more polygons than this are read as a whole."""
+    block: int = 65_536
+    """Rows handled at once."""
+    sample: int = 64
+    """Rows a centroid is trained on."""
+    rounds: int = 10
+    """Rounds of k-means; later ones move centroids by next to nothing."""
+    finest: float = 1e-5
+    """Least step of a code, as a share of the values it measures: a code decoded and encoded again is then the same."""
+
+
+MERGE: Final = PolygonMergeNumbers()
 _SEED: Final = 1
-_FINEST: Final = 1e-5
-"""Least step of a code, as a share of the values it measures: a code decoded and encoded again is then the same."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,8 +57,8 @@ class _Input:
 
     def blocks(self) -> Iterator[NDArray[np.int64]]:
         """Rows that stay, block by block."""
-        for begin in range(0, len(self.partition), _BLOCK):
-            rows = begin + np.flatnonzero(self.lists_of_rows[begin : begin + _BLOCK] >= 0)
+        for begin in range(0, len(self.partition), MERGE.block):
+            rows = begin + np.flatnonzero(self.lists_of_rows[begin : begin + MERGE.block] >= 0)
             if len(rows):
                 yield rows
 
@@ -66,7 +73,7 @@ class _Coder:
 
 
 def merge_partitions(
-    parts: Sequence[tuple[Mapping[int, Partition], NDArray[np.int32]]], *, exact_below: int = EXACT_BELOW
+    parts: Sequence[tuple[Mapping[int, Partition], NDArray[np.int32]]], *, exact_below: int = MERGE.exact_below
 ) -> dict[int, Partition]:
     """One segment's partitions out of those of several.
 
@@ -114,7 +121,7 @@ def _merge(count: int, inputs: list[_Input], exact_below: int) -> Partition | No
         return _fill(count, inputs, _Coder(p.centroids, p.low, p.step), listed)
     centroids = _train(inputs, total)
     listed, (lowest, highest, largest) = _assign(inputs, centroids)
-    step = np.maximum((highest - lowest) / 255.0, _FINEST * largest)
+    step = np.maximum((highest - lowest) / 255.0, MERGE.finest * largest)
     step[step == 0.0] = 1.0
     return _fill(count, inputs, _Coder(centroids, lowest.astype(np.float32), step.astype(np.float32)), listed)
 
@@ -131,7 +138,7 @@ def _fair(lists: int, rows: int) -> bool:
 def _train(inputs: list[_Input], total: int) -> NDArray[np.float32]:
     lists = _lists(total)
     rng = np.random.default_rng(_SEED)
-    share = min(1.0, lists * _SAMPLE / total)
+    share = min(1.0, lists * MERGE.sample / total)
     chosen = [
         part.decode(rows[rng.permutation(len(rows))[: math.ceil(share * len(rows))]])
         for part in inputs
@@ -141,10 +148,10 @@ def _train(inputs: list[_Input], total: int) -> NDArray[np.float32]:
     means = faiss.Kmeans(
         sample.shape[1],
         lists,
-        niter=_ROUNDS,
+        niter=MERGE.rounds,
         seed=_SEED,
         min_points_per_centroid=1,
-        max_points_per_centroid=2 * _SAMPLE,
+        max_points_per_centroid=2 * MERGE.sample,
     )
     means.train(sample)
     return np.ascontiguousarray(means.centroids, np.float32)
@@ -182,7 +189,7 @@ def _batches(inputs: list[_Input]) -> Iterator[list[tuple[int, NDArray[np.int64]
         for rows in part.blocks():
             batch.append((i, rows))
             size += len(rows)
-            if size >= _BLOCK:
+            if size >= MERGE.block:
                 yield batch
                 batch, size = [], 0
     if batch:

@@ -10,10 +10,17 @@ from numpy.typing import NDArray
 from urquhart._kernel import kernel
 from urquhart.index.quad_table import HALF, LAST, SIDE, STEP, TURNS, QuadTable, cell_code
 
-_SLICE: Final = 5_000_000
-"""Quads of a table that are looked at before it is asked whether the search is to go on: 10 to 30 ms."""
-_SPREAD: Final = 0.8
-"""Usual error of a length as a share of the tolerance."""
+
+class QuadSearchNumbers(NamedTuple):
+    """How quads are compared, and how much work is done at once. Chosen by hand, not fitted."""
+
+    slice: int = 5_000_000
+    """Quads of a table that are looked at before the budget is asked: 10 to 30 ms."""
+    spread: float = 0.8
+    """Usual error of a length as a share of the tolerance."""
+
+
+SEARCH: Final = QuadSearchNumbers()
 
 
 HIT: Final = np.dtype(
@@ -124,8 +131,7 @@ def gather(
 ) -> tuple[int, int, int, bool]:
     """Append the hits of the query quads `chunk` in one shard, behind the `count` that there are.
 
-    Stops before a quad whose hits find no room, and after one with which `_SLICE` of the shard's quads have been looked
-    at.
+    Stops before a quad whose hits do not fit, and once `SEARCH.slice` of the shard's quads have been looked at.
 
     Returns:
         How many of the chunk are done, how many hits there are, how many quads had more than `quads.most`, and whether
@@ -135,8 +141,8 @@ def gather(
     width = int(2.0 * quads.tolerance / (STEP * SIDE)) + 3
     low, high, cells = np.empty(5, np.int64), np.empty(5, np.int64), np.empty(5, np.int64)
     reach = Reach(np.empty(5), low, high, np.empty((5, width), np.uint64), cells)
-    spread = 1.0 / (2.0 * (_SPREAD * quads.tolerance) ** 2)
-    while done < len(chunk) and looked < _SLICE:
+    spread = 1.0 / (2.0 * (SEARCH.spread * quads.tolerance) ** 2)
+    while done < len(chunk) and looked < SEARCH.slice:
         q = chunk[done]
         before = count
         for reading in range(2):

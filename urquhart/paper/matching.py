@@ -14,12 +14,20 @@ from urquhart.budget import UNBOUNDED, Budget
 from urquhart.config import Config
 from urquhart.features.describe import Features
 from urquhart.features.descriptor import describe_triangles
-from urquhart.index.polygon_index import LARGEST
+from urquhart.index.polygon_index import POLYGONS
 
-_PREFERRED: Final = (4, 9)
-"""Vertices of the polygons that sampling takes first (paper, section V-B): large ones break, triangles say little."""
-_PAIR: Final = 100
-"""Steps that two polygons take on average, most of which differ by their descriptors."""
+
+class MatchingNumbers(NamedTuple):
+    """Numbers of the paper's matching."""
+
+    preferred: tuple[int, int] = (4, 9)
+    """Fewest and most vertices of the polygons that sampling takes first (paper, section V-B): large ones break,
+    triangles say little."""
+    pair_steps: int = 100
+    """Steps that two polygons take on average, most of which differ by their descriptors. Chosen by hand."""
+
+
+MATCHING: Final = MatchingNumbers()
 
 
 class Polygons(NamedTuple):
@@ -52,7 +60,7 @@ def sample_polygons(counts: NDArray[np.int32], gamma: int | None, rng: np.random
     """
     if gamma is None or gamma >= len(counts):
         return np.arange(len(counts))
-    low, high = _PREFERRED
+    low, high = MATCHING.preferred
     tier = np.where(counts < low, 2, np.where(counts <= high, 0, 1))
     return np.sort(np.lexsort((rng.random(len(counts)), tier))[:gamma])
 
@@ -76,7 +84,7 @@ def match_landmarks(
     budget.check()
     claims = [
         claim_landmarks(first._replace(sample=first.sample[rows]), second, config.tau, config.vertex_window, config.eta)
-        for rows in budget.portions(len(first.sample), _PAIR * len(second.sample))
+        for rows in budget.portions(len(first.sample), MATCHING.pair_steps * len(second.sample))
     ]
     none = np.empty((0, 2), np.int64)
     return keep_one_to_one(np.concatenate([none, *claims]), len(query.landmarks), len(submap.landmarks))
@@ -96,7 +104,7 @@ def sampled_polygons(features: Features, config: Config, rng: np.random.Generato
         t.member_offsets,
         counts,
         features.descriptors,
-        sample[counts[sample] <= LARGEST],
+        sample[counts[sample] <= POLYGONS.largest],
     )
 
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from urquhart.budget import OutOfTime
 from urquhart.index.collection_index import CollectionIndex
-from urquhart.propose.by_quads import TIGHT
+from urquhart.propose.by_quads import QUADS
 from urquhart.propose.polygon_votes import Votes, vote_polygons
 from urquhart.propose.query import Proposal, Query
 from urquhart.verify.refinement import best_hypotheses, verify_best
@@ -21,7 +21,7 @@ def propose_by_polygons(query: Query, index: CollectionIndex) -> list[Proposal]:
         found = list(index.search_polygons(vertex_counts, features.descriptors, config.neighbours, budget=query.budget))
         counts["hits"] = sum(len(hits.keys) for hits in found)
     with trace.timed("vote polygons") as counts:
-        votes = vote_polygons(features, query.budget.unless_spent(found), TIGHT * config.sigma)
+        votes = vote_polygons(features, query.budget.unless_spent(found), QUADS.tight * config.sigma)
         counts["submaps"] = len(votes.keys)
     with trace.timed("verify polygons") as counts:
         keys: NDArray[np.int64] = votes.keys[: config.candidates]

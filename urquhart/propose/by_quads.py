@@ -1,7 +1,7 @@
 """Poses proposed by quads: submaps in which many quads of the query agree on one pose."""
 
 from contextlib import suppress
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,16 +14,24 @@ from urquhart.propose.query import Proposal, Query
 from urquhart.verify.evidence import PoseEvidence, evidence_of_row
 from urquhart.verify.refinement import refine_rough
 
-TIGHT: Final = 2.0
-"""Lengths of a quad may be off by this many usual errors of a coordinate; so may a polygon's vertex."""
-LOOSE: Final = 3.0
-"""The same where nothing was found with `TIGHT`."""
-_POSES: Final = 8
-"""Distinct poses of a submap that quads propose."""
-_VERIFIED: Final = 4
-"""Rough poses of a submap that are verified, the most promising first."""
-_EACH: Final = 4
-"""Quad hits that are enough for each submap of a collection, in addition to `Config.quad_hits`."""
+
+class QuadLevelNumbers(NamedTuple):
+    """How quads are searched and their poses verified. Chosen by hand, not fitted."""
+
+    tight: float = 2.0
+    """Usual errors of a coordinate (`Config.sigma`) that the lengths of a quad may be off by; so may a polygon's
+    vertex."""
+    loose: float = 3.0
+    """The same where nothing was found with `tight`."""
+    poses: int = 8
+    """Distinct poses of a submap that quads propose."""
+    verified: int = 4
+    """Rough poses of a submap that are verified, the most promising first."""
+    hits_each: int = 4
+    """Quad hits that are enough for each submap of a collection, in addition to `Config.quad_hits`."""
+
+
+QUADS: Final = QuadLevelNumbers()
 
 
 def search_quads(query: Query, index: CollectionIndex, errors: float, buffer: HitBuffer) -> QuadConsensus:
@@ -31,7 +39,7 @@ def search_quads(query: Query, index: CollectionIndex, errors: float, buffer: Hi
 
     It ends every earlier search in the same `buffer`.
     """
-    most = query.config.quad_hits + _EACH * len(index)
+    most = query.config.quad_hits + QUADS.hits_each * len(index)
     landmarks, quads = query.features.landmarks, query.features.tessellation.quads
     tolerance = errors * query.config.sigma
     return QuadConsensus(index.quad_shards(), landmarks, quads, tolerance, most, buffer=buffer, budget=query.budget)
@@ -44,7 +52,7 @@ def propose_by_quads(
     with query.trace.timed("search quads") as counts:
         before = search.hits
         search.advance(share)
-        leaders = search.leaders(count, _POSES)
+        leaders = search.leaders(count, QUADS.poses)
         counts["hits"] = search.hits - before
         if search.is_cut_short:
             query.trace.skip("quad_hits")
@@ -69,5 +77,5 @@ def verify_rough(query: Query, key: int, poses: NDArray[np.float64]) -> PoseEvid
         OutOfTime: the deadline passed before all were verified.
     """
     submap = query.submaps.grid(key)
-    scored = refine_rough(query.grid, submap, poses, query.reach, _VERIFIED, query.budget)
+    scored = refine_rough(query.grid, submap, poses, query.reach, QUADS.verified, query.budget)
     return evidence_of_row(query.grid, submap, scored)

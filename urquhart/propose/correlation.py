@@ -19,40 +19,49 @@ from urquhart._kernel import kernel
 from urquhart.budget import UNBOUNDED, Budget
 from urquhart.verify.landmark_grid import LandmarkGrid
 
-_CELL: Final = (0.5, 1.15)
-"""Metres: finest and coarsest side of a cell."""
-_SHARE: Final = 0.17
-"""Side of a cell as a share of the distance between trees."""
-_TURN: Final = 1.8
-"""Cells that a landmark at the typical distance from the centre moves from one rotation to the next."""
-_MOST: Final = 360
-"""Most rotations tried."""
-_SIDE: Final = 400
-"""Most cells along a side of the grid."""
+
+class CorrelationNumbers(NamedTuple):
+    """The grid of a correlation, and what stands out in it. Chosen by hand, not fitted."""
+
+    finest: float = 0.5
+    """Metres: finest side of a cell."""
+    coarsest: float = 1.15
+    """Metres: coarsest side of a cell."""
+    cell_share: float = 0.17
+    """Side of a cell as a share of the distance between trees."""
+    turn: float = 1.8
+    """Cells that a landmark at the typical distance from the centre moves from one rotation to the next."""
+    most_turns: int = 360
+    """Most rotations tried."""
+    most_cells: int = 400
+    """Most cells along a side of the grid."""
+    most_pairs: int = 4_000_000
+    """Most pairs of landmarks tried for one rotation: of a larger query only some landmarks are."""
+    most_flagged: int = 1_024
+    """Most cells looked at for one rotation."""
+    sampled: int = 8
+    """Rotations from which the frequency of displacements is taken; each landmark of the query takes part in one."""
+    sigmas: float = 3.7
+    """A cell is looked at when its count is this many standard deviations above chance."""
+    beyond: float = 0.7
+    """Shifts longer than this share of both footprints' radii leave too small an overlap to be told from chance."""
+    larger: float = 2.0
+    """Where a submap reaches this many times as far as the query, such shifts leave half of the query in it."""
+
+
+CORRELATION: Final = CorrelationNumbers()
 _FINE: Final = 4096
 """Parts of a cell that displacements are reckoned in."""
 _LOOK: Final = 1 << 30
 """Count at which a cell is looked at; it starts from as much less as there have to be pairs. A cell may hold every pair
 of landmarks there is, and 32 bits hold this and four hundred million pairs."""
-_PAIRS: Final = 4_000_000
-"""Most pairs of landmarks tried for one rotation: of a larger query only some landmarks are."""
-_FLAGGED: Final = 1024
-"""Most cells looked at for one rotation."""
-_SAMPLED: Final = 8
-"""Rotations from which the frequency of displacements is taken; each landmark of the query takes part in one."""
-_SIGMAS: Final = 3.7
-"""A cell is looked at when its count is this many standard deviations above chance."""
-_BEYOND: Final = 0.7
-"""Shifts longer than this share of both footprints' radii leave too small an overlap to be told from chance."""
-
-_LARGER: Final = 2.0
-"""Where a submap reaches so many times as far as the query, such shifts leave half of the query in it."""
 
 
 @kernel
 def covers_ends(query: LandmarkGrid, submap: LandmarkGrid) -> bool:
     """Whether a sweep looks at every shift that leaves a fair part of the query in the submap, its ends included."""
-    return bool((submap.landmarks**2).sum(axis=1).max() <= _LARGER**2 * (query.landmarks**2).sum(axis=1).max())
+    farthest = CORRELATION.larger**2 * (query.landmarks**2).sum(axis=1).max()
+    return bool((submap.landmarks**2).sum(axis=1).max() <= farthest)
 
 
 class ShiftGrid(NamedTuple):
@@ -96,7 +105,7 @@ def correlate(
         OutOfTime: the deadline passed before all rotations were tried.
     """
     spacing = max(query.spacing, submap.spacing)
-    cell = min(max(_SHARE * spacing, _CELL[0]), _CELL[1])
+    cell = min(max(CORRELATION.cell_share * spacing, CORRELATION.finest), CORRELATION.coarsest)
     return find_peaks(query.landmarks, submap.landmarks, cell, peaks, yaw, half, budget=budget)
 
 
@@ -112,11 +121,11 @@ def find_peaks(
 ) -> NDArray[np.float64]:
     """The peaks (P, 4) of `correlate`; `cell` metres."""
     pairs = len(query) * len(submap)
-    if budget.fits(_MOST, pairs):
+    if budget.fits(CORRELATION.most_turns, pairs):
         return find_peaks_at_once(query, submap, cell, peaks, yaw, half)
     best = np.zeros((peaks, 4))
     # A part of many landmarks shows where the rest belong, and keeps one rotation to some 10 ms.
-    grid = build_shift_grid(np.ascontiguousarray(query[:: 1 + (pairs - 1) // _PAIRS]), submap, cell)
+    grid = build_shift_grid(np.ascontiguousarray(query[:: 1 + (pairs - 1) // CORRELATION.most_pairs]), submap, cell)
     for turns in budget.portions(grid.steps, len(grid.query) * len(submap) + len(grid.fresh)):
         count_rotations(grid, yaw, half, turns.start, turns.stop, best)
     return best[best[:, 3] > 0.0]
@@ -142,12 +151,12 @@ def build_shift_grid(query: NDArray[np.float64], submap: NDArray[np.float64], ce
     n, m = len(query), len(submap)
     extent = math.sqrt((query**2).sum(axis=1).max()) + math.sqrt((submap**2).sum(axis=1).max())
     # Only shifts that leave a fair overlap have cells of their own; all others end in the rim, which is not looked at.
-    farthest = _BEYOND * extent
-    cell = max(cell, 2.0 * farthest / (_SIDE - 4))
+    farthest = CORRELATION.beyond * extent
+    cell = max(cell, 2.0 * farthest / (CORRELATION.most_cells - 4))
     side = int(2.0 * farthest / cell) + 4
     middle = 0.5 * side
     typical = math.sqrt(min((query**2).sum() / n, (submap**2).sum() / m))
-    steps = min(max(int(2.0 * math.pi * typical / (_TURN * cell)), 36), _MOST)
+    steps = min(max(int(2.0 * math.pi * typical / (CORRELATION.turn * cell)), 36), CORRELATION.most_turns)
 
     rate = expected_counts(query, submap, cell, steps, extent)
     fresh = thresholds(rate, side, farthest / cell)
@@ -167,7 +176,7 @@ def count_rotations(laid: ShiftGrid, yaw: float, half: float, first: int, last: 
     n, m, peaks, middle = len(query), len(target_x), len(best), 0.5 * side
     grid = np.empty_like(fresh)
     words, fresh_words = grid.view(np.uint64), fresh.view(np.uint64)
-    flagged = np.empty(_FLAGGED, np.int64)
+    flagged = np.empty(CORRELATION.most_flagged, np.int64)
     places, low, high, stride = np.empty(m, np.int32), np.int32(0), np.int32(side - 1), np.int32(side)
     for step in range(first, last):
         turn = 2.0 * math.pi * step / steps
@@ -188,7 +197,7 @@ def count_rotations(laid: ShiftGrid, yaw: float, half: float, first: int, last: 
                 at = places[j]
                 value = grid[at] + np.uint32(1)
                 grid[at] = value
-                if value == _LOOK and count < _FLAGGED:
+                if value == _LOOK and count < CORRELATION.most_flagged:
                     flagged[count] = at
                     count += 1
         for f in range(count):
@@ -223,7 +232,7 @@ def thresholds(rate: NDArray[np.float64], side: int, farthest: float) -> NDArray
     start = np.zeros(len(rate), np.uint32)
     for k in range(len(rate)):
         if 2.0 * k <= farthest:
-            needed = max(3, math.ceil(rate[k] + _SIGMAS * math.sqrt(rate[k])) + 1)
+            needed = max(3, math.ceil(rate[k] + CORRELATION.sigmas * math.sqrt(rate[k])) + 1)
             start[k] = _LOOK - needed
     fresh = np.zeros((side * side + 1) // 2 * 2, np.uint32)
     middle, last = 0.5 * side, side - 1
@@ -245,10 +254,10 @@ def expected_counts(
     bins = int(0.5 * extent / cell) + 2
     rate, scale = np.zeros(bins), 0.5 / cell
     # Half of many landmarks tell it as well as all of them.
-    step = 2 * _SAMPLED if len(query) >= 4 * _SAMPLED else _SAMPLED
-    weight = step / _SAMPLED
-    for k in range(_SAMPLED):
-        yaw = 2.0 * math.pi * (k + 0.5) / _SAMPLED
+    step = 2 * CORRELATION.sampled if len(query) >= 4 * CORRELATION.sampled else CORRELATION.sampled
+    weight = step / CORRELATION.sampled
+    for k in range(CORRELATION.sampled):
+        yaw = 2.0 * math.pi * (k + 0.5) / CORRELATION.sampled
         c, s = math.cos(yaw), math.sin(yaw)
         for i in range(k, len(query), step):
             x, y = c * query[i, 0] - s * query[i, 1], s * query[i, 0] + c * query[i, 1]

@@ -7,18 +7,26 @@ from typing import Final, NamedTuple
 from urquhart.index.collection_index import CollectionIndex
 from urquhart.propose.by_correlation import is_large, is_small, propose_by_correlation
 from urquhart.propose.by_polygons import propose_by_polygons
-from urquhart.propose.by_quads import LOOSE, TIGHT, propose_by_quads, search_quads
+from urquhart.propose.by_quads import QUADS, propose_by_quads, search_quads
 from urquhart.propose.correlation import covers_ends
 from urquhart.propose.hit_buffer import BUFFERS, HitBuffer
 from urquhart.propose.quad_consensus import QuadConsensus
 from urquhart.propose.query import Proposal, Query
 
-_RARE: Final = 0.5
-"""Share of a query's quads, the rarest, that settles most queries."""
-_FEW: Final = 4
-"""Submaps, at least, that are verified after a search for the rarest quads."""
-_LOOSE_RARE: Final = 0.7
-"""Share of a query's loosely measured quads, the rarest, that settles most of the queries that are left."""
+
+class LevelNumbers(NamedTuple):
+    """How far the first look of a level goes. Chosen by hand, not fitted; `make bench-levels` shows what each level
+    adds."""
+
+    rare: float = 0.5
+    """Share of a query's quads, the rarest, that settles most queries."""
+    few: int = 4
+    """Submaps, at least, that are verified after a search for the rarest quads."""
+    loose_rare: float = 0.7
+    """Share of a query's loosely measured quads, the rarest, that settles most of the queries that are left."""
+
+
+EFFORT: Final = LevelNumbers()
 
 
 @dataclass(slots=True, eq=False)
@@ -41,12 +49,12 @@ class Search:
 
     def propose_by_quads(self, share: float, count: int) -> list[Proposal]:
         """Go on with tight lengths until `share` of the query's quads have been looked for."""
-        self.quads = self.quads or search_quads(self.query, self.index, TIGHT, self.buffer)
+        self.quads = self.quads or search_quads(self.query, self.index, QUADS.tight, self.buffer)
         return propose_by_quads(self.query, self.index, self.quads, share, count)
 
     def propose_by_loose_quads(self, share: float) -> list[Proposal]:
         """Go on with loose lengths until `share` of the query's quads have been looked for."""
-        self.loose_quads = self.loose_quads or search_quads(self.query, self.index, LOOSE, self.buffer)
+        self.loose_quads = self.loose_quads or search_quads(self.query, self.index, QUADS.loose, self.buffer)
         return propose_by_quads(self.query, self.index, self.loose_quads, share, self.query.config.candidates)
 
     def propose_by_correlation(self) -> list[Proposal]:
@@ -74,7 +82,9 @@ LEVELS: Final = (
     # while quads still know their shape.
     Level("the only submap", lambda s, _: s.is_single and not is_large(s.index), lambda s: s.propose_by_correlation()),
     Level(
-        "rare quads", lambda s, lost: lost or not s.is_single, lambda s: s.propose_by_quads(_RARE, max(s.limit, _FEW))
+        "rare quads",
+        lambda s, lost: lost or not s.is_single,
+        lambda s: s.propose_by_quads(EFFORT.rare, max(s.limit, EFFORT.few)),
     ),
     Level("all quads", lambda s, _: s.quads is not None, lambda s: s.propose_by_quads(1.0, s.query.config.candidates)),
     Level("polygons", lambda s, _: s.quads is not None, lambda s: propose_by_polygons(s.query, s.index)),
@@ -82,7 +92,7 @@ LEVELS: Final = (
     Level(
         "rare loose quads",
         lambda s, lost: lost and not is_small(s.index),
-        lambda s: s.propose_by_loose_quads(_LOOSE_RARE),
+        lambda s: s.propose_by_loose_quads(EFFORT.loose_rare),
     ),
     Level("all loose quads", lambda s, _: s.loose_quads is not None, lambda s: s.propose_by_loose_quads(1.0)),
     Level(

@@ -11,7 +11,7 @@ the time and answers most queries.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,19 +20,28 @@ from urquhart.budget import Budget
 from urquhart.index.quad_search import QuadShard, WantedQuads, count_neighbourhoods, gather
 from urquhart.index.quad_table import TURNS, measure_quads
 from urquhart.propose.hit_buffer import HitBuffer
-from urquhart.propose.quad_votes import SLOT_VOTES, TURN_BINS, Hits, fit_poses, order_by_slots, rank_turns, tally, vote
+from urquhart.propose.quad_votes import AGREEMENT, SLOT_VOTES, Hits, fit_poses, order_by_slots, rank_turns, tally, vote
 
-_CHUNK: Final = 32
-"""Query quads that are searched in all tables before the number of hits is checked."""
-_SEEN: Final = 0.2
-"""Share of a query's quads that are found under the right pose, roughly; it only shifts what a hit is worth."""
-_AGREE: Final = 2e-4
-"""Chance that two hits of a submap agree on a pose (measured; the tolerances below)."""
-_COMPARED: Final = 50_000
-"""Hits that are compared with others before the budget is checked: 20 ms."""
-_COMMON: Final = 64
-"""A query quad with more than this part of the hits that are enough is passed over."""
-TURN: Final = 1.2 * 2.0 * math.pi / TURN_BINS
+
+class ConsensusNumbers(NamedTuple):
+    """What a hit of a quad is worth, and how much work a search does between two looks at its budget. Chosen by hand,
+    not fitted, unless a field says otherwise."""
+
+    chunk: int = 32
+    """Query quads that are searched in all tables before the number of hits is checked."""
+    seen: float = 0.2
+    """Share of a query's quads that are found under the right pose, roughly; it only shifts what a hit is worth."""
+    agree: float = 2e-4
+    """Chance that two hits of a submap agree on a pose within the tolerances of `AgreementNumbers`. Measured once in
+    the paper's forest; no command repeats it."""
+    compared: int = 50_000
+    """Hits that are compared with others before the budget is checked: 20 ms."""
+    common: int = 64
+    """A query quad with more than this part of the hits that are enough is passed over."""
+
+
+CONSENSUS: Final = ConsensusNumbers()
+TURN: Final = 1.2 * 2.0 * math.pi / AGREEMENT.turn_bins
 """Radians: how far the rotation of a submap may be from the peak of its votes."""
 
 
@@ -86,7 +95,7 @@ class QuadConsensus:
         self._living = max(sum(int(np.count_nonzero(shard.alive)) for shard in shards), 1)
         lengths, directions, self._centres = measure_quads(landmarks, quads)
         turns = (directions * TURNS + 0.5).astype(np.int64) % TURNS
-        self._wanted = WantedQuads(lengths, turns, tolerance, max(most // _COMMON, 1))
+        self._wanted = WantedQuads(lengths, turns, tolerance, max(most // CONSENSUS.common, 1))
         rarity = np.zeros(len(quads), np.int64)
         for shard in shards:
             count_neighbourhoods(shard.table.codes, shard.table.starts, lengths, rarity)
@@ -114,7 +123,7 @@ class QuadConsensus:
         target = share * len(self._order)
         before, began = self.hits, self._looked
         while not self.finished and self._looked < target and not self._budget.is_spent():
-            chunk = self._order[self._looked : self._looked + _CHUNK]
+            chunk = self._order[self._looked : self._looked + CONSENSUS.chunk]
             first = 0
             for shard in self._shards:
                 if self._budget.is_spent():
@@ -146,7 +155,7 @@ class QuadConsensus:
             self._listed_slots[: self._listed], count, self._slot_votes, self._buffer.hits, self._shares
         )
         order = np.lexsort((slots, -weights))
-        return slots[order].astype(np.int64), np.asarray(peaks[order] * (2.0 * np.pi / TURN_BINS), np.float64)
+        return slots[order].astype(np.int64), np.asarray(peaks[order] * (2.0 * np.pi / AGREEMENT.turn_bins), np.float64)
 
     def _gather(self, shard: QuadShard, first: int, chunk: NDArray[np.int64]) -> None:
         searched = shard.searched(first)
@@ -161,13 +170,13 @@ class QuadConsensus:
 
     def _vote(self, before: int, quads: NDArray[np.int64]) -> None:
         found, likely = tally(before, self.hits, self._buffer.hits, len(self._weights))
-        self._weights[quads] = np.log(_SEEN * self._living / (_AGREE * (found[quads] + 1.0)))
+        self._weights[quads] = np.log(CONSENSUS.seen * self._living / (CONSENSUS.agree * (found[quads] + 1.0)))
         self._shares[quads] = 1.0 / (likely[quads] + 0.1)
         order = order_by_slots(before, self.hits, self._buffer.hits, len(self._slot_votes))
-        for begin in range(0, len(order), _COMPARED):
+        for begin in range(0, len(order), CONSENSUS.compared):
             if self._budget.is_spent():
                 return
-            chunk = order[begin : begin + _COMPARED]
+            chunk = order[begin : begin + CONSENSUS.compared]
             self._listed = vote(chunk, self._hits(), self._slot_votes, self._listed_slots, self._listed)
 
     def _hits(self) -> Hits:

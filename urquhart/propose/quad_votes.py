@@ -9,24 +9,31 @@ from numpy.typing import NDArray
 from urquhart._kernel import kernel
 from urquhart.index.quad_table import TURNS
 
-_TURN: Final = 10
-"""256ths of a turn that the rotations of two hits may differ by."""
-_STRETCH: Final = 1.2
-"""Metres that the distance between two quads may differ by."""
-_BEND: Final = 0.22
-"""Share of that distance that the second may lie beside where the first has it."""
-_BLOCK: Final = 65536
-"""Slots whose slot_votes and hits find room in a processor's cache."""
-_AHEAD: Final = 64
-"""Hits that are fetched from memory together."""
-_WALK: Final = 48
-"""Earlier hits of a submap that one is compared with."""
-_LEVER: Final = 4.0
-"""Metres to either side of a quad's centre that its direction is taken to be good for."""
-_DEEP: Final = 1024
-"""Hits of a slot among which its poses are chosen."""
-TURN_BINS: Final = 30
-"""Bins of rotation; a vote is shared between the two nearest, so that no border splits a true peak."""
+
+class AgreementNumbers(NamedTuple):
+    """When two hits agree on a pose, and how many are compared. Chosen by hand, not fitted."""
+
+    turn: int = 10
+    """256ths of a turn that the rotations of two hits may differ by."""
+    stretch: float = 1.2
+    """Metres that the distance between two quads may differ by."""
+    bend: float = 0.22
+    """Share of that distance that the second quad may lie beside where the first one has it."""
+    block: int = 65_536
+    """Slots whose votes and hits fit into a processor's cache."""
+    ahead: int = 64
+    """Hits that are fetched from memory together."""
+    walk: int = 48
+    """Earlier hits of a submap that a hit is compared with."""
+    lever: float = 4.0
+    """Metres to either side of a quad's centre that its direction is taken to be good for."""
+    deep: int = 1_024
+    """Hits of a slot among which its poses are chosen."""
+    turn_bins: int = 30
+    """Bins of rotation; a vote is shared between the two nearest, so that no border splits a true peak."""
+
+
+AGREEMENT: Final = AgreementNumbers()
 
 SLOT_VOTES: Final = np.dtype([("latest", np.int32), ("best", np.int32), ("score", np.float64)])
 """Of a slot: its latest hit and the one that most agrees with, numbered from 1; what that and the others are worth."""
@@ -60,17 +67,17 @@ def tally(before: int, count: int, hits: NDArray[Any], quads: int) -> tuple[NDAr
 
 @kernel
 def order_by_slots(before: int, count: int, hits: NDArray[Any], slots: int) -> NDArray[np.int32]:
-    """The hits `before` to `count` in an order in which those of `_BLOCK` neighbouring slots follow each other.
+    """The hits `before` to `count`, sorted by blocks of `AGREEMENT.block` neighbouring slots; stable within a slot.
 
-    Those of one slot stay in theirs. Compared in this order, what a hit is compared with is still in the cache.
+    Compared in this order, a hit meets earlier ones that are still in the cache.
     """
-    begins = np.zeros((slots - 1) // _BLOCK + 2, np.int64)
+    begins = np.zeros((slots - 1) // AGREEMENT.block + 2, np.int64)
     for h in range(before, count):
-        begins[hits[h].slot // _BLOCK + 1] += 1
+        begins[hits[h].slot // AGREEMENT.block + 1] += 1
     begins[:] = np.cumsum(begins)
     order = np.empty(count - before, np.int32)
     for h in range(before, count):
-        block = hits[h].slot // _BLOCK
+        block = hits[h].slot // AGREEMENT.block
         order[begins[block]] = h
         begins[block] += 1
     return order
@@ -89,16 +96,16 @@ def vote(
     touched = 0
     for i in range(len(order)):
         h = order[i]
-        if i % _AHEAD == 0:
+        if i % AGREEMENT.ahead == 0:
             # Hits lie anywhere in memory: asked for together, they come together.
-            for k in range(i, min(i + _AHEAD, len(order))):
+            for k in range(i, min(i + AGREEMENT.ahead, len(order))):
                 touched += slot_votes[hits[order[k]].slot].latest
-            for k in range(i, min(i + _AHEAD, len(order))):
+            for k in range(i, min(i + AGREEMENT.ahead, len(order))):
                 touched += hits[max(slot_votes[hits[order[k]].slot].latest - 1, 0)].turn
         slot = hits[h].slot
         total = max(weights[hits[h].quad] + hits[h].fit, 0.0)
         other, walked = slot_votes[slot].latest - 1, 0
-        while other >= 0 and walked < _WALK:
+        while other >= 0 and walked < AGREEMENT.walk:
             if agree(h, other, hits, centres):
                 total += max(weights[hits[other].quad] + hits[other].fit, 0.0)
             other = hits[other].earlier - 1
@@ -124,18 +131,18 @@ def agree(
     q, r = hits[first].quad, hits[second].quad
     a, b = np.int64(hits[first].turn), np.int64(hits[second].turn)
     apart = ((b - a + TURNS // 2) & (TURNS - 1)) - TURNS // 2
-    if q == r or abs(apart) > _TURN:
+    if q == r or abs(apart) > AGREEMENT.turn:
         return False
     ux, uy = hits[second].x - hits[first].x, hits[second].y - hits[first].y
     vx, vy = centres[r, 0] - centres[q, 0], centres[r, 1] - centres[q, 1]
     here = math.sqrt(vx * vx + vy * vy)
-    slack = _STRETCH + hits[first].step
+    slack = AGREEMENT.stretch + hits[first].step
     if abs(math.sqrt(ux * ux + uy * uy) - here) > slack:
         return False
     yaw = (a + 0.5 * apart) * (2.0 * math.pi / TURNS)
     c, s = math.cos(yaw), math.sin(yaw)
     dx, dy = c * vx - s * vy - ux, s * vx + c * vy - uy
-    return bool(dx * dx + dy * dy <= (slack + _BEND * here) ** 2)
+    return bool(dx * dx + dy * dy <= (slack + AGREEMENT.bend * here) ** 2)
 
 
 @kernel
@@ -144,8 +151,8 @@ def fit_poses(
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Hits that agree on the best pose of each slot `chosen` (K,), and up to `count` distinct poses (K, count, 3).
 
-    A pose is fitted to a hit and to all earlier ones that agree with it, by least squares of two points a hit: `_LEVER`
-    from its centre along a direction, so that both where it is and how it is turned count.
+    A pose is fitted to a hit and to all earlier ones that agree with it, by least squares of two points a hit:
+    `AGREEMENT.lever` from its centre along a direction, so that both where it is and how it is turned count.
     """
     hits, totals, centres, weights = found
     votes, poses = np.zeros(len(chosen), np.int64), np.full((len(chosen), count, 3), np.nan)
@@ -156,7 +163,7 @@ def fit_poses(
         while picks < count and pick >= 0:
             total = px = py = ux = uy = dot = cross = 0.0
             other, walked, agreeing = pick, 0, 0
-            while other >= 0 and walked <= _WALK:
+            while other >= 0 and walked <= AGREEMENT.walk:
                 if other == pick or agree(pick, other, hits, centres):
                     w = max(weights[hits[other].quad] + hits[other].fit, 0.1)
                     yaw = hits[other].turn * (2.0 * math.pi / TURNS)
@@ -167,8 +174,8 @@ def fit_poses(
                     py += w * qy
                     ux += w * sx
                     uy += w * sy
-                    dot += w * (qx * sx + qy * sy + _LEVER * _LEVER * math.cos(yaw))
-                    cross += w * (qx * sy - qy * sx + _LEVER * _LEVER * math.sin(yaw))
+                    dot += w * (qx * sx + qy * sy + AGREEMENT.lever * AGREEMENT.lever * math.cos(yaw))
+                    cross += w * (qx * sy - qy * sx + AGREEMENT.lever * AGREEMENT.lever * math.sin(yaw))
                     agreeing += 1
                 other = hits[other].earlier - 1
                 walked += 1
@@ -181,7 +188,7 @@ def fit_poses(
             picked[picks] = pick
             picks += 1
             pick, other, walked = -1, slot_votes[chosen[i]].latest - 1, 0
-            while other >= 0 and walked < _DEEP:
+            while other >= 0 and walked < AGREEMENT.deep:
                 if pick < 0 or totals[other] > totals[pick]:
                     new = True
                     for p in range(picks):
@@ -206,21 +213,21 @@ def rank_turns(
     """The `count` heaviest peaks of rotation among slots `listed`: slots (K,), bins (K,) and weights (K,)."""
     out_slots, out_bins = np.empty(count, np.int32), np.empty(count, np.int64)
     weights = np.zeros(count)
-    table = np.empty(TURN_BINS)
+    table = np.empty(AGREEMENT.turn_bins)
     found = 0
     for i in range(len(listed)):
         table[:] = 0.0
         h = slot_votes[listed[i]].latest - 1
         while h >= 0:
-            place = hits[h].turn * (TURN_BINS / TURNS)
+            place = hits[h].turn * (AGREEMENT.turn_bins / TURNS)
             below = int(place)
             weight = math.exp(hits[h].fit) * shares[hits[h].quad]
             table[below] += weight * (below + 1 - place)
-            table[(below + 1) % TURN_BINS] += weight * (place - below)
+            table[(below + 1) % AGREEMENT.turn_bins] += weight * (place - below)
             h = hits[h].earlier - 1
-        for b in range(TURN_BINS):
+        for b in range(AGREEMENT.turn_bins):
             weight = table[b]
-            if weight <= 0.0 or weight < table[b - 1] or weight <= table[(b + 1) % TURN_BINS]:
+            if weight <= 0.0 or weight < table[b - 1] or weight <= table[(b + 1) % AGREEMENT.turn_bins]:
                 continue
             # A heap of the heaviest so far, the lightest of them at its top.
             if found < count:

@@ -17,7 +17,7 @@ from urquhart.verify.landmark_grid import LandmarkGrid, landmark_grid
 LevelName = Literal["polygons", "quads", "sweep", "paper", "given"]
 """Which search proposed a pose."""
 
-_READ: Final = 32
+READ_TOGETHER: Final = 32
 """Submaps that are read together: far cheaper than one by one, and 0.1 s at most for the largest."""
 
 
@@ -61,9 +61,9 @@ class Query:
     def read(self, keys: Iterable[int]) -> None:
         """Read submaps, a few at a time. Raises OutOfTime where the deadline passes meanwhile."""
         wanted = list(keys)
-        for begin in range(0, len(wanted), _READ):
+        for begin in range(0, len(wanted), READ_TOGETHER):
             self.budget.check()
-            self.submaps.read(wanted[begin : begin + _READ])
+            self.submaps.read(wanted[begin : begin + READ_TOGETHER])
 
 
 def make_query(

@@ -13,21 +13,28 @@ and because half of all prior belief stays with "these diameters are worthless",
 """
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from urquhart._kernel import kernel
 
-_ERROR: Final = 0.12
-"""Usual error of the logarithm of a diameter between two measurements of a tree: a tenth of it and some growth."""
-_MEASURED: Final = 8
-"""With fewer diameters than this their spread is not known, and none is used."""
-_FARTHEST: Final = 2.5
-"""Scores are cut off here: one stem that was mistyped must not outweigh a stand."""
-_LARGEST: Final = 0.9
-"""Correlation never believed to be higher, however wide the stand's spread."""
+
+class DiameterNumbers(NamedTuple):
+    """How far stem diameters are trusted. Chosen by hand, not fitted."""
+
+    error: float = 0.12
+    """Usual error of the logarithm of a diameter between two measurements of a tree: a tenth of it and some growth."""
+    fewest: int = 8
+    """With fewer diameters than this their spread is not known, and none is used."""
+    farthest: float = 2.5
+    """Scores are cut off here: one stem that was mistyped must not outweigh a stand."""
+    most_correlation: float = 0.9
+    """Correlation never believed to be higher, however wide the stand's spread."""
+
+
+DIAMETERS: Final = DiameterNumbers()
 
 
 @kernel
@@ -38,17 +45,17 @@ def standardize_diameters(diameters: NDArray[np.float32]) -> tuple[NDArray[np.fl
     """
     logs = np.log(diameters.astype(np.float64))
     known = logs[~np.isnan(logs)]
-    if len(known) < _MEASURED:
+    if len(known) < DIAMETERS.fewest:
         return np.empty(0), 0.0
     middle = np.median(known)
     # 1.4826 times the median deviation is the standard deviation of a normal variable.
     spread = 1.4826 * np.median(np.abs(known - middle))
-    if spread <= _ERROR:
+    if spread <= DIAMETERS.error:
         return np.empty(0), 0.0
     scores = np.empty(len(logs))
     for i in range(len(logs)):
         score = (logs[i] - middle) / spread
-        scores[i] = score if math.isnan(score) else min(max(score, -_FARTHEST), _FARTHEST)
+        scores[i] = score if math.isnan(score) else min(max(score, -DIAMETERS.farthest), DIAMETERS.farthest)
     return scores, spread
 
 
@@ -67,8 +74,8 @@ def score_diameter_pairs(
     """
     if len(query) == 0 or len(submap) == 0:
         return 0.0
-    shared = 1.0 - (_ERROR / min(query_spread, submap_spread)) ** 2
-    rho = min(max(shared, 0.0), _LARGEST)
+    shared = 1.0 - (DIAMETERS.error / min(query_spread, submap_spread)) ** 2
+    rho = min(max(shared, 0.0), DIAMETERS.most_correlation)
     left = 1.0 - rho * rho
     total = 0.0
     for k in range(len(first)):

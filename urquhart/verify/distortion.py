@@ -7,7 +7,7 @@ transform is fitted by these fields, one after the other; each must explain more
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,22 +15,32 @@ from scipy.special import fdtrc
 
 from urquhart.se2 import SE2
 
-FALSE_ALARMS: Final = 1e-3
-"""Share of undistorted matches in which each of the two tests errs."""
+
+class DistortionNumbers(NamedTuple):
+    """When a match shows a distortion, and how large that can be. Chosen by hand, not fitted, unless a field says
+    otherwise."""
+
+    false_alarms: float = 1e-3
+    """Share of undistorted matches in which each of the two tests errs, which `tests/urquhart/test_distortion.py`
+    counts."""
+    largest: float = 0.1
+    """Displacement that a distortion brings about as far from the middle as the trees are spread, as a share of that
+    distance: a tenth is a scale of 1.1, or a tilt by 25 degrees."""
+    fewest: int = 4
+    """Residuals that must be left over, for a test to say anything."""
+    height: float = 1.3
+    """Metres between a sensor and the height at which stems are measured (breast height, 1.3 m, by convention): seen
+    from a tilted sensor, all stems are off by its sine times this."""
+    neither: float = 13.8
+    """Squared standard deviations beyond which a stretch is neither a tilt nor a scale. Follows from `false_alarms`:
+    the chi-square quantile for two numbers is -2 log(0.001)."""
+    near: float = 2.0
+    """An origin among the trees, where the sensor may have been, is no more than this many times their spread away."""
+
+
+DISTORTION: Final = DistortionNumbers()
 _RIGID, _AFFINE, _BENT = 3, 6, 12
 """Numbers that a field has: rigid, stretched along two directions, and bent."""
-_LARGEST: Final = 0.1
-"""Displacement that a distortion brings about as far from the middle as the trees are spread, as a share of that
-distance: a tenth is a scale of 1.1, or a tilt by 25 degrees."""
-_FEWEST: Final = 4
-"""Residuals that must be left over, for a test to say anything."""
-_HEIGHT: Final = 1.3
-"""Metres between a sensor and the height at which stems are measured: seen from a tilted one, all of them are off by
-its sine times this."""
-_NEITHER: Final = 13.8
-"""Squared standard deviations beyond which a stretch is neither a tilt nor a scale (one of a thousand, two numbers)."""
-_NEAR: Final = 2.0
-"""An origin among the trees, where the sensor may have been, is no more than so many times their spread away."""
 
 WARNINGS: Final[Mapping[str, str]] = {
     "tilted": "one direction is longer than the other on one side: a sensor was tilted, or drifted along a line",
@@ -66,15 +76,15 @@ def find_distortion(source: Field, target: Field, target_T_source: SE2) -> Disto
         target_T_source: the transform at the optimum.
     """
     none = Distortion((), np.zeros((3, 3)))
-    if 2 * len(source) < _AFFINE + _FEWEST:
+    if 2 * len(source) < _AFFINE + DISTORTION.fewest:
         return none
     middle = source.mean(axis=0)
     turn = SE2(0.0, 0.0, target_T_source.yaw)
     trees, there = turn.apply(source - middle), target_T_source.apply(middle[None])[0]
     spread = max(float(np.sqrt((trees**2).mean())), 1e-9)
     left = (target - there - trees).T.ravel()
-    size = _BENT if 2 * len(source) >= _BENT + _FEWEST else _AFFINE
-    fit = _Fit(_fields(trees / spread)[:, :size], left, _LARGEST * spread)
+    size = _BENT if 2 * len(source) >= _BENT + DISTORTION.fewest else _AFFINE
+    fit = _Fit(_fields(trees / spread)[:, :size], left, DISTORTION.largest * spread)
     strained = fit.explains(_RIGID, _AFFINE)
     bent = size == _BENT and fit.explains(_AFFINE, _BENT)
     if not (strained or bent):
@@ -89,7 +99,7 @@ def find_distortion(source: Field, target: Field, target_T_source: SE2) -> Disto
         words.append("bent")
     # Nobody knows which side it is, nor where its sensor was: the origins are the best guess, where they are near.
     for origin in (turn.apply(-middle[None])[0], -there):
-        if np.hypot(*origin) <= _NEAR * np.sqrt(2.0) * spread:
+        if np.hypot(*origin) <= DISTORTION.near * np.sqrt(2.0) * spread:
             covariance += _off_at(origin / spread, spread, values, spreads)
     return Distortion(tuple(words), covariance)
 
@@ -109,9 +119,9 @@ class _Fit:
         rest = self._rest(larger)
         degrees = len(self._q) - larger
         gained = float((self._parts[size:larger] ** 2).sum()) / (larger - size)
-        if degrees < _FEWEST or rest <= 1e-18:
+        if degrees < DISTORTION.fewest or rest <= 1e-18:
             return False
-        return float(fdtrc(larger - size, degrees, gained / (rest / degrees))) < FALSE_ALARMS
+        return float(fdtrc(larger - size, degrees, gained / (rest / degrees))) < DISTORTION.false_alarms
 
     def solve(self, size: int) -> tuple[Field, Field]:
         """The coefficients (size,) of a field and their covariance (size, size).
@@ -151,7 +161,7 @@ def _name(values: Field, spreads: Field) -> tuple[list[str], float, float]:
     across = (both - sign * size) ** 2 / float(slope @ spreads[3:6, 3:6] @ slope)
     uneven = float(values[4:6] @ np.linalg.solve(spreads[4:6, 4:6], values[4:6]))
     words = ["tilted"] if across < uneven else ["scaled"]
-    if min(across, uneven) > _NEITHER:
+    if min(across, uneven) > DISTORTION.neither:
         words = ["tilted", "scaled"]
     return words, both + sign * size, angle if sign > 0.0 else angle + 0.5 * np.pi
 
@@ -159,7 +169,7 @@ def _name(values: Field, spreads: Field) -> tuple[list[str], float, float]:
 def _hidden_by_tilt(stretch: float, along: float) -> Field:
     """Covariance (3, 3) of how far a tilt moves all trees alike, which no field can show."""
     angle = np.sqrt(2.0 * min(abs(stretch), 0.5))
-    moved = _HEIGHT * np.sin(angle) * np.array([np.cos(along), np.sin(along), 0.0])
+    moved = DISTORTION.height * np.sin(angle) * np.array([np.cos(along), np.sin(along), 0.0])
     return np.outer(moved, moved)
 
 

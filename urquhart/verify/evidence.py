@@ -11,12 +11,12 @@ residual and d the density of landmarks about it, a landmark with a partner at d
     log( (1 - m) + m exp(-r^2 / 2 s^2) / (2 pi s^2 d) )
 
 and one without contributes log(1 - m). Stem diameters add theirs where both sides have them. Nobody knows m and s
-beforehand: the evidence is taken at the best of a few, within what sensors do (`NOISE`, `DETECTION`).
+beforehand: the evidence is taken at the best of a few, within what sensors do (`EVIDENCE.noise`, `EVIDENCE.detection`).
 """
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,11 +27,18 @@ from urquhart.verify.diameters import score_diameter_pairs
 from urquhart.verify.landmark_grid import LandmarkGrid, is_inside
 from urquhart.verify.pairing import pair_up
 
-NOISE: Final = (0.05, 0.1, 0.2, 0.35, 0.6, 0.9)
-"""Metres: trial values for the noise of one coordinate of a residual."""
-DETECTION: Final = (0.5, 0.65, 0.8, 0.9)
-"""Trial values for the chance that a tree seen once is seen again. A floor well above zero keeps a few chance partners
-among many landmarks without one from ever adding up."""
+
+class EvidenceNumbers(NamedTuple):
+    """Trial values of the noise model, within what sensors do. Chosen by hand, not fitted."""
+
+    noise: tuple[float, ...] = (0.05, 0.1, 0.2, 0.35, 0.6, 0.9)
+    """Metres: trial values for the noise of one coordinate of a residual."""
+    detection: tuple[float, ...] = (0.5, 0.65, 0.8, 0.9)
+    """Trial values for the chance that a tree seen once is seen again. A floor well above zero keeps a few chance
+    partners among many landmarks without one from ever adding up."""
+
+
+EVIDENCE: Final = EvidenceNumbers()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,12 +113,12 @@ def score_pose(
 
     peaks = np.empty(len(first))
     best, best_noise = -np.inf, 0.0
-    for noise in NOISE:
+    for noise in EVIDENCE.noise:
         for k in range(len(first)):
             # The denser side decides: chance finds partners where either side is crowded.
             density = max(query.density[first[k]], submap.density[second[k]])
             peaks[k] = math.exp(-squared[k] / (2.0 * noise * noise)) / (2.0 * math.pi * noise * noise * density)
-        for detection in DETECTION:
+        for detection in EVIDENCE.detection:
             total, product = alone * math.log(1.0 - detection), 1.0
             for k in range(len(first)):
                 product *= 1.0 - detection + detection * peaks[k]

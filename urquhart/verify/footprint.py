@@ -4,17 +4,24 @@ A robot's track bends, and a plot may have a lake in it. Where no landmark is ne
 missing partner there is no evidence against a pose.
 """
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from urquhart._kernel import kernel
 
-_NEAR: Final = 1.5
-"""Distances between trees: what is farther from every landmark is no part of the footprint."""
-_COARSE: Final = 0.5
-"""Distances between trees: side of a cell of the footprint."""
+
+class FootprintNumbers(NamedTuple):
+    """What counts as near a landmark. Chosen by hand, not fitted."""
+
+    near: float = 1.5
+    """Distances between trees: what is farther from every landmark is not part of the footprint."""
+    coarse: float = 0.5
+    """Distances between trees: side of a cell of the footprint."""
+
+
+FOOTPRINT: Final = FootprintNumbers()
 
 
 @kernel
@@ -25,9 +32,9 @@ def build_cover(landmarks: NDArray[np.float64], spacing: float) -> tuple[NDArray
     """
     low_x, low_y = landmarks[:, 0].min(), landmarks[:, 1].min()
     width, height = landmarks[:, 0].max() - low_x, landmarks[:, 1].max() - low_y
-    size = max(_COARSE * spacing, max(width, height) / 256.0)
+    size = max(FOOTPRINT.coarse * spacing, max(width, height) / 256.0)
     columns, rows = int(width / size) + 1, int(height / size) + 1
-    reach = _NEAR * spacing / size
+    reach = FOOTPRINT.near * spacing / size
     around = int(reach) + 1
     cover = np.zeros((columns, rows), np.uint8)
     for i in range(len(landmarks)):

@@ -12,10 +12,18 @@ from urquhart.verify.cells import CROWD, search_tree, sort_into_cells
 from urquhart.verify.diameters import standardize_diameters
 from urquhart.verify.footprint import build_cover, is_inside_hull
 
-LOOSE: Final = 2.0
-"""Where the trees stand far enough apart, a promising pose is tried once more with partners this much farther away."""
-_MANY_CORNERS: Final = 64
-"""Corners of a hull beyond which bisection is faster than asking at each side; hulls of forests have 10 to 30."""
+
+class GridNumbers(NamedTuple):
+    """Numbers of a `LandmarkGrid`. Chosen by hand, not fitted."""
+
+    loose: float = 2.0
+    """Where the trees stand far enough apart, a promising pose is tried once more with partners this many times as far
+    away: field surveys by compass and tape are that noisy."""
+    many_corners: int = 64
+    """Corners of a hull beyond which bisection is faster than asking at each side; hulls of forests have 10 to 30."""
+
+
+GRID: Final = GridNumbers()
 
 
 class LandmarkGrid(NamedTuple):
@@ -56,7 +64,7 @@ class LandmarkGrid(NamedTuple):
 def landmark_grid(features: Features, reach: float) -> LandmarkGrid:
     """Make `features` ready for verification with partners up to `reach` metres away."""
     hull, diameters = features.tessellation.hull, features.diameters
-    return build_landmark_grid(features.landmarks, features.density, hull, diameters, LOOSE * reach)
+    return build_landmark_grid(features.landmarks, features.density, hull, diameters, GRID.loose * reach)
 
 
 @kernel
@@ -94,7 +102,7 @@ def is_inside(grid: LandmarkGrid, x: float, y: float) -> bool:
     if a < 0 or b < 0 or a >= cover.shape[0] or b >= cover.shape[1] or cover[a, b] == 0:
         return False
     n = len(hull)
-    if n > _MANY_CORNERS:
+    if n > GRID.many_corners:
         return is_inside_hull(hull, x, y)
     # In a function of its own this loop makes the evidence of a pose take half as long again.
     for i in range(n):

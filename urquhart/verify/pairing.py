@@ -4,7 +4,7 @@ A landmark of the query is paired with the nearest one of the submap, unless ano
 """
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +13,15 @@ from urquhart._kernel import kernel
 from urquhart.se2 import fit
 from urquhart.verify.landmark_grid import LandmarkGrid, nearest
 
-_REFINEMENTS: Final = 4
-"""Rounds of pairing and fitting, at most."""
+
+class PairingNumbers(NamedTuple):
+    """How landmarks are paired. Chosen by hand, not fitted."""
+
+    rounds: int = 4
+    """Rounds of pairing and fitting, at most."""
+
+
+PAIRING: Final = PairingNumbers()
 
 
 @kernel
@@ -81,9 +88,9 @@ def refine(
     yaw: float,
     reach: float,
 ) -> tuple[float, float, float]:
-    """Least squares over the partners, paired again until they stay the same (`_REFINEMENTS` times at most)."""
+    """Least squares over the partners, paired again until they stay the same (`PAIRING.rounds` times at most)."""
     previous = -1
-    for _ in range(_REFINEMENTS):
+    for _ in range(PAIRING.rounds):
         first, second, _ = pair_up(query, submap, x, y, yaw, reach)
         if len(first) < 3:
             break

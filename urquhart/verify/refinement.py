@@ -8,7 +8,7 @@ Many poses are kept as an array (S, 6) float64 with a row for each:
     overlap     landmarks of the overlap, of the side that has more of them there
 """
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,12 +17,20 @@ from urquhart._kernel import kernel
 from urquhart.budget import UNBOUNDED, Budget
 from urquhart.se2 import SE2
 from urquhart.verify.evidence import PoseEvidence, evidence_of_row, score_pose
-from urquhart.verify.landmark_grid import LOOSE, LandmarkGrid
+from urquhart.verify.landmark_grid import GRID, LandmarkGrid
 from urquhart.verify.pairing import count_inliers, refine
 
-_SEMIFINALISTS: Final = 12
-_ROOM: Final = 0.3
-"""Share of the distance between trees: with partners much farther away, rows of trees fit under any shift."""
+
+class RefinementNumbers(NamedTuple):
+    """Which poses are refined, and how far away partners are sought. Chosen by hand, not fitted."""
+
+    semifinalists: int = 12
+    """Hypotheses that all landmarks are spent on, of those that a third of the landmarks likes best."""
+    room: float = 0.3
+    """Share of the distance between trees: with partners much farther away, rows of trees fit under any shift."""
+
+
+REFINEMENT: Final = RefinementNumbers()
 
 
 def verify(
@@ -30,8 +38,8 @@ def verify(
 ) -> PoseEvidence:
     """Refine `start` (`submap_T_query`, centred frames) on its own inliers and weigh it against all landmarks.
 
-    Partners are sought within `reach` first, then, if that speaks for the pose, within `LOOSE` times as far, where the
-    trees stand far enough apart; the better explanation stands. Surveys by compass and tape are that noisy.
+    Partners are sought within `reach` first. If that speaks for the pose and trees stand far enough apart, they are
+    sought again within `GRID.loose` times `reach`, and the better explanation stands.
     """
     return verify_best(query, submap, np.array([[start.x, start.y, start.yaw]]), reach, budget)
 
@@ -67,7 +75,7 @@ def refine_rough(
     if budget.fits(len(starts), cost):
         return refine_rough_at_once(query, submap, starts, reach, count)
     portions = budget.portions(len(starts), cost)
-    near = np.concatenate([refine_all(query, submap, starts[rows], LOOSE * reach) for rows in portions])
+    near = np.concatenate([refine_all(query, submap, starts[rows], GRID.loose * reach) for rows in portions])
     scores = count_inliers(query.landmarks, submap, near, reach)
     chosen = near[np.argsort(-scores, kind="stable")[:count]]
     scored = refine_and_score_all(query, submap, chosen, reach, 0.0, budget)
@@ -80,7 +88,7 @@ def refine_rough_at_once(
     query: LandmarkGrid, submap: LandmarkGrid, starts: NDArray[np.float64], reach: float, count: int
 ) -> NDArray[np.float64]:
     """What `refine_rough` gives, in one step: for ordinary sizes that is fastest."""
-    near = refine_all(query, submap, starts, LOOSE * reach)
+    near = refine_all(query, submap, starts, GRID.loose * reach)
     scores = count_inliers(query.landmarks, submap, near, reach)
     scored = refine_and_score(query, submap, near[np.argsort(-scores, kind="mergesort")[:count]], reach, 0.0)
     best: NDArray[np.float64] = scored[scored[:, 3].argmax()]
@@ -123,7 +131,7 @@ def refine_and_score(
     `least`: evidence that makes the second try, with partners farther away, worth its time.
     """
     scored = np.empty((len(starts), 6))
-    wide = min(LOOSE * reach, _ROOM * query.spacing, _ROOM * submap.spacing)
+    wide = min(GRID.loose * reach, REFINEMENT.room * query.spacing, REFINEMENT.room * submap.spacing)
     for k in range(len(starts)):
         x, y, yaw = refine(query.landmarks, submap, starts[k, 0], starts[k, 1], starts[k, 2], reach)
         evidence, _, _, _, _, seen, stored, _ = score_pose(query, submap, x, y, yaw, reach)
@@ -154,10 +162,10 @@ def best_hypotheses(
     Raises:
         OutOfTime: the deadline passed before all were counted.
     """
-    if len(hypotheses) > 2 * _SEMIFINALISTS:
+    if len(hypotheses) > 2 * REFINEMENT.semifinalists:
         third = np.ascontiguousarray(query.landmarks[::3])
         rough = count_all(third, submap, hypotheses, reach, budget)
-        hypotheses = hypotheses[np.argsort(-rough, kind="stable")[: max(_SEMIFINALISTS, count)]]
+        hypotheses = hypotheses[np.argsort(-rough, kind="stable")[: max(REFINEMENT.semifinalists, count)]]
     scores = count_all(query.landmarks, submap, hypotheses, reach, budget)
     return hypotheses[np.argsort(-scores, kind="stable")[:count]]
 

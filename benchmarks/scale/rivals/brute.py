@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from benchmarks.scale.rivals.rival import REACHED, Described, Ranking
 from urquhart import Features
 from urquhart.propose.correlation import correlate_all
-from urquhart.verify.landmark_grid import LOOSE, LandmarkGrid
+from urquhart.verify.landmark_grid import GRID, LandmarkGrid
 from urquhart.verify.pairing import refine
 
 _PEAKS = 8
@@ -42,4 +42,4 @@ class SweepRival:
         """The peaks, refined with partners farther away."""
         found: NDArray[np.float64] = ranking.evidence[at]
         landmarks = query.features.landmarks
-        return np.array([refine(landmarks, submap.grid, x, y, yaw, LOOSE * REACHED) for x, y, yaw, _ in found])
+        return np.array([refine(landmarks, submap.grid, x, y, yaw, GRID.loose * REACHED) for x, y, yaw, _ in found])
