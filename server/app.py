@@ -65,12 +65,15 @@ _ROUTERS = (
 )
 _TAGS = [
     {"name": "collections", "description": "Submaps that share a configuration."},
-    {"name": "submaps", "description": "Tree positions in one rigid frame, the unit that is stored and found."},
+    {"name": "submaps", "description": "Tree positions in one rigid frame: what is stored and found."},
     {"name": "queries", "description": "Where is this? A verdict, candidates, and the evidence for each."},
-    {"name": "jobs", "description": "Long work: imports, a new index. It outlives a restart."},
-    {"name": "snapshots", "description": "Copies of the whole database, made while it is in use."},
+    {
+        "name": "jobs",
+        "description": "Long work: imports, constraints, rebuilding an index. Jobs survive restarts of the service.",
+    },
+    {"name": "snapshots", "description": "Copies of the whole database, made while the service runs."},
     {"name": "system", "description": "Probes, metrics, limits."},
-    {"name": "pages", "description": "For people, and as JSON."},
+    {"name": "pages", "description": "Pages for people, also available as JSON."},
 ]
 _DESCRIPTION = """\
 Place recognition for forests: tree positions in, a verified pose out.

@@ -1,4 +1,4 @@
-"""Collections."""
+"""Routes of collections."""
 
 from fastapi import APIRouter, Request, Response
 
@@ -51,7 +51,7 @@ def list_collections(
     limit: PageLimit = None,
     cursor: PageCursor = None,
 ) -> Response:
-    """Those that the key sees, in the order in which they were made; `next` is not there on the last page."""
+    """Lists the collections that the key may see, in the order they were created. The last page has no `next`."""
     page = registry.page(service.database, service.settings.limits, caller, limit, cursor)
     headers = {} if page.next is None else {"Link": next_link("/v1/collections", request, page.next)}
     return json_response(page, headers=headers)
@@ -60,11 +60,11 @@ def list_collections(
 @router.put(
     _PATH,
     operation_id="putCollection",
-    summary="Make a collection",
+    summary="Create a collection",
     response_model=Collection,
     responses={
-        200: {"description": "It was there already, and agrees.", **_EXAMPLE},
-        201: {"description": "It was made.", "model": Collection, **_EXAMPLE},
+        200: {"description": "The collection exists and agrees with the body.", **_EXAMPLE},
+        201: {"description": "The collection was created.", "model": Collection, **_EXAMPLE},
         **problems(400, 409, 412, 413, 415, 422, 503, 507),
     },
 )
@@ -75,9 +75,10 @@ def put_collection(
     preconditions: PreconditionsDep,
     idempotency_key: IdempotencyKeyDep,
 ) -> Response:
-    """Make it, or find it there. What the body leaves out has no opinion, so `{}` only asks that it exists.
+    """Creates the collection, or confirms that it exists. Members that you leave out are not compared, so `{}` only
+    makes sure that it exists.
 
-    409 when it exists and differs in something that is given.
+    409 if it exists and differs in a member that you send.
     """
     if idempotency_key is None:  # mostly it is there, and then nothing is to be written
         return stored_response(_answered(registry.ensure(service.database, collection, body, preconditions)))
@@ -102,7 +103,7 @@ def put_collection(
     responses={200: _EXAMPLE, 304: {"description": "Not modified."}, **problems(404, 422, 503)},
 )
 def get_collection(collection: CollectionId, service: ServiceDep, if_none_match: IfNoneMatch = None) -> Response:
-    """Configuration, fingerprint, counts, extent and revision."""
+    """Returns configuration, fingerprint, counts, extent and revision."""
     found, etag = registry.read(service.database, collection)
     return not_modified(if_none_match, etag) or json_response(found, headers=etag_header(etag))
 
@@ -121,9 +122,10 @@ def patch_collection(
     preconditions: PreconditionsDep,
     idempotency_key: IdempotencyKeyDep,
 ) -> Response:
-    """Title, crs, origin and frames; null clears, what is left out stays. The configuration cannot be changed (409).
+    """Changes title, crs, origin and frames. null removes a member; members that you leave out stay. The configuration
+    cannot be changed (409).
 
-    422 when a crs or an origin puts a submap that is there outside the area where the CRS is used.
+    422 if a CRS or origin would put a stored submap outside the area of that CRS.
     """
     config = registry.checked(body)
     return stored_response(
@@ -147,7 +149,7 @@ def patch_collection(
 def delete_collection(
     collection: CollectionId, service: ServiceDep, preconditions: PreconditionsDep, idempotency_key: IdempotencyKeyDep
 ) -> Response:
-    """With everything in it."""
+    """Deletes the collection with everything in it."""
     response = run_once(
         service.database,
         idempotency_key,

@@ -28,8 +28,12 @@ async def get_service(request: Request) -> Service:
 
 
 async def get_preconditions(
-    if_match: Annotated[str | None, Header(description="Only if the entity tag is this one; * for any.")] = None,
-    if_none_match: Annotated[str | None, Header(description="Only if it is not this one; * for nothing there.")] = None,
+    if_match: Annotated[
+        str | None, Header(description="Proceed only if the entity tag is one of these; * for any.")
+    ] = None,
+    if_none_match: Annotated[
+        str | None, Header(description="Proceed only if the entity tag is none of these; * if nothing must exist.")
+    ] = None,
 ) -> Preconditions:
     """If-Match and If-None-Match."""
     return Preconditions(entity_tags(if_match), entity_tags(if_none_match))
@@ -38,7 +42,8 @@ async def get_preconditions(
 IdempotencyKeyHeader = Annotated[
     str | None,
     Header(
-        description="The same for every attempt to send this request: what was done is not done again.",
+        description="A name of your choice for this request. A repetition with the same name is not carried out "
+        "again: it gets the first answer.",
         min_length=1,
         max_length=255,
         pattern=r"^[\x21-\x7e]+$",
@@ -84,7 +89,7 @@ def in_time(service: Service, budget: Budget) -> Iterator[Budget]:
         yield budget.within(seconds - budget.elapsed)
     except DeadlinePassed:
         raise OutOfTime(
-            "query_seconds", seconds, "Ask for application/json, or try again when less is going on."
+            "query_seconds", seconds, "Ask for application/json, or try again when the service is less busy."
         ) from None
 
 
@@ -103,26 +108,33 @@ VisitorDep = Annotated[Principal, Depends(get_visitor)]
 PreconditionsDep = Annotated[Preconditions, Depends(get_preconditions)]
 
 
-Accept = Annotated[str | None, Header(description="Media types that the answer may have.")]
+Accept = Annotated[str | None, Header(description="Media types that you accept.")]
 
 
-IfNoneMatch = Annotated[str | None, Header(description="Entity tag of what the caller has; 304 when it is current.")]
+IfNoneMatch = Annotated[str | None, Header(description="Entity tag of the copy that you have; 304 if it is current.")]
 
 
 CollectionId = Annotated[
     ResourceId,
-    Path(description="1 to 128 letters, digits, '.', '_', '~', '-'.", examples=["plots"], alias="collection"),
+    Path(
+        description="Id of the collection: 1 to 128 letters, digits, '.', '_', '~', '-'.",
+        examples=["plots"],
+        alias="collection",
+    ),
 ]
 
 
 PageLimit = Annotated[
-    int | None, BeforeValidator(check_digits), Query(description="Rows of the page, at most 1000.", examples=[100])
+    int | None, BeforeValidator(check_digits), Query(description="Entries on the page, at most 1000.", examples=[100])
 ]
 
 
-PageCursor = Annotated[str | None, Query(description="`next` of the page before.")]
+PageCursor = Annotated[str | None, Query(description="`next` of the previous page.")]
 
 
 SubmapId = Annotated[
-    ResourceId, Path(description="1 to 128 letters, digits, '.', '_', '~', '-'.", examples=["p7"], alias="submap")
+    ResourceId,
+    Path(
+        description="Id of the submap: 1 to 128 letters, digits, '.', '_', '~', '-'.", examples=["p7"], alias="submap"
+    ),
 ]

@@ -1,4 +1,4 @@
-"""Uploads of many submaps, which become jobs."""
+"""Route that uploads many submaps, which a job then stores."""
 
 from typing import Annotated, Literal
 
@@ -35,7 +35,7 @@ _MEDIA_TYPES = frozenset({NDJSON, "application/ndjson", "application/jsonl"})
     openapi_extra={
         "requestBody": {
             "required": True,
-            "description": "A line for each submap: the body of a PUT, with its `id`; Content-Encoding: gzip is fine.",
+            "description": "One submap on each line: the body of a PUT plus its `id`. gzip is accepted.",
             "content": {NDJSON: {"schema": {"type": "string"}, "example": _INPUT}},
         }
     },
@@ -46,17 +46,18 @@ async def post_import(
     service: ServiceDep,
     caller: PrincipalDep,
     on_conflict: Annotated[
-        OnConflict, Query(description="Where an id is taken by other content: replace it, skip the line, or refuse it.")
+        OnConflict,
+        Query(description="If an id has other content: replace it, skip the line, or refuse the line (`fail`)."),
     ] = "replace",
     mode: Annotated[
-        Literal["continue", "all"], Query(description="Go on past lines that are refused, or store all or none.")
+        Literal["continue", "all"], Query(description="`continue` past refused lines, or store `all` lines or none.")
     ] = "continue",
     idempotency_key: IdempotencyKeyHeader = None,
 ) -> Response:
-    """As NDJSON, which goes to the disk as it comes in; then a job stores it, with a line of result for each line.
+    """Uploads submaps as NDJSON. A job then stores them, with one result for each line.
 
-    Nothing is taken on unless all of it arrives. An id that comes again in one upload is taken by the line before: with
-    `on_conflict=replace` the last line stands, with `skip` and `fail` the first. Blank lines count for `import_lines`.
+    An upload counts only when complete. If an id comes twice in one upload, the last line counts with
+    `on_conflict=replace`, the first with `skip` and `fail`. Blank lines count towards `import_lines`.
     """
     _check_media_type(request.headers.get("content-type"))
     inflater = _inflater(request.headers.get("content-encoding"))
@@ -83,15 +84,15 @@ async def post_import(
 
 
 def _check_length(declared: int | None, limit: int) -> None:
-    """Before a byte is read: nobody should send gigabytes to be told that it was for nothing."""
+    """Refuse an upload that is too large before a byte of it is read. Raises TooLarge."""
     if declared is not None and declared > limit:
-        raise TooLarge("import_bytes", limit, declared, "Send it in parts.")
+        raise TooLarge("import_bytes", limit, declared, "Split the upload into parts.")
 
 
 def _check_media_type(content_type: str | None) -> None:
     name = (content_type or "nothing").split(";")[0].strip().lower()
     if name not in _MEDIA_TYPES:
-        raise UnsupportedMediaType(f"Content-Type says {name[:100]}; send NDJSON with Content-Type: {NDJSON}.")
+        raise UnsupportedMediaType(f"Content-Type is {name[:100]}. Send NDJSON with Content-Type: {NDJSON}.")
 
 
 def _inflater(encoding: str | None) -> Inflater | None:
@@ -99,5 +100,5 @@ def _inflater(encoding: str | None) -> Inflater | None:
     if name in ("gzip", "x-gzip"):
         return Inflater()
     if name != "identity":
-        raise UnsupportedMediaType(f"Content-Encoding says {name[:50]!r}; send gzip, or the lines as they are.")
+        raise UnsupportedMediaType(f"Content-Encoding is {name[:50]!r}. Send gzip, or the lines without an encoding.")
     return None

@@ -1,4 +1,4 @@
-"""Long work: accepted, followed, dismissed, and its results."""
+"""Routes of jobs: start, follow and dismiss them, read their results."""
 
 from collections.abc import Iterator
 from typing import Annotated, Any
@@ -21,12 +21,12 @@ from server.schemas.jobs import JOB_EXAMPLE, JobAnswer, JobPage, JobState
 
 router = APIRouter(route_class=JsonRoute, tags=["jobs"])
 _JOB = {"content": {JSON: {"example": JOB_EXAMPLE}}}
-ACCEPTED = {"description": "Taken on; `Location` is the job.", "model": JobAnswer, **_JOB}
+ACCEPTED = {"description": "The job is accepted; `Location` is its path.", "model": JobAnswer, **_JOB}
 """How the answer of a route that takes a job on is described."""
 _LINE = '{"line": 1, "id": "p1", "outcome": "created", "revision": 4}\n'
 _LINES = {"content": {NDJSON: {"schema": {"type": "string"}, "example": _LINE}}}
 STALE = "X-Stale-Constraints"
-"""Header of results: how many constraints are of submaps that changed or went since."""
+"""Header of results: how many constraints concern submaps that were changed or deleted since."""
 _RESULTS: dict[str, Any] = {
     "headers": {STALE: {"description": "How many constraints are stale.", "schema": {"type": "integer"}}},
     "content": {
@@ -54,7 +54,9 @@ JobId = Annotated[str, Path(description="`id` of the job.", examples=[JOB_EXAMPL
 def post_reindex(
     collection: CollectionId, service: ServiceDep, caller: PrincipalDep, idempotency_key: IdempotencyKeyDep
 ) -> Response:
-    """From the landmarks; the old index serves until the new one takes its place. 409 while one is at work."""
+    """Rebuilds the index from the landmarks. Queries use the old index until the new one is complete. 409 if a rebuild
+    is already running.
+    """
     response = queue.accept(
         service.database,
         collection,
@@ -70,7 +72,7 @@ def post_reindex(
 @router.post(
     "/v1/collections/{collection}/constraints",
     operation_id="postConstraints",
-    summary="Find how submaps lie to each other",
+    summary="Find constraints between submaps",
     response_model=JobAnswer,
     status_code=202,
     responses={202: ACCEPTED, **problems(400, 404, 413, 415, 422, 503, 507)},
@@ -82,8 +84,8 @@ def post_constraints(
     caller: PrincipalDep,
     idempotency_key: IdempotencyKeyDep,
 ) -> Response:
-    """Each chosen submap is looked up in all others; what is accepted becomes a constraint `from_T_to` of a pose graph,
-    one for each pair. The job's results come as NDJSON, JSON, g2o or 4 x 4 matrices.
+    """Looks each chosen submap up in all others. Each accepted match becomes a constraint `from_T_to` of a pose graph,
+    one for each pair. The job's results are available as NDJSON, JSON, g2o and 4 x 4 matrices.
     """
     chosen_submaps(body)
     check_ids(service.database, collection, body)
@@ -115,7 +117,7 @@ def list_jobs(
     limit: PageLimit = None,
     cursor: PageCursor = None,
 ) -> Response:
-    """The newest first, of the collections that the key sees; `next` is not there on the last page."""
+    """Lists jobs of the collections that the key may see, newest first. The last page has no `next`."""
     page = queue.page(
         service.database,
         service.settings.limits,
@@ -141,11 +143,11 @@ async def get_job(
     caller: PrincipalDep,
     request: AdmissionDep,
     wait: Annotated[
-        float, Query(ge=0, le=60, description="Seconds to wait for its end before answering.", examples=[25])
+        float, Query(ge=0, le=60, description="Seconds to wait for the end of the job before answering.", examples=[25])
     ] = 0.0,
 ) -> Response:
-    """How far it is. `Retry-After` says when to ask again, as long as it is not finished. Where too many callers wait
-    already (`waits`, `key_waits` in GET /v1/limits), the answer comes at once.
+    """Returns the progress of a job. Until it is finished, `Retry-After` says when to ask again. If too many callers
+    wait already (`waits`, `key_waits` in GET /v1/limits), the answer comes at once.
     """
     found = await anyio.to_thread.run_sync(queue.read, service.database, caller, job)
     if wait and found.finished is None and not service.readiness.stopping:
@@ -163,11 +165,14 @@ async def get_job(
     summary="Dismiss or forget a job",
     response_class=Response,
     status_code=204,
-    responses={202: ACCEPTED | {"description": "It ends after what is in progress."}, **problems(404, 422, 503, 507)},
+    responses={
+        202: ACCEPTED | {"description": "The job will end after the work in progress."},
+        **problems(404, 422, 503, 507),
+    },
 )
 def delete_job(job: JobId, service: ServiceDep, caller: PrincipalDep, idempotency_key: IdempotencyKeyDep) -> Response:
-    """An unfinished job ends after the work in progress, and keeps what it did (202); a finished one is forgotten with
-    its results (204). A key may dismiss its own jobs whatever its scope; those of others need `write` or `admin`.
+    """Ends an unfinished job after the work in progress; what it has stored stays (202). Deletes a finished job with
+    its results (204). A key may dismiss its own jobs with any scope; those of others need `write` or `admin`.
     """
     response = queue.dismiss(service.database, service.jobs.folder, caller, job, idempotency_key)
     service.jobs.runner.wake()
@@ -177,7 +182,7 @@ def delete_job(job: JobId, service: ServiceDep, caller: PrincipalDep, idempotenc
 @router.get(
     "/v1/jobs/{job}/results",
     operation_id="getJobResults",
-    summary="What came of a job",
+    summary="Read the results of a job",
     response_class=Response,
     responses={200: _RESULTS, **problems(404, 409, 410, 422, 503)},
 )
@@ -187,27 +192,26 @@ def get_job_results(
     caller: PrincipalDep,
     wanted: Annotated[
         ConstraintFormat | None,
-        Query(alias="format", description="Format of constraints; ndjson by default."),
+        Query(alias="format", description="Format of constraints. Default: ndjson."),
     ] = None,
     frame_id: Annotated[
         str | None,
         Query(
-            description="With `format=g2o`: the map's frame that vertices begin in; by default that of most of "
-            "its submaps.",
+            description="With `format=g2o`: the map frame in which vertices start. Default: the frame of most submaps.",
             max_length=128,
         ),
     ] = None,
 ) -> Response:
-    """Of an import: for each line of input a line with its number, `outcome`, and `problem` where it was refused.
-    `created`, `replaced`, `unchanged` are as of a PUT. `skipped` is left out: for what is there, with on_conflict=skip;
-    or, with mode=all, because other lines were refused. Of very many refused lines later ones are shortened, and
-    those beyond `import_refusal_bytes` are counted: one line for each kind of problem, with `lines`, the first (`line`)
-    and the `last_line`.
+    """Imports: one line for each line of the upload, with its number, `outcome`, and the `problem` if it was refused.
+    `created`, `replaced` and `unchanged` mean the same as for PUT. `skipped` lines were not stored: the id is taken
+    (on_conflict=skip), or another line was refused (mode=all). If very many lines are refused, later ones are
+    shortened, and those beyond `import_refusal_bytes` are only counted: one line for each kind of problem, with the
+    number of `lines`, the first (`line`) and the `last_line`.
 
-    Of constraints: a line for each, `from`, `to` and the transform from_T_to; or all of them in another `format`. Those
-    whose submaps changed or went since say `stale`. g2o and matrices leave these out, and the header
-    `X-Stale-Constraints` counts them. In `g2o_middle` each vertex lies among the trees of its submap instead of at the
-    origin of its frame, at the coordinates that are written behind its name: for coordinates far from the origin.
+    Constraints: one line for each, with `from`, `to` and the transform from_T_to; or all in another `format`.
+    Constraints of submaps that were changed or deleted since are `stale`; g2o and matrices leave them out, and the
+    header `X-Stale-Constraints` counts them. `g2o_middle` is for coordinates far from the origin: each vertex lies
+    among the trees of its submap, at the coordinates that follow its name in the comments.
     """
     left = queue.results(service.database, service.jobs.folder, caller, job)
     if wanted is None and left.kind != "constraints":
@@ -221,12 +225,12 @@ def get_job_results(
 @router.get(
     "/v1/jobs/{job}/errors",
     operation_id="getJobErrors",
-    summary="What a job refused",
+    summary="Read the refused lines of a job",
     response_class=Response,
     responses={200: _LINES, **problems(404, 409, 410, 422, 503)},
 )
 def get_job_errors(job: JobId, service: ServiceDep, caller: PrincipalDep) -> Response:
-    """The lines of the results that tell of something refused."""
+    """Returns only the results of refused lines."""
     found = queue.results(service.database, service.jobs.folder, caller, job)
     return StreamingResponse(_refused(found), media_type=NDJSON)
 
@@ -241,7 +245,7 @@ def _pieces(found: queue.Results) -> Iterator[bytes]:
 
 
 def _refused(found: queue.Results) -> Iterator[bytes]:
-    """In large pieces: each one that is handed over costs more than many lines."""
+    """Lines of refused results in large pieces, because sending a piece costs more than many lines."""
     left, piece = found.size, bytearray()
     with found.file as file:
         while left > 0 and (line := file.readline()):

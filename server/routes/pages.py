@@ -1,4 +1,4 @@
-"""Pages for people, each also JSON: the landing page and the explanations of problems."""
+"""Routes of pages for people, also available as JSON: the landing page and the explanations of problems."""
 
 from typing import Annotated
 
@@ -37,7 +37,7 @@ ASSETS = "/docs/assets"
     response_class=Response,
 )
 def landing_page(request: Request, service: ServiceDep, visitor: VisitorDep, accept: Accept = None) -> Response:
-    """What the caller sees here, and the first calls to make; HTML or JSON by Accept."""
+    """Lists the collections that the caller may see, and the first calls to make; HTML or JSON, by `Accept`."""
     media_type = choose(accept, [JSON, HTML])
     page = registry.page(service.database, service.settings.limits, visitor, None, None)
     docs = service.settings.docs_url or "/docs"
@@ -49,7 +49,7 @@ def landing_page(request: Request, service: ServiceDep, visitor: VisitorDep, acc
 
 @router.get("/docs", include_in_schema=False)
 def api_docs() -> Response:
-    """Every route, with examples that can be sent from the page."""
+    """The interactive documentation: every route, with examples that can be sent from the page."""
     page = get_swagger_ui_html(
         openapi_url="/openapi.json",
         title="Urquhart API",
@@ -65,7 +65,7 @@ def api_docs() -> Response:
 @router.get(
     "/problems/{slug}",
     operation_id="getProblem",
-    summary="What a problem type means",
+    summary="Explain a type of problem",
     responses={
         200: {
             "content": {
@@ -83,7 +83,7 @@ def api_docs() -> Response:
 def problem_page(
     slug: Annotated[str, Path(description="Last part of the problem's type.", examples=["gone"])], accept: Accept = None
 ) -> Response:
-    """The `type` of every problem leads here."""
+    """Explains a type of problem. The `type` of every problem document is a link to this route."""
     kind = PROBLEM_TYPES.get(slug)
     if kind is None:
         raise NotFound("kind of problem", slug[:100])

@@ -1,4 +1,4 @@
-"""Queries: where is this?"""
+"""Routes of queries: where was this observation made?"""
 
 from typing import Annotated
 
@@ -28,13 +28,13 @@ _MATCH = {
 
 _SVG = {"schema": {"type": "string"}, "example": "<svg xmlns='http://www.w3.org/2000/svg'></svg>"}
 
-QueryId = Annotated[str, Path(description="`id` of the answer.", examples=["17"], alias="query", max_length=128)]
+QueryId = Annotated[str, Path(description="`id` of the stored answer.", examples=["17"], alias="query", max_length=128)]
 
 
 @router.post(
     _ALL,
     operation_id="query",
-    summary="Ask where an observation was made",
+    summary="Find where an observation was made",
     response_model=QueryAnswer,
     responses={200: _EXAMPLE, **problems(400, 404, 413, 415, 422, 503, 507)},
 )
@@ -46,10 +46,11 @@ def query(
     idempotency_key: IdempotencyKeyDep,
     budget: BudgetDep,
 ) -> Response:
-    """Act on `verdict`: `matched`, `ambiguous` or `no_match`, with a `reason`. Too few trees in view is an answer, too.
+    """Decide by `verdict` (`matched`, `ambiguous` or `no_match`), not by the pose. Too few trees give `no_match`, not
+    an error; `reason` says why.
 
-    Every submap that was acknowledged before the question is searched. To `store` the answer is a write: sent again
-    with the same `Idempotency-Key`, it is answered as the first time. Others change nothing, and are answered again.
+    The search covers every submap stored before the request. A query with `store` is a write: repeated with the same
+    `Idempotency-Key`, it returns the first answer. Other queries change nothing and are searched again.
     """
     headers = {}
     if body.store:
@@ -68,7 +69,7 @@ def query(
 @router.post(
     f"{_ALL}/batch",
     operation_id="queryBatch",
-    summary="Ask several questions at once",
+    summary="Send several queries at once",
     response_model=BatchAnswer,
     responses={
         200: {"content": {JSON: {"example": {"results": [examples.QUERY_ANSWER]}}}},
@@ -83,9 +84,11 @@ def query_batch(
     budget: BudgetDep,
     idempotency_key: IdempotencyKeyDep,
 ) -> Response:
-    """Each is answered as if it had come alone, in their order; one that is wrong has a `problem` in its place.
+    """Each query is answered as if it were sent alone. `results` keeps the order; an invalid query has a `problem` in
+    its place.
 
-    Sent again with the same `Idempotency-Key`, those with `store` are answered as the first time, the others again.
+    If you repeat the batch with the same `Idempotency-Key`, queries with `store` return their first answer, and the
+    others are searched again.
     """
     return json_response(answer_batch(service.queries, caller, collection, body, budget, idempotency_key))
 
@@ -98,14 +101,14 @@ def query_batch(
     responses={200: _EXAMPLE, **problems(404, 410, 422, 503)},
 )
 def get_query(collection: CollectionId, query: QueryId, service: ServiceDep) -> Response:
-    """Of a query that was asked with `store`. 410 when it is no longer kept."""
+    """Returns the answer to a query that was sent with `store`. 410 if it is no longer kept."""
     return json_response(stored.stored_answer(service.database, collection, query))
 
 
 @router.get(
     f"{_PATH}/candidates/{{rank}}/match",
     operation_id="getMatch",
-    summary="See a match",
+    summary="Draw a match",
     response_model=MatchAnswer,
     responses={
         200: {
@@ -125,10 +128,11 @@ def get_match(
     budget: BudgetDep,
     accept: Accept = None,
 ) -> Response:
-    """A candidate of a stored query drawn as SVG: both forests overlaid, inlier pairs joined; or the same as JSON.
+    """Draws a candidate of a stored query as SVG: both sets of trees overlaid, with lines between inliers. Or the same
+    as JSON.
 
-    Of either side the drawing shows 5,000 landmarks, those of the overlap first, and says so where there are more. 503
-    where it takes longer than `query_seconds`. 410 when the submap's landmarks are no longer those that were matched.
+    The drawing shows at most 5,000 landmarks of each side, those in the overlap first, and says if there are more. 503
+    if drawing takes longer than `query_seconds`. 410 if the submap's landmarks have changed since.
     """
     media_type = choose(accept, [SVG, JSON])
     with in_time(service, budget) as own:
@@ -141,7 +145,7 @@ def get_match(
 @router.get(
     f"{_PATH}/explanation",
     operation_id="getExplanation",
-    summary="See why the answer is what it is",
+    summary="Explain an answer",
     response_model=ExplanationAnswer,
     responses={
         200: {"content": {JSON: {"example": examples.EXPLANATION}, SVG: _SVG}},
@@ -151,9 +155,10 @@ def get_match(
 def get_explanation(
     collection: CollectionId, query: QueryId, service: ServiceDep, budget: BudgetDep, accept: Accept = None
 ) -> Response:
-    """What each stage took, and what each level found in each submap, against the gates; drawn as SVG, or as JSON.
+    """Shows the time of each stage, and what each level found in each submap compared with the gates. As SVG or JSON.
 
-    The drawing lays the query over the best candidate, and over its strongest rival. 410 when it is no longer kept.
+    The drawing overlays the query on the best candidate and on its strongest rival. 410 if the answer is no longer
+    kept.
     """
     media_type = choose(accept, [SVG, JSON])
     with in_time(service, budget) as own:

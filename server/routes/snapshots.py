@@ -1,4 +1,4 @@
-"""Snapshots of the whole database: for keys that see all collections."""
+"""Routes of snapshots of the whole database, for keys that may see all collections."""
 
 from typing import Annotated
 
@@ -33,14 +33,16 @@ SnapshotName = Annotated[
 
 
 class _Download(FileResponse):
-    """A file, or the range of it that was asked for; a range that cannot be is a problem like any other."""
+    """A file, or a range of it; an invalid range is answered with a problem document."""
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         async def checked(message: Message) -> None:
             if message["type"] == "http.response.start" and message["status"] in {400, 416}:
                 headers = {name.decode(): value.decode() for name, value in message["headers"]}
                 response = {name: value for name, value in headers.items() if name == "content-range"}
-                raise HTTPException(message["status"], "The header Range asks for what is not there.", response)
+                raise HTTPException(
+                    message["status"], "The header Range asks for bytes that the file does not have.", response
+                )
             await send(message)
 
         await super().__call__(scope, receive, checked)
@@ -49,20 +51,21 @@ class _Download(FileResponse):
 @router.post(
     _PATH,
     operation_id="postSnapshot",
-    summary="Make a snapshot",
+    summary="Create a snapshot",
     response_model=Snapshot,
     status_code=201,
     responses={
-        201: {"description": "It is made, proven and on the disk; `Location` is where it is read.", **_EXAMPLE},
+        201: {"description": "The snapshot is checked and on the disk; `Location` is its path.", **_EXAMPLE},
         **problems(400, 409, 413, 415, 422, 503, 507),
     },
 )
 def post_snapshot(
     body: SnapshotInput, service: ServiceDep, caller: PrincipalDep, idempotency_key: IdempotencyKeyDep
 ) -> Response:
-    """A copy of the whole database, API keys' hashes included, while everybody goes on reading and writing.
+    """Copies the whole database, including the hashes of API keys. Reads and writes continue meanwhile.
 
-    What was acknowledged before is in it. The oldest ones beyond `snapshots.keep` are removed. 409 while one is made.
+    The copy contains every write acknowledged before the request. The oldest snapshots beyond `snapshots.keep` are
+    removed. 409 while another snapshot is being made.
     """
     caller.require_all()
     keep = service.settings.snapshots.keep
@@ -88,7 +91,7 @@ def list_snapshots(
     limit: PageLimit = None,
     cursor: PageCursor = None,
 ) -> Response:
-    """Oldest first; `next` is not there on the last page."""
+    """Lists snapshots, oldest first. The last page has no `next`."""
     caller.require_all()
     page = snapshots.page(service.snapshots, service.settings.limits, limit, cursor)
     headers = {} if page.next is None else {"Link": next_link(links.snapshots(), request, page.next)}
@@ -108,7 +111,7 @@ def list_snapshots(
             }
         },
         206: {
-            "description": "The range that was asked for.",
+            "description": "The requested range of the file.",
             "content": {SQLITE: {"schema": {"type": "string", "format": "binary"}, "example": "format 3"}},
         },
         304: {"description": "Not modified."},
@@ -122,9 +125,10 @@ def get_snapshot(
     accept: Accept = None,
     if_none_match: IfNoneMatch = None,
 ) -> Response:
-    """What it is; with Accept: application/vnd.sqlite3 the file, whose entity tag is its SHA-256. Ranges are answered.
+    """Describes a snapshot. With `Accept: application/vnd.sqlite3` it returns the file, whose entity tag is its
+    SHA-256; `Range` resumes a download.
 
-    `urquhart snapshot restore` on the host puts it back.
+    To restore it, run `urquhart snapshot restore` on the host.
     """
     caller.require_all()
     found = service.snapshots.get(snapshot)
@@ -152,6 +156,6 @@ def get_snapshot(
 def delete_snapshot(
     snapshot: SnapshotName, service: ServiceDep, caller: PrincipalDep, idempotency_key: IdempotencyKeyDep
 ) -> Response:
-    """For good."""
+    """Deletes a snapshot permanently."""
     caller.require_all()
     return stored_response(snapshots.remove_once(service.database, service.snapshots, snapshot, idempotency_key))

@@ -1,4 +1,4 @@
-"""Submaps stored, changed and deleted; looked up before, where that is asked for."""
+"""Routes that store, change and delete submaps, and on request search for their place first."""
 
 from typing import Annotated, Any
 
@@ -30,7 +30,10 @@ router = APIRouter(route_class=JsonRoute, tags=["submaps"])
 _ALL = "/v1/collections/{collection}/submaps"
 _RECEIPT: dict[str, Any] = {"content": {JSON: {"example": examples.RECEIPT}}}
 WithQuery = Annotated[
-    bool, Query(description="Ask first where else it was seen, by what is stored before; as `query: {}` in the body.")
+    bool,
+    Query(
+        description="Also search for this place among the submaps stored before; the same as `query: {}` in the body."
+    ),
 ]
 
 
@@ -41,10 +44,10 @@ WithQuery = Annotated[
     response_model=SubmapReceipt,
     responses={
         200: {
-            "description": "It was there: unchanged, or replaced. Or it was asked about, and not stored.",
+            "description": "The submap existed: `unchanged` or `replaced`. Or it was looked up and `not_stored`.",
             **_RECEIPT,
         },
-        201: {"description": "It is new.", "model": SubmapReceipt, **_RECEIPT},
+        201: {"description": "The submap is new.", "model": SubmapReceipt, **_RECEIPT},
         **problems(400, 404, 409, 412, 413, 415, 422, 503, 507),
     },
 )
@@ -59,10 +62,10 @@ def put_submap(
     idempotency_key: IdempotencyKeyDep,
     query: WithQuery = False,
 ) -> Response:
-    """Replaces the whole submap: what is left out is cleared, and `cleared` in the answer names it; PATCH changes the
-    landmarks and keeps the rest. The next query finds the submap. The same content again changes nothing.
+    """Creates the submap or replaces it as a whole: members that you leave out are removed, and `cleared` names them.
+    Use PATCH to keep them. Sending the same content again changes nothing. The next query finds the submap.
 
-    With `query`, the answer tells of every other submap at this place that was stored before this one.
+    With `query`, the service first searches for this place among all other submaps stored before.
     """
     question = _question(service, caller, collection, submap, body, budget) if query or body.query is not None else None
     terms = ingest.WriteTerms(preconditions, idempotency_key, question)
@@ -76,8 +79,8 @@ def put_submap(
     response_model=SubmapReceipt,
     status_code=201,
     responses={
-        200: {"description": "It was asked about, and not stored: `reason` says why.", **_RECEIPT},
-        201: {"description": "It is new; `Location` says where.", **_RECEIPT},
+        200: {"description": "The submap was looked up and `not_stored`; `reason` says why.", **_RECEIPT},
+        201: {"description": "The submap is stored; `Location` is its path.", **_RECEIPT},
         **problems(400, 404, 409, 413, 415, 422, 503, 507),
     },
 )
@@ -90,8 +93,8 @@ def post_submap(
     budget: BudgetDep,
     query: WithQuery = False,
 ) -> Response:
-    """Under an id that the service makes, later ones after earlier ones. Sent again with the same `Idempotency-Key`,
-    it is not stored again, and is answered as the first time.
+    """Stores a submap under an id that the service generates; later ids sort after earlier ones. If you repeat the
+    request with the same `Idempotency-Key`, nothing is stored again and you get the first answer.
     """
     question = _question(service, caller, collection, None, body, budget) if query or body.query is not None else None
     terms = ingest.WriteTerms(idempotency_key=idempotency_key, question=question, is_named=False)
@@ -128,10 +131,10 @@ def patch_submap(
     preconditions: PreconditionsDep,
     idempotency_key: IdempotencyKeyDep,
 ) -> Response:
-    """What is given replaces what was there, null clears it, what is left out stays. Landmarks, given as `xy` or as
-    `landmarks`, are replaced as a whole and indexed again; nothing else is.
+    """Replaces the members that you send; null removes a member; members that you leave out stay. `xy` or `landmarks`
+    replace all landmarks, and only then is the submap indexed again.
 
-    The answer has the landmarks, so the key needs the scope `read`, too.
+    The answer contains the landmarks, so the key also needs the scope `read`.
     """
     caller.require(Scope.READ)
     limits = service.settings.limits
@@ -157,7 +160,7 @@ def delete_submap(
     preconditions: PreconditionsDep,
     idempotency_key: IdempotencyKeyDep,
 ) -> Response:
-    """The next query does not find it."""
+    """Deletes a submap. The next query no longer finds it."""
     return stored_response(
         ingest.delete(service.database, collection, submap, preconditions, idempotency_key=idempotency_key)
     )

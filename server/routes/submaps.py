@@ -1,4 +1,4 @@
-"""Submaps of a collection, read: listings, one submap, its tessellation, sessions."""
+"""Routes that read submaps: pages of them, one submap, its tessellation, sessions."""
 
 from typing import Annotated, Any
 
@@ -71,26 +71,31 @@ def list_submaps(
     bbox: Annotated[
         str | None,
         Query(
-            description="Box min x,min y,max x,max y, metres, map frame: submaps whose footprint reaches into it.",
+            description="Only submaps whose footprint overlaps this box: min x,min y,max x,max y, metres, map frame.",
             examples=["0,0,100,100"],
         ),
     ] = None,
-    frame_id: Annotated[str | None, Query(description="Map frame that map_pose is in.", examples=["map"])] = None,
+    frame_id: Annotated[
+        str | None, Query(description="Only submaps whose `map_pose` is in this map frame.", examples=["map"])
+    ] = None,
     datetime: Annotated[
         str | None,
         Query(
-            description="An instant or an interval start/end of the stamp, '..' for an open end.",
+            description="Only submaps with a stamp in this interval start/end; '..' for an open end. Or an instant.",
             examples=["2026-05-01T00:00:00Z/.."],
         ),
     ] = None,
-    session: Annotated[str | None, Query(description="The session.", examples=["2026-05-04-robot-2"])] = None,
+    session: Annotated[
+        str | None, Query(description="Only submaps of this session.", examples=["2026-05-04-robot-2"])
+    ] = None,
     limit: PageLimit = None,
     cursor: PageCursor = None,
     accept: Accept = None,
 ) -> Response:
-    """In the order in which they came, without landmarks; `next` is not there on the last page.
+    """Lists submaps in the order they were stored, without landmarks. The last page has no `next`.
 
-    As GeoJSON (Accept: application/geo+json) with footprints in longitude and latitude, when the collection has a crs.
+    With `Accept: application/geo+json`, returns footprints in longitude and latitude for submaps whose map frame has a
+    CRS.
     """
     media_type = choose(accept, [JSON, GEOJSON])
     chosen = reader.submap_filter(session=session, bbox=bbox, frame_id=frame_id, datetime_range=datetime)
@@ -118,7 +123,7 @@ def list_submaps(
 def get_submap(
     collection: CollectionId, submap: SubmapId, service: ServiceDep, if_none_match: IfNoneMatch = None
 ) -> Response:
-    """With its landmarks."""
+    """Returns a submap with its landmarks."""
     found = reader.read(service.database, collection, submap)
     return not_modified(if_none_match, found.etag) or json_response(found, headers=etag_header(found.etag))
 
@@ -126,7 +131,7 @@ def get_submap(
 @router.get(
     f"{_PATH}/tessellation",
     operation_id="getTessellation",
-    summary="See a submap as the method does",
+    summary="Show the tessellation of a submap",
     response_model=TessellationAnswer,
     responses={
         200: {"content": {JSON: {"example": examples.TESSELLATION}, GEOJSON: _GEOJSON, SVG: _SVG}},
@@ -142,10 +147,10 @@ def get_tessellation(
     accept: Accept = None,
     if_none_match: IfNoneMatch = None,
 ) -> Response:
-    """Triangles, Urquhart polygons and their descriptors; as JSON, as GeoJSON, or drawn as SVG.
+    """Returns triangles, Urquhart polygons and their descriptors, as JSON or GeoJSON, or draws them as SVG.
 
-    The drawing shows 5,000 landmarks, those nearest to the middle, and says so where there are more. 503 where it takes
-    longer than `query_seconds`.
+    The drawing shows the 5,000 landmarks nearest to the middle, and says if there are more. 503 if drawing takes longer
+    than `query_seconds`.
     """
     media_type = choose(accept, [JSON, GEOJSON, SVG])
     with in_time(service, budget) as own:
@@ -179,7 +184,9 @@ def list_sessions(
     limit: PageLimit = None,
     cursor: PageCursor = None,
 ) -> Response:
-    """By name, with how many submaps each has and when they were seen. Submaps without a session are left out."""
+    """Lists sessions by name, each with its number of submaps and its first and last stamp. Submaps without a session
+    are left out.
+    """
     page = reader.sessions(service.database, service.settings.limits, collection, limit, cursor)
     headers = {} if page.next is None else {"Link": next_link(links.sessions(collection), request, page.next)}
     return json_response(page, headers=headers)

@@ -1,4 +1,4 @@
-"""Probes, metrics and limits."""
+"""Routes of probes, metrics and limits."""
 
 from fastapi import APIRouter, Response
 
@@ -22,7 +22,7 @@ router = APIRouter(route_class=GuardedRoute, tags=["system"])
     responses={200: {"content": {"application/json": {"example": {"status": "ok"}}}}, **problems()},
 )
 async def livez() -> Response:
-    """Answers as long as the process can."""
+    """Answers 200 as long as the process can answer."""
     return json_response(Liveness(status="ok"))
 
 
@@ -37,10 +37,12 @@ async def livez() -> Response:
     },
 )
 async def readyz(service: ServiceDep) -> Response:
-    """503 while migrations, kernels or the index are open, the database file is not the one that was opened, or the
-    service is about to end, naming which. Requests are answered all the same, unless they need the database.
+    """Answers 503 while migrations, kernels or the index are not ready, while the database file is not the one that was
+    opened, and when the service is about to stop; `check` says which. Requests that do not need the database are still
+    answered.
 
-    `load` tells how busy the process is. Saturation alone does not make it 503: every caller still gets its share.
+    `load` shows how busy the process is. Saturation alone does not cause 503, because every caller still gets its
+    share.
     """
     service.readiness.require()
     gate = service.gate
@@ -67,7 +69,7 @@ async def readyz(service: ServiceDep) -> Response:
     },
 )
 def metrics(service: ServiceDep, caller: PrincipalDep) -> Response:
-    """Of all processes of this service. They name collections, so a key must see them all."""
+    """Returns the metrics of all processes of this service. They name collections, so the key must see them all."""
     caller.require_all()
     told = database_gauges.exposition(service.database, service.metrics, service.exchange)
     return Response(told, headers={"Content-Type": Metrics.content_type})
@@ -76,11 +78,11 @@ def metrics(service: ServiceDep, caller: PrincipalDep) -> Response:
 @router.get(
     "/v1/limits",
     operation_id="getLimits",
-    summary="What requests are held to",
+    summary="List the limits",
     response_model=LimitsAnswer,
     responses={200: {"content": {"application/json": {"example": LIMITS_EXAMPLE}}}, **problems()},
 )
 def limits(service: ServiceDep) -> Response:
-    """Sizes, times, rates, retention and versions; a refusal names the limit as it is named here."""
+    """Returns limits on sizes, times and rates, retention periods, versions. Problems use these names in `limit`."""
     answer = published_limits.limits(service.settings)
     return Response(answer.model_dump_json(by_alias=True), media_type="application/json")
