@@ -105,7 +105,7 @@ class Recognizer(Collection):
 def _search(
     query: Query, index: CollectionIndex, limit: int, method: Method, rng: np.random.Generator | None
 ) -> Recognition:
-    """Propose and rank, level by level, until one leaves nothing to doubt or the time is over; then decide."""
+    """Propose and rank, level by level, until one settles it or the time is over; then decide."""
     ranking = NOTHING
     if method == "paper":
         levels = iter([propose_by_paper(query, index, rng or np.random.default_rng(0))])

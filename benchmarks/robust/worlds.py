@@ -12,7 +12,7 @@ from urquhart import SE2, Candidate, Config, Gates, LandmarkError, Recognition, 
 
 Points = NDArray[np.float64]
 
-LEVELS: Final = ("none", "polygons", "quads", "sweep")
+LEVELS: Final = ("none", "polygons", "quads", "exhaustive")
 VERDICTS: Final = ("no_match", "ambiguous", "matched")
 MATCHED: Final = 2
 _ASKED: Final = 3

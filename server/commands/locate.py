@@ -151,7 +151,7 @@ def _print(console: Console, answer: QueryAnswer) -> None:
     table = Table(box=None)
     table.add_column("rank", justify="right")
     table.add_column("submap", no_wrap=True)  # whole, however narrow it is: it is what was asked for
-    for name in ("inliers", "ratio", "rms m", "overlap", "votes", "level", "log odds", "confidence"):
+    for name in ("inliers", "ratio", "rms m", "overlap", "support", "level", "log odds", "confidence"):
         table.add_column(name, justify="right")
     table.add_column("refused")
     for one in answer.candidates:
@@ -161,8 +161,8 @@ def _print(console: Console, answer: QueryAnswer) -> None:
             str(one.inlier_count),
             f"{one.inlier_ratio:.2f}",
             f"{one.rms:.3f}",
-            f"{one.overlap:.2f}",
-            str(one.votes),
+            f"{one.overlap_ratio:.2f}",
+            str(one.support),
             one.level,
             f"{one.log_odds:.1f}",
             f"{one.confidence:.3f}",

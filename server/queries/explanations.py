@@ -41,7 +41,7 @@ class QueryExplanation:
             collection=answer.collection,
             verdict=answer.verdict,
             reason=answer.reason,
-            margin=answer.margin,
+            lead=answer.lead,
             gates=answer.gates,
             search=answer.search,
             stages=answer.stages,
@@ -61,10 +61,10 @@ class QueryExplanation:
         subtitles = [f"{answer.landmarks} landmarks; {answer.collection} at revision {answer.revision}; {total:.1f} ms"]
         if answer.search is not None:
             subtitles.append(f"{answer.search.sentence.capitalize()}.")
-        if answer.margin is not None:
+        if answer.lead is not None:
             gates = answer.gates
             subtitles.append(
-                f"It leads the best other pose by {answer.margin:.1f}; asked are {gates.lead:.1f} and "
+                f"It leads the best other pose by {answer.lead:.1f}; asked are {gates.lead:.1f} and "
                 f"{gates.lead_each:g} more for each tree of the overlap, and {gates.lead_share:.0%} of the other's "
                 "evidence."
             )
@@ -74,9 +74,9 @@ class QueryExplanation:
                 ExplainedFinding(
                     one.level,
                     one.submap_id,
-                    one.votes,
+                    one.support,
                     one.inliers,
-                    one.overlap,
+                    one.overlap_count,
                     one.evidence,
                     one.log_odds,
                     one.refused,

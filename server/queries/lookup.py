@@ -279,7 +279,7 @@ def _answer(
         method=body.method,
         revision=view.revision,
         landmarks=len(asked.xy),
-        margin=found.margin,
+        lead=found.lead,
         warnings=list(warnings),
         gates=gates_answer(view.recognizer.config),
         candidates=candidates,

@@ -1,8 +1,8 @@
 """Answers as earlier versions stored them: members are missing that this version writes, or are there that it does not.
 
-What is missing gets the value that says that there is none: the default of the member, null, or an empty list. What
-has no such value is left out, so that the rest can still be read. Whatever members an answer gets in time, nothing has
-to be added here.
+A member that had another name (`Formerly`) gets the new one. What is missing gets the value that says that there is
+none: the default of the member, null, or an empty list. What has no such value is left out, so that the rest can still
+be read. Whatever members an answer gets in time, nothing has to be added here.
 """
 
 import types
@@ -13,6 +13,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
 from server.errors import Gone
+from server.schemas.common import Formerly
 
 Model = TypeVar("Model", bound=BaseModel)
 _ABSENT = object()
@@ -23,10 +24,15 @@ def completed(model: type[BaseModel], members: Mapping[str, Any], *, known_only:
 
     `known_only`: without those that the model does not have.
     """
-    done = {} if known_only else dict(members)
+    known = dict(members)
     for name, field in model.model_fields.items():
-        if name in members:
-            done[name] = _completed(field.annotation, members[name], known_only)
+        for earlier in field.metadata:
+            if isinstance(earlier, Formerly):
+                _renew(known, name, earlier)
+    done = {} if known_only else dict(known)
+    for name, field in model.model_fields.items():
+        if name in known:
+            done[name] = _completed(field.annotation, known[name], known_only)
         elif (value := _absent(field)) is not _ABSENT:
             done[name] = value
     return done
@@ -45,6 +51,14 @@ def gone(what: str) -> Gone:
     return Gone(
         f"{what} was stored by another version of the service, which did not keep what is needed here; ask again."
     )
+
+
+def _renew(members: dict[str, Any], name: str, earlier: Formerly) -> None:
+    """Give a member that an earlier version wrote its present name and its present word."""
+    if name not in members and earlier.name in members:
+        members[name] = members.pop(earlier.name)
+    if isinstance(word := members.get(name), str):
+        members[name] = earlier.words.get(word, word)
 
 
 def _completed(annotation: Any, value: Any, known_only: bool) -> Any:

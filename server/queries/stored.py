@@ -45,6 +45,8 @@ class AnswerKey:
 
 
 NO_KEY: Final = AnswerKey()
+_FORMERLY: Final = {"overlap": "overlap_ratio", "votes": "support"}
+"""Attributes of a candidate that had another name in versions before 0.2.0."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -263,6 +265,7 @@ def _unpack(packed: dict[str, Any]) -> Candidate | None:
     """A candidate as it was stored; None where the version that stored it left out what this one needs."""
     names = {field.name for field in fields(Candidate)}
     required = {field.name for field in fields(Candidate) if field.default is field.default_factory is MISSING}
+    packed = {_FORMERLY.get(name, name): value for name, value in packed.items()}
     known = {name: value for name, value in packed.items() if name in names}
     if "covariance" in packed:  # before uncertainties had a point of their own, they were about the query's origin
         known.setdefault("uncertainty", [[0.0, 0.0], packed["covariance"]])

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from pydantic import Field, PlainSerializer
 
-from server.schemas.common import Answer, write_stamp
+from server.schemas.common import Answer, Formerly, write_stamp
 from server.schemas.poses import CandidateTransform, MapPoseAnswer, Transform
 from urquhart.propose.query import LevelName
 from urquhart.report.explanation import SKIPS, STOPS
@@ -40,11 +40,13 @@ class Inlier(Answer):
     residual: float = Field(description="Distance of the two landmarks under the candidate's transform, in metres.")
 
 
-_VOTES = (
-    "How much proposed this pose, in the unit of its `level`: quads or polygons that agree on it, or for a sweep the "
-    "shifts and rotations that stood out. Not comparable between levels."
+_SUPPORT = (
+    "How much proposed this pose, in the unit of its `level`: quads or polygons that agree on it, or, for "
+    "`exhaustive`, shifts and rotations that stood out. Not comparable between levels."
 )
-_LEVEL = "What proposed the pose: `quads` or `polygons` that match, or a `sweep` of all rotations and shifts."
+_LEVEL = "What proposed the pose: `quads` or `polygons` that match, or an `exhaustive` trial of rotations and shifts."
+_Support = Annotated[int, Formerly("votes")]
+_Level = Annotated[LevelName, Formerly(words={"sweep": "exhaustive"})]
 
 
 class CandidateLinks(Answer):
@@ -77,12 +79,11 @@ class CandidateAnswer(Answer):
         description="Inliers as a share of the landmarks inside the overlap, of the side that has fewer there."
     )
     rms: float = Field(description="Root mean square of the inliers' residuals, in metres.")
-    overlap: float = Field(
-        description="Share of the query's landmarks, 0 to 1, that lie inside the overlap of both footprints. In a "
-        "finding, `overlap` is a number of landmarks instead."
+    overlap_ratio: Annotated[float, Formerly("overlap")] = Field(
+        description="Share of the query's landmarks, 0 to 1, that lie inside the overlap of both footprints."
     )
-    votes: int = Field(description=_VOTES)
-    level: LevelName = Field(description=_LEVEL)
+    support: _Support = Field(description=_SUPPORT)
+    level: _Level = Field(description=_LEVEL)
     evidence: float = Field(
         description="Natural logarithm of a likelihood ratio over all landmarks: same place against chance."
     )
@@ -118,13 +119,12 @@ class RivalAnswer(Answer):
 class FindingAnswer(Answer):
     """What one level found in one submap, before rivals were looked for."""
 
-    level: LevelName = Field(description=_LEVEL)
+    level: _Level = Field(description=_LEVEL)
     submap_id: str = Field(description="Id of the submap.")
-    votes: int = Field(description=_VOTES)
+    support: _Support = Field(description=_SUPPORT)
     inliers: int = Field(description="How many pairs of landmarks agree under this pose.")
-    overlap: int = Field(
-        description="How many landmarks lie inside the overlap of both footprints, of the side that has more there. In "
-        "a candidate, `overlap` is a share from 0 to 1 instead."
+    overlap_count: Annotated[int, Formerly("overlap")] = Field(
+        description="How many landmarks lie inside the overlap of both footprints, of the side that has more there."
     )
     evidence: float = Field(
         description="Natural logarithm of a likelihood ratio over all landmarks: same place against chance."
@@ -148,7 +148,7 @@ class Gates(Answer):
     log_odds: float = Field(description="Least log-odds with which a pose without rivals reaches that confidence.")
     lead: float = Field(description="Least lead in evidence over the best rival: the fixed part of the sum.")
     lead_each: float = Field(
-        description="Lead asked for besides, for each landmark of the overlap. The configuration calls it `margin`."
+        description="Lead asked for besides, for each landmark of the overlap: `margin` in the collection's `config`."
     )
     lead_share: float = Field(description="Lead asked for besides, as a share of the rival's evidence.")
 

@@ -3,6 +3,8 @@
 import math
 import re
 import unicodedata
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from itertools import chain
 from typing import Annotated, Any, Final
@@ -18,6 +20,15 @@ from pydantic import (
     ValidatorFunctionWrapHandler,
     WrapValidator,
 )
+
+
+@dataclass(frozen=True, slots=True)
+class Formerly:
+    """What versions before 0.2.0 called a member of a stored answer, and the words in it that have changed since."""
+
+    name: str | None = None
+    words: Mapping[str, str] = field(default_factory=dict)
+
 
 _RFC3339 = re.compile(r"\d{4}-\d{2}-\d{2}[Tt ]\d{2}:\d{2}:\d{2}(\.\d+)?([Zz]|[+-]\d{2}:\d{2})")
 _DEPTH = 32

@@ -11,6 +11,7 @@ from server.schemas.common import (
     STAMPED,
     Answer,
     Body,
+    Formerly,
     Label,
     Metres,
     Point,
@@ -146,13 +147,9 @@ class QueryLinks(Answer):
     )
 
 
-_MARGIN = (
-    "The lead: evidence of the best pose minus that of the best distinct pose; null where nothing was strong enough to "
-    "compare. The parameter `margin` of a collection's configuration is something else: the lead asked for each "
-    "landmark of the overlap."
+_LEAD = (
+    "Evidence of the best pose minus that of the best distinct pose; null where nothing was strong enough to compare."
 )
-
-
 _SEARCH = "Why the search ended, and what its limits left out; null in answers that an older version stored."
 
 
@@ -168,7 +165,7 @@ class QueryAnswer(Answer):
     method: Method = Field(description="The method that was asked for.")
     revision: int = Field(description="Revision of the collection that was searched.")
     landmarks: int = Field(description="How many landmarks the query has.")
-    margin: float | None = Field(description=_MARGIN)
+    lead: Annotated[float | None, Formerly("margin")] = Field(description=_LEAD)
     warnings: list[str] = Field(
         default_factory=list,
         description="What is wrong with the query as a whole, as stable words. Looked for with `explain`. "
@@ -220,7 +217,7 @@ class ExplanationAnswer(Answer):
     collection: str = Field(description="Id of the collection.")
     verdict: Verdict = Field(description="What to act on: `matched`, `ambiguous` or `no_match`.")
     reason: str = Field(description=_REASON)
-    margin: float | None = Field(description=_MARGIN)
+    lead: float | None = Field(description=_LEAD)
     gates: Gates = Field(description="What was asked of a match.")
     search: SearchAnswer | None = Field(None, description=_SEARCH)
     stages: list[StageAnswer] = Field(description="What each stage of the search did, in order.")

@@ -228,7 +228,7 @@ def row(number: int, verdict: str, *, right: bool, milliseconds: float = 2.0, **
 def test_answers_are_counted_by_what_they_are_worth() -> None:
     rows = [
         row(0, "matched", right=True, describe=1.0),
-        row(1, "matched", right=False, describe=3.0, sweep=40.0),
+        row(1, "matched", right=False, describe=3.0, exhaustive=40.0),
         row(2, "ambiguous", right=True, describe=2.0),
         row(3, "no_match", right=False, milliseconds=9.0, describe=2.0),
     ]
@@ -236,8 +236,8 @@ def test_answers_are_counted_by_what_they_are_worth() -> None:
     assert (inside["recall"], inside["matched_right"], inside["wrong"], inside["false"]) == (0.5, 1, 1, 0)
     assert (inside["ambiguous"], inside["no_match"]) == (1, 1)
     assert inside["mistaken"] == [[1, 3, 0.9995]]
-    assert inside["stages"] == {"describe": 2.0, "sweep": 40.0}
-    assert inside["reached"] == {"describe": 1.0, "sweep": 0.25}
+    assert inside["stages"] == {"describe": 2.0, "exhaustive": 40.0}
+    assert inside["reached"] == {"describe": 1.0, "exhaustive": 0.25}
     outside = summarize([one | {"right": False} for one in rows], inside=False)
     assert (outside["recall"], outside["wrong"], outside["false"]) == (None, 0, 2)
 

@@ -49,7 +49,7 @@ def test_rivals_are_named_the_strongest_first(client: httpx.Client) -> None:
     assert answer["reason"] == "runner_up_too_close"
     assert rivals
     assert [rival["evidence"] for rival in rivals] == sorted((r["evidence"] for r in rivals), reverse=True)
-    assert answer["margin"] == pytest.approx(best["evidence"] - rivals[0]["evidence"])
+    assert answer["lead"] == pytest.approx(best["evidence"] - rivals[0]["evidence"])
     for rival in rivals:
         assert rival["submap_id"] == "rows"
         assert set(rival["transform"]) == {"x", "y", "yaw"}
@@ -93,7 +93,7 @@ def test_findings_say_what_each_level_found(client: httpx.Client) -> None:
     best = next(found for found in answer["findings"] if found["submap_id"] == "p2")
     assert best["refused"] is None
     assert best["log_odds"] > answer["gates"]["log_odds"]
-    assert 0 < best["inliers"] <= best["overlap"] <= 60
+    assert 0 < best["inliers"] <= best["overlap_count"] <= 60
     foreign = ask(client, xy=points(forest(9)), explain=True)
     assert foreign["verdict"] == "no_match"
     assert {found["refused"] for found in foreign["findings"]} <= {"verification_failed", "below_gate"}
@@ -129,7 +129,7 @@ def test_an_explanation_as_data(client: httpx.Client) -> None:
         "Accept, Accept-Encoding",
     )
     told = response.json()
-    shared = ("collection", "verdict", "reason", "margin", "gates", "stages", "findings", "findings_total", "rivals")
+    shared = ("collection", "verdict", "reason", "lead", "gates", "stages", "findings", "findings_total", "rivals")
     assert {name: told[name] for name in shared} == {name: answer[name] for name in shared}
     assert told["query"] == "1"
     assert told["links"] == {"self": url, "query": f"{QUERIES}/1"}

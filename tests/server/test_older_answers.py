@@ -92,7 +92,7 @@ def test_each_member_may_be_missing_or_have_another_name(
 
 ADDED_LATER: list[Path] = [
     ("rivals",), ("findings",), ("findings_total",), ("gates",), ("gates", "lead"), ("sentences",), ("stages",),
-    ("margin",), ("frame_id",), ("stamp",), ("links",), ("links", "explanation"), ("id",), ("collection",),
+    ("lead",), ("frame_id",), ("stamp",), ("links",), ("links", "explanation"), ("id",), ("collection",),
     ("candidates", 0, "session"), ("candidates", 0, "stamp"), ("candidates", 0, "frame_id"), ("candidates", 0, "links"),
     ("candidates", 0, "map_pose"), ("candidates", 0, "inliers_omitted"), ("candidates", 0, "refused"),
     ("candidates", 0, "transform", "covariance_frame"), ("candidates", 0, "transform", "middle"),
@@ -112,7 +112,7 @@ def test_all_that_has_a_value_for_nothing_may_be_missing_at_once(stored: dict[st
     bare = {"verdict": "no_match", "reason": "no_votes", "method": "robust", "revision": 1, "landmarks": 9}
     done = completed(QueryAnswer, bare)
     assert done["candidates"] == done["rivals"] == done["stages"] == []
-    assert done["margin"] is done["findings"] is done["stamp"] is None
+    assert done["lead"] is done["findings"] is done["stamp"] is None
     whole = completed(QueryAnswer, stored | {"new": 1})
     assert whole == stored | {"new": 1}
     assert completed(QueryAnswer, stored | {"new": 1}, known_only=True) == stored
@@ -144,6 +144,27 @@ def test_an_answer_that_is_given_again_may_be_of_another_version(
         response = client.post(QUERIES, json=body, headers={"Idempotency-Key": "k"})
         assert response.status_code == status, response.text
     assert client.post(QUERIES, json={"xy": points(forest(1))}).status_code == 200
+
+
+def test_members_and_words_that_have_other_names_now(
+    client: httpx.Client, service: Service, stored: dict[str, Any]
+) -> None:
+    answer, new = copy.deepcopy(stored), read(client)
+    answer["margin"] = answer.pop("lead")
+    for one in (*answer["candidates"], *answer["findings"]):
+        one["votes"] = one.pop("support")
+        one["overlap"] = one.pop("overlap_ratio" if "rank" in one else "overlap_count")
+    with service.database.read() as session:
+        packed = orjson.loads(session.connection().exec_driver_sql("SELECT candidates FROM queries").scalar_one())
+    for one in packed:
+        one |= {"votes": one.pop("support"), "overlap": one.pop("overlap_ratio")}
+    write(service, answer, packed)
+    for old, now in zip(read(client), new, strict=True):
+        assert old.json() == now.json() if "json" in now.headers["content-type"] else old.text == now.text
+    answer["candidates"][0]["level"] = answer["findings"][0]["level"] = "sweep"
+    write(service, answer)
+    assert [one.status_code for one in read(client)] == [200] * 5
+    assert read(client)[0].json()["candidates"][0]["level"] == "exhaustive"
 
 
 def test_words_that_only_another_version_has(client: httpx.Client, service: Service, stored: dict[str, Any]) -> None:

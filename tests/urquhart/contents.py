@@ -65,8 +65,8 @@ def outline(found: Recognition) -> tuple[object, ...]:
     return (
         found.verdict,
         found.reason,
-        found.margin,
-        [(c.key, c.level, c.votes, c.evidence, c.query_indices.tobytes()) for c in found.candidates],
+        found.lead,
+        [(c.key, c.level, c.support, c.evidence, c.query_indices.tobytes()) for c in found.candidates],
         [(stage.name, stage.counts) for stage in found.stages],
     )
 

@@ -112,7 +112,7 @@ def test_a_quad_that_is_everywhere_is_passed_over() -> None:
         found.advance()
         assert found.finished
         best = found.leaders(31, 1)
-        assert set(best.slots[best.votes > 8].tolist()) == slots
+        assert set(best.slots[best.support > 8].tolist()) == slots
 
 
 @pytest.mark.parametrize("most", [1_000, 3_000, 5_000])
@@ -166,7 +166,7 @@ def test_the_submap_seen_again_leads_with_the_right_pose(seed: int) -> None:
         assert best.slots[0] == seed
         assert best.scores[0] > 1.5 * best.scores[1]
         assert (np.diff(best.scores) <= 0.0).all()
-        assert best.votes[0] > 3
+        assert best.support[0] > 3
         shift, off = SE2(*best.poses[0, 0].tolist()).distance(truth(turn, query))
         assert shift < 2.0
         assert off < 0.1
@@ -182,7 +182,7 @@ def test_hits_of_one_quad_do_not_vote_for_each_other() -> None:
     found.advance()
     assert found.hits == 5
     best = found.leaders(1, 1)
-    assert best.votes.tolist() == [1]
+    assert best.support.tolist() == [1]
     assert np.abs(best.poses[0, 0]).max() < 0.5
 
 
@@ -228,9 +228,9 @@ def test_poses_of_a_slot_are_distinct_and_what_is_missing_comes_last() -> None:
 
 def by_key(best: QuadLeaders, keys: NDArray[np.int64]) -> dict[int, tuple[float, int, bytes]]:
     return {
-        int(keys[slot]): (score, votes, poses.tobytes())
-        for slot, score, votes, poses in zip(
-            best.slots.tolist(), best.scores.tolist(), best.votes.tolist(), best.poses, strict=True
+        int(keys[slot]): (score, support, poses.tobytes())
+        for slot, score, support, poses in zip(
+            best.slots.tolist(), best.scores.tolist(), best.support.tolist(), best.poses, strict=True
         )
     }
 
@@ -275,7 +275,7 @@ def test_where_nothing_is_found_there_are_neither_leaders_nor_turns() -> None:
         assert found.finished
         assert found.hits == 0
         best = found.leaders(5, 4)
-        assert (len(best.slots), len(best.scores), len(best.votes)) == (0, 0, 0)
+        assert (len(best.slots), len(best.scores), len(best.support)) == (0, 0, 0)
         assert best.poses.shape == (0, 4, 3)
         assert [len(column) for column in found.turns(9)] == [0, 0]
     found = search([shard], query)

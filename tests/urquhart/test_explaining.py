@@ -25,7 +25,10 @@ from urquhart.report.match import partners
 
 SVG = "{http://www.w3.org/2000/svg}"
 XY = forests.uniform(np.random.default_rng(0), 40)
-STAGES = (Stage("describe", 0.8, {"landmarks": 40, "hull_polygons": 3, "dangling_edges": 0}), Stage("doubt", 0.0, {}))
+STAGES = (
+    Stage("describe", 0.8, {"landmarks": 40, "hull_polygons": 3, "dangling_edges": 0}),
+    Stage("find rivals", 0.0, {}),
+)
 
 
 def found(level: str, log_odds: float, refused: str | None = None, submap: str = "p7") -> ExplainedFinding:
@@ -103,7 +106,7 @@ def test_the_picture_tells_verdict_stages_and_findings() -> None:
 
 
 def test_far_below_zero_a_bar_is_cut_and_the_weaker_ones_are_counted() -> None:
-    rows = [found("sweep", value, "below_gate", "a" * 100) for value in (5.0, *range(-30, -300, -10))]
+    rows = [found("exhaustive", value, "below_gate", "a" * 100) for value in (5.0, *range(-30, -300, -10))]
     svg = draw_explanation(explanation(rows))
     assert len(bars(svg, "finding")) == 8
     assert svg.count('class="cut"') == 7

@@ -16,9 +16,9 @@ from urquhart.trace import Skipped, StoppedBy
 
 PLACES = {key: place(key) for key in range(36)}
 MANY = {key: place(key % 36, key // 36) for key in range(72)}
-QUADS = ["search quads", "verify quads", "doubt"]
-POLYGONS = ["search polygons", "vote polygons", "verify polygons", "doubt"]
-SWEEP = ["survey", "sweep", "verify sweep", "doubt"]
+QUADS = ["search quads", "verify quads", "find rivals"]
+POLYGONS = ["search polygons", "vote polygons", "verify polygons", "find rivals"]
+EXHAUSTIVE = ["survey", "exhaustive", "verify exhaustive", "find rivals"]
 
 
 def recognizer(config: Config = CONFIG, count: int = 36) -> Recognizer:
@@ -94,7 +94,7 @@ def test_for_a_place_that_is_not_there_every_level_is_tried_once_and_none_withou
     config = Config(survey=200, sweeps=16, candidates=10)
     found = recognizer(config, count).locate(nowhere(seed))
     assert found.verdict == "no_match"
-    assert names(found) == ["describe", *QUADS, *QUADS, *POLYGONS, *QUADS, *QUADS, *SWEEP]
+    assert names(found) == ["describe", *QUADS, *QUADS, *POLYGONS, *QUADS, *QUADS, *EXHAUSTIVE]
     total = Counter[str]()
     for stage in found.stages:
         for what, number in stage.counts.items():
@@ -104,17 +104,17 @@ def test_for_a_place_that_is_not_there_every_level_is_tried_once_and_none_withou
     assert total["verify quads: candidates"] <= 5 + 3 * 10
     assert total["verify polygons: candidates"] <= 10
     assert total["survey: places"] <= config.survey
-    assert total["sweep: peaks"] <= 8 * total["survey: places"]
-    assert total["verify sweep: candidates"] <= 16
+    assert total["exhaustive: peaks"] <= 8 * total["survey: places"]
+    assert total["verify exhaustive: candidates"] <= 16
 
 
 def test_where_every_submap_can_be_swept_quads_are_not_measured_loosely() -> None:
     found = recognizer(count=20).locate(nowhere(0))
-    assert names(found) == ["describe", *QUADS, *QUADS, *POLYGONS, *SWEEP]
+    assert names(found) == ["describe", *QUADS, *QUADS, *POLYGONS, *EXHAUSTIVE]
     assert [stage.counts for stage in found.stages if stage.name == "survey"] == [{"places": 20}]
 
 
-@pytest.mark.parametrize("level", ["polygons", "sweep"])
+@pytest.mark.parametrize("level", ["polygons", "exhaustive"])
 def test_a_level_answers_where_those_before_it_have_nothing_to_say(level: str, monkeypatch: pytest.MonkeyPatch) -> None:
     def search_only(_query: object, _index: object, search: QuadConsensus, *_: object) -> list[object]:
         search.advance()
@@ -124,7 +124,7 @@ def test_a_level_answers_where_those_before_it_have_nothing_to_say(level: str, m
         return []
 
     monkeypatch.setattr("urquhart.propose.levels.propose_by_quads", search_only)
-    if level == "sweep":
+    if level == "exhaustive":
         monkeypatch.setattr("urquhart.propose.levels.propose_by_polygons", nothing)
     for count in (20, 36):
         found = recognizer(count=count).locate(here(sigma=0.1, detection=0.9))
@@ -143,7 +143,7 @@ def test_in_a_collection_that_a_survey_hardly_reaches_there_is_none() -> None:
 
 def test_a_single_submap_is_swept_at_once() -> None:
     found = recognizer(count=36).locate(here(sigma=0.1), only=[14])
-    assert names(found) == ["describe", *SWEEP]
+    assert names(found) == ["describe", *EXHAUSTIVE]
     assert [candidate.key for candidate in found.candidates] == [14]
 
 
@@ -182,7 +182,7 @@ def test_where_nothing_is_left_to_look_at_that_is_the_reason(
 @pytest.mark.parametrize("only", [[14, 15], range(36)])
 def test_the_paper_looks_at_nothing_else_either(only: list[int] | range) -> None:
     found = recognizer().locate(here(), only=only, exclude=[15], method="paper", limit=72)
-    assert names(found) == ["describe", "search polygons", "match and verify", "doubt"]
+    assert names(found) == ["describe", "search polygons", "match and verify", "find rivals"]
     assert found.verdict == "matched"
     assert {c.key for c in found.candidates} <= {*only} - {15}
 

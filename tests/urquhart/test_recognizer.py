@@ -66,7 +66,7 @@ def test_inliers_are_the_same_trees() -> None:
         total += len(best.query_indices)
         assert best.residuals.max() <= 1.5
         assert 0.0 < best.inlier_ratio <= 1.0
-        assert 0.0 < best.overlap <= 1.0
+        assert 0.0 < best.overlap_ratio <= 1.0
         assert best.rms == pytest.approx(float(np.sqrt((best.residuals**2).mean())))
     assert same / total > 0.99
 
@@ -212,7 +212,7 @@ def test_the_same_seed_gives_the_same_bytes(method: Method) -> None:
     observation = look(8)
     a, b = (RECOGNIZER.locate(observation.xy, method=method, rng=np.random.default_rng(4)) for _ in range(2))
     assert outline(a) == outline(b)
-    assert (a.verdict, a.margin) == (b.verdict, b.margin)
+    assert (a.verdict, a.lead) == (b.verdict, b.lead)
 
 
 def test_the_paper_finds_its_way_on_easy_data() -> None:
@@ -233,7 +233,7 @@ def test_limit_and_stages() -> None:
     evidence = [c.evidence for c in found.candidates]
     assert evidence == sorted(evidence, reverse=True)
     names = [stage.name for stage in found.stages]
-    assert names[:4] == ["describe", "search quads", "verify quads", "doubt"]
+    assert names[:4] == ["describe", "search quads", "verify quads", "find rivals"]
     assert all(stage.milliseconds >= 0.0 for stage in found.stages)
 
 

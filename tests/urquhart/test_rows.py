@@ -60,7 +60,7 @@ def test_what_is_ambiguous_names_rivals_that_are_elsewhere() -> None:
         best, evidence = found.candidates[0], [rival.evidence for rival in found.rivals]
         assert evidence
         assert evidence == sorted(evidence, reverse=True)
-        assert found.margin == pytest.approx(best.evidence - evidence[0])
+        assert found.lead == pytest.approx(best.evidence - evidence[0])
         for rival in found.rivals:
             shift, turn = (CENTRES[rival.key] @ rival.transform).distance(CENTRES[best.key] @ best.transform)
             assert shift > 1.0 or turn > 0.05

@@ -157,7 +157,7 @@ def test_a_stand_half_seen_on_both_sides_is_recognised_by_it(forest: NDArray[np.
             assert found.verdict == "matched"
             assert found.candidates[0].transform.distance(truth)[0] < 1.0
             levels.append(found.candidates[0].level)
-    assert "sweep" in levels
+    assert "exhaustive" in levels
 
 
 def test_in_a_dense_forest_hardly_a_polygon_is_whole_but_quads_and_surveys_find_the_place(
@@ -201,11 +201,11 @@ def test_in_a_dense_forest_hardly_a_polygon_is_whole_but_quads_and_surveys_find_
     # As if no pose of theirs were any good, only the rotations that they agree on.
     monkeypatch.setattr("urquhart.propose.levels.propose_by_quads", search_only)
     without = levels()
-    assert without.count("sweep") >= 4
+    assert without.count("exhaustive") >= 4
     monkeypatch.setattr(recognizer, "config", Config(survey=0))
     held = (replace(recognizer.index, config=Config(survey=0)), recognizer._held[1])
     monkeypatch.setattr(recognizer, "_held", held)
-    assert levels() == [level for level in without if level != "sweep"]
+    assert levels() == [level for level in without if level != "exhaustive"]
 
 
 def test_what_is_not_stored_is_not_found_by_a_survey_either() -> None:
@@ -221,7 +221,7 @@ def test_what_is_not_stored_is_not_found_by_a_survey_either() -> None:
         found = recognizer.locate(observe(other, pose, 15.0, rng, sigma=0.3, detection=0.8, clutter=0.1).xy)
         assert found.verdict != "matched"
         stages = {stage.name: stage.counts for stage in found.stages}
-        assert "sweep" in stages
+        assert "exhaustive" in stages
         # Too many submaps for every rotation of each: the quads chose, or there was nothing to choose.
         assert stages["survey"]["places"] <= CONFIG.survey
 

@@ -39,10 +39,10 @@ class Candidate:
         uncertainty: of the transform, about the middle of the inliers.
         query_indices, submap_indices: (K,) int64, the one-to-one inliers, positions as posted.
         residuals: (K,) float64, metres.
-        votes: features that voted for the submap.
+        support: how much proposed the transform, in the unit of the level: quads, polygons, or peaks of a correlation.
         inlier_ratio: inliers among the landmarks of the overlap, of the side that has fewer there.
         rms: metres, root mean square of the residuals.
-        overlap: share of the query's landmarks inside the overlap of the footprints.
+        overlap_ratio: share of the query's landmarks inside the overlap of the footprints.
         overlap_count: landmarks inside the overlap, of the side that has more there.
         evidence: log-likelihood ratio of the same place against chance.
         log_odds: evidence less the logarithm of the share of all poses that the landmarks leave possible.
@@ -60,10 +60,10 @@ class Candidate:
     query_indices: NDArray[np.int64]
     submap_indices: NDArray[np.int64]
     residuals: NDArray[np.float64]
-    votes: int
+    support: int
     inlier_ratio: float
     rms: float
-    overlap: float
+    overlap_ratio: float
     overlap_count: int
     evidence: float
     log_odds: float
@@ -100,17 +100,17 @@ class Finding:
     """What one level found in one submap, and why that alone would not be reported.
 
     Attributes:
-        level, key, votes: which features proposed a pose in which submap, and how many voted.
-        inliers, overlap: one-to-one inliers, and the landmarks that could have been, of the side with more of them.
+        level, key, support: which features proposed a pose in which submap, and how many.
+        inliers, overlap_count: one-to-one inliers, and landmarks inside the overlap, of the side that has more there.
         evidence, log_odds: see `Candidate`.
         refused: the reason, None where nothing but a rival could stand against it.
     """
 
     level: LevelName
     key: int
-    votes: int
+    support: int
     inliers: int
-    overlap: int
+    overlap_count: int
     evidence: float
     log_odds: float
     refused: Refusal | None
@@ -121,7 +121,9 @@ def make_finding(proposal: Proposal, query: Query) -> Finding:
     v = proposal.verified
     odds = log_odds(v, query.grid, query.volume)
     refused = refusal(v, odds, None, query.config)
-    return Finding(proposal.level, proposal.key, proposal.votes, len(v.residuals), v.overlap, v.evidence, odds, refused)
+    return Finding(
+        proposal.level, proposal.key, proposal.support, len(v.residuals), v.overlap, v.evidence, odds, refused
+    )
 
 
 def make_rivals(
@@ -157,10 +159,10 @@ def make_candidate(proposal: Proposal, query: Query, lead: float | None) -> Cand
         query_indices=v.query,
         submap_indices=v.submap,
         residuals=v.residuals,
-        votes=proposal.votes,
+        support=proposal.support,
         inlier_ratio=len(v.residuals) / min(v.query_overlap, v.submap_overlap),
         rms=float(np.sqrt((v.residuals**2).mean())),
-        overlap=v.query_overlap / len(features.landmarks),
+        overlap_ratio=v.query_overlap / len(features.landmarks),
         overlap_count=v.overlap,
         evidence=v.evidence,
         log_odds=odds,

@@ -78,7 +78,7 @@ NOTHING: Final = Ranking([])
 
 def rank(query: Query, proposals: list[Proposal], earlier: Ranking = NOTHING) -> Ranking:
     """Rank what a level proposed together with what `earlier` levels did, and look for rivals of the first."""
-    with query.trace.timed("doubt") as counts:
+    with query.trace.timed("find rivals") as counts:
         counts["rivals"] = 0
         findings = (*earlier.findings, *(make_finding(one, query) for one in best_by_submap(proposals)))
         ranked = best_by_submap([*earlier.proposals, *proposals])

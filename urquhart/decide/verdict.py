@@ -31,7 +31,7 @@ class Recognition:
         verdict, reason: what to make of it, in one word each.
         candidates: verified submaps, best first.
         rivals: other poses that explain the data about as well as the first candidate's, the strongest first.
-        margin: evidence of the best candidate over the best distinct pose; None where it was too weak to be compared.
+        lead: evidence of the best candidate over the best distinct pose; None where it was too weak to be compared.
         stages: what each stage found and cost, in order.
         findings: what each level found in each submap it looked at, in the order of the levels, the best first.
         search: why the search ended, and which limits left something out.
@@ -41,7 +41,7 @@ class Recognition:
     reason: Reason
     candidates: tuple[Candidate, ...]
     rivals: tuple[Rival, ...]
-    margin: float | None
+    lead: float | None
     stages: tuple[Stage, ...]
     findings: tuple[Finding, ...]
     search: SearchEnd

@@ -64,15 +64,15 @@ def propose_by_correlation(query: Query, index: CollectionIndex, quads: QuadCons
     with query.trace.timed("survey") as counts:
         places = _survey(query, index, quads)
         counts["places"] = len(places)
-    with query.trace.timed("sweep") as counts:
+    with query.trace.timed("exhaustive") as counts:
         found = _correlate(query, places)
         counts["peaks"] = sum(len(peaks) for _, peaks in found)
-    with query.trace.timed("verify sweep") as counts:
+    with query.trace.timed("verify exhaustive") as counts:
         proposals = []
         with suppress(OutOfTime):
             for key, peaks in found[: query.config.sweeps]:
                 verified = verify_rough(query, key, np.ascontiguousarray(peaks[:, :3]))
-                proposals.append(Proposal(key, "sweep", len(peaks), verified))
+                proposals.append(Proposal(key, "exhaustive", len(peaks), verified))
         counts["candidates"] = len(proposals)
     return proposals
 

@@ -63,9 +63,9 @@ def propose_by_quads(
         proposals = []
         with suppress(OutOfTime):
             query.read(keys)
-            for key, votes, poses in zip(keys, leaders.votes.tolist(), leaders.poses, strict=True):
+            for key, support, poses in zip(keys, leaders.support.tolist(), leaders.poses, strict=True):
                 verified = verify_rough(query, key, poses[~np.isnan(poses[:, 0])])
-                proposals.append(Proposal(key, "quads", votes, verified))
+                proposals.append(Proposal(key, "quads", support, verified))
         counts["candidates"] = len(proposals)
     return proposals
 

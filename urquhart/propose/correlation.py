@@ -59,7 +59,7 @@ of landmarks there is, and 32 bits hold this and four hundred million pairs."""
 
 @kernel
 def covers_ends(query: LandmarkGrid, submap: LandmarkGrid) -> bool:
-    """Whether a sweep looks at every shift that leaves a fair part of the query in the submap, its ends included."""
+    """Whether a correlation tries every shift that leaves a fair part of the query in the submap, its ends included."""
     farthest = CORRELATION.larger**2 * (query.landmarks**2).sum(axis=1).max()
     return bool((submap.landmarks**2).sum(axis=1).max() <= farthest)
 

@@ -52,14 +52,14 @@ class QuadLeaders:
     Attributes:
         slots: (K,) int64, numbered through all shards.
         scores: (K,) float64, logarithm of how much likelier the hits are under the right pose than by chance.
-        votes: (K,) int64, hits that agree on the best pose.
+        support: (K,) int64, hits that agree on the best pose.
         poses: (K, P, 3) float64, x, y, yaw of `submap_T_query` between centred frames, good to about a metre; the best
             first, others NaN where there are fewer.
     """
 
     slots: NDArray[np.int64]
     scores: NDArray[np.float64]
-    votes: NDArray[np.int64]
+    support: NDArray[np.int64]
     poses: NDArray[np.float64]
 
 
@@ -142,8 +142,8 @@ class QuadConsensus:
             listed, scores = listed[chosen], scores[chosen]
         order = np.lexsort((listed, -scores))
         listed, scores = listed[order], scores[order]
-        votes, rows = fit_poses(listed, poses, self._slot_votes, self._hits())
-        return QuadLeaders(listed.astype(np.int64), scores, votes, rows)
+        support, rows = fit_poses(listed, poses, self._slot_votes, self._hits())
+        return QuadLeaders(listed.astype(np.int64), scores, support, rows)
 
     def turns(self, count: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """The `count` pairs of a slot (K,) and a rotation (K,), radians, that hits agree on best, the best first.

@@ -155,7 +155,7 @@ def fit_poses(
     `AGREEMENT.lever` from its centre along a direction, so that both where it is and how it is turned count.
     """
     hits, totals, centres, weights = found
-    votes, poses = np.zeros(len(chosen), np.int64), np.full((len(chosen), count, 3), np.nan)
+    support, poses = np.zeros(len(chosen), np.int64), np.full((len(chosen), count, 3), np.nan)
     picked = np.empty(count, np.int64)
     for i in range(len(chosen)):
         picks = 0
@@ -184,7 +184,7 @@ def fit_poses(
             c, s = math.cos(yaw), math.sin(yaw)
             poses[i, picks, 0], poses[i, picks, 1], poses[i, picks, 2] = ux - c * px + s * py, uy - s * px - c * py, yaw
             if picks == 0:
-                votes[i] = agreeing
+                support[i] = agreeing
             picked[picks] = pick
             picks += 1
             pick, other, walked = -1, slot_votes[chosen[i]].latest - 1, 0
@@ -199,7 +199,7 @@ def fit_poses(
                         pick = other
                 other = hits[other].earlier - 1
                 walked += 1
-    return votes, poses
+    return support, poses
 
 
 @kernel

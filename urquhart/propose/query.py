@@ -14,7 +14,7 @@ from urquhart.trace import Trace
 from urquhart.verify.evidence import PoseEvidence
 from urquhart.verify.landmark_grid import LandmarkGrid, landmark_grid
 
-LevelName = Literal["polygons", "quads", "sweep", "paper", "given"]
+LevelName = Literal["polygons", "quads", "exhaustive", "paper", "given"]
 """Which search proposed a pose."""
 
 READ_TOGETHER: Final = 32
@@ -23,11 +23,11 @@ READ_TOGETHER: Final = 32
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Proposal:
-    """A verified pose in one submap: the submap's key, what proposed it, how many features voted for it."""
+    """A verified pose in one submap: the submap's key, what proposed it, and how much supports it."""
 
     key: int
     level: LevelName
-    votes: int
+    support: int
     verified: PoseEvidence
 
 

@@ -67,7 +67,7 @@ _COUNTS: Final = 70
 _COLOURS: Final = {
     "polygons": "#2f6b4f",
     "quads": "#3f6fb0",
-    "sweep": "#8a5aa8",
+    "exhaustive": "#8a5aa8",
     "paper": "#8b6b3d",
     "given": "#5b6b62",
 }
@@ -85,9 +85,9 @@ class ExplainedFinding:
 
     level: str
     submap: str
-    votes: int
+    support: int
     inliers: int
-    overlap: int
+    overlap_count: int
     evidence: float
     log_odds: float
     refused: str | None
@@ -241,14 +241,14 @@ def _draw_findings(page: _Page, explanation: Explanation) -> None:
 
 
 def _draw_finding(page: _Page, one: ExplainedFinding, axis: "_Axis") -> None:
-    tip = f"{one.submap}: evidence {one.evidence:.1f}, {one.votes} votes by {one.level}"
+    tip = f"{one.submap}: evidence {one.evidence:.1f}, support {one.support} by {one.level}"
     page.text(_LEFT, _cut(one.submap), "small", _ROW, tip=tip)
     page.bar(axis.at(0.0), axis.at(one.log_odds), "finding", tip, _COLOURS.get(one.level, _OTHER))
     if axis.is_cut(one.log_odds):
         page.parts.append(f'<path d="M{_BARS - 3.0:g} {page.y - 10.0:.1f}v12l-6 -6z" class="cut"/>')
     page.text(_NUMBERS, f"{one.log_odds:.1f}", "small right")
-    each = one.evidence / max(one.overlap, 1)
-    page.text(_MIDDLE, f"{one.inliers} of {one.overlap} trees, {each:.1f} each", "small")
+    each = one.evidence / max(one.overlap_count, 1)
+    page.text(_MIDDLE, f"{one.inliers} of {one.overlap_count} trees, {each:.1f} each", "small")
     page.text(_WORDS, sentence(one.refused), "small")
 
 

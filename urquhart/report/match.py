@@ -34,7 +34,7 @@ def draw_match(
     submap = np.asarray(submap_xy, dtype=np.float64)
     query = candidate.transform.apply(np.asarray(query_xy, dtype=np.float64))
     subtitle = (
-        f"{len(candidate.residuals)} inliers, RMS {candidate.rms:.2f} m, overlap {candidate.overlap:.0%}, "
+        f"{len(candidate.residuals)} inliers, RMS {candidate.rms:.2f} m, overlap {candidate.overlap_ratio:.0%}, "
         f"confidence {_odds(candidate.confidence)}"
     )
     canvas = Canvas(

@@ -46,8 +46,8 @@ class Candidate(Model):
 
     `map_pose` is the pose of the *query's* frame in the map, when the submap has a pose there. `confidence` is 0 to 1,
     `log_odds` the natural logarithm of right against wrong, `evidence` the same before the number of poses to choose
-    from is taken off, `level` which features proposed the pose, `rms` in metres; `refused` says why this candidate
-    alone is not accepted, `warnings` what is wrong with the coordinates of one side.
+    from is taken off, `level` which search proposed the pose and `support` how much did, `rms` in metres; `refused`
+    says why this candidate alone is not accepted, `warnings` what is wrong with the coordinates of one side.
     """
 
     rank: int
@@ -61,8 +61,8 @@ class Candidate(Model):
     inlier_count: int
     inlier_ratio: float
     rms: float
-    overlap: float
-    votes: int
+    overlap_ratio: float
+    support: int
     level: str | None = None
     evidence: float | None = None
     log_odds: float
@@ -95,9 +95,9 @@ class Finding(Model):
 
     level: str
     submap_id: str
-    votes: int
+    support: int
     inliers: int
-    overlap: int
+    overlap_count: int
     evidence: float
     log_odds: float
     refused: str | None = None
@@ -129,7 +129,7 @@ class QueryResult(Model):
     method: str
     revision: int
     landmarks: int | None = None
-    margin: float | None = None
+    lead: float | None = None
     warnings: tuple[str, ...] = ()
     gates: Gates | None = None
     candidates: tuple[Candidate, ...] = ()
@@ -155,7 +155,7 @@ class Explanation(Model):
     collection: str
     verdict: Verdict
     reason: str
-    margin: float | None = None
+    lead: float | None = None
     gates: Gates
     stages: tuple[Stage, ...] = ()
     findings: tuple[Finding, ...] | None = None

@@ -13,9 +13,9 @@ def print_explanation(console: Console, answer: QueryAnswer) -> None:
     """Print the reason in words, what each stage took and counted, and what each level found in each submap."""
     gates = answer.gates
     console.print(f"why: {sentence(answer.reason)}", highlight=False)
-    if answer.margin is not None:
+    if answer.lead is not None:
         console.print(
-            f"lead over the best other pose: {answer.margin:.1f}; asked are {gates.lead:.1f}, {gates.lead_each:g} "
+            f"lead over the best other pose: {answer.lead:.1f}; asked are {gates.lead:.1f}, {gates.lead_each:g} "
             f"more for each tree of the overlap, and {gates.lead_share:.0%} of the other's evidence",
             highlight=False,
             soft_wrap=True,
@@ -44,17 +44,17 @@ def _findings(answer: QueryAnswer) -> Table:
     table = _table(f"what each level found, before rivals were looked for; gate: log-odds {gates.log_odds:.1f}")
     table.add_column("level", no_wrap=True)
     table.add_column("submap", overflow="fold")
-    for name in ("votes", "inliers", "log-odds", "each"):
+    for name in ("support", "inliers", "log-odds", "each"):
         table.add_column(name, justify="right", no_wrap=True)
     table.add_column("so")
     for one in answer.findings or ():
         table.add_row(
             one.level,
             one.submap_id,
-            str(one.votes),
-            f"{one.inliers}/{one.overlap}",
+            str(one.support),
+            f"{one.inliers}/{one.overlap_count}",
             f"{one.log_odds:.1f}",
-            f"{one.evidence / max(one.overlap, 1):.2f}",
+            f"{one.evidence / max(one.overlap_count, 1):.2f}",
             sentence(one.refused),
         )
     return table

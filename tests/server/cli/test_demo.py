@@ -227,7 +227,8 @@ def result(verdict: str, frame: str = "stand", x: float = 0.0, y: float = 0.0, y
     candidate: dict[str, Any] = {
         "rank": 1, "submap_id": "s", "transform": {"x": 0, "y": 0, "yaw": 0},
         "map_pose": {"frame_id": frame, "x": x, "y": y, "yaw": yaw},
-        "inlier_count": 9, "inlier_ratio": 1, "rms": 0, "overlap": 1, "votes": 1, "log_odds": 9, "confidence": 1,
+        "inlier_count": 9, "inlier_ratio": 1, "rms": 0, "overlap_ratio": 1, "support": 1, "log_odds": 9,
+        "confidence": 1,
     }  # fmt: skip
     return QueryResult.model_validate(
         {
