@@ -218,7 +218,7 @@ def _left_over(path: Path) -> int:
     """Files of the index that no row lists, which are removed so that they are counted once."""
     database = Database(path)
     try:
-        return SegmentFolder(database).sweep(grace=0.0)
+        return SegmentFolder(database).clean_up(grace=0.0)
     finally:
         database.dispose()
 

@@ -189,7 +189,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     threads.total_tokens = service.settings.limits.concurrent_requests + _SPARE_THREADS
     if service.exchange is not None:
         service.exchange.start(service.metrics)
-    await anyio.to_thread.run_sync(_sweep_snapshots, service)
+    await anyio.to_thread.run_sync(_clean_up_snapshots, service)
     stop, warm = threading.Event(), threading.Event()
     service.maintenance.start(warm)
     warm_up = threading.Thread(target=_warm_up, args=(service, stop, warm), name="warm-up", daemon=True)
@@ -211,11 +211,11 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
             await anyio.to_thread.run_sync(service.exchange.stop)
 
 
-def _sweep_snapshots(service: Service) -> None:
+def _clean_up_snapshots(service: Service) -> None:
     """Remove what a process left of a snapshot that ended while it was making it."""
     try:
         if not service.database.read_only:
-            service.snapshots.sweep()
+            service.snapshots.clean_up()
     except OSError as error:
         _log.warning("left-over snapshots cannot be removed: %s", error)
 

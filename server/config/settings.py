@@ -138,7 +138,7 @@ class IndexSettings(BaseModel):
         5_000, ge=1, description="Changed submaps that a query takes into memory; where there are more, it writes them."
     )
     block_submaps: int = Field(20_000, ge=1, description="Submaps of a segment when it is first written.")
-    upkeep_seconds: float = Field(
+    maintenance_seconds: float = Field(
         1.0, gt=0, le=3600, description="Seconds between two looks at what is to be written or merged."
     )
 

@@ -1,7 +1,7 @@
 """What changed since the last segment, written to new ones: from the rows, or from what a live index holds in memory.
 
 A file is complete and on the disk before a row lists it, and is removed where that fails. Whoever is ended in between
-leaves a file that nobody lists, which is swept later.
+leaves a file that nobody lists, which is removed later.
 """
 
 import logging
@@ -142,7 +142,7 @@ def rebuild(flush_context: FlushContext, collection_id: str, *, progress: Progre
             flush_context.folder.remove(segment.name for segment in made)
             raise
         listed = register(flush_context, collection.key, None, made)
-    flush_context.folder.sweep(grace=0.0)
+    flush_context.folder.clean_up(grace=0.0)
     return sum(segment.submaps for segment in made) if listed else 0
 
 

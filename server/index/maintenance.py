@@ -1,4 +1,4 @@
-"""Looks after the segments of all collections, beside the requests: written, merged, checked, swept.
+"""Looks after the segments of all collections, beside the requests: written, merged, checked, cleaned up.
 
 Every process has such a thread. Each kind of work is done by one of them at a time; the others see by the list in the
 database what was done and take it over.
@@ -23,7 +23,7 @@ from server.store.repositories.segments import SegmentRecord, all_chains
 from server.store.sqlite.database import Database
 from urquhart.index.collection_index import LiveSegment
 
-_SWEEP: Final = 60.0
+_CLEAN_UP_SECONDS: Final = 60.0
 """Seconds between two looks for files that are left over, and at segments that could not be read."""
 _REST: Final = 30.0
 """Times as long as a look took until the next: with very many collections, to see that all is well is work."""
@@ -56,14 +56,14 @@ class Maintenance:
         """When each segment that is mapped was compared with its checksums last (`time.monotonic`), by name."""
         self._next_check = 0.0
         self._failures: dict[str, _FailedTask] = {}
-        self._swept = -_SWEEP
+        self._cleaned_up = -_CLEAN_UP_SECONDS
         self._look_seconds = 0.0
         self._thread: threading.Thread | None = None
 
     def start(self, ready: threading.Event) -> None:
         """Begin to look after the segments in the background, as soon as `ready` is set."""
         self._catalog.stopping.clear()
-        self._thread = threading.Thread(target=self._work, args=(ready,), name="upkeep", daemon=True)
+        self._thread = threading.Thread(target=self._work, args=(ready,), name="maintenance", daemon=True)
         self._thread.start()
 
     def stop(self, patience: float = 1.0) -> None:
@@ -91,9 +91,9 @@ class Maintenance:
         there = {key for key, _, _ in revisions}
         self._up_to_date = {key: seen for key, seen in self._up_to_date.items() if key in there}
         self._try("checks of segments", self._check_again)
-        if time.monotonic() - self._swept >= _SWEEP:
-            self._swept = time.monotonic()
-            self._try("left-over segments", self._sweep)
+        if time.monotonic() - self._cleaned_up >= _CLEAN_UP_SECONDS:
+            self._cleaned_up = time.monotonic()
+            self._try("left-over segments", self._clean_up)
         return len(self._up_to_date) == len(there)
 
     def flush_and_merge(self, collection_id: str, *, least: int = 1, progress: Progress | None = None) -> int:
@@ -114,7 +114,9 @@ class Maintenance:
 
     def _work(self, ready: threading.Event) -> None:
         pin_threads()
-        while not self._catalog.stopping.wait(max(self._catalog.settings.upkeep_seconds, _REST * self._look_seconds)):
+        while not self._catalog.stopping.wait(
+            max(self._catalog.settings.maintenance_seconds, _REST * self._look_seconds)
+        ):
             try:
                 if ready.is_set():
                     self._try("all collections", self.run)
@@ -216,13 +218,13 @@ class Maintenance:
         self._checked[listed.name] = time.monotonic()
         return sound
 
-    def _sweep(self) -> bool:
+    def _clean_up(self) -> bool:
         for live in self._catalog.all_live():
             if live.left_out:
                 live.left_out.clear()
                 self._catalog.refresh(live.id)
         self._up_to_date.clear()
         if not self._database.read_only:
-            with self._metrics.maintenance("sweep"):
-                self._catalog.folder.sweep()
+            with self._metrics.maintenance("clean_up"):
+                self._catalog.folder.clean_up()
         return True

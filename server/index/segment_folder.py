@@ -1,4 +1,4 @@
-"""The files of a database's index, in a folder beside it: named, opened with suspicion, locked, swept.
+"""The files of a database's index, in a folder beside it: named, opened with suspicion, locked, cleaned up.
 
 What counts is listed in the database. A file that is not listed is left over, and one that is listed and cannot be
 trusted is rebuilt.
@@ -90,7 +90,7 @@ class SegmentFolder:
         for name in names:
             self.file(name).unlink(missing_ok=True)
 
-    def sweep(self, grace: float = _GRACE) -> int:
+    def clean_up(self, grace: float = _GRACE) -> int:
         """Remove what is left over of processes that ended at work, and of collections dropped; how many files.
 
         Nothing while another process writes: a file is written before it is listed. Raises OSError and StorageError.
@@ -98,9 +98,9 @@ class SegmentFolder:
         if not self.path.is_dir():
             return 0
         with self.lock("flush") as alone, self.lock("merge") as undisturbed:
-            return self._sweep(grace) if alone and undisturbed else 0
+            return self._clean_up(grace) if alone and undisturbed else 0
 
-    def _sweep(self, grace: float) -> int:
+    def _clean_up(self, grace: float) -> int:
         # Looked at before the list is read: what is written in between is young.
         aged = [path for path in self.path.iterdir() if _age(path) >= grace]
         with self._database.read() as session:

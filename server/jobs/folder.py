@@ -84,9 +84,9 @@ class JobFolder:
                 if ours:
                     path.unlink(missing_ok=True)
 
-    def sweep(self, unwanted: Unwanted) -> int:
+    def clean_up(self, unwanted: Unwanted) -> int:
         """Remove what is not wanted, and what nobody sends any more; how many files. Raises OSError."""
-        swept = 0
+        removed = 0
         for path in unwanted([path for path in self.path.iterdir() if _is_old(path)] if self.path.is_dir() else []):
             try:
                 with path.open("rb") as file:
@@ -94,10 +94,10 @@ class JobFolder:
                     # once more when it is free.
                     if try_lock(file) and unwanted([path]):
                         path.unlink(missing_ok=True)
-                        swept += 1
+                        removed += 1
             except FileNotFoundError:
                 continue
-        return swept
+        return removed
 
 
 def _is_old(path: Path) -> bool:

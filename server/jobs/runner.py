@@ -24,7 +24,7 @@ from urquhart import Abandoned, Budget
 
 _LOOK: Final = 0.5
 """Seconds between two looks at what other processes took on."""
-_SWEEP: Final = 600.0
+_CLEAN_UP_SECONDS: Final = 600.0
 _PATIENCE: Final = 3.0
 """Seconds that what is in progress may take when the service stops."""
 _LONGEST_PAUSE: Final = 60.0
@@ -40,7 +40,7 @@ class Runner:
     def __init__(self, context: JobContext, job_types: Mapping[str, JobFunction]) -> None:
         self._context, self._job_types = context, job_types
         self._stopping, self._news = threading.Event(), threading.Event()
-        self._swept = -_SWEEP
+        self._cleaned_up = -_CLEAN_UP_SECONDS
         self._thread: threading.Thread | None = None
         self._budget = Budget()
         self._turns = 0
@@ -80,9 +80,9 @@ class Runner:
         while not self._stopping.is_set():
             try:
                 busy, pause = self.run_once(), _LOOK
-                if time.monotonic() - self._swept >= _SWEEP:
-                    self._swept = time.monotonic()
-                    self.sweep()
+                if time.monotonic() - self._cleaned_up >= _CLEAN_UP_SECONDS:
+                    self._cleaned_up = time.monotonic()
+                    self.clean_up()
             except Exception:  # noqa: BLE001  a thread that ended would leave all jobs undone, and nobody would know
                 _log.exception("jobs cannot be looked at; trying again")
                 busy, pause = False, min(2.0 * pause, _LONGEST_PAUSE)
@@ -111,7 +111,7 @@ class Runner:
     def _last_served(self, queue: Queue) -> tuple[int, int]:
         return self._served.get(queue.caller, 0), self._served.get(queue, 0)
 
-    def sweep(self) -> None:
+    def clean_up(self) -> None:
         """Remove the files of jobs that were finished long ago, and rows beyond those that are kept.
 
         Raises OSError and StorageError.
@@ -121,7 +121,7 @@ class Runner:
         if surplus:
             with self._context.database.write() as session:
                 Jobs(session).remove(surplus)
-        self._context.folder.sweep(self._unwanted)
+        self._context.folder.clean_up(self._unwanted)
 
     def _unwanted(self, paths: Sequence[Path]) -> list[Path]:
         since = datetime.now(UTC) - timedelta(days=self._context.settings.jobs.keep_days)

@@ -65,7 +65,7 @@ async def receive_upload(
         folder.remove(job_id)
         raise
     except BaseException:
-        # Cut short, with the job perhaps there already: its input is swept if it is not.
+        # Cut short, with the job perhaps there already: its input is removed if it is not.
         path.unlink(missing_ok=True)
         raise
 

@@ -56,11 +56,13 @@ class Metrics:
         self.stage_seconds = self._histogram("query_stage_seconds", "Time of each stage of a query.", "stage")
         self.submaps_written = self._counter("submaps_written", "Submaps written, by outcome.", "outcome")
         self.segments_damaged = self._counter("segments_damaged", "Segments that could not be used.")
-        self.upkeep_runs = self._counter(
-            "upkeep_runs", "Times that segments were written or merged, files checked or removed.", "task"
+        self.maintenance_runs = self._counter(
+            "maintenance_runs", "Times that segments were written or merged, files checked or removed.", "task"
         )
-        self.upkeep_failures = self._counter("upkeep_failures", "Those that failed and are tried again.", "task")
-        self.upkeep_seconds = self._counter("upkeep_seconds", "Time that they took.", "task")
+        self.maintenance_failures = self._counter(
+            "maintenance_failures", "Those that failed and are tried again.", "task"
+        )
+        self.maintenance_seconds = self._counter("maintenance_seconds", "Time that they took.", "task")
         self._indexes: dict[str, IndexState] = {}
         self._guard = threading.Lock()
         self.registry.register(_Indexes(self.index_states))
@@ -72,11 +74,11 @@ class Metrics:
         try:
             yield
         except BaseException:
-            self.upkeep_failures.labels(task).inc()
+            self.maintenance_failures.labels(task).inc()
             raise
         finally:
-            self.upkeep_runs.labels(task).inc()
-            self.upkeep_seconds.labels(task).inc(time.perf_counter() - began)
+            self.maintenance_runs.labels(task).inc()
+            self.maintenance_seconds.labels(task).inc(time.perf_counter() - began)
 
     def observe_stage(self, name: str, milliseconds: float) -> None:
         """Record one stage of a query."""

@@ -1,4 +1,4 @@
-"""The files of snapshots, in a folder beside the database: named, made known, listed, checked, swept.
+"""The files of snapshots, in a folder beside the database: named, made known, listed, checked, cleaned up.
 
 A snapshot is `<name>.db` and its manifest `<name>.json`, which comes last and goes first: what has no manifest does not
 exist. What is being made lies in the folder `making`.
@@ -56,14 +56,14 @@ class SnapshotFolder:
         with (self.path / "snapshot.lock").open("a") as file:
             if not try_lock(file):
                 raise Conflict("A snapshot is being made already; wait until it is there.")
-            self._sweep()
+            self._clean_up()
             self.making.mkdir(0o700)  # a copy has the database's permissions when it is whole, and not before
             try:
                 yield
             finally:
                 shutil.rmtree(self.making)
 
-    def sweep(self) -> None:
+    def clean_up(self) -> None:
         """Remove what is left over of processes that ended at work. Nothing while another is at it. Raises OSError."""
         if self.path.is_dir():
             with suppress(Conflict), self.turn():
@@ -116,7 +116,7 @@ class SnapshotFolder:
             return None
         return snapshot if snapshot is not None and snapshot.name == name and self.file(name).is_file() else None
 
-    def _sweep(self) -> None:
+    def _clean_up(self) -> None:
         if self.making.exists():
             shutil.rmtree(self.making)
         for path in self.path.glob(f"*{_FILE}"):

@@ -26,7 +26,7 @@ from urquhart.index.collection_index import CollectionIndex
 from urquhart.index.segment import Segment, merge_segments
 
 LIMITS = Limits()
-FEW = IndexSettings(flush_submaps=3, memory_submaps=12, block_submaps=4, cache_mb=1, upkeep_seconds=0.05)
+FEW = IndexSettings(flush_submaps=3, memory_submaps=12, block_submaps=4, cache_mb=1, maintenance_seconds=0.05)
 
 
 @functools.cache

@@ -148,7 +148,7 @@ def _work(path: Path, point: int) -> None:
 def _tell(path: Path) -> None:
     job_folder._GRACE = -1.0  # type: ignore[misc]
     runner = _runner(path)
-    runner.sweep()
+    runner.clean_up()
     context = runner._context
     found = queue.results(context.database, context.folder, UNRESTRICTED, _JOB)
     with found.file as file:

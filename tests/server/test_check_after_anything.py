@@ -25,7 +25,7 @@ from tests.server.world import TestClient, forest, observed, points
 NAMES = [f"p{i}" for i in range(10)]
 TREES = [forest(seed, 25, 22.0) for seed in range(6)]
 NDJSON = {"Content-Type": "application/x-ndjson"}
-SMALL = IndexSettings(flush_submaps=2, memory_submaps=6, block_submaps=3, upkeep_seconds=0.02)
+SMALL = IndexSettings(flush_submaps=2, memory_submaps=6, block_submaps=3, maintenance_seconds=0.02)
 
 
 class Caller:
@@ -188,7 +188,7 @@ def test_a_service_that_is_asked_for_anything(tmp_path: Path, seed: int) -> None
         finish(client)
         done = [one for caller in callers for one in caller.done]
         assert sum(one.endswith((" 200", " 201", " 202", " 204")) for one in done) > len(done) // 2, done
-        service.jobs.runner.sweep()
+        service.jobs.runner.clean_up()
         assert [*inspect(service.database)] == []
     database = Database(settings.database_path)
     assert [*inspect(database)] == []

@@ -25,7 +25,7 @@ TREES = [forest(seed, 30, 25.0) for seed in range(COUNT + 4)]
 
 @pytest.fixture
 def settings(tmp_path: Path) -> Settings:
-    index = IndexSettings(flush_submaps=5, memory_submaps=8, block_submaps=5, upkeep_seconds=0.02)
+    index = IndexSettings(flush_submaps=5, memory_submaps=8, block_submaps=5, maintenance_seconds=0.02)
     return Settings(database=str(tmp_path / "urquhart.db"), index=index)
 
 

@@ -78,7 +78,7 @@ def count(client: httpx.Client) -> int:
 @pytest.mark.parametrize("mode", ["continue", "all"])
 def test_the_index_is_written_when_an_import_is_over(settings: Settings, mode: str) -> None:
     """The first who asks in what was imported does not have to write it first."""
-    index = IndexSettings(flush_submaps=20, memory_submaps=30, upkeep_seconds=3600)
+    index = IndexSettings(flush_submaps=20, memory_submaps=30, maintenance_seconds=3600)
     with TestClient(create_app(settings.model_copy(update={"index": index}))) as client:
         client.put("/v1/collections/plots", json={}).raise_for_status()
         service: Service = client.app.state.service  # type: ignore[attr-defined]
@@ -622,17 +622,17 @@ def test_reindexing(client: httpx.Client, service: Service) -> None:
     assert client.post("/v1/collections/nope/reindex").status_code == 404
 
 
-def test_results_are_swept_in_time(
+def test_results_are_removed_in_time(
     client: httpx.Client, service: Service, settings: Settings, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     job = finished(client, upload(client, [line("a", 1)]))
-    service.jobs.runner.sweep()
+    service.jobs.runner.clean_up()
     assert results(client, job)
     old = settings.jobs.model_copy(update={"keep_days": 1e-9})
     monkeypatch.setattr(service.jobs.runner, "_context", _with(service.jobs.runner._context, old))
     monkeypatch.setattr("server.jobs.folder._GRACE", 0.0)
     time.sleep(0.01)
-    service.jobs.runner.sweep()
+    service.jobs.runner.clean_up()
     assert left(client, settings) == []
     assert client.get(job["links"]["self"]).json()["counts"] == {"created": 1}
     for what in ("results", "errors"):
@@ -647,12 +647,12 @@ def test_the_newest_jobs_are_remembered(
     few = settings.jobs.model_copy(update={"keep_rows": 2})
     monkeypatch.setattr(service.jobs.runner, "_context", _with(service.jobs.runner._context, few))
     monkeypatch.setattr("server.jobs.folder._GRACE", 0.0)
-    service.jobs.runner.sweep()
+    service.jobs.runner.clean_up()
     assert [job["id"] for job in client.get("/v1/jobs").json()["jobs"]] == [made[2], made[1]]
     assert left(client, settings) == sorted(f"{job}.results" for job in made[1:])
 
 
-def test_an_upload_is_not_swept_before_its_job_is_there(
+def test_an_upload_is_not_removed_before_its_job_is_there(
     client: httpx.Client, service: Service, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """However long it lay there, and whatever the clock says."""
@@ -660,7 +660,7 @@ def test_an_upload_is_not_swept_before_its_job_is_there(
     real = queue.accept
 
     def accept(*arguments: Any, **named: Any) -> Any:
-        service.jobs.runner.sweep()
+        service.jobs.runner.clean_up()
         return real(*arguments, **named)
 
     monkeypatch.setattr(queue, "accept", accept)
@@ -696,7 +696,7 @@ def _with(context: assignment.JobContext, jobs: Any) -> assignment.JobContext:
     return assignment.JobContext(settings, context.database, context.catalog, context.metrics, context.folder)
 
 
-def test_what_was_never_taken_on_is_swept(client: httpx.Client, service: Service) -> None:
+def test_what_was_never_taken_on_is_removed(client: httpx.Client, service: Service) -> None:
     folder = service.jobs.folder
     folder.make()
     finished(client, upload(client, [line("a", 1)]))
@@ -706,9 +706,9 @@ def test_what_was_never_taken_on_is_swept(client: httpx.Client, service: Service
         os.utime(path, (1, 1))
     with folder.arriving("x").open("rb") as sending:
         assert try_lock(sending)
-        service.jobs.runner.sweep()
+        service.jobs.runner.clean_up()
     assert [path.exists() for path in stray] == [True, False, False]
-    service.jobs.runner.sweep()
+    service.jobs.runner.clean_up()
     assert not folder.arriving("x").exists()
 
 

@@ -73,16 +73,16 @@ def finished_as(client: httpx.Client, caller: dict[str, str], accepted: httpx.Re
     return dict(job)
 
 
-def test_files_of_results_are_swept_with_the_collection(
+def test_files_of_results_are_removed_with_the_collection(
     client: httpx.Client, service: Service, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     finished(client, upload(client, [line("a", 1)]))
     monkeypatch.setattr("server.jobs.folder._GRACE", -1.0)
-    service.jobs.runner.sweep()
+    service.jobs.runner.clean_up()
     assert len(left(client, service.settings)) == 1
     client.delete(URL).raise_for_status()
     client.put(URL, json={}).raise_for_status()
-    service.jobs.runner.sweep()
+    service.jobs.runner.clean_up()
     assert left(client, service.settings) == []
 
 

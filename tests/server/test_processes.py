@@ -13,8 +13,8 @@ from server.store.sqlite.database import Database
 from tests.server.processes import Server
 from tests.server.world import forest, observed, points, put_submap
 
-_RUNS = re.compile(r'^urquhart_upkeep_runs_total\{task="flush"\} (.+)$', re.MULTILINE)
-_FAILURES = re.compile(r"^urquhart_(?:upkeep_failures|segments_damaged)_total(?:\{.*\})? (.+)$", re.MULTILINE)
+_RUNS = re.compile(r'^urquhart_maintenance_runs_total\{task="flush"\} (.+)$', re.MULTILINE)
+_FAILURES = re.compile(r"^urquhart_(?:maintenance_failures|segments_damaged)_total(?:\{.*\})? (.+)$", re.MULTILINE)
 
 
 def test_two_servers_on_one_database(serve: Callable[[Path], Server], tmp_path: Path) -> None:
@@ -34,7 +34,7 @@ def test_two_servers_on_one_database(serve: Callable[[Path], Server], tmp_path: 
 def test_two_servers_share_their_segments(serve: Callable[..., Server], tmp_path: Path) -> None:
     """Both write, merge and take over, all the time, and neither is disturbed by the other."""
     path = tmp_path / "urquhart.db"
-    few = {"URQUHART_INDEX__FLUSH_SUBMAPS": "3", "URQUHART_INDEX__UPKEEP_SECONDS": "0.02"}
+    few = {"URQUHART_INDEX__FLUSH_SUBMAPS": "3", "URQUHART_INDEX__MAINTENANCE_SECONDS": "0.02"}
     one, two = serve(path, **few).client, serve(path, **few).client
     one.put("/v1/collections/plots", json={}).raise_for_status()
     for i in range(30):

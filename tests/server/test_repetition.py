@@ -1,4 +1,4 @@
-"""A POST that is sent again: among processes, for callers of fewer scopes, and what is swept."""
+"""A POST that is sent again: among processes, for callers of fewer scopes, and what is removed."""
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -67,7 +67,7 @@ def _row(operation: str, name: str) -> IdempotencyRow:
     )
 
 
-def test_old_answers_are_swept_some_at_a_time(database: Database) -> None:
+def test_old_answers_are_removed_some_at_a_time(database: Database) -> None:
     now = datetime.now(UTC)
 
     def keep(name: str) -> None:

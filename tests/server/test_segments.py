@@ -96,8 +96,8 @@ def test_a_collection_that_is_dropped_takes_its_files_along(process: Process) ->
     process.maintenance.flush_and_merge("plots")
     assert process.files()
     registry.delete(process.database, "plots")
-    assert process.catalog.folder.sweep(grace=60.0) == 0  # young files might be about to be listed
-    assert process.catalog.folder.sweep(grace=0.0) == 1
+    assert process.catalog.folder.clean_up(grace=60.0) == 0  # young files might be about to be listed
+    assert process.catalog.folder.clean_up(grace=0.0) == 1
     assert process.files() == []
     registry.ensure(process.database, "plots", CollectionPut())
     assert process.found(1) is None

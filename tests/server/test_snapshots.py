@@ -220,12 +220,12 @@ def test_one_at_a_time(client: httpx.Client, service: Service, monkeypatch: pyte
     with SnapshotFolder(service.database.path).turn():  # as another process would
         busy = client.post(AT, json={"name": "second"})
         assert (busy.status_code, busy.json()["type"]) == (409, "/problems/conflict")
-        service.snapshots.sweep()
-        assert left(service) == ["making"]  # not swept: somebody is at it
+        service.snapshots.clean_up()
+        assert left(service) == ["making"]  # not removed: somebody is at it
     taken(client, name="second")
 
 
-def test_what_killed_processes_left_is_swept(client: httpx.Client, service: Service, settings: Settings) -> None:
+def test_what_killed_processes_left_is_removed(client: httpx.Client, service: Service, settings: Settings) -> None:
     taken(client, name="good")
 
     def litter() -> None:
@@ -346,7 +346,7 @@ def test_killed_at_any_step(tmp_path: Path) -> None:
         names = [snapshot.name for snapshot in folder.all()]
         for name in names:
             restoring.verify(restoring.find(database.path, name))
-        folder.sweep()
+        folder.clean_up()
         there = {path.name for path in folder.path.iterdir()} - {"snapshot.lock"}
         assert there == {f"{name}.{ending}" for name in names for ending in ("db", "json")}
         seen.add(tuple(names))

@@ -16,7 +16,7 @@ _YEAR: Final = 365 * 86_400.0
 _HOUR: Final = 3_600.0
 _JUMPS: Final = (0.0, -_YEAR, _YEAR, -_HOUR, _HOUR, -3 * _YEAR, 20 * _YEAR, 0.0)
 _BASE: Final = "/v1/collections/plots"
-_SMALL: Final = {"URQUHART_INDEX__FLUSH_SUBMAPS": "4", "URQUHART_INDEX__UPKEEP_SECONDS": "0.2"}
+_SMALL: Final = {"URQUHART_INDEX__FLUSH_SUBMAPS": "4", "URQUHART_INDEX__MAINTENANCE_SECONDS": "0.2"}
 """So that segments are written and merged between the jumps."""
 _LOOKS: Final = ("time.time", "time.time_ns", "datetime.now", "datetime.utcnow", "date.today")
 

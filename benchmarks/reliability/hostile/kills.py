@@ -17,7 +17,7 @@ from benchmarks.served import Served, served
 
 _BASE: Final = "/v1/collections/plots"
 _WRITERS: Final = 4
-_SMALL: Final = {"URQUHART_INDEX__FLUSH_SUBMAPS": "20", "URQUHART_INDEX__UPKEEP_SECONDS": "0.2"}
+_SMALL: Final = {"URQUHART_INDEX__FLUSH_SUBMAPS": "20", "URQUHART_INDEX__MAINTENANCE_SECONDS": "0.2"}
 _STOP: Final = 30.0
 """Seconds within which a server that is asked to end must have ended."""
 

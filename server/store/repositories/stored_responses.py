@@ -7,7 +7,7 @@ from sqlalchemy.orm import Session
 
 from server.store.tables import IdempotencyRow
 
-_SWEPT = 100
+_AT_ONCE = 100
 """Old answers that a new one sweeps away: more than one, so that they get fewer, and few enough to be quick."""
 _MOST = 100_000
 """Answers that are kept, the newest: for minutes of the busiest fleet, where a repetition comes within one."""
@@ -40,9 +40,9 @@ class StoredResponses:
             & (IdempotencyRow.operation == row.operation)
             & (IdempotencyRow.name == row.name)
         )
-        old = select(IdempotencyRow.key).where(IdempotencyRow.created < since).limit(_SWEPT)
+        old = select(IdempotencyRow.key).where(IdempotencyRow.created < since).limit(_AT_ONCE)
         newest = select(func.max(IdempotencyRow.key)).scalar_subquery()
-        surplus = select(IdempotencyRow.key).where(IdempotencyRow.key <= newest - _MOST).limit(_SWEPT)
+        surplus = select(IdempotencyRow.key).where(IdempotencyRow.key <= newest - _MOST).limit(_AT_ONCE)
         for stale in (
             IdempotencyRow.key.in_(old),
             IdempotencyRow.key.in_(surplus),

@@ -87,7 +87,7 @@ def test_what_is_in_memory_is_written_when_it_is_much(process: Process) -> None:
     live = process.catalog.live("plots")
     assert live is not None and live.state is not None
     assert (live.state.opened, live.state.delta) == (1, ())
-    assert value(process, "urquhart_upkeep_runs_total", task="flush") == 1.0
+    assert value(process, "urquhart_maintenance_runs_total", task="flush") == 1.0
     assert value(process, "urquhart_index_segments", collection="plots") == 1.0
     assert value(process, "urquhart_index_bytes", collection="plots") == process.chain()[0].size
     # In a process that is not asked anything, from the rows.
@@ -102,7 +102,7 @@ def test_what_is_in_memory_is_written_when_it_is_much(process: Process) -> None:
 
 
 def test_the_service_looks_after_its_segments(tmp_path: Path) -> None:
-    few = IndexSettings(flush_submaps=2, upkeep_seconds=0.02)
+    few = IndexSettings(flush_submaps=2, maintenance_seconds=0.02)
     app = create_app(Settings(database=str(tmp_path / "plots.db"), index=few))
     service: Service = app.state.service
     with TestClient(app) as client:
@@ -113,7 +113,7 @@ def test_the_service_looks_after_its_segments(tmp_path: Path) -> None:
             assert answer["candidates"][0]["submap_id"] == f"p{i}"
 
         def written() -> bool:
-            return 'urquhart_upkeep_runs_total{task="check"}' in client.get("/metrics").text
+            return 'urquhart_maintenance_runs_total{task="check"}' in client.get("/metrics").text
 
         wait_for(written)
     assert service.maintenance._thread is not None
@@ -147,7 +147,7 @@ def test_a_full_disk(
         assert [process.found(i) for i in (3, 10, 20)] == ["p3", "p10", "p20"]
         assert (process.chain(), process.files()) == (before, files)
     assert caplog.text.count("trying again later") == 1
-    assert value(process, "urquhart_upkeep_failures_total", task="flush") >= 2.0
+    assert value(process, "urquhart_maintenance_failures_total", task="flush") >= 2.0
     process.maintenance._failures.clear()  # that it waits is another test
     process.maintenance.run()
     assert sum(s.submaps for s in process.chain()) == 30
@@ -165,7 +165,7 @@ def test_a_full_disk_while_merging(process: Process, monkeypatch: pytest.MonkeyP
         process.maintenance.run()
         assert [s.submaps for s in process.chain()] == [4, 4]
         assert process.found(5) == "p5"
-    assert value(process, "urquhart_upkeep_failures_total", task="merge") == 1.0
+    assert value(process, "urquhart_maintenance_failures_total", task="merge") == 1.0
     process.maintenance._failures.clear()
     process.maintenance.run()
     assert [s.submaps for s in process.chain()] == [8]
@@ -280,7 +280,7 @@ def test_stopping_gives_up_what_is_being_written(process: Process, monkeypatch: 
     process.agreed()
 
 
-def test_files_left_over_are_swept(process: Process, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_files_left_over_are_removed(process: Process, monkeypatch: pytest.MonkeyPatch) -> None:
     process.put_many(range(5))
     process.maintenance.flush_and_merge("plots")
     folder = process.catalog.folder.path
@@ -290,7 +290,7 @@ def test_files_left_over_are_swept(process: Process, monkeypatch: pytest.MonkeyP
     (folder / "young.segment").write_bytes(b"about to be listed")
     with process.catalog.folder.lock("merge") as held:
         assert held
-        assert process.catalog.folder.sweep() == 0  # another is at work
+        assert process.catalog.folder.clean_up() == 0  # another is at work
     process.maintenance.run()
     assert sorted(path.name for path in folder.iterdir()) == sorted(
         ["flush.lock", "merge.lock", "notes.txt", "young.segment", f"{process.chain()[0].name}.segment"]
