@@ -2,12 +2,16 @@
 
 import os
 import platform
+import subprocess
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
 
 LIBRARIES: Final = ("numpy", "scipy", "numba", "faiss-cpu")
 """Those that do the work of the method."""
+ROOT: Final = Path(__file__).parents[1]
+CODE: Final = ("urquhart", "server", "benchmarks")
+"""Folders that figures depend on."""
 
 
 def machine(*others: str) -> dict[str, Any]:
@@ -18,6 +22,18 @@ def machine(*others: str) -> dict[str, Any]:
         "python": platform.python_version(),
         "versions": {name: version(name) for name in (*LIBRARIES, *others)},
     }
+
+
+def commit() -> str | None:
+    """The commit of this checkout, with `-dirty` where its code differs from it; None where there is no git."""
+    try:
+        head, changed = (
+            subprocess.run(["git", *words], cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
+            for words in (("rev-parse", "--short=7", "HEAD"), ("status", "--porcelain", "-uno", "--", *CODE))
+        )
+    except (OSError, subprocess.CalledProcessError):
+        return None
+    return f"{head}-dirty" if changed else head
 
 
 def _processor() -> str:

@@ -33,6 +33,7 @@ VERBS = {
     "bench",
     "bench-paper",
     "bench-robust",
+    "bench-levels",
     "bench-scale",
     "bench-reliability",
     "lock",
@@ -179,6 +180,7 @@ def test_the_wheel_holds_the_packages_and_not_the_stem_maps(tmp_path: Path) -> N
     assert not [name for name in names if name.endswith(".csv")]
     assert [name for name in names if name.endswith("licenses/LICENSE")]
     assert [name for name in names if name.startswith("migrations/versions/0001")]
+    assert "urquhart/calibration.json" in names
 
 
 def test_the_stem_maps_carry_their_licence() -> None:

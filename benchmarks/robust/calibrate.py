@@ -1,10 +1,15 @@
-"""What the numbers in `urquhart.decide.confidence` were fitted with: two straight lines through answers of known truth.
+"""Fits the numbers of `urquhart/calibration.json`: two straight lines through answers of known truth.
 
 Run as `python -m benchmarks.robust.calibrate`. The forests are other ones than those of the published figures: seeds
 differ, and so does every tree but the real ones.
 """
 
+import hashlib
+import json
 import os
+from importlib import import_module
+from pathlib import Path
+from pkgutil import iter_modules
 from typing import Annotated, Any, Final
 
 import numpy as np
@@ -14,16 +19,21 @@ from rich.console import Console
 from rich.progress import Progress
 from scipy.optimize import minimize
 
+import urquhart
+from benchmarks.machine import commit
 from benchmarks.pool import Pool
 from benchmarks.robust import grid, rows, stands
-from urquhart import Config, Gates
-from urquhart.decide.confidence import chance_logit, combine, rival_logit_from
+from urquhart import SE2, Config, Recognizer, describe
+from urquhart.decide.confidence import CALIBRATION, CONFIDENCE, Calibration, Line
+from urquhart.evaluation.simulation import observe, paper_forest, plantation
 
 SEED: Final = 1000
+COMMAND: Final = "python -m benchmarks.robust.calibrate"
+FILE: Final = Path(urquhart.__file__).with_name("calibration.json")
+ROOMS: Final = ("verify", "decide")
+"""Rooms of the method whose tuning numbers decide what a pose is worth, and so what the fit is made of."""
 _TOLD: Final = -25.0
 """Lead beyond what says nothing; below it the confidence has a floor."""
-_UNKNOWN: Final = -8.0
-"""Log-odds of the answers that are left out: nothing was compared for them."""
 
 
 def gather(pool: Pool, seed: int) -> dict[str, NDArray[Any]]:
@@ -40,16 +50,12 @@ def gather(pool: Pool, seed: int) -> dict[str, NDArray[Any]]:
     }
 
 
-def fit(answers: NDArray[Any]) -> tuple[float, float, float, float]:
-    """Slope and even point of the odds against chance, and of those against a rival, by maximum likelihood."""
-    known = answers[(answers["inliers"] > 0) & (answers["log_odds"] > _UNKNOWN)]
-    rivalled, config = np.isfinite(known["lead"]), Config()
+def fit(answers: NDArray[Any]) -> Calibration:
+    """The two lines of maximum likelihood for answers (Q,)."""
+    known = answers[(answers["inliers"] > 0) & (answers["log_odds"] > CONFIDENCE.unknown)]
+    rivalled = np.isfinite(known["lead"])
     odds, right = known["log_odds"].astype(np.float64), known["right"].astype(np.float64)
-    share = Gates.of(config).lead_share
-    beyond = (
-        known["lead"] - config.margin * known["overlap"] - share * np.maximum(known["evidence"] - known["lead"], 0.0)
-    )
-    beyond = np.where(rivalled, beyond, 0.0)
+    beyond = np.where(rivalled, _beyond(known), 0.0)
     # What is hopeless keeps a floor, and says nothing about the line above it.
     told = ~rivalled | (beyond > _TOLD)
 
@@ -60,45 +66,131 @@ def fit(answers: NDArray[Any]) -> tuple[float, float, float, float]:
         return float((np.logaddexp(0.0, total) - right * total)[told].sum())
 
     found = minimize(loss, [-0.4, -2.0, -1.2, -5.0], method="Nelder-Mead", options={"maxiter": 4000}).x
-    return float(np.exp(found[0])), float(found[1]), float(np.exp(found[2])), float(found[3])
+    chance, even, rival, level = found.tolist()
+    return Calibration(Line(float(np.exp(chance)), even), Line(float(np.exp(rival)), level))
 
 
-def logits(answers: NDArray[Any], margin: float) -> NDArray[np.float64]:
-    """Log-odds of being right (Q,) as the method has them now."""
-    return np.array(
-        [
-            combine(
-                chance_logit(float(row["log_odds"])),
-                rival_logit_from(float(row["evidence"]), float(row["lead"]), int(row["overlap"]), margin)
-                if np.isfinite(row["lead"])
-                else np.inf,
-            )
-            for row in answers
-        ]
+def logits(answers: NDArray[Any], lines: Calibration) -> NDArray[np.float64]:
+    """Log-odds of being right (Q,) that two lines give to answers (Q,)."""
+    chance, rival = lines
+    against_chance = chance.slope * (np.maximum(answers["log_odds"], CONFIDENCE.unknown) - chance.even)
+    against_rival = np.maximum(rival.slope * (_beyond(answers) - rival.even), CONFIDENCE.least_rival_logit)
+    combined: NDArray[np.float64] = -np.logaddexp(
+        -against_chance, -np.where(np.isfinite(answers["lead"]), against_rival, np.inf)
     )
+    return combined
+
+
+def _beyond(answers: NDArray[Any]) -> NDArray[np.float64]:
+    """Leads (Q,) minus the part that says nothing; NaN where there is no rival."""
+    known = {name: answers[name].astype(np.float64) for name in ("evidence", "lead", "overlap")}
+    penalty = CONFIDENCE.rival_penalty * np.maximum(known["evidence"] - known["lead"], 0.0)
+    beyond: NDArray[np.float64] = known["lead"] - Config().margin * known["overlap"] - penalty
+    return beyond
+
+
+def accepted(answers: NDArray[Any], lines: Calibration) -> dict[str, int]:
+    """How many of answers (Q,) two lines let pass at the default gate, and how many of those are wrong."""
+    passed = (logits(answers, lines) >= Config().gate) & (answers["evidence"] > 0.0)
+    return {"accepted": int(passed.sum()), "wrong": int((passed & ~answers["right"]).sum())}
+
+
+def dependencies() -> dict[str, str]:
+    """A digest of everything that the fit takes as given, by name.
+
+    These are the tuning numbers of `ROOMS`, the parameters of `Config` that decide what a pose is worth, and the worth
+    of two poses: it changes with the formulas.
+    """
+    config = Config()
+    found: dict[str, object] = {"config": (config.sigma, config.margin, config.reach), "worth": _worth()}
+    for room in ROOMS:
+        for module in iter_modules(import_module(f"urquhart.{room}").__path__):
+            name = f"urquhart.{room}.{module.name}"
+            for value in vars(import_module(name)).values():
+                kind = type(value)
+                if isinstance(value, tuple) and kind.__name__.endswith("Numbers") and kind.__module__ == name:
+                    found[f"{name}.{kind.__name__}"] = value
+    return {name: hashlib.sha256(repr(value).encode()).hexdigest()[:16] for name, value in found.items()}
+
+
+def _worth() -> list[str]:
+    """Log-odds and lead of the true pose in a forest and in a plantation, to three digits: no machine differs there."""
+    forest = paper_forest(np.random.default_rng(1), 200.0)
+    planted = plantation(200.0, 200.0, np.random.default_rng(2), spacing=(3.0, 3.0), jitter=0.15, survival=0.95)
+    config, rng, worth = Config(), np.random.default_rng(3), list[str]()
+    stored, asked = SE2(100.0, 100.0, 0.5), SE2(104.0, 97.0, 2.0)
+    for trees, radius in ((forest, 45.0), (planted, 20.0)):
+        there, seen = (
+            describe(observe(trees, pose, radius, rng, sigma=0.1, detection=0.9).xy, config) for pose in (stored, asked)
+        )
+        recognizer = Recognizer(config)
+        recognizer.add([(0, there)])
+        (found,) = recognizer.check(seen, 0, stored.inverse() @ asked).candidates
+        worth += [f"{found.log_odds:.3g}", f"{np.nan if found.lead is None else found.lead:.3g}"]
+    return worth
+
+
+def stale() -> list[str]:
+    """What the fit of `FILE` depends on and what has changed since, by name."""
+    before, now = read()["depends_on"], dependencies()
+    return sorted(name for name in before.keys() | now.keys() if before.get(name) != now.get(name))
+
+
+def read() -> dict[str, Any]:
+    """The calibration file."""
+    held: dict[str, Any] = json.loads(FILE.read_text(encoding="utf-8"))
+    return held
 
 
 def main(
     seed: Annotated[int, typer.Option(help="Of all randomness.")] = SEED,
     workers: Annotated[int, typer.Option(help="Processes, one thread each.")] = os.cpu_count() or 1,
+    record: Annotated[
+        bool, typer.Option("--record", help="Keep the fit in the file, beside the lines in use.")
+    ] = False,
+    adopt: Annotated[bool, typer.Option("--adopt", help="Keep the fit in the file, and use it.")] = False,
 ) -> None:
-    """Print the fitted numbers, and what the present ones make of the same answers."""
+    """Print the fitted numbers, and what those and the ones in use make of the same answers."""
     console = Console()
     with Progress(console=console) as progress, Pool(workers, progress) as pool:
         kinds = gather(pool, seed)
+    kinds = {name: answers[answers["inliers"] > 0] for name, answers in kinds.items()}
     everything = np.concatenate(list(kinds.values()))
-    slope, even, steep, level = fit(everything)
-    console.print(f"against chance: slope {slope:.3f}, even at {even:.2f}", highlight=False)
-    console.print(f"against a rival: slope {steep:.3f}, even at {level:.2f}", highlight=False)
-    for name, answers in kinds.items():
-        known = answers[answers["inliers"] > 0]
-        logit = logits(known, Config().margin)
-        wrong = ~known["right"]
-        accepted = logit >= Config().gate
-        console.print(
-            f"{name}: {len(known)} answers, {int(accepted.sum())} accepted, {int((accepted & wrong).sum())} of them "
-            f"wrong; the surest wrong one at {logit[wrong].max():.2f}"
-        )
+    lines = {"in use": CALIBRATION, "fitted": fit(everything)}
+    for name, (chance, rival) in lines.items():
+        text = f"{name}: chance {chance.slope:.3f} / {chance.even:.2f}, rival {rival.slope:.3f} / {rival.even:.2f}"
+        console.print(text, highlight=False)
+        for kind, answers in kinds.items():
+            passed, wrong = accepted(answers, lines[name]).values()
+            surest = logits(answers, lines[name])[~answers["right"]].max()
+            text = f"  {kind}: {passed} of {len(answers)} accepted, {wrong} wrong; surest wrong one at {surest:.2f}"
+            console.print(text, highlight=False)
+    if record or adopt:
+        write(lines["fitted"], everything, seed, adopt=adopt)
+        console.print(f"written to {FILE.name}", highlight=False)
+
+
+def write(fitted: Calibration, answers: NDArray[Any], seed: int, *, adopt: bool) -> None:
+    """Write a fit to `FILE`, with what it comes from; the lines in use stay, unless it is adopted."""
+    described = {
+        name: {"slope": round(line.slope, 4), "even": round(line.even, 3)}
+        for name, line in zip(fitted._fields, fitted, strict=True)
+    }
+    held = read()
+    if adopt:
+        # The note says why the lines in use are not those of the latest fit.
+        held = {"in_use": described}
+    held["fit"] = {
+        "command": f"{COMMAND} --record",
+        "seed": seed,
+        "commit": commit(),
+        "answers": len(answers),
+        **described,
+        "result": accepted(answers, fitted),
+        "result_of_those_before": accepted(answers, CALIBRATION),
+    }
+    held["depends_on"] = dependencies()
+    FILE.write_text(json.dumps(held, indent=2) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -25,8 +25,6 @@ FIXED: Final = {
     *("features.landmarks.MINIMUM", "features.landmarks.MAXIMUM", "features.landmarks.COORDINATE_LIMIT"),
     *("features.landmarks.RESOLUTION", "uncertainty._LEAST_SPREAD", "config._REACH"),
     *("decide.rivals._QUARTERS", "evaluation.scores.TRANSLATION"),
-    # Fitted.
-    *("decide.confidence._CHANCE", "decide.confidence._RIVAL"),
 }
 """Numbers that are no tuning, by module: they may stand alone."""
 

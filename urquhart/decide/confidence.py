@@ -15,12 +15,14 @@ one orchard would pass for the corner of another.
 
 Confidence. Neither number is a probability yet: trees are not independent, and every level keeps its best of many
 poses. Two straight lines turn them into log-odds of being right, one against chance and one against a rival. They are
-fitted to answers whose truth is known (`calibrate` in the benchmarks, which also shows how well they hold on others).
-A pose is wrong if it is wrong in either way, so the odds are combined as 1 / (1 / chance + 1 / rival).
+fitted to answers whose truth is known, by `python -m benchmarks.robust.calibrate`, and kept in `calibration.json`. A
+pose is wrong if it is wrong in either way, so the odds are combined as 1 / (1 / chance + 1 / rival).
 """
 
+import json
 import math
 from dataclasses import dataclass
+from importlib.resources import files
 from typing import Final, Literal, NamedTuple
 
 import numpy as np
@@ -33,10 +35,34 @@ from urquhart.verify.landmark_grid import LandmarkGrid
 Refusal = Literal["verification_failed", "runner_up_too_close", "below_gate", "deadline", "contradicting_maps"]
 """Why a pose is not reported as matched; the words are stable."""
 
-_CHANCE: Final = (0.7, -1.5)
-"""Line from the log-odds against chance to calibrated ones: its slope, and the log-odds at which it is zero."""
-_RIVAL: Final = (0.265, -5.4)
-"""Line from the lead over a rival, minus what says nothing, to calibrated log-odds: its slope, and where it is zero."""
+
+class Line(NamedTuple):
+    """A straight line from an uncalibrated number to calibrated log-odds of being right.
+
+    Attributes:
+        slope: calibrated log-odds gained by each unit of the number.
+        even: the number at which the line is zero, where right and wrong are equally likely.
+    """
+
+    slope: float
+    even: float
+
+
+class Calibration(NamedTuple):
+    """The two fitted lines.
+
+    Attributes:
+        chance: from the log-odds against chance.
+        rival: from the lead over a rival, minus the part of the lead that says nothing.
+    """
+
+    chance: Line
+    rival: Line
+
+
+_FITTED: Final = json.loads(files("urquhart").joinpath("calibration.json").read_text(encoding="utf-8"))["in_use"]
+CALIBRATION: Final = Calibration(*(Line(**_FITTED[name]) for name in Calibration._fields))
+"""The lines in use; `calibration.json` says how they were fitted."""
 
 
 class ConfidenceNumbers(NamedTuple):
@@ -79,7 +105,7 @@ def log_odds(verified: PoseEvidence, query: LandmarkGrid, volume: float) -> floa
 
 def chance_logit(odds: float) -> float:
     """Calibrated log-odds that a pose with these log-odds is right and not a coincidence."""
-    slope, even = _CHANCE
+    slope, even = CALIBRATION.chance
     return slope * (max(odds, CONFIDENCE.unknown) - even)
 
 
@@ -92,14 +118,14 @@ def rival_logit(verified: PoseEvidence, lead: float | None, margin: float) -> fl
 
 def rival_logit_from(evidence: float, lead: float, overlap: int, margin: float) -> float:
     """`rival_logit` by numbers: `overlap` landmarks could have been inliers."""
-    slope, even = _RIVAL
+    slope, even = CALIBRATION.rival
     beyond = lead - margin * overlap - CONFIDENCE.rival_penalty * max(evidence - lead, 0.0)
     return max(slope * (beyond - even), CONFIDENCE.least_rival_logit)
 
 
 def rival_threshold(verified: PoseEvidence, odds: float, margin: float) -> float:
     """Evidence up to which a rival leaves the odds against it at `odds` (a logarithm) or better."""
-    slope, even = _RIVAL
+    slope, even = CALIBRATION.rival
     behind = verified.evidence - margin * verified.overlap - even - odds / slope
     return behind / (1.0 + CONFIDENCE.rival_penalty) if behind > 0.0 else behind
 
@@ -125,9 +151,9 @@ class Gates:
     @staticmethod
     def of(config: Config) -> "Gates":
         """The gates of a configuration."""
-        slope, even = _CHANCE
+        slope, even = CALIBRATION.chance
         sure = 1.0 / (1.0 + math.exp(-config.gate))
-        steep, level = _RIVAL
+        steep, level = CALIBRATION.rival
         odds, lead = config.gate / slope + even, config.gate / steep + level
         return Gates(sure, odds, lead, config.margin, CONFIDENCE.rival_penalty)
 
