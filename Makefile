@@ -17,7 +17,7 @@ UV_COMPILE = $(UV) pip compile --quiet --universal --python-version 3.11 --gener
 SIDE_BY_SIDE = --numprocesses auto --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help demo serve test test-unit kernels lint bench bench-paper bench-robust bench-scale bench-reliability lock clean
+.PHONY: help demo serve test test-unit kernels lint bench bench-paper bench-robust bench-levels bench-scale bench-reliability lock clean
 .DELETE_ON_ERROR:
 
 help: ## print every verb
@@ -52,6 +52,9 @@ bench-paper: $(VENV)/dev.stamp ## rerun the paper's experiments: tables, plots, 
 
 bench-robust: $(VENV)/dev.stamp ## how the default method holds: noise, plantations, real trees, its confidence
 	@$(BIN)/python -m benchmarks.robust $(ARGS)
+
+bench-levels: $(VENV)/dev.stamp ## what each level of the search adds in right answers and costs in time
+	@$(BIN)/python -m benchmarks.levels $(ARGS)
 
 bench-scale: $(VENV)/dev.stamp ## how the database grows to 100k submaps; ARGS="--max-n 1000000" for a million
 	@$(BIN)/python -m benchmarks.scale $(ARGS)

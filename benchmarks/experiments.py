@@ -8,7 +8,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from benchmarks.machine import LIBRARIES, machine
+from benchmarks.machine import LIBRARIES, commit, machine
 from benchmarks.markdown import number, page, prose, table
 from benchmarks.pool import Pool
 
@@ -32,21 +32,24 @@ def progress_on(console: Console) -> Progress:
 
 
 def measure(module: str, name: str, experiment: Experiment, pool: Pool, *, quick: bool, seed: int) -> Figures:
-    """Run an experiment of `module`; its figures under what made them."""
+    """Run an experiment of `module`, by its `name` if there are several; its figures under what made them."""
     started = time.perf_counter()
     figures = experiment(pool, quick=quick, seed=seed)
-    command = f"python -m {module}{' --quick' if quick else ''}{f' --seed {seed}' if seed else ''} --only {name}"
-    return {"machine": machine(), "command": command, "seed": seed, "seconds": time.perf_counter() - started} | figures
+    command = f"python -m {module}{' --quick' if quick else ''}{f' --seed {seed}' if seed else ''}"
+    command += f" --only {name}" if name else ""
+    head = {"machine": machine(), "commit": commit(), "command": command, "seed": seed}
+    return head | {"seconds": time.perf_counter() - started} | figures
 
 
 def provenance(results: Mapping[str, Figures]) -> str:
-    """Which machine and which commands made the figures."""
+    """Which machine and which commands made the figures, and of which commit of the code."""
     described = next(iter(results.values()))["machine"]
     versions = ", ".join(f"{name} {described['versions'][name]}" for name in LIBRARIES)
     made = [
         [
             f"`results/{name}.json`",
             f"`{figures['command']}`",
+            figures.get("commit") or "-",
             ", ".join(map(str, figures.get("seeds", [figures["seed"]]))),
             number(figures["seconds"] / 60.0, 1),
         ]
@@ -56,5 +59,5 @@ def provenance(results: Mapping[str, Figures]) -> str:
         prose(
             f"Machine: {described['processor']}, {described['cores']} cores, Python {described['python']}, {versions}."
         ),
-        table(["figures", "made by", "seeds", "minutes"], made, words=2),
+        table(["figures", "made by", "commit", "seeds", "minutes"], made, words=3),
     )

@@ -3,6 +3,8 @@
 from pathlib import Path
 
 from benchmarks import record
+from benchmarks.levels.report import SECTIONS as LEVELS
+from benchmarks.levels.report import write_report as write_levels
 from benchmarks.markdown import FOLDER, page
 from benchmarks.paper.report import SECTIONS as PAPER
 from benchmarks.paper.report import write_report as write_paper
@@ -13,7 +15,7 @@ from benchmarks.robust.report import write_report as write_robust
 def compose(folder: Path) -> str:
     """The page, from the JSON files under `folder`."""
     parts = []
-    for sections, write in ((ROBUST, write_robust), (PAPER, write_paper)):
+    for sections, write in ((ROBUST, write_robust), (LEVELS, write_levels), (PAPER, write_paper)):
         paths = {name: folder / FOLDER / f"{name}.json" for name in sections}
         results = {name: record.read(path) for name, path in paths.items() if path.exists()}
         parts.append(write(results) if results else "")

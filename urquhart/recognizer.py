@@ -57,7 +57,7 @@ class Recognizer(Collection):
             ValueError: the observation was described with another configuration.
             Abandoned: nobody waits for the answer any more.
         """
-        index, source = self._held
+        index, source = self.snapshot
         chosen = index.narrowed(only, exclude)
         if not len(chosen):
             return unsearched("nothing_left" if len(index) else "empty_collection")
@@ -94,7 +94,7 @@ class Recognizer(Collection):
             KeyError: no such submap.
             ValueError: the observation was described with another configuration.
         """
-        index, source = self._held
+        index, source = self.snapshot
         query = make_query(observation, self.config, source, len(index))
         start = SE2.shift(query.submaps.features(key).origin).inverse() @ transform @ SE2.shift(query.features.origin)
         with query.trace.timed("verify given"):

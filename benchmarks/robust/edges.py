@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.pool import Pool
-from benchmarks.robust.worlds import STRICT, Place, Points, World, gather, summarize
+from benchmarks.robust.worlds import STRICT, Place, Points, Question, World, gather, summarize
 from urquhart import SE2, Config, warm_up
 from urquhart.evaluation.simulation import observe, plantation
 
@@ -53,11 +53,16 @@ def run(pool: Pool, *, quick: bool, seed: int) -> dict[str, Any]:
 
 
 def run_kind(job: Job) -> NDArray[Any]:
-    """Answers (Q,) about one kind, two or more for each stand."""
+    """Answers (Q,) about one kind."""
+    return gather(question.ask() for question in questions(job))
+
+
+def questions(job: Job) -> Iterator[Question]:
+    """What is asked about one kind, one place or more in each stand."""
     warm_up(Config())
     kind = KINDS[job.kind]
-    rngs = (np.random.default_rng([job.seed, 8, job.kind, stand]) for stand in range(job.stands))
-    return gather(row for rng in rngs for row in SCENES[kind.scene](kind, rng))
+    for stand in range(job.stands):
+        yield from SCENES[kind.scene](kind, np.random.default_rng([job.seed, 8, job.kind, stand]))
 
 
 def _world(trees: Points, poses: Sequence[SE2], radius: float, rng: np.random.Generator) -> World:
@@ -70,7 +75,7 @@ def _turn(rng: np.random.Generator) -> float:
     return float(rng.uniform(-np.pi, np.pi))
 
 
-def _inside(kind: Kind, rng: np.random.Generator) -> Iterator[NDArray[Any]]:
+def _inside(kind: Kind, rng: np.random.Generator) -> Iterator[Question]:
     """Amid the rows, with 36 submaps stored: a pose one row off explains nearly as much."""
     trees = plantation(90.0, 90.0, rng, spacing=kind.spacing, jitter=kind.jitter, survival=kind.survival)
     centres = range(20, 90, 12)
@@ -78,17 +83,17 @@ def _inside(kind: Kind, rng: np.random.Generator) -> Iterator[NDArray[Any]]:
     for _ in range(4):
         x, y = rng.uniform(20.0, 70.0, 2).tolist()
         pose = SE2(x, y, _turn(rng))
-        yield world.ask(observe(trees, pose, 20.0, rng, sigma=0.05, detection=0.95).xy, 0, pose)
+        yield Question(world, observe(trees, pose, 20.0, rng, sigma=0.05, detection=0.95).xy, 0, pose)
 
 
-def _corner(kind: Kind, rng: np.random.Generator) -> Iterator[NDArray[Any]]:
+def _corner(kind: Kind, rng: np.random.Generator) -> Iterator[Question]:
     """The corner of an orchard, stored beside the opposite corner; then only the opposite one is stored."""
     trees = plantation(150.0, 150.0, rng, spacing=kind.spacing, jitter=kind.jitter, survival=kind.survival)
     poses = [SE2(0.0, 0.0, _turn(rng)), SE2(145.0, 145.0, _turn(rng))]
     yield from _known_and_not(trees, poses, SE2(0.0, 0.0, _turn(rng)), 40.0, rng)
 
 
-def _edge(kind: Kind, rng: np.random.Generator) -> Iterator[NDArray[Any]]:
+def _edge(kind: Kind, rng: np.random.Generator) -> Iterator[Question]:
     """The middle of an edge, with three edges stored; then the edge that is not stored."""
     plant = hexagonal if kind.scene == "edge, hexagonal" else thinned
     trees = plant(70.0, rng, kind.spacing[0], kind.jitter, kind.survival)
@@ -97,10 +102,10 @@ def _edge(kind: Kind, rng: np.random.Generator) -> Iterator[NDArray[Any]]:
     world = _world(trees, [SE2(x, y, _turn(rng)) for x, y in edges], 24.0, rng)
     for x, y, ground in ((0.5 * far_x, 0.0, 0), (0.0, 0.5 * far_y, None)):
         pose = SE2(x, y, _turn(rng))
-        yield world.ask(observe(trees, pose, 24.0, rng, sigma=0.03, detection=0.98).xy, ground, pose)
+        yield Question(world, observe(trees, pose, 24.0, rng, sigma=0.03, detection=0.98).xy, ground, pose)
 
 
-def _twin(kind: Kind, rng: np.random.Generator) -> Iterator[NDArray[Any]]:
+def _twin(kind: Kind, rng: np.random.Generator) -> Iterator[Question]:
     """One of two stands side by side, planted alike, both stored; then only the other one is."""
     one, two = (
         plantation(38.0, 38.0, rng, spacing=kind.spacing, jitter=kind.jitter, survival=kind.survival) + [x, 0.0]
@@ -111,7 +116,7 @@ def _twin(kind: Kind, rng: np.random.Generator) -> Iterator[NDArray[Any]]:
     yield from _known_and_not(np.concatenate([one, two]), poses, pose, 16.0, rng, known=4)
 
 
-def _lane(kind: Kind, rng: np.random.Generator) -> Iterator[NDArray[Any]]:
+def _lane(kind: Kind, rng: np.random.Generator) -> Iterator[Question]:
     """The lane between two stands, with only their outer edges stored.
 
     Either stand's edge fits the stored one: those two poses claim different trees of the query, and rule each other
@@ -121,16 +126,16 @@ def _lane(kind: Kind, rng: np.random.Generator) -> Iterator[NDArray[Any]]:
     trees = np.concatenate(stands)
     world = _world(trees, [SE2(0.0, 23.5, _turn(rng)), SE2(102.0, 23.5, _turn(rng))], 21.4, rng)
     pose = SE2(51.0, 23.5, _turn(rng))
-    yield world.ask(observe(trees, pose, 21.4, rng, sigma=0.03, detection=0.98).xy, None, pose)
+    yield Question(world, observe(trees, pose, 21.4, rng, sigma=0.03, detection=0.98).xy, None, pose)
 
 
 def _known_and_not(
     trees: Points, poses: Sequence[SE2], pose: SE2, radius: float, rng: np.random.Generator, known: int = 1
-) -> Iterator[NDArray[Any]]:
+) -> Iterator[Question]:
     """Ask for `pose` with all poses stored, then without the first `known`, which are those near it."""
     seen = observe(trees, pose, radius, rng, sigma=0.03, detection=0.98).xy
-    yield _world(trees, poses, radius, rng).ask(seen, 0, pose)
-    yield _world(trees, poses[known:], radius, rng).ask(seen, None, pose)
+    yield Question(_world(trees, poses, radius, rng), seen, 0, pose)
+    yield Question(_world(trees, poses[known:], radius, rng), seen, None, pose)
 
 
 def hexagonal(side: float, rng: np.random.Generator, spacing: float, jitter: float, survival: float) -> Points:
@@ -151,7 +156,7 @@ def thinned(side: float, rng: np.random.Generator, spacing: float, jitter: float
     return trees
 
 
-SCENES: Final[dict[str, Callable[[Kind, np.random.Generator], Iterator[NDArray[Any]]]]] = {
+SCENES: Final[dict[str, Callable[[Kind, np.random.Generator], Iterator[Question]]]] = {
     "inside": _inside,
     "corner": _corner,
     "edge, hexagonal": _edge,

@@ -1,5 +1,6 @@
 """The extended grid: noise, detection and clutter far beyond the paper's, beside an oracle that knows the pose."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Final
@@ -8,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.pool import Pool
-from benchmarks.robust.worlds import PAPER, Place, Points, World, gather, summarize
+from benchmarks.robust.worlds import PAPER, Place, Points, Question, World, gather, summarize
 from urquhart import SE2, Config, warm_up
 from urquhart.evaluation.simulation import observe, paper_forest
 
@@ -47,7 +48,12 @@ def run(pool: Pool, *, quick: bool, seed: int) -> dict[str, Any]:
 
 
 def run_cell(job: Job) -> NDArray[Any]:
-    """Answers about every pair of one cell, each submap a collection of its own."""
+    """Answers about every pair of one cell."""
+    return gather(question.ask() for question in questions(job))
+
+
+def questions(job: Job) -> Iterator[Question]:
+    """Every pair of one cell, each submap a collection of its own: those of the same place, then the others."""
     sigma, detection, clutter = CELLS[job.cell]
     config, trees = Config(), _forest(job.seed)
     rng = np.random.default_rng([job.seed, 5, job.cell])
@@ -65,14 +71,16 @@ def run_cell(job: Job) -> NDArray[Any]:
         )
         worlds.append(World([Place(look(here), 0, here)], config, PAPER))
         queries.append((look(there), there))
-    rows = [world.ask(xy, 0, pose) for world, (xy, pose) in zip(worlds, queries, strict=True)]
-    while len(rows) < job.positive + job.negative:
+    for world, (xy, pose) in zip(worlds, queries, strict=True):
+        yield Question(world, xy, 0, pose)
+    found = 0
+    while found < job.negative:
         i, j = rng.integers(job.positive, size=2).tolist()
         xy, pose = queries[j]
         place = worlds[i].places[0].pose
         if np.hypot(place.x - pose.x, place.y - pose.y) > 2.0 * SENSOR:
-            rows.append(worlds[i].ask(xy, None, pose))
-    return gather(rows)
+            found += 1
+            yield Question(worlds[i], xy, None, pose)
 
 
 @lru_cache(maxsize=2)

@@ -1,5 +1,6 @@
 """Plantations: trees in rows, where every wrong pose looks good."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
 from typing import Any, Final
@@ -8,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.pool import Pool
-from benchmarks.robust.worlds import STRICT, Place, Points, World, gather, summarize
+from benchmarks.robust.worlds import STRICT, Place, Points, Question, World, gather, summarize
 from urquhart import SE2, Config, warm_up
 from urquhart.evaluation.simulation import observe, plantation
 
@@ -50,7 +51,12 @@ def run(pool: Pool, *, quick: bool, seed: int) -> dict[str, Any]:
 
 
 def run_kind(job: Job) -> NDArray[Any]:
-    """Answers about one kind.
+    """Answers about one kind."""
+    return gather(question.ask() for question in questions(job))
+
+
+def questions(job: Job) -> Iterator[Question]:
+    """What is asked about one kind: places in the database, then others.
 
     Half of the places that are not in the database lie further down the same rows, half in another stand that was
     planted alike.
@@ -76,12 +82,10 @@ def run_kind(job: Job) -> NDArray[Any]:
         at = SE2(x, y, rng.uniform(-np.pi, np.pi))
         places.append(Place(look(mapped, at), 0, at))
     world = World(places, config, STRICT)
-    rows = []
     for _ in range(job.inside):
         at = pose(RADII[0], SIDE - RADII[0])
-        rows.append(world.ask(look(mapped, at), 0, at))
+        yield Question(world, look(mapped, at), 0, at)
     for k in range(job.outside):
         # No tree of these was in view of any submap.
         at = pose(SIDE + 2.0 * RADII[1] - RADII[0], 2.0 * SIDE + 60.0 - RADII[1])
-        rows.append(world.ask(look(mapped if k % 2 else other, at), None, at))
-    return gather(rows)
+        yield Question(world, look(mapped if k % 2 else other, at), None, at)

@@ -1,6 +1,7 @@
 """Real trees: stem maps cut into discs, censuses taken twice, and plots surveyed twice by different means."""
 
 import json
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
@@ -13,7 +14,7 @@ from scipy.spatial import ConvexHull, cKDTree
 
 from benchmarks.paper.tracks import BESIDE, SHIPPED
 from benchmarks.pool import Pool
-from benchmarks.robust.worlds import STRICT, Place, Points, World, gather, summarize
+from benchmarks.robust.worlds import STRICT, Place, Points, Question, World, gather, summarize
 from server.stem_maps.reader import read_stem_map
 from urquhart import SE2, Config, warm_up
 from urquhart.evaluation.simulation import observe
@@ -81,45 +82,51 @@ def run(pool: Pool, *, quick: bool, seed: int) -> dict[str, Any]:
 
 def run_stand(job: Job) -> dict[str, NDArray[Any]]:
     """Answers about one stand by noise; `again`: as it was counted again."""
+    answers: dict[str, list[NDArray[Any]]] = {}
+    for noise, question in questions(job):
+        answers.setdefault(noise, []).append(question.ask())
+    return {noise: gather(rows) for noise, rows in answers.items()}
+
+
+def questions(job: Job) -> Iterator[tuple[str, Question]]:
+    """What is asked about one stand, with the name of its noise."""
     world, grounds = everything(job.seed)
     rng = np.random.default_rng([job.seed, 8, *job.name.encode()])
     trees, held_out = stand(job.name, job.seed), job.name in HELD_OUT
     reach = sensor_range(trees)
     ground = None if held_out else grounds[job.name]
-    answers = {}
     for sigma, detection in NOISE:
-        rows = []
         for _ in range(job.queries):
             pose = somewhere(trees, reach, rng)
             radius = reach * rng.uniform(0.6, 1.0)
             xy = observe(trees, pose, radius, rng, sigma=sigma, detection=detection, clutter=CLUTTER).xy
-            rows.append(world.ask(xy, ground, pose))
-        answers[f"{sigma:g} m, {100 * detection:.0f} %"] = gather(rows)
+            yield f"{sigma:g} m, {100 * detection:.0f} %", Question(world, xy, ground, pose)
     if job.name in CENSUSES:
-        (later, _), rows = read(BESIDE / f"{job.name}__b.csv"), []
+        later, _ = read(BESIDE / f"{job.name}__b.csv")
         for _ in range(job.queries * len(NOISE)):
             pose = somewhere(later, reach, rng)
             xy = observe(later, pose, reach, rng, sigma=0.1, detection=0.95, clutter=CLUTTER).xy
-            rows.append(world.ask(xy, ground, pose))
-        answers["counted again"] = gather(rows)
-    return answers
+            yield "counted again", Question(world, xy, ground, pose)
 
 
 def run_plots(job: Job, *, with_diameters: bool) -> dict[str, Any]:
     """Every plot's second survey, asked of a collection that holds all first ones and all stands."""
-    world, grounds = everything(job.seed)
     found: dict[str, Any] = {}
     for group, names in PLOTS.items():
-        rows = []
-        for name in names:
-            if not (BESIDE / f"{name}__b.csv").exists():
-                continue
-            second, diameters = read(BESIDE / f"{name}__b.csv")
-            rows.append(world.ask(second, grounds[name], truth(name), diameters if with_diameters else None))
+        rows = [question.ask() for question in plot_questions(job, group, with_diameters=with_diameters)]
         if rows:
             answers = gather(rows)
             found[group] = summarize(answers) | {"names": list(names), "verdicts": answers["verdict"].tolist()}
     return found
+
+
+def plot_questions(job: Job, group: str, *, with_diameters: bool) -> Iterator[Question]:
+    """The second survey of each plot of a group, as far as they are here."""
+    world, grounds = everything(job.seed)
+    for name in PLOTS[group]:
+        if (BESIDE / f"{name}__b.csv").exists():
+            second, diameters = read(BESIDE / f"{name}__b.csv")
+            yield Question(world, second, grounds[name], truth(name), diameters if with_diameters else None)
 
 
 @lru_cache(maxsize=2)

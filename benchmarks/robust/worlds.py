@@ -154,6 +154,31 @@ class World:
         )
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Question:
+    """An observation that a world is asked about, and where it was made.
+
+    Attributes:
+        xy: (N, 2), metres, the observation's own frame.
+        ground, pose: which map it was made in, and where (`map_T_query`); no ground where that is not in the world.
+        diameters: (N,), where they are known.
+    """
+
+    world: World
+    xy: Points
+    ground: int | None
+    pose: SE2
+    diameters: Points | None = None
+
+    def ask(self, *, oracle: bool = True) -> NDArray[Any]:
+        """Look it up; a row of `ANSWER`. `oracle`: whether to ask the oracle too."""
+        return self.world.ask(self.xy, self.ground, self.pose, self.diameters, oracle=oracle)
+
+    def is_right(self, found: Recognition) -> bool:
+        """Whether the first candidate of an answer puts the observation where it was made."""
+        return bool(found.candidates) and self.ground is not None and self.world.is_right(found, self.ground, self.pose)
+
+
 def gather(rows: Iterable[NDArray[Any]]) -> NDArray[Any]:
     """Rows of `ANSWER` as one array (Q,)."""
     return np.array(list(rows), ANSWER)

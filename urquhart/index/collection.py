@@ -49,6 +49,11 @@ class Collection:
         )
 
     @property
+    def snapshot(self) -> tuple[CollectionIndex, FeatureSource]:
+        """The index and the features as they are now; later changes of the collection leave them as they are."""
+        return self._held
+
+    @property
     def index(self) -> CollectionIndex:
         """What is searched."""
         return self._held[0]

@@ -1,6 +1,6 @@
 """The levels of a search in the order of their cost, and when each is worth its time."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -105,13 +105,18 @@ LEVELS: Final = (
 
 
 def propose_on(
-    index: CollectionIndex, query: Query, limit: int, is_lost: Callable[[], bool]
+    index: CollectionIndex,
+    query: Query,
+    limit: int,
+    is_lost: Callable[[], bool],
+    levels: Sequence[Level] = LEVELS,
 ) -> Iterator[list[Proposal]]:
     """What each level proposes for a query in one index; a level begins when its proposals are asked for.
 
     Args:
         limit: submaps that the answer is to name, where there are so many.
         is_lost: whether no proposal so far, of this index or of others, is better than chance.
+        levels: the levels to go through, the cheapest first.
 
     Raises:
         Abandoned: nobody waits for the answer any more.
@@ -120,7 +125,7 @@ def propose_on(
     single = len(index) == 1 and covers_ends(query.grid, query.submaps.grid(next(iter(index))))
     with BUFFERS.borrow() as buffer:
         search = Search(query, index, limit, buffer, single)
-        for level in LEVELS:
+        for level in levels:
             if level.applies(search, is_lost()):
                 yield level.propose(search)
     if is_lost() and is_large(index):
