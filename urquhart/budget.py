@@ -1,4 +1,4 @@
-"""How long a piece of work may go on: until a deadline, and only while somebody waits for its result."""
+"""Deadlines and cancellation: how long a piece of work may run, and whether anybody still waits for its result."""
 
 import math
 import threading
@@ -10,36 +10,36 @@ T = TypeVar("T")
 
 
 class WorkNumbers(NamedTuple):
-    """How often work asks whether to go on. Chosen by hand for answers within 100 ms, not fitted."""
+    """How often work checks its budget. Chosen by hand, so that work ends within 100 ms; not fitted."""
 
     items: int = 1_000
-    """Items of work in Python, of a few microseconds each, after which it asks."""
+    """Items of Python work, a few microseconds each, between two checks."""
     steps: float = 5_000_000
-    """Steps of compiled work that take 10 to 50 ms."""
+    """Steps of compiled work between two checks: 10 to 50 ms."""
 
 
 WORK: Final = WorkNumbers()
 
 
 class Abandoned(Exception):
-    """Nobody waits for the result any more: the caller has gone, or its key was revoked."""
+    """Nobody waits for the result any more: the caller disconnected, or its API key was revoked."""
 
 
 class OutOfTime(Exception):
-    """The deadline has passed in the middle of a step; whoever began the step goes on with what was done before."""
+    """The deadline passed in the middle of a step. The caller of the step continues with its earlier results."""
 
 
 class Budget:
-    """A deadline and a flag that says that nobody waits any more, asked by long work between its steps.
+    """A deadline and a cancellation flag, which long work checks between its steps.
 
-    One thread works and asks; any other thread may call `abandon`. Work asks often enough to end within 100 ms.
+    One thread works and checks; any other thread may call `abandon`. Work checks often enough to end within 100 ms.
     """
 
     def __init__(self, seconds: float = math.inf, *, steps: float = WORK.steps) -> None:
-        """Begin now and end in `seconds`; by default there is no deadline.
+        """Start now and end in `seconds`; by default there is no deadline.
 
         Args:
-            steps: of compiled work, each about a landmark looked at, after which work asks whether to go on.
+            steps: steps of compiled work between two checks; a step is about the work of reading one landmark.
         """
         self._steps = steps
         self._began = time.monotonic()
@@ -47,30 +47,30 @@ class Budget:
         self._abandoned = threading.Event()
 
     def within(self, seconds: float) -> "Budget":
-        """A part of this budget that begins now: it ends in `seconds`, or earlier with the whole.
+        """A part of this budget that starts now. It ends in `seconds`, or when this budget ends if that is earlier.
 
-        Part and whole are abandoned together, whichever of them `abandon` is called on.
+        Both share one cancellation flag: `abandon` on either of them cancels both.
         """
         part = Budget(min(seconds, self.remaining), steps=self._steps)
         part._abandoned = self._abandoned
         return part
 
     def abandon(self) -> None:
-        """Tell the work that nobody waits for its result. Safe from any thread, at any time, and more than once."""
+        """Cancel the work, because nobody waits for its result. Safe from any thread, at any time, repeatedly."""
         self._abandoned.set()
 
     @property
     def elapsed(self) -> float:
-        """Seconds since it began."""
+        """Seconds since the budget was started."""
         return time.monotonic() - self._began
 
     @property
     def remaining(self) -> float:
-        """Seconds until the deadline, 0 or more; infinite where there is none."""
+        """Seconds until the deadline, never negative; infinite if there is no deadline."""
         return max(self._deadline - time.monotonic(), 0.0)
 
     def is_spent(self) -> bool:
-        """Whether the deadline has passed, so that the work ends with what it has found.
+        """Whether the deadline has passed. If so, the work should end with what it has found.
 
         Raises:
             Abandoned: nobody waits for the result; the work ends without one.
@@ -80,7 +80,7 @@ class Budget:
         return self._deadline <= time.monotonic()
 
     def check(self) -> None:
-        """Leave the step that is being done, where the deadline has passed.
+        """Leave the current step, by an exception, if the deadline has passed.
 
         Raises:
             OutOfTime: the deadline has passed.
@@ -90,15 +90,15 @@ class Budget:
             raise OutOfTime
 
     def fits(self, count: int, cost: float) -> bool:
-        """Whether `count` items that cost `cost` steps each are so little work that nobody asks within it."""
+        """Whether `count` items of `cost` steps each can be done without a check in between."""
         return count * cost <= self._steps
 
     def portions(self, count: int, cost: float) -> Iterator[slice]:
-        """Slices of `count` items that cost `cost` steps each, so small that none takes more than about 50 ms.
+        """Slices of `count` items of `cost` steps each, small enough that none takes more than about 50 ms.
 
         Raises:
-            OutOfTime: before any slice but the first, where the deadline has passed.
-            Abandoned: before any slice, where nobody waits for the result.
+            OutOfTime: the deadline passed before a slice other than the first.
+            Abandoned: nobody waits for the result.
         """
         size = max(int(self._steps / max(cost, 1.0)), 1)
         for begin in range(0, count, size):
@@ -107,7 +107,7 @@ class Budget:
             yield slice(begin, min(begin + size, count))
 
     def each(self, items: Iterable[T]) -> Iterator[T]:
-        """The same items, each so little work that now and then is often enough to ask.
+        """The same items, with a check before every `WORK.items` of them: for items that are little work each.
 
         Raises:
             OutOfTime: the deadline has passed.
@@ -119,7 +119,7 @@ class Budget:
             yield item
 
     def unless_spent(self, items: Iterable[T]) -> Iterator[T]:
-        """The same items, until the deadline has passed.
+        """The same items, up to the first one after which the deadline has passed.
 
         Raises:
             Abandoned: nobody waits for the result.
@@ -131,4 +131,4 @@ class Budget:
 
 
 UNBOUNDED: Final = Budget()
-"""For work that is small, or that nobody could want to end early. Never to be abandoned: it is everybody's."""
+"""For small work, and for work that must not end early. It is shared by all callers: never abandon it."""

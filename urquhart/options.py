@@ -1,4 +1,4 @@
-"""What a caller may ask of one search."""
+"""The options of one search."""
 
 from collections.abc import Collection
 from typing import Literal, TypedDict
@@ -8,11 +8,11 @@ import numpy as np
 from urquhart.budget import Budget
 
 Method = Literal["robust", "paper"]
-"""`robust` is this project's search, `paper` the chain of Nardari et al. 2020."""
+"""`robust` is this project's search, `paper` the matching of Nardari et al. 2020."""
 
 
 class SearchOptions(TypedDict, total=False):
-    """The keyword arguments of `Recognizer.recognize`, which explains them."""
+    """The keyword arguments of `Recognizer.recognize`; its docstring explains each."""
 
     limit: int
     method: Method

@@ -23,7 +23,7 @@ class SE2:
 
     @staticmethod
     def identity() -> "SE2":
-        """The transform that moves nothing."""
+        """The identity transform."""
         return SE2(0.0, 0.0, 0.0)
 
     @staticmethod
@@ -32,7 +32,7 @@ class SE2:
         return SE2(float(offset[0]), float(offset[1]), 0.0)
 
     def apply(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Take points (N, 2), metres, from the source frame to the target frame."""
+        """Transform points (N, 2), metres, from the source frame to the target frame."""
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         turned = np.asarray(xy, dtype=np.float64) @ np.array([[c, s], [-s, c]])
         return np.asarray(turned + np.array([self.x, self.y]))

@@ -1,4 +1,4 @@
-"""What each stage of a search found and what it cost, and how the search ended."""
+"""A record of one search: the cost and the counts of each stage, and how the search ended."""
 
 import time
 from collections.abc import Iterator
@@ -12,18 +12,18 @@ Skipped = Literal["quad_hits", "common_quads", "exhaustive", "exhaustive_rest"]
 
 @dataclass(frozen=True, slots=True)
 class SearchEnd:
-    """Why a search ended, and which of its limits left something out. The words are stable.
+    """Why a search ended, and which of its limits left something out. The words are part of the API.
 
     Attributes:
-        stopped_by: `settled`: the first candidate is so sure that no further level could change the answer;
+        stopped_by: `settled`: the first candidate is so certain that no further level could change the answer;
             `beats_chance`: chance is ruled out for the first candidate, and more levels would only add weaker poses;
-            `exhausted`: every level was tried; `deadline`: the time ran out first, and the reason of the verdict is
-            `deadline` too; `not_started`: there was nothing to search for, or nothing to search in.
-        skipped: limits that were met, in the order they were met, each once; empty where nothing was left out.
-            `quad_hits`: the search for quads found as many as `Config.quad_hits` allows before it had looked for all;
-            `common_quads`: quads of the query that are too common in the collection were passed over;
-            `exhaustive`: the last level, which tries every rotation and shift, was left out, because it would reach too
-            small a part of the collection; `exhaustive_rest`: it tried only the most promising submaps.
+            `exhausted`: every level was tried; `deadline`: time ran out, and the verdict's reason is `deadline` too;
+            `not_started`: there was nothing to search for, or nothing to search in.
+        skipped: the limits that were reached, each once, in that order; empty if nothing was left out.
+            `quad_hits`: the quad search reached the limit `Config.quad_hits` before it had tried all quads;
+            `common_quads`: quads of the query that are too common in the collection were skipped;
+            `exhaustive`: the last level, which tries every rotation and shift, was skipped, because it would reach too
+            small a part of the collection; `exhaustive_rest`: that level tried only the most promising submaps.
     """
 
     stopped_by: StoppedBy
@@ -32,7 +32,7 @@ class SearchEnd:
 
 @dataclass(frozen=True, slots=True)
 class Stage:
-    """One stage of a look-up: its name, what it cost (milliseconds) and what it found."""
+    """One stage of a search: its name, its duration in milliseconds, and its counts by name."""
 
     name: str
     milliseconds: float
@@ -40,7 +40,7 @@ class Stage:
 
 
 class Trace:
-    """What one look-up did: its stages in the order they ran, and the limits that left something out."""
+    """Collects the stages of one search in the order they ran, and the limits that left something out."""
 
     def __init__(self) -> None:
         self._done: list[Stage] = []
@@ -48,7 +48,7 @@ class Trace:
 
     @contextmanager
     def timed(self, name: str) -> Iterator[dict[str, int]]:
-        """Time the block as one stage; what it puts into the yielded dictionary are the stage's counts."""
+        """Time the block as one stage. The block fills the yielded dictionary with the stage's counts."""
         counts: dict[str, int] = {}
         start = time.perf_counter()
         try:
@@ -57,13 +57,13 @@ class Trace:
             self._done.append(Stage(name, (time.perf_counter() - start) * 1e3, counts))
 
     def done(self) -> tuple[Stage, ...]:
-        """All stages so far."""
+        """All finished stages, in order."""
         return tuple(self._done)
 
     def skip(self, what: Skipped) -> None:
-        """Remember that a limit left something out; the same limit counts once."""
+        """Record that a limit left something out; repeated calls for one limit count once."""
         self._skipped[what] = None
 
     def end(self, stopped_by: StoppedBy) -> SearchEnd:
-        """How the search ended, with all limits that it met."""
+        """How the search ended, with all limits that were recorded."""
         return SearchEnd(stopped_by, tuple(self._skipped))

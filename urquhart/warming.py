@@ -1,4 +1,4 @@
-"""Compiling ahead of the first query."""
+"""Compilation of all kernels before the first query."""
 
 import functools
 
@@ -12,11 +12,11 @@ from urquhart.recognizer import Recognizer
 
 @functools.cache
 def warm_up(config: Config) -> None:
-    """Compile every kernel, or load it from the cache, so that no query has to wait for that; once in a process."""
+    """Compile every kernel, or load it from the disk cache, so that no query waits for it. Done once per process."""
     rng = np.random.default_rng(0)
     recognizer = Recognizer(config)
     here, elsewhere, unknown = (rng.uniform(-20.0, 20.0, (60, 2)) for _ in range(3))
-    # Only rows of trees have rivals to be looked at.
+    # Only rows of trees have rivals.
     rows = 3.0 * np.stack(np.meshgrid(np.arange(8.0), np.arange(8.0)), axis=-1).reshape(-1, 2)
     features = [describe(here, config), Features.unpack(describe(here, config).pack()), describe(elsewhere, config)]
     # The second segment is merged with the first.
@@ -25,12 +25,12 @@ def warm_up(config: Config) -> None:
     for xy in (here, elsewhere, unknown, rows):
         recognizer.locate(xy)
         recognizer.locate(xy, method="paper")
-    # Of a collection with a single submap it is asked first whether the query reaches to its ends.
+    # A collection of one submap takes another path: the search asks whether the query reaches the submap's ends.
     alone = Recognizer(config)
     alone.add([(0, features[0])])
     alone.locate(here)
     alone.locate(here, method="paper")
-    # What large observations take is cut into portions, which smaller ones are done without.
+    # Large observations are processed in portions, by kernels that small ones do not use.
     portions = Budget(steps=1_000.0)
     for xy in (here, unknown, rows):
         recognizer.locate(xy, budget=portions)

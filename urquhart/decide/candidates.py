@@ -1,4 +1,4 @@
-"""Verified poses as an answer reports them: candidates, rivals, and what each level found."""
+"""Verified poses as an answer reports them: candidates, rivals, and the findings of each level."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -17,12 +17,12 @@ from urquhart.verify.evidence import PoseEvidence
 
 
 class CandidateNumbers(NamedTuple):
-    """What an answer says of its candidates. Chosen by hand, not fitted."""
+    """What an answer says about its candidates. Chosen by hand, not fitted."""
 
     least_noise: float = 0.02
-    """Metres: no tree is located better than this, however well a few of them happen to agree."""
+    """Metres: least noise of a tree's position in a covariance, however well a few trees happen to agree."""
     rivals: int = 8
-    """Most rivals named: a lattice has one at every planting distance."""
+    """Most rivals in an answer: a lattice has one at every planting distance."""
 
 
 CANDIDATES: Final = CandidateNumbers()
@@ -34,23 +34,23 @@ class Candidate:
 
     Attributes:
         key: the submap, as given to `Recognizer.add`.
-        level: which features proposed the transform.
+        level: the level that proposed the transform.
         transform: `submap_T_query`, in the frames as posted.
-        uncertainty: of the transform, about the middle of the inliers.
+        uncertainty: of the transform, about the centroid of the inliers.
         query_indices, submap_indices: (K,) int64, the one-to-one inliers, positions as posted.
         residuals: (K,) float64, metres.
-        support: how much proposed the transform, in the unit of the level: quads, polygons, or peaks of a correlation.
+        support: number of quads, polygons, or correlation peaks that proposed the transform, by level.
         inlier_ratio: inliers among the landmarks of the overlap, of the side that has fewer there.
         rms: metres, root mean square of the residuals.
         overlap_ratio: share of the query's landmarks inside the overlap of the footprints.
-        overlap_count: landmarks inside the overlap, of the side that has more there.
-        evidence: log-likelihood ratio of the same place against chance.
-        log_odds: evidence less the logarithm of the share of all poses that the landmarks leave possible.
-        lead: evidence over that of the best distinct pose; None where it was too weak to be compared.
+        overlap_count: number of landmarks inside the overlap, of the side that has more there.
+        evidence: log-likelihood ratio, natural logarithm, of the same place against chance.
+        log_odds: evidence minus a penalty for the number of possible poses; see `confidence.log_odds`.
+        lead: evidence minus that of the best distinct pose; None if no pose was compared.
         confidence: probability that the transform is right.
-        refused: why this candidate alone would not be reported as matched, else None.
-        warnings: what is wrong with the coordinates of one side, see `urquhart.verify.distortion.WARNINGS`; distortions
-            are looked for where the candidate is not refused.
+        refused: why this candidate alone would not be reported as matched; None if it would.
+        warnings: faults in the coordinates of one side, words of `urquhart.verify.distortion.WARNINGS`. Distortions are
+            looked for only in candidates that are not refused.
     """
 
     key: int
@@ -74,19 +74,19 @@ class Candidate:
 
     @property
     def covariance(self) -> NDArray[np.float64]:
-        """(3, 3) over the transform's x, y and yaw: about the query's origin, along the axes of the submap's frame."""
+        """Of the transform's x, y and yaw: (3, 3), about the query's origin, along the axes of the submap's frame."""
         return self.uncertainty.origin_covariance(self.transform)
 
 
 @dataclass(frozen=True, slots=True)
 class Rival:
-    """Another pose that explains the data about as well as the first candidate's: the reason why that is `ambiguous`.
+    """Another pose that explains the trees about as well as the first candidate's: the reason why it is `ambiguous`.
 
     Attributes:
         key: the submap, often the candidate's own.
         transform: `submap_T_query`, in the frames as posted.
-        evidence: log-likelihood ratio of the same place against chance, made up for trees that do not overlap there.
-        inliers: one-to-one inliers under that pose.
+        evidence: log-likelihood ratio, natural logarithm, extrapolated to the overlap of the first candidate.
+        inliers: number of one-to-one inliers under this pose.
     """
 
     key: int
@@ -97,13 +97,13 @@ class Rival:
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """What one level found in one submap, and why that alone would not be reported.
+    """The best pose of one level in one submap, and why it alone would not be reported as matched.
 
     Attributes:
-        level, key, support: which features proposed a pose in which submap, and how many.
+        level, key, support: the level that proposed the pose, the submap, and the number of features that support it.
         inliers, overlap_count: one-to-one inliers, and landmarks inside the overlap, of the side that has more there.
-        evidence, log_odds: see `Candidate`.
-        refused: the reason, None where nothing but a rival could stand against it.
+        evidence, log_odds: as in `Candidate`.
+        refused: the reason; None if only a rival could still refuse it.
     """
 
     level: LevelName
@@ -117,7 +117,7 @@ class Finding:
 
 
 def make_finding(proposal: Proposal, query: Query) -> Finding:
-    """A proposal as an explanation shows it."""
+    """The finding that explains a proposal."""
     v = proposal.verified
     odds = log_odds(v, query.grid, query.volume)
     refused = refusal(v, odds, None, query.config)
@@ -129,7 +129,11 @@ def make_finding(proposal: Proposal, query: Query) -> Finding:
 def make_rivals(
     rivals: Iterable[tuple[int, PoseEvidence, float]], best: PoseEvidence, query: Query
 ) -> tuple[Rival, ...]:
-    """Those of `rivals` (submap, pose in centred frames, evidence) that `best` does not clearly lead, by strength."""
+    """The rivals that `best` does not clearly lead, the strongest first, at most `CANDIDATES.rivals`.
+
+    Args:
+        rivals: the submap, the pose between centred frames, and the extrapolated evidence of each.
+    """
     behind = rival_threshold(best, query.config.gate, query.config.margin)
     close = [(key, rival, evidence) for key, rival, evidence in rivals if evidence > max(behind, 0.0)]
     close.sort(key=lambda found: -found[2])
@@ -140,10 +144,10 @@ def make_rivals(
 
 
 def make_candidate(proposal: Proposal, query: Query, lead: float | None) -> Candidate:
-    """A proposal as it is reported: in the frames as posted, with covariance and confidence.
+    """The candidate that reports a proposal: in the frames as posted, with covariance and confidence.
 
     Args:
-        lead: evidence over the best distinct pose, where there was one to compare.
+        lead: evidence minus that of the best distinct pose; None if no pose was compared.
     """
     v, features, submap = proposal.verified, query.features, query.submaps.features(proposal.key)
     transform = _as_posted(v.transform, proposal.key, query)
@@ -182,11 +186,11 @@ def _uncertainty(
     *,
     distorted: bool,
 ) -> tuple[PoseUncertainty, tuple[str, ...]]:
-    """How sure a pose is, from residuals, configuration and distortions; and what there is to warn of.
+    """The uncertainty of a pose, from residuals, configuration and distortions; and the warnings.
 
     Args:
-        seen, stored: (K, 2) float64, metres, the inliers of either side, as posted.
-        distorted: whether distortions are looked for.
+        seen, stored: (K, 2) float64, metres, the inliers of the query and of the submap, as posted.
+        distorted: whether to look for distortions.
     """
     degrees = max(2 * len(seen) - 3, 1)
     variance = max(float((verified.residuals**2).sum()) / degrees, CANDIDATES.least_noise**2)
@@ -202,5 +206,5 @@ def _uncertainty(
 
 
 def _as_posted(pose: SE2, key: int, query: Query) -> SE2:
-    """A pose of the query in submap `key`, between centred frames, in the frames as posted."""
+    """Convert a pose of the query in submap `key` from centred frames to the frames as posted."""
     return SE2.shift(query.submaps.features(key).origin) @ pose @ SE2.shift(query.features.origin).inverse()

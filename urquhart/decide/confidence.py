@@ -1,4 +1,4 @@
-"""How sure a verified pose is: against chance, and against every other pose that explains the landmarks about as well.
+"""The confidence of a verified pose: against chance, and against every pose that explains the trees about as well.
 
 Chance. Evidence is a log-likelihood ratio at the best pose. A collection offers very many poses, and the best of many
 wrong ones looks better than a single wrong one. So the log-odds are the evidence minus a penalty: the logarithm of the
@@ -33,7 +33,7 @@ from urquhart.verify.evidence import PoseEvidence
 from urquhart.verify.landmark_grid import LandmarkGrid
 
 Refusal = Literal["verification_failed", "runner_up_too_close", "below_gate", "deadline", "contradicting_maps"]
-"""Why a pose is not reported as matched; the words are stable."""
+"""Why a pose is not reported as matched. The words are part of the API."""
 
 
 class Line(NamedTuple):
@@ -66,17 +66,17 @@ CALIBRATION: Final = Calibration(*(Line(**_FITTED[name]) for name in Calibration
 
 
 class ConfidenceNumbers(NamedTuple):
-    """What frames the fitted lines of `calibration.json`. Chosen by hand; the fit takes these as given."""
+    """Bounds and penalties around the fitted lines. Chosen by hand; the fit of the lines takes them as given."""
 
     least_rival_logit: float = -4.0
-    """Least log-odds against a rival: however close the rivals are, one of the poses is right now and then."""
+    """Least log-odds against a rival: however close the rivals are, the pose is right now and then."""
     rival_penalty: float = 0.1
-    """Share of a rival's evidence by which the lead over it is reduced: where trees stand within a few centimetres of
-    their rows, a pose that is one row off loses much evidence, and yet the next row looks the same."""
+    """Share of a rival's evidence by which the lead over it is reduced. If trees stand within a few centimetres of
+    their rows, a pose that is one row off loses much evidence, and still the next row looks the same."""
     comparable: float = 0.5
-    """A rival claims at least this share of the query's inliers."""
+    """Least share of the query's inliers that a rival in another submap must claim."""
     unknown: float = -8.0
-    """Log-odds against chance are cut off here, and no rivals are looked for below: hardly one pose in ten is right
+    """Log-odds against chance are clipped here, and below it no rivals are searched: hardly one pose in ten is right
     there. With more noise than the model allows for, right poses lose evidence without limit."""
 
 
@@ -84,14 +84,15 @@ CONFIDENCE: Final = ConfidenceNumbers()
 
 
 def log_odds(verified: PoseEvidence, query: LandmarkGrid, volume: float) -> float:
-    """Log-odds of a verified pose against chance.
-
-    Args:
-        volume: logarithm of the volume of all poses, see `propose.query.log_volume`.
+    """Log-odds of a verified pose against chance: evidence minus the logarithm of all poses over those left possible.
 
     With K inliers of noise s, the information on x, y and yaw about the inliers' centroid is K / s^2, K / s^2 and
-    S / s^2, where S is the sum of squared distances from the centroid: the pose is left a volume of
-    (2 pi)^1.5 s^3 / (K sqrt(S)).
+    S / s^2, where S is the sum of squared distances from the centroid. So the inliers leave possible a volume of poses
+    of (2 pi)^1.5 s^3 / (K sqrt(S)), by Laplace's approximation.
+
+    Args:
+        query: landmarks of the query.
+        volume: logarithm of the volume of all poses; see `propose.query.log_volume`.
     """
     inliers = query.landmarks[verified.query]
     if len(inliers) < 2:
@@ -104,27 +105,32 @@ def log_odds(verified: PoseEvidence, query: LandmarkGrid, volume: float) -> floa
 
 
 def chance_logit(odds: float) -> float:
-    """Calibrated log-odds that a pose with these log-odds is right and not a coincidence."""
+    """Calibrated log-odds that a pose with log-odds `odds` is right, and not a coincidence."""
     slope, even = CALIBRATION.chance
     return slope * (max(odds, CONFIDENCE.unknown) - even)
 
 
 def rival_logit(verified: PoseEvidence, lead: float | None, margin: float) -> float:
-    """Log-odds that a pose is right and not its best rival, which has `lead` less evidence; None: it has no rival."""
+    """Calibrated log-odds that a pose is right, and not its best rival.
+
+    Args:
+        lead: evidence minus that of the rival; None if there is no rival, and then the log-odds are infinite.
+        margin: `Config.margin`.
+    """
     if lead is None:
         return math.inf
     return rival_logit_from(verified.evidence, lead, verified.overlap, margin)
 
 
 def rival_logit_from(evidence: float, lead: float, overlap: int, margin: float) -> float:
-    """`rival_logit` by numbers: `overlap` landmarks could have been inliers."""
+    """The result of `rival_logit` from numbers; `overlap`: landmarks inside the overlap, of the side with more."""
     slope, even = CALIBRATION.rival
     beyond = lead - margin * overlap - CONFIDENCE.rival_penalty * max(evidence - lead, 0.0)
     return max(slope * (beyond - even), CONFIDENCE.least_rival_logit)
 
 
 def rival_threshold(verified: PoseEvidence, odds: float, margin: float) -> float:
-    """Evidence up to which a rival leaves the odds against it at `odds` (a logarithm) or better."""
+    """The largest evidence of a rival with which `rival_logit` is still at least `odds`; `margin`: `Config.margin`."""
     slope, even = CALIBRATION.rival
     behind = verified.evidence - margin * verified.overlap - even - odds / slope
     return behind / (1.0 + CONFIDENCE.rival_penalty) if behind > 0.0 else behind
@@ -159,23 +165,23 @@ class Gates:
 
 
 def combine(chance: float, rival: float) -> float:
-    """Log-odds of being right, from those against chance and those against the best rival."""
+    """Log-odds of being right, from those against chance and those against the best rival: the odds of error add up."""
     return -float(np.logaddexp(-chance, -rival))
 
 
 def refusal(verified: PoseEvidence, odds: float, lead: float | None, config: Config) -> Refusal | None:
-    """Why a verified pose is not to be reported as matched, or None.
+    """Why a verified pose must not be reported as matched; None if it may be.
 
     Args:
-        odds: log-odds against chance.
-        lead: evidence over the best distinct pose, where there was one to compare.
+        odds: its `log_odds`.
+        lead: evidence minus that of the best distinct pose; None if no pose was compared.
     """
     if verified.evidence <= 0.0:
         return "verification_failed"
     chance, rival = chance_logit(odds), rival_logit(verified, lead, config.margin)
     if combine(chance, rival) >= config.gate:
         return None
-    # A rival that explains nothing itself is none: then the match is too weak for what a forest may bring about.
+    # A rival without evidence of its own is no rival: then the match itself is too weak.
     close = lead is not None and lead < verified.evidence
     return "runner_up_too_close" if close and chance >= config.gate else "below_gate"
 
@@ -186,14 +192,17 @@ def probability(verified: PoseEvidence, odds: float, lead: float | None, config:
 
 
 def extrapolated(evidence: NDArray[np.float64], overlap: NDArray[np.float64], wanted: int) -> NDArray[np.float64]:
-    """Evidence of rivals as if `wanted` landmarks overlapped under them, not `overlap`, where those are fewer."""
+    """Evidence (R,) of rivals, extrapolated from their `overlap` (R,) to `wanted` landmarks, if that is more.
+
+    Evidence that is not positive stays as it is.
+    """
     return np.asarray(np.where(evidence > 0.0, evidence * np.maximum(wanted / np.maximum(overlap, 1.0), 1.0), evidence))
 
 
 def comparable(rival: PoseEvidence, best: PoseEvidence) -> bool:
-    """Whether a rival claims enough of the trees that the best pose claims for only one of the two to be right.
+    """Whether a rival claims so many of the best pose's trees that only one of the two can be right.
 
-    A few trees fit anywhere by chance, and chance has been reckoned with; and a query larger than a submap may well lie
+    A few trees fit anywhere by chance, which the log-odds account for. And a query that is larger than a submap may lie
     in two of them at once.
     """
     shared = len(np.intersect1d(rival.query, best.query, assume_unique=True))

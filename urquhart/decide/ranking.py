@@ -1,7 +1,7 @@
-"""How the best proposal compares with everything else that could explain the observation.
+"""The ranking of all proposals, and the rivals of the best one.
 
-Its rivals are looked for unless it is hopeless anyway: in its own submap by shifting it along the pattern, and among
-the proposals in other submaps, unless those are the same place seen twice.
+Rivals are searched unless the best proposal is hopeless: in its own submap by shifting it along the pattern of the
+trees, and among the proposals in other submaps, unless those are the same place seen twice.
 """
 
 import math
@@ -29,15 +29,15 @@ from urquhart.verify.evidence import PoseEvidence
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ranking:
-    """How proposals for one query compare with each other.
+    """The proposals for one query, ranked.
 
     Attributes:
         proposals: one for each submap, the best first.
-        lead: evidence by which the first leads its rivals, None where nothing rivals it.
-        rivals: of the first proposal: submap, pose, and the evidence that is credited to it.
-        alike: submaps that turned out to be the same place as the first one's.
-        complete: whether all rivals that matter were looked at; the deadline may have come first.
-        findings: what each level found in each submap, in the order of the levels, the best first.
+        lead: evidence of the first proposal minus that of its strongest rival; None if it has no rival.
+        rivals: of the first proposal: submap, pose between centred frames, and extrapolated evidence of each.
+        alike: submaps that are the same place as that of the first proposal.
+        complete: whether all rivals that matter were compared before the deadline.
+        findings: the best pose of each level in each submap, in the order of the levels, the best first.
     """
 
     proposals: list[Proposal]
@@ -48,9 +48,9 @@ class Ranking:
     findings: tuple[Finding, ...] = ()
 
     def lead_of(self, proposal: Proposal) -> float | None:
-        """Evidence by which a proposal leads its rivals; one at another place than the first has the first as a rival.
+        """The lead of a proposal over its strongest rival; for one at another place, the first proposal is the rival.
 
-        Where nothing rivals the first, the forest does not repeat itself, and only chance is to be ruled out.
+        If the first proposal has no rival, the forest does not repeat itself, and only chance must be ruled out.
         """
         first = self.proposals[0]
         if proposal is first or proposal.key in self.alike or self.lead is None:
@@ -58,7 +58,7 @@ class Ranking:
         return proposal.verified.evidence - first.verified.evidence
 
     def is_certain(self, query: Query) -> bool:
-        """Whether the first proposal is so sure that another level could not change the answer."""
+        """Whether the first proposal is so certain that no further level could change the answer."""
         if not self.proposals or not self.complete:
             return False
         first, config = self.proposals[0].verified, query.config
@@ -66,18 +66,18 @@ class Ranking:
         return odds > 2.0 * config.gate and refusal(first, odds, self.lead, config) is None
 
     def is_lost(self, query: Query) -> bool:
-        """Whether no proposal is better than chance. Too close a rival is another matter: more poses do not mend it."""
+        """Whether no proposal beats chance. Close rivals do not count here: more proposals would not remove them."""
         if not self.proposals:
             return True
         return chance_logit(log_odds(self.proposals[0].verified, query.grid, query.volume)) < query.config.gate
 
 
 NOTHING: Final = Ranking([])
-"""Before anything is proposed."""
+"""The ranking before anything is proposed."""
 
 
 def rank(query: Query, proposals: list[Proposal], earlier: Ranking = NOTHING) -> Ranking:
-    """Rank what a level proposed together with what `earlier` levels did, and look for rivals of the first."""
+    """Rank the proposals of a level together with those of `earlier` levels, and search rivals of the best."""
     with query.trace.timed("find rivals") as counts:
         counts["rivals"] = 0
         findings = (*earlier.findings, *(make_finding(one, query) for one in best_by_submap(proposals)))
@@ -93,7 +93,7 @@ def rank(query: Query, proposals: list[Proposal], earlier: Ranking = NOTHING) ->
 
 
 def best_by_submap(proposals: Iterable[Proposal]) -> list[Proposal]:
-    """The best proposal of each submap that has two inliers at least (fewer fix no pose), best first, ties by key."""
+    """The best proposal of each submap, the best first, ties by key; without those of fewer than two inliers."""
     best: dict[int, Proposal] = {}
     for proposal in proposals:
         known = best.get(proposal.key)
@@ -105,10 +105,10 @@ def best_by_submap(proposals: Iterable[Proposal]) -> list[Proposal]:
 
 
 def _against_rivals(query: Query, ranked: list[Proposal]) -> Ranking:
-    """The ranking of `ranked`, whose first is exchanged for its best rival in its own submap, if that is better.
+    """The ranking of proposals that are sorted already. If a rival in its own submap is better, it becomes the first.
 
     Raises:
-        OutOfTime: the deadline passed before all rivals were looked at.
+        OutOfTime: the deadline passed before all rivals were compared.
     """
     config, budget = query.config, query.budget
     here, key = query.submaps.grid(ranked[0].key), ranked[0].key
@@ -118,7 +118,7 @@ def _against_rivals(query: Query, ranked: list[Proposal]) -> Ranking:
     rivals = [(key, rival, evidence) for rival, evidence in rivals_here]
     strongest = max((evidence for _, evidence in rivals_here), default=-math.inf)
     alike = set[int]()
-    # Only what could change the verdict is looked at: overlapping submaps of one place are many.
+    # Only rivals that could change the verdict are compared, because many submaps may overlap at one place.
     for other, evidence in _comparable(ranked[1:], best):
         if evidence <= max(strongest, rival_threshold(best, sure, config.margin)):
             break
@@ -133,7 +133,7 @@ def _against_rivals(query: Query, ranked: list[Proposal]) -> Ranking:
 
 
 def _comparable(others: list[Proposal], best: PoseEvidence) -> list[tuple[Proposal, float]]:
-    """Those of `others` that could rival `best`, with the evidence they are credited with, the strongest first."""
+    """The proposals that are comparable with `best`, with their extrapolated evidence, the strongest first."""
     near = [other for other in others if comparable(other.verified, best)]
     evidence = np.array([other.verified.evidence for other in near])
     overlap = np.array([other.verified.overlap for other in near], np.float64)

@@ -1,4 +1,4 @@
-"""The search for poses that explain the data about as well as the best one, in its own submap and in others."""
+"""The search for rivals: poses that explain the trees about as well as the best one, in any submap."""
 
 import math
 from typing import Final, NamedTuple
@@ -25,35 +25,36 @@ class RivalNumbers(NamedTuple):
     """How a match is shifted in the search for its rivals. Chosen by hand, not fitted."""
 
     peaks: int = 4
-    """Shifts for each quarter turn. Twice as many in all are refined: those that bring most landmarks together."""
+    """Shifts that are tried at each quarter turn. In all, twice as many are refined, those with the most partners."""
     peaks_in_rows: int = 16
-    """The same where trees stand in rows: there the best rival may overlap less than many others."""
+    """The same if trees stand in rows: there, the best rival may overlap less than many others."""
     in_rows: float = 0.25
-    """Share of the match's evidence that no rival reaches in a natural forest; one that does means rows."""
+    """Share of the match's evidence that no rival reaches in a natural forest. If one does, trees stand in rows."""
     close: float = 0.25
-    """Noise, as a share of the distance to the nearest tree, from which on partners are mistaken for their
+    """Noise, as a share of the distance to the nearest tree, above which partners are mistaken for their
     neighbours."""
     steps: int = 5
-    """Starts of a refinement along each axis, from one reach before a pose to one behind it."""
+    """Starts of a refinement along each axis, from one reach before a pose to one reach behind it."""
     same_turn: float = math.radians(6.0)
-    """Radians: poses that differ by more are distinct."""
+    """Radians: poses whose rotations differ by more are distinct."""
     slack: float = 30.0
-    """Evidence that partners farther away hardly ever add to a wrong pose."""
+    """Evidence that a second try, with partners farther away, hardly ever adds to a wrong pose."""
 
 
 RIVALS: Final = RivalNumbers()
 
 
 def pose_row(pose: SE2) -> NDArray[np.float64]:
-    """A pose as kernels take it: x, y, yaw."""
+    """A pose as an array (3,) for kernels: x, y, yaw."""
     return np.array([pose.x, pose.y, pose.yaw])
 
 
 @kernel
 def distinct(a: NDArray[np.float64], b: NDArray[np.float64], spacing: float, reach: float) -> bool:
-    """Whether two poses of the query (x, y, yaw first, centred frames) put it in different places.
+    """Whether two poses of the query are different places.
 
-    `spacing`: metres, distance between trees of the submap.
+    `a`, `b`: x, y, yaw, centred frames, perhaps with more numbers after them; `spacing`: metres, distance between trees
+    of the submap; `reach`: metres, largest distance of partners.
     """
     turn = abs((a[2] - b[2] + 3.0 * math.pi) % (2.0 * math.pi) - math.pi)
     return math.hypot(a[0] - b[0], a[1] - b[1]) > min(0.5 * spacing, 2.0 * reach) or turn > RIVALS.same_turn
@@ -67,14 +68,17 @@ def same_place(
     config: Config,
     budget: Budget = UNBOUNDED,
 ) -> bool:
-    """Whether two submaps that both match a query are the same patch of forest seen twice.
+    """Whether two submaps that both match a query are the same patch of forest, seen twice.
 
-    `first_pose`, `second_pose`: `submap_T_query`, centred frames. Chained they give the transform between the submaps.
-    If they overlap, that transform explains their landmarks as well: it has no rival, or is clearly better than its
-    rivals. Two ends of one plantation fit each other equally well under many transforms: they are not the same place.
+    The two poses, chained, give the transform between the submaps. If the submaps overlap, that transform also explains
+    their landmarks, and has no rival or is clearly better than its rivals. Two ends of one plantation fit each other
+    equally well under many transforms: they are not the same place.
+
+    Args:
+        first_pose, second_pose: `submap_T_query`, centred frames.
 
     Raises:
-        OutOfTime: the deadline passed before that was known.
+        OutOfTime: the deadline passed first.
     """
     margin = config.margin
     chained = verify(second, first, first_pose @ second_pose.inverse(), config.reach, budget)
@@ -94,17 +98,21 @@ def hill_climb(
     config: Config,
     budget: Budget = UNBOUNDED,
 ) -> tuple[PoseEvidence, list[tuple[PoseEvidence, float]]]:
-    """Move to the best rival of a pose as long as that explains the landmarks better.
+    """Move from a pose to its best rival, as long as that explains the trees better.
 
-    In rows of trees a proposed pose is often off by a planting distance, and its rivals include the right pose.
+    In rows of trees, a proposed pose is often off by a planting distance, and its rivals include the right pose.
+
+    Args:
+        best: the pose to start from, centred frames.
+        odds: log-odds against a rival from which on it no longer matters.
 
     Returns:
-        The best pose, and its rivals, the strongest first: distinct poses in the same submap against which its log-odds
-        are below `odds`, each with its evidence. Evidence is extrapolated to the overlap of the best pose, but not for
-        a rival that pairs other trees of the query.
+        The best pose; and its rivals, the strongest first: distinct poses in the same submap against which its log-odds
+        are below `odds`, each with its evidence. The evidence is extrapolated to the overlap of the best pose, but not
+        for a rival that pairs other trees of the query.
 
     Raises:
-        OutOfTime: the deadline passed before all rivals were looked at.
+        OutOfTime: the deadline passed before all rivals were compared.
     """
     reach, margin = config.reach, config.margin
     seen = [np.empty((0, 6))]
@@ -142,13 +150,12 @@ def hill_climb(
 def polish(
     query: LandmarkGrid, submap: LandmarkGrid, best: PoseEvidence, reach: float, budget: Budget = UNBOUNDED
 ) -> PoseEvidence:
-    """The best of the poses that refinement reaches from around `best`, where trees stand close for their noise.
+    """The best pose that refinement reaches from starts around `best`, if trees stand close compared with the noise.
 
-    There, partners are easily mistaken for their neighbours: refinement then ends between two trees, and each such end
-    is the best of its surroundings.
+    There, partners are easily mistaken for their neighbours: refinement may end between two trees, at a local optimum.
 
     Raises:
-        OutOfTime: the deadline passed before all were refined.
+        OutOfTime: the deadline passed first.
     """
     if best.noise < RIVALS.close * neighbour_distance(query.landmarks):
         return best
@@ -160,7 +167,7 @@ def polish(
 
 
 def neighbour_distance(landmarks: NDArray[np.float64]) -> float:
-    """Metres from a landmark to the nearest other one, the median of landmarks (N, 2), N >= 2."""
+    """Median distance, metres, from a landmark to the nearest other one; landmarks (N, 2), N >= 2."""
     distances = np.asarray(cKDTree(landmarks).query(landmarks, k=2)[0])
     return float(np.median(distances[:, 1]))
 
@@ -175,18 +182,26 @@ def find_rivals(
     *,
     budget: Budget = UNBOUNDED,
 ) -> NDArray[np.float64]:
-    """Poses in the same submap that shifting `best` (3,) along the pattern brings up, as `refine_and_score` gives them.
+    """Distinct poses in the same submap, found by shifting `best` along the pattern of the trees.
 
-    For the match's rotation and its turns by quarters, the displacements between all pairs of landmarks are counted on
-    a grid; its peaks are the shifts that put most trees onto trees. In a natural forest they are chance and weak.
-    `least`: evidence that makes a second look at one, with partners farther away, worth its time.
+    At the match's rotation and its quarter turns, the displacements between all pairs of landmarks are counted on a
+    grid; the peaks are the shifts that put most trees onto trees. In a natural forest they are weak chance peaks.
+
+    Args:
+        best: (3,), x, y, yaw of `submap_T_query`, centred frames.
+        reach: metres, largest distance of partners.
+        least: evidence above which a pose is also tried with partners farther away.
+        peaks: shifts at each quarter turn.
+
+    Returns:
+        Rows (R, 6), as `refine_and_score` returns them.
 
     Raises:
-        OutOfTime: the deadline passed before all were looked at.
+        OutOfTime: the deadline passed first.
     """
     if budget.fits(_QUARTERS * peaks, pose_cost(query, submap)):
         return find_rivals_at_once(query, submap, best, reach, least, peaks)
-    # One quarter after the other: beside the pairs there are up to 640,000 shifts to go through for each peak.
+    # One quarter turn after the other: besides the pairs, up to 640,000 cells are searched for each peak.
     chosen = chosen_landmarks(query, submap, best, reach)
     turned = [
         shifted(chosen, submap, best, reach, peaks, quarter.start) for quarter in budget.portions(_QUARTERS, math.inf)
@@ -201,7 +216,7 @@ def find_rivals(
 def find_rivals_at_once(
     query: LandmarkGrid, submap: LandmarkGrid, best: NDArray[np.float64], reach: float, least: float, peaks: int
 ) -> NDArray[np.float64]:
-    """What `find_rivals` gives, in one step: for ordinary sizes that is fastest."""
+    """The result of `find_rivals` in one compiled call, which is fastest for ordinary sizes."""
     starts = np.empty((2 * (_QUARTERS * peaks + 1), 3))
     count = 0
     chosen = chosen_landmarks(query, submap, best, reach)

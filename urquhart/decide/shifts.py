@@ -1,4 +1,4 @@
-"""Shifts of a match along the pattern of the trees: where most landmarks fall onto landmarks again."""
+"""Shifts of a match along the pattern of the trees, under which most landmarks fall onto landmarks again."""
 
 import math
 from typing import Final, NamedTuple
@@ -15,7 +15,7 @@ class ShiftNumbers(NamedTuple):
     """Bounds on the work of a search for shifts. Chosen by hand for about 10 ms a quarter turn, not fitted."""
 
     sampled: int = 500
-    """Landmarks of the query that show its pattern."""
+    """Most landmarks of the query that its pattern is taken from."""
     most_cells: float = 400.0
     """Cells of shifts on either side of the middle, along each axis."""
 
@@ -32,12 +32,13 @@ def shifted(
     peaks: int,
     quarter: int,
 ) -> NDArray[np.float64]:
-    """Poses (K, 3) that `best`, turned by so many quarters, is shifted to; one more of the match's own rotation.
+    """Poses (K, 3) to which `best`, turned by `quarter` quarter turns, is shifted.
 
-    `chosen`: the query's landmarks of `chosen_landmarks`.
+    Shifts are searched around the middle of the submap. If the submap is so large that `best` lies outside that window,
+    they are also searched around `best`: a row at the edge of a large stand repeats itself along the edge.
 
-    Shifts are sought about the middle of the submap. Where the submap is so large that `best` lies outside of that
-    window, they are also sought about `best`: a row at the edge of a large stand repeats itself along the edge.
+    `chosen`: (n, 2), metres, landmarks of the query, as `chosen_landmarks` returns them; `best`: (3,), x, y, yaw,
+    centred frames; `reach`: metres, side of a cell; `peaks`: number of shifts, one more at the match's own rotation.
     """
     yaw = best[2] + quarter * math.pi / 2.0
     turned = turn(chosen, yaw)
@@ -57,7 +58,7 @@ def shifted(
 def chosen_landmarks(
     query: LandmarkGrid, submap: LandmarkGrid, best: NDArray[np.float64], reach: float
 ) -> NDArray[np.float64]:
-    """The landmarks (K, 2) of the query whose pattern is sought: all, or `SHIFTS.sampled` of those that `best` pairs.
+    """The landmarks (K, 2) of the query that its pattern is taken from: all, or a sample of those that `best` pairs.
 
     Of a large query, the few trees that speak for a pose would be lost among the others.
     """
@@ -69,7 +70,7 @@ def chosen_landmarks(
 
 @kernel
 def turn(landmarks: NDArray[np.float64], yaw: float) -> NDArray[np.float64]:
-    """Landmarks (N, 2) turned about the origin by `yaw`."""
+    """Landmarks (N, 2), metres, rotated about the origin by `yaw`, radians."""
     c, s = math.cos(yaw), math.sin(yaw)
     turned = np.empty_like(landmarks)
     for i in range(len(landmarks)):
@@ -80,9 +81,9 @@ def turn(landmarks: NDArray[np.float64], yaw: float) -> NDArray[np.float64]:
 
 @kernel
 def half_window(turned: NDArray[np.float64], submap: NDArray[np.float64], cell: float) -> NDArray[np.float64]:
-    """Half the sides (2,), in metres, of the rectangle of shifts that are looked at.
+    """Half the sides (2,), metres, of the rectangle of shifts that are searched; `cell`: metres.
 
-    Under these the middle of the smaller footprint lies within the larger one, and at least about half of it.
+    Under these shifts, the middle of the smaller footprint lies in the larger one, and at least about half of it.
     """
     half = np.empty(2)
     for axis in range(2):
@@ -100,10 +101,10 @@ def shift_peaks(
     half: NDArray[np.float64],
     middle: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """The `peaks` shifts (peaks, 2), metres, that bring most landmarks of the turned query onto the submap's.
+    """The `peaks` shifts (peaks, 2), metres, that bring most landmarks of the rotated query onto the submap's.
 
-    Shifts within `half` (2,) metres of `middle` (2,) are counted in square cells; a peak is the fullest block of two by
-    two, so that no border splits it, and blanks its neighbourhood for the next.
+    Shifts within `half` (2,) of `middle` (2,), metres, are counted in square cells. A peak is the fullest block of two
+    by two cells, so that no border splits it; its neighbourhood is cleared before the next peak.
     """
     corner = middle - half
     wide, high = int(2.0 * half[0] / cell) + 2, int(2.0 * half[1] / cell) + 2
@@ -122,7 +123,7 @@ def shift_peaks(
     for p in range(peaks):
         at = np.argmax(blocks)
         a, b = at // (high - 1), at % (high - 1)
-        # The four cells' centre of mass: the shift that puts most trees onto trees may lie at the block's edge.
+        # The centre of mass of the four cells: the best shift may lie at the edge of the block.
         right, upper = counts[a + 1, b] + counts[a + 1, b + 1], counts[a, b + 1] + counts[a + 1, b + 1]
         whole = max(counts[a, b] + counts[a, b + 1] + right, 1)
         found[p, 0] = corner[0] + (a + 0.5 + right / whole) * cell

@@ -1,4 +1,4 @@
-"""The verdict: `matched` only when chance and every rival pose are ruled out."""
+"""The verdict of a search: `matched` only if chance and every rival pose are ruled out."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -20,20 +20,20 @@ Reason = Literal[
     Obstacle,
     Refusal,
 ]
-"""Why a verdict is what it is; the words are stable."""
+"""The reason of a verdict. The words are part of the API."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recognition:
-    """The answer to one observation.
+    """The answer to one query.
 
     Attributes:
-        verdict, reason: what to make of it, in one word each.
-        candidates: verified submaps, best first.
-        rivals: other poses that explain the data about as well as the first candidate's, the strongest first.
-        lead: evidence of the best candidate over the best distinct pose; None where it was too weak to be compared.
-        stages: what each stage found and cost, in order.
-        findings: what each level found in each submap it looked at, in the order of the levels, the best first.
+        verdict, reason: the result, in one word each.
+        candidates: verified submaps, the best first.
+        rivals: other poses that explain the trees about as well as the first candidate's, the strongest first.
+        lead: evidence of the best candidate minus that of the best distinct pose; None if no pose was compared.
+        stages: counts and costs of each stage, in order.
+        findings: the best pose of each level in each submap, in the order of the levels, the best first.
         search: why the search ended, and which limits left something out.
     """
 
@@ -48,11 +48,11 @@ class Recognition:
 
 
 def decide(query: Query, ranking: Ranking, limit: int, stopped_by: StoppedBy) -> Recognition:
-    """The answer to a query from its ranked proposals.
+    """The answer to a query, from its ranked proposals.
 
     Args:
-        limit: most candidates that are reported.
-        stopped_by: why the search ended. After a deadline nothing is `matched`: rivals may not have been seen.
+        limit: most candidates in the answer.
+        stopped_by: why the search ended. After a deadline nothing is `matched`, because rivals may be missing.
     """
     candidates = tuple(
         make_candidate(proposal, query, ranking.lead_of(proposal)) for proposal in ranking.proposals[:limit]
@@ -69,13 +69,13 @@ def decide(query: Query, ranking: Ranking, limit: int, stopped_by: StoppedBy) ->
 
 
 def unsearched(reason: Reason, stages: tuple[Stage, ...] = ()) -> Recognition:
-    """The answer where there was nothing to search for, nothing to search in, or no time to begin."""
+    """The answer if there was nothing to search for, nothing to search in, or no time to begin."""
     stopped_by: StoppedBy = "deadline" if reason == "deadline" else "not_started"
     return Recognition("no_match", reason, (), (), None, stages, (), SearchEnd(stopped_by))
 
 
 def _judge(candidates: Sequence[Candidate]) -> tuple[Verdict, Reason]:
-    """Verdict and reason from candidates, best first."""
+    """Verdict and reason, from candidates with the best first."""
     if not candidates:
         return "no_match", "verification_failed"
     reason = candidates[0].refused

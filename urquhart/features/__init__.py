@@ -1,4 +1,4 @@
-"""What is known of one submap: checked landmarks, their tessellation, quads, and described polygons.
+"""Features of one submap: checked landmarks, their tessellation, quads, and described polygons.
 
 May import the ground floor only (`_kernel`, `budget`, `config`, `se2`, `trace`, `uncertainty`).
 """

@@ -1,4 +1,4 @@
-"""Delaunay triangles of landmarks (SciPy's Qhull), all counter-clockwise, in bounded time whatever the shape."""
+"""Delaunay triangulation of landmarks (SciPy's Qhull): counter-clockwise triangles, in bounded time for any shape."""
 
 from typing import Final, NamedTuple
 
@@ -14,10 +14,10 @@ class DelaunayNumbers(NamedTuple):
     """When the triangulation is joggled. Measured with SciPy's Qhull; no command repeats it."""
 
     most_exact: int = 1_000
-    """Landmarks up to which the triangulation is exact. Where many lie on one circle or one side of the hull, that
-    takes quadratic time: 0.1 s for 1,000, 40 s for 20,000. More landmarks are first moved by some 1e-11 of their
-    extent, which takes 0.1 to 0.7 s for 20,000 in any shape, and which only decides between triangulations that are
-    equally good."""
+    """Landmarks up to which the triangulation is exact. If many landmarks lie on one circle or on one side of the
+    hull, an exact one takes quadratic time: 0.1 s for 1,000, 40 s for 20,000. Larger sets are first joggled, by some
+    1e-11 of their extent. That takes 0.1 to 0.7 s for 20,000 in any shape, and only decides between triangulations
+    that are equally good."""
 
 
 DELAUNAY: Final = DelaunayNumbers()
@@ -26,12 +26,14 @@ _JOGGLE: Final = "Qbb Q12 QJ"
 
 
 def triangulate(landmarks: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Triangles (T, 3) of landmarks (N, 2), counter-clockwise, and the neighbour (T, 3) opposite to each vertex.
+    """The Delaunay triangulation of landmarks (N, 2) float64, metres, centred near the origin.
 
-    A neighbour is -1 outside of the hull.
+    Returns:
+        Triangles (T, 3) int32, landmark indices, counter-clockwise; and neighbours (T, 3) int32, the triangle opposite
+        to each vertex, -1 outside the hull.
 
     Raises:
-        LandmarkError: `collinear`, where the landmarks are so close to one line that no triangulation exists.
+        LandmarkError: code `collinear`: the landmarks are so close to one line that no triangulation exists.
     """
     try:
         found = Delaunay(landmarks, qhull_options=_EXACT if len(landmarks) <= DELAUNAY.most_exact else _JOGGLE)
@@ -45,10 +47,10 @@ def triangulate(landmarks: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDAr
 
 @kernel
 def orient(landmarks: NDArray[np.float64], triangles: NDArray[np.int32], neighbours: NDArray[np.int32]) -> None:
-    """Bring all triangles into counter-clockwise order, in place.
+    """Order the vertices of all triangles (T, 3) counter-clockwise, in place; `neighbours` (T, 3) follow.
 
-    The largest one tells which way round that is, the others follow over the edges that they share: the sign of a flat
-    one's area is a matter of rounding, and one triangle the wrong way round would send a walk along edges astray.
+    The sign of the largest triangle's area decides, and its orientation is passed on over shared edges. A flat
+    triangle's own sign would depend on rounding, and one wrong orientation breaks every walk along edges.
     """
     count = len(triangles)
     largest, start = -1.0, 0
@@ -70,7 +72,7 @@ def orient(landmarks: NDArray[np.float64], triangles: NDArray[np.int32], neighbo
                 continue
             a, b = triangles[t, (k + 1) % 3], triangles[t, (k + 2) % 3]
             for m in range(3):
-                # Alike only if one of the two runs along their edge in the other's direction.
+                # Two triangles with the same orientation run along a shared edge in opposite directions.
                 if triangles[other, m] == a and triangles[other, (m + 1) % 3] == b:
                     _turn_over(triangles, neighbours, other)
                     break

@@ -1,7 +1,7 @@
-"""All that is known of one submap: landmarks, tessellation, descriptors; and how that is packed.
+"""The features of one submap (landmarks, tessellation, descriptors), and how they are packed into one BLOB.
 
-Landmarks are centred in float64 before anything becomes float32: a northing of 5 million metres has 0.5 m steps in
-float32.
+Landmarks are centred in float64 before anything becomes float32: at a northing of 5 million metres, float32 resolves
+0.5 m.
 """
 
 import struct
@@ -24,7 +24,7 @@ _FORMAT: Final = 2
 _HEADER: Final = struct.Struct("<4sHH16s2d12I")
 
 FEATURES_VERSION: Final = 100 * DESCRIPTION_VERSION + _FORMAT
-"""A whole number that changes whenever stored features have to be made again."""
+"""A whole number that changes whenever stored features must be computed again."""
 HEAD: Final = 24
 """Bytes of a packed features BLOB that `is_current` needs."""
 
@@ -38,11 +38,11 @@ class Features:
     """Features of one submap.
 
     Attributes:
-        landmarks: (N, 2) float64, metres, submap frame minus `origin`.
-        origin: (2,) float64, metres, submap frame: the centroid that was taken off.
-        density: (N,) float32, landmarks per square metre around each landmark.
-        tessellation: triangles and interior polygons.
-        descriptors: (P, D) float32, a row for each interior polygon.
+        landmarks: (N, 2) float64, metres, centred frame: submap frame minus `origin`.
+        origin: (2,) float64, metres, submap frame: the centroid of the landmarks.
+        density: (N,) float32, landmarks per square metre around each landmark; see `local_density`.
+        tessellation: triangles, quads and interior polygons.
+        descriptors: (P, D) float32, a row for each interior polygon; see `describe_outlines`.
         fingerprint: `Config.fingerprint()` of the configuration that made them.
         diameters: (N,) float32, stem diameters, NaN where one is not known; empty where none is.
     """
@@ -56,7 +56,7 @@ class Features:
     diameters: NDArray[np.float32]
 
     def counts(self) -> dict[str, int]:
-        """How much of everything there is, left-out polygons included."""
+        """Number of landmarks, triangles, quads and polygons, and of the polygons that were left out, by name."""
         return {
             "landmarks": len(self.landmarks),
             "triangles": len(self.tessellation.triangles),
@@ -109,14 +109,20 @@ class Features:
 
     @staticmethod
     def is_current(head: bytes, fingerprint: str) -> bool:
-        """Whether a BLOB that begins with `head` is of this format and was made with this configuration."""
+        """Whether a BLOB is of this format and was made with this configuration.
+
+        Args:
+            head: its first `HEAD` bytes.
+            fingerprint: `Config.fingerprint()`.
+        """
         return head[:6] == struct.pack("<4sH", _MAGIC, _FORMAT) and head[8:HEAD] == fingerprint.encode("ascii")
 
     @staticmethod
     def unpack(blob: bytes) -> "Features":
-        """The features that `pack` wrote, copied: views of `blob` would be read-only, which to the compiler is another
-        type, and every kernel would be compiled twice. What lies side by side is copied at once: this is most of the
-        time of reading a submap.
+        """The features that `pack` wrote, as copies.
+
+        Views of `blob` would be read-only. For numba that is another type, and it would compile every kernel twice.
+        Neighbouring arrays are copied together, because copying is most of the time of reading a submap.
 
         Raises:
             FeaturesError: wrong magic, format, length or checksum.
@@ -175,16 +181,18 @@ class _Reader:
 
 
 def describe(xy: ArrayLike, config: Config, diameters: ArrayLike | None = None, budget: Budget = UNBOUNDED) -> Features:
-    """Describe one submap or observation.
+    """Compute the features of one submap or observation.
 
     Args:
-        xy: (N, 2), metres, any rigid frame (projected coordinates too: they are centred first).
-        diameters: (N,), stem diameters in any unit, NaN where one is not known. They are evidence, never a condition.
+        xy: (N, 2), metres, any rigid frame; projected coordinates too, because they are centred first.
+        config: its description parameters (`samples`, `squared`, `keep_hull`) shape the features.
+        diameters: (N,), stem diameters in any unit, NaN where one is not known. They are evidence, never required.
+        budget: when the work must end; by default never.
 
     Raises:
-        LandmarkError: the landmarks cannot be described; nothing is mended silently.
-        OutOfTime: the deadline passed before they were described.
-        Abandoned: nobody waits for that any more.
+        LandmarkError: the landmarks or diameters cannot be used. Nothing is repaired silently.
+        OutOfTime: the deadline passed first.
+        Abandoned: nobody waits for the result any more.
     """
     posted = check_landmarks(xy)
     measured = check_diameters(diameters, len(posted))
@@ -201,10 +209,11 @@ def describe(xy: ArrayLike, config: Config, diameters: ArrayLike | None = None, 
 
 @kernel
 def local_density(landmarks: NDArray[np.float64], triangles: NDArray[np.int32]) -> NDArray[np.float32]:
-    """Landmarks per square metre (N,) float32 around each landmark.
+    """Landmarks per square metre (N,) float32 around each landmark (N, 2), metres.
 
-    A third of every Delaunay triangle belongs to each of its corners. Areas are pooled over a landmark, its neighbours
-    and theirs (about 20 landmarks): fine enough to see a thicket beside a clearing, large enough not to follow chance.
+    Each corner of a Delaunay triangle (T, 3) gets a third of its area. Areas are pooled over a landmark, its neighbours
+    and their neighbours, about 20 landmarks: few enough to tell a thicket from the clearing beside it, and enough to
+    average out chance.
     """
     n = len(landmarks)
     area, share = np.zeros(n), np.ones(n)
@@ -220,7 +229,7 @@ def local_density(landmarks: NDArray[np.float64], triangles: NDArray[np.int32]) 
         pooled_area, pooled_share = area.copy(), share.copy()
         for t in range(len(triangles)):
             for k in range(3):
-                # Counter-clockwise triangles meet each directed edge once; a hull edge passes its area one way only.
+                # Each directed edge belongs to one counter-clockwise triangle; a hull edge passes its area one way.
                 a, b = triangles[t, k], triangles[t, (k + 1) % 3]
                 pooled_area[b] += area[a]
                 pooled_share[b] += share[a]

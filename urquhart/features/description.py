@@ -1,4 +1,4 @@
-"""An observation on its way into a search: described once, or the reason why no search can begin."""
+"""An observation before a search: its features, or the reason why no search can begin."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ Obstacle = Literal["too_few_landmarks", "collinear_landmarks", "deadline"]
 """Why an observation cannot be searched for; the reason of its `no_match`."""
 
 OBSTACLES: Final[Mapping[str, Obstacle]] = {"too_few": "too_few_landmarks", "collinear": "collinear_landmarks"}
-"""Codes of `LandmarkError` that are no fault of the caller: so few trees, or trees on one line, fix no pose."""
+"""Codes of `LandmarkError` that are not the caller's fault: too few trees, or trees on one line, fix no pose."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,7 +35,7 @@ class Description:
 def describe_observation(
     xy: ArrayLike, config: Config, diameters: ArrayLike | None = None, budget: Budget = UNBOUNDED
 ) -> Description:
-    """Describe an observation that is to be searched for.
+    """Describe an observation before a search.
 
     Args:
         xy: (N, 2), metres, any rigid frame.
@@ -43,7 +43,7 @@ def describe_observation(
         budget: when describing must end; a spent budget gives the obstacle `deadline`.
 
     Raises:
-        LandmarkError: the landmarks are wrong. Too few of them, or all on one line, is an obstacle and no error.
+        LandmarkError: the landmarks cannot be used. Too few of them, or all on one line, is an obstacle, not an error.
         Abandoned: nobody waits for the answer any more.
     """
     trace = Trace()

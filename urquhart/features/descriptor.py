@@ -1,12 +1,12 @@
-"""The paper's polygon descriptor (section IV-B): centroid distances along the perimeter, magnitude of their DFT.
+"""The paper's polygon descriptor (section IV-B): distances from the centroid along the perimeter, and their DFT.
 
-M points at equal arc length, their distance (or squared distance) to the centroid of the vertices, and the magnitude of
-the discrete Fourier transform of that row. Distances do not know rotation or translation; the magnitude does not know
-where the walk began, up to the aliasing of corners that fall between samples. To be rid of that too, the walk begins at
-the vertex farthest from the centroid, wherever the list of vertices does.
+The descriptor takes M points at equal arc length along the outline, their distances (or squared distances) from the
+centroid of the vertices, and the magnitude of the discrete Fourier transform of this row. Distances are invariant to
+rotation and translation. The magnitude is invariant to the starting point only if that moves by whole samples, because
+corners fall between samples. So the walk always begins at the vertex farthest from the centroid.
 
-The input is real, so the transform is symmetric. Only its M // 2 + 1 distinct magnitudes are kept, each mirrored one
-scaled by sqrt(2): the Euclidean distance between two such rows is then exactly the one between the paper's rows of M.
+The input is real, so the transform is symmetric. Only its M // 2 + 1 distinct magnitudes are kept, and those that occur
+twice are scaled by sqrt(2). The Euclidean distance between two such rows equals that between the paper's rows of M.
 """
 
 import math
@@ -33,11 +33,14 @@ def describe_outlines(
     """Descriptors (P, samples // 2 + 1) float32 of P closed outlines.
 
     Args:
-        landmarks: (N, 2) float64, metres; any frame, but centred, so that float32 rows keep their digits.
-        vertices, offsets: outlines as in `Tessellation`; triangles are outlines of three.
-        samples: M of the paper, its 1 / step.
-        squared: squared centroid distance (the letter, section IV-B) or plain (the authors' code). Rows are then in
-            square metres or metres, times M in the first column.
+        landmarks: (N, 2) float64, metres, any centred frame: far from the origin, float32 rows lose digits.
+        vertices: landmark indices of all outlines one after the other, as in `Tessellation`.
+        offsets: (P + 1,) int32, where each outline begins in `vertices`.
+        samples: points along each outline; the paper's M, which is 1 / its step.
+        squared: squared centroid distance (paper, section IV-B), or plain distance (the authors' code).
+
+    Returns:
+        Square metres if `squared`, else metres; the first column is M times the mean.
     """
     count = len(offsets) - 1
     width = samples // 2 + 1
@@ -89,7 +92,7 @@ def describe_outlines(
 def _start(
     landmarks: NDArray[np.float64], vertices: NDArray[np.int32], first: int, n: int, cx: float, cy: float
 ) -> int:
-    """Where the walk begins: the vertex farthest from the centroid; of equals the one with the longest side next."""
+    """The vertex farthest from the centroid, where the walk begins; of ties, the one with the longest next side."""
     best, best_distance, best_side = 0, -1.0, -1.0
     for v in range(n):
         a, b = vertices[first + v], vertices[first + (v + 1) % n]
@@ -104,6 +107,9 @@ def _start(
 def describe_triangles(
     landmarks: NDArray[np.float64], triangles: NDArray[np.int32], samples: int, squared: bool
 ) -> NDArray[np.float32]:
-    """Descriptors (T, samples // 2 + 1) float32 of Delaunay triangles (T, 3): the paper describes every level alike."""
+    """Descriptors (T, samples // 2 + 1) float32 of Delaunay triangles (T, 3) of landmarks (N, 2), metres.
+
+    The paper describes triangles and polygons in the same way (section IV-B); see `describe_outlines`.
+    """
     offsets = np.arange(0, 3 * len(triangles) + 1, 3, dtype=np.int32)
     return describe_outlines(landmarks, triangles.ravel(), offsets, samples, squared)

@@ -1,7 +1,7 @@
-"""Landmarks as they come in: checked, never mended.
+"""Checks of incoming landmarks. They are refused with the reason, and never repaired.
 
-Everything behind this module may rely on: at least three landmarks, all finite, no two at the same place, not all on
-one line, coordinates that float64 resolves to well under a millimetre.
+All other modules rely on this: there are at least three landmarks, all finite, no two at the same place, not all on one
+line, with coordinates that float64 resolves to well under a millimetre.
 """
 
 import math
@@ -15,16 +15,18 @@ from urquhart._kernel import kernel
 MINIMUM: Final = 3
 MAXIMUM: Final = 20_000
 COORDINATE_LIMIT: Final = 1e8
-"""Metres. Larger than any projected coordinate on Earth; beyond it float64 no longer resolves a micrometre safely."""
+"""Metres: larger than any projected coordinate on Earth; beyond it float64 no longer resolves a micrometre safely."""
 RESOLUTION: Final = 1e-3
-"""Metres. Landmarks closer than this are one tree recorded twice; a set narrower than this is a line."""
+"""Metres: landmarks closer together than this are one tree recorded twice; a set narrower than this is a line."""
 
 
 class LandmarkError(ValueError):
     """Landmarks that cannot be described.
 
-    `code` is one of `bad_shape`, `too_few`, `too_many`, `not_finite`, `out_of_range`, `duplicates`, `collinear`,
-    `bad_diameters`; `indices` are the positions of the first offending landmarks, where single landmarks are to blame.
+    Attributes:
+        code: `bad_shape`, `too_few`, `too_many`, `not_finite`, `out_of_range`, `duplicates`, `collinear`, or
+            `bad_diameters`.
+        indices: positions of the first offending landmarks; empty if the fault is not that of single landmarks.
     """
 
     def __init__(self, code: str, message: str, indices: tuple[int, ...] = ()) -> None:
@@ -33,15 +35,15 @@ class LandmarkError(ValueError):
         self.indices = indices
 
     def __reduce__(self) -> tuple[type["LandmarkError"], tuple[str, str, tuple[int, ...]]]:
-        """What it takes to make it again: another process raises it as it was."""
+        """For pickle, so that an error crosses from one process to another unchanged."""
         return (LandmarkError, (self.code, str(self), self.indices))
 
 
 def check_landmarks(xy: ArrayLike) -> NDArray[np.float64]:
-    """Return `xy` as an (N, 2) float64 array, metres, in the frame it came in, or refuse it with the reason.
+    """A checked copy of `xy`: (N, 2) float64, metres, in the same frame.
 
     Raises:
-        LandmarkError: see its codes.
+        LandmarkError: the landmarks cannot be used; any code but `bad_diameters`.
     """
     landmarks = _as_points(xy)
     bad, far = first_unusable(landmarks)
@@ -69,10 +71,14 @@ def check_landmarks(xy: ArrayLike) -> NDArray[np.float64]:
 
 
 def check_diameters(diameters: ArrayLike | None, count: int) -> NDArray[np.float32]:
-    """Return `diameters` as a float32 array of `count`, NaN where one is not known; empty where none is.
+    """A checked copy of `diameters`: (count,) float32, NaN where one is not known; empty if none is known.
+
+    Args:
+        diameters: (count,), any unit.
+        count: number of landmarks.
 
     Raises:
-        LandmarkError: code `bad_diameters`: not one for each landmark, or one that is not above zero.
+        LandmarkError: code `bad_diameters`: not one diameter for each landmark, or one that is not above zero.
     """
     try:
         values = np.array([] if diameters is None else diameters, dtype=np.float32)
@@ -92,7 +98,7 @@ def check_diameters(diameters: ArrayLike | None, count: int) -> NDArray[np.float
 
 @kernel
 def first_unusable(landmarks: NDArray[np.float64]) -> tuple[int, int]:
-    """The first landmark that is not finite, and the first beyond the coordinate limit; -1 where there is none."""
+    """Index of the first landmark (N, 2) that is not finite, and of the first beyond the limit; -1 if there is none."""
     bad = far = -1
     for i in range(len(landmarks)):
         x, y = landmarks[i, 0], landmarks[i, 1]
@@ -105,7 +111,10 @@ def first_unusable(landmarks: NDArray[np.float64]) -> tuple[int, int]:
 
 @kernel
 def smallest_step(landmarks: NDArray[np.float64]) -> float:
-    """Smallest gap between consecutive x coordinates, metres: two landmarks cannot be closer than that."""
+    """The smallest gap between consecutive x coordinates of landmarks (N, 2), metres.
+
+    No two landmarks are closer together than that, so most sets need no search for duplicates.
+    """
     x = np.sort(landmarks[:, 0])
     step = np.inf
     for i in range(len(x) - 1):
@@ -115,7 +124,7 @@ def smallest_step(landmarks: NDArray[np.float64]) -> float:
 
 @kernel
 def width(landmarks: NDArray[np.float64]) -> float:
-    """Extent of `landmarks` (N, 2), metres, across their principal direction."""
+    """Extent of landmarks (N, 2), metres, across their principal direction."""
     n = len(landmarks)
     cx, cy = landmarks[:, 0].mean(), landmarks[:, 1].mean()
     xx = xy = yy = 0.0
@@ -132,7 +141,7 @@ def width(landmarks: NDArray[np.float64]) -> float:
 
 
 def _as_points(xy: ArrayLike) -> NDArray[np.float64]:
-    """A copy: an array that cannot be written is another type to the compiler, which takes seconds for each."""
+    """A writable copy (N, 2) float64. For numba, a read-only array is another type, and compiling takes seconds."""
     try:
         points = np.array(xy, dtype=np.float64, order="C")
     except (TypeError, ValueError) as error:
@@ -159,10 +168,12 @@ def _refuse_duplicates(landmarks: NDArray[np.float64]) -> None:
 
 
 def thin(points: NDArray[np.float64], distance: float) -> NDArray[np.int64]:
-    """For each of `points` (N, 2), metres, the first kept point within `distance` > 0 of it: (N,) int64, -1 where kept.
+    """Thin out points (N, 2), metres: one is kept unless it lies within `distance` > 0, metres, of an earlier kept one.
 
-    A point is kept unless it lies within `distance` of an earlier one that is kept. Takes N log N steps and memory for
-    N points, however many of them share a place.
+    Takes N log N steps, and memory for N points, however many of them share a place.
+
+    Returns:
+        (N,) int64: -1 for points that are kept, for others the index of the first kept point within `distance`.
     """
     # A little larger than the distance, so that rounding never puts a neighbour two cells away.
     cells = np.floor(points / (1.001 * distance)).astype(np.int64)
@@ -179,8 +190,11 @@ def thin(points: NDArray[np.float64], distance: float) -> NDArray[np.int64]:
 def keep_apart(
     points: NDArray[np.float64], cells: NDArray[np.int64], number: NDArray[np.int64], distance: float
 ) -> NDArray[np.int64]:
-    """See `thin`; `cells` (C, 2) are those that hold points, in ascending order, `number` (N,) is each point's cell."""
-    # Four points at most lie in one cell and are farther from each other than the distance.
+    """The loop of `thin` over points (N, 2), metres.
+
+    `cells`: (C, 2), the square cells that hold points, in ascending order; `number`: (N,), the cell of each point.
+    """
+    # At most four points that are farther apart than the distance fit into one cell.
     kept, counts = np.empty((len(cells), 4), np.int64), np.zeros(len(cells), np.int64)
     partners = np.full(len(points), -1, np.int64)
     for i in range(len(points)):

@@ -1,8 +1,8 @@
-"""The robust level: quads, two Delaunay triangles that share an edge.
+"""Quads: two Delaunay triangles that share an edge. They are the most robust features.
 
-A polygon survives only while every one of its vertices is seen and every edge about it keeps its place. A quad needs
-four landmarks, and losing *other* landmarks never breaks a Delaunay triangle (its circumcircle stays empty). Its four
-sides and its diagonal fix its shape, its direction the rotation of a match.
+A polygon is recognised only if every vertex is seen and every edge around it stays. A quad needs four landmarks, and
+losing *other* landmarks never breaks a Delaunay triangle, because its circumcircle stays empty. The four sides and the
+diagonal fix the shape of a quad; the direction of the diagonal gives the rotation of a match.
 """
 
 import math
@@ -18,8 +18,8 @@ class QuadNumbers(NamedTuple):
     """Which quads are kept. Chosen by hand, not fitted."""
 
     longest: float = 4.0
-    """Quads with a side longer than this many median edges are slivers along the hull, gone with the next tree in
-    view."""
+    """Quads with a side longer than this many median edges are left out: they are slivers along the hull, and the next
+    tree in view breaks them."""
 
 
 QUADS: Final = QuadNumbers()
@@ -29,9 +29,14 @@ QUADS: Final = QuadNumbers()
 def quads_of(
     landmarks: NDArray[np.float64], triangles: NDArray[np.int32], neighbours: NDArray[np.int32]
 ) -> NDArray[np.int32]:
-    """Quads (Q, 4) int32, landmark indices, counter-clockwise; the first and the third end the shared edge.
+    """The quads of a triangulation: (Q, 4) int32, landmark indices, counter-clockwise.
 
-    `neighbours` (T, 3) int32: the triangle opposite to each vertex, -1 outside the hull.
+    The first and the third landmark are the ends of the shared edge.
+
+    Args:
+        landmarks: (N, 2) float64, metres.
+        triangles: (T, 3) int32, landmark indices, counter-clockwise.
+        neighbours: (T, 3) int32, the triangle opposite to each vertex, -1 outside the hull.
     """
     count = len(triangles)
     lengths = np.empty(3 * count)

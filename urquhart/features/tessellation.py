@@ -1,12 +1,12 @@
 """Delaunay triangles joined into Urquhart polygons (paper, section III and algorithm 1).
 
-Each triangle's longest edge is dropped; triangles joined across dropped edges are one face of the Urquhart graph. One
-pass finds them (union-find over triangles), a second walks each face's boundary. What is not a simple polygon away from
-the hull is left out and counted:
+Each triangle loses its longest edge; triangles joined across lost edges form one face of the Urquhart graph. One pass
+finds the faces (union-find over triangles), a second one walks along the boundary of each. Only interior faces that are
+simple polygons are kept; the others are counted:
 
-- a face with a side on the hull changes as soon as the sensor sees one tree more;
-- an edge with the same face on both sides (dangling) bounds nothing and goes;
-- a face whose boundary is then not one simple cycle (a hole, a vertex passed twice) is no polygon.
+- A face with a side on the hull is left out: it changes as soon as the sensor sees one more tree.
+- An edge with the same face on both sides (a dangling edge) bounds nothing and is removed.
+- A face whose boundary is then not one simple cycle (it has a hole, or passes a vertex twice) is left out.
 """
 
 from dataclasses import dataclass
@@ -23,21 +23,21 @@ from urquhart.features.quads import quads_of
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tessellation:
-    """Triangles and interior Urquhart polygons of one set of landmarks; polygons are rows of two ragged arrays.
+    """Triangles, quads and interior Urquhart polygons of one set of landmarks. Polygons are kept in ragged arrays.
 
     Attributes:
         triangles: (T, 3) int32, landmark indices, counter-clockwise.
         quads: (Q, 4) int32, landmark indices, counter-clockwise: pairs of triangles that share the edge between the
-            first and the third; see `quads`.
+            first and the third landmark.
         hull: (H,) int32, landmark indices of the convex hull, counter-clockwise.
         vertices: (V,) int32, landmark indices of all polygons one after the other, each counter-clockwise from its
             lowest index.
         vertex_offsets: (P + 1,) int32; polygon i is `vertices[vertex_offsets[i]:vertex_offsets[i + 1]]`.
-        members: (Q,) int32, triangle indices of all polygons one after the other: the paper's phi.
-        member_offsets: (P + 1,) int32.
-        hull_polygons: faces left out because they touch the hull.
-        non_simple_faces: interior faces left out because they are no simple cycle.
-        dangling_edges: edges removed because they have the same face on both sides.
+        members: (M,) int32, triangle indices of all polygons one after the other (paper, eq. 1: phi).
+        member_offsets: (P + 1,) int32; polygon i joins `members[member_offsets[i]:member_offsets[i + 1]]`.
+        hull_polygons: number of faces left out because they have a side on the hull.
+        non_simple_faces: number of interior faces left out because their boundary is not one simple cycle.
+        dangling_edges: number of edges removed because they have the same face on both sides.
     """
 
     triangles: NDArray[np.int32]
@@ -71,13 +71,14 @@ def tessellate(landmarks: NDArray[np.float64], *, keep_hull: bool = False, budge
     """Tessellate checked landmarks (N, 2) float64, metres, centred near the origin.
 
     Args:
-        keep_hull: keep polygons with a side on the hull, closed by that side (the paper discards them; the option
-            exists to measure what that is worth).
+        keep_hull: keep polygons with a side on the hull, closed by that side. The paper discards them; the option
+            exists to measure what that is worth.
+        budget: when the work must end; by default never.
 
     Raises:
-        LandmarkError: `collinear`, where the landmarks are so close to one line that no triangulation exists.
-        OutOfTime: the deadline passed before it was done.
-        Abandoned: nobody waits for it any more.
+        LandmarkError: code `collinear`: the landmarks are so close to one line that no triangulation exists.
+        OutOfTime: the deadline passed first.
+        Abandoned: nobody waits for the result any more.
     """
     budget.check()
     triangles, neighbours = triangulate(landmarks)
@@ -102,10 +103,10 @@ def _find(parent: NDArray[np.int32], i: int) -> int:
 
 @kernel
 def _longest_edge(landmarks: NDArray[np.float64], triangles: NDArray[np.int32], t: int) -> int:
-    """Which vertex of triangle `t` its longest edge lies opposite to.
+    """The longest edge of triangle `t`, by the vertex 0, 1 or 2 opposite to it.
 
-    Ties (grids, equilateral plantings) go to the edge with the larger landmark indices, so that the two triangles at an
-    edge judge it alike.
+    Ties (grids, equilateral plantings) go to the edge with the larger landmark indices, so that both triangles of an
+    edge agree.
     """
     best, best_length, best_low, best_high = 0, -1.0, -1, -1
     for k in range(3):
@@ -122,7 +123,7 @@ def _longest_edge(landmarks: NDArray[np.float64], triangles: NDArray[np.int32], 
 
 @kernel
 def walk_hull(count: int, triangles: NDArray[np.int32], neighbours: NDArray[np.int32]) -> NDArray[np.int32]:
-    """The hull of `count` landmarks, counter-clockwise, from oriented triangles: the edges that have no neighbour."""
+    """The convex hull (H,) int32 of `count` landmarks, counter-clockwise: all edges of (T, 3) without a neighbour."""
     following = np.full(count, -1, np.int32)
     sides, start = 0, -1
     for t in range(len(triangles)):
@@ -158,7 +159,10 @@ class Faces(NamedTuple):
 
 @kernel
 def find_faces(landmarks: NDArray[np.float64], triangles: NDArray[np.int32], neighbours: NDArray[np.int32]) -> Faces:
-    """Drop each triangle's longest edge and join the triangles on both sides of it (union-find)."""
+    """Drop each triangle's longest edge, and join the triangles on both sides of it by union-find (algorithm 1).
+
+    `landmarks`: (N, 2), metres; `triangles`, `neighbours`: (T, 3), as `triangulate` returns them.
+    """
     count = len(triangles)
     dropped = np.zeros((count, 3), np.bool_)
     for t in range(count):
@@ -211,13 +215,14 @@ def link_sides(
     following: NDArray[np.int32],
     seen_in: NDArray[np.int32],
 ) -> tuple[bool, bool, int, int, int]:
-    """Link the sides of face `f` into a walk: `following` (N,) is the next landmark after each.
+    """Link the sides of face `f` into a walk along its boundary.
 
-    `seen_in`: (N,), the last face that passed each landmark.
+    `following`: (N,), filled with the landmark that comes after each one on the boundary; `seen_in`: (N,), updated, the
+    last face whose boundary passed each landmark.
 
     Returns:
-        Whether the face has a side on the hull, whether no landmark is passed twice, how many sides it has, its lowest
-        landmark, and how many sides have the face on both sides.
+        Whether the face has a side on the hull; whether its boundary passes no landmark twice; the number of its sides;
+        its lowest landmark index; and the number of edge sides with this face on both sides of the edge.
     """
     dropped, face, offsets, by_face = faces
     on_hull, simple, sides, start, dangling_sides = False, True, 0, len(following), 0
@@ -245,9 +250,9 @@ def link_sides(
 def join_triangles(
     landmarks: NDArray[np.float64], triangles: NDArray[np.int32], neighbours: NDArray[np.int32], keep_hull: bool
 ) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], int, int, int]:
-    """Algorithm 1 of the paper; see `Tessellation` for what comes back.
+    """The last seven fields of a `Tessellation`: the interior Urquhart polygons (paper, algorithm 1).
 
-    `triangles`, `neighbours`: as `triangulate` gives them.
+    `landmarks`: (N, 2), metres; `triangles`, `neighbours`: (T, 3), as `triangulate` returns them.
     """
     faces = find_faces(landmarks, triangles, neighbours)
     offsets, by_face = faces.offsets, faces.by_face

@@ -1,4 +1,4 @@
-"""The index of one collection: segments of quads and polygons, and which of their submaps are still part of it.
+"""The index of one collection: segments of quads and polygons, each with a mask of the submaps that are still part.
 
 An index is immutable. Adding and removing submaps makes a new one, which shares all but the small segments, and each
 query searches the snapshot it started with. The index is derived from features and can be rebuilt at any time.
@@ -23,7 +23,7 @@ class SegmentNumbers(NamedTuple):
     """How segments in memory are merged. Chosen by hand, not fitted."""
 
     fanout: int = 4
-    """A segment in memory is merged with the one before it while that is less than this many times as large."""
+    """A segment in memory is merged with the one before it if that is less than this many times as large."""
 
 
 SEGMENTS: Final = SegmentNumbers()
@@ -31,7 +31,13 @@ SEGMENTS: Final = SegmentNumbers()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LiveSegment:
-    """A segment, and which of its submaps are part of the collection: (S,) uint8; `living` is their number."""
+    """A segment with a mask: deleted and replaced submaps stay in the segment, but are not found.
+
+    Attributes:
+        segment: of S submaps.
+        alive: (S,) uint8, 1 for the submaps that are part of the collection.
+        living: how many those are.
+    """
 
     segment: Segment
     alive: NDArray[np.uint8]
@@ -39,11 +45,11 @@ class LiveSegment:
 
     @staticmethod
     def of(segment: Segment) -> "LiveSegment":
-        """All of a segment."""
+        """A segment of which every submap is part of the collection."""
         return LiveSegment(segment, np.ones(len(segment), np.uint8), len(segment))
 
     def without(self, keys: NDArray[np.int64]) -> "LiveSegment":
-        """The same without submaps; keys that are not here are ignored."""
+        """A copy without the submaps `keys` (K,) int64; unknown keys are ignored."""
         slots = self.segment.slots(keys)
         slots = slots[slots >= 0]
         if not self.alive[slots].any():
@@ -53,7 +59,7 @@ class LiveSegment:
         return LiveSegment(self.segment, alive, int(np.count_nonzero(alive)))
 
     def only(self, keys: NDArray[np.int64]) -> "LiveSegment":
-        """The same with no other submaps than those of `keys`."""
+        """A copy that keeps only the submaps `keys` (K,) int64; unknown keys are ignored."""
         slots = self.segment.slots(keys)
         alive = np.zeros_like(self.alive)
         slots = slots[slots >= 0]
@@ -63,10 +69,10 @@ class LiveSegment:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CollectionIndex:
-    """Segments of one collection, the oldest first; each submap lives in one of them.
+    """The segments of one collection, the oldest first. Each submap is alive in exactly one of them.
 
     Attributes:
-        config: of the method.
+        config: parameters of the method.
         live_segments: segments from files first, then those in memory.
     """
 
@@ -85,14 +91,14 @@ class CollectionIndex:
         return any(part.alive[slot] for part in self.live_segments for slot in part.segment.slots(wanted) if slot >= 0)
 
     def __iter__(self) -> Iterator[int]:
-        """Keys of all submaps."""
+        """The keys of all submaps, segment by segment."""
         for part in self.live_segments:
             yield from part.segment.keys[part.alive > 0].tolist()
 
     def with_changes(
         self, added: Iterable[tuple[int, Features]] = (), removed: Iterable[int] = ()
     ) -> "CollectionIndex":
-        """The index with submaps added, replaced where they were there, or removed; many at once are far cheaper.
+        """A new index with submaps added or replaced, and others removed. Many at once are far cheaper.
 
         Raises:
             ValueError: features made with another configuration.
@@ -106,7 +112,7 @@ class CollectionIndex:
         return CollectionIndex(self.config, tuple(_tidied(parts)))
 
     def narrowed(self, only: Collection[int] | None, excluded: Collection[int]) -> "CollectionIndex":
-        """The index as if it held nothing but `only`, where that is given, and nothing of `excluded`."""
+        """The index restricted to the keys `only`, if given, and without the keys `excluded`; both by masks."""
         if only is None and not excluded:
             return self
         chosen = self.live_segments
@@ -119,7 +125,7 @@ class CollectionIndex:
         return CollectionIndex(self.config, chosen)
 
     def quad_shards(self) -> list[QuadShard]:
-        """The quads, ready to be searched."""
+        """The quads of all segments that have living submaps, ready for search."""
         return [QuadShard(p.segment.quads, p.segment.scales, p.alive) for p in self.live_segments if p.living]
 
     def search_polygons(
@@ -130,14 +136,25 @@ class CollectionIndex:
         window: int = 0,
         budget: Budget = UNBOUNDED,
     ) -> Iterator[Hits]:
-        """The nearest `neighbours` living polygons of each of the query's, by vertex count; see `search_partitions`."""
+        """The nearest `neighbours` living polygons of each query polygon; see `search_partitions`.
+
+        Args:
+            counts: (Q,) int32, vertices of each query polygon.
+            descriptors: (Q, D) float32, their descriptors.
+            neighbours: most hits for each query polygon and vertex count.
+            window: largest difference in vertex count of a polygon that is found.
+            budget: when the search must end; by default never.
+
+        Raises:
+            Abandoned: nobody waits for the hits any more.
+        """
         searched = [
             (p.segment.polygons, p.segment.keys, p.segment.units, p.alive) for p in self.live_segments if p.living
         ]
         return search_partitions(searched, counts, descriptors, neighbours=neighbours, window=window, budget=budget)
 
     def keys_of(self, slots: NDArray[np.int64]) -> list[int]:
-        """Keys of slots that are numbered through all of `quad_shards`."""
+        """Keys of slots (K,), which are numbered through all shards of `quad_shards`."""
         keys = np.empty(len(slots), np.int64)
         first = 0
         for part in self.live_segments:
@@ -149,7 +166,7 @@ class CollectionIndex:
 
 
 def _tidied(parts: Sequence[LiveSegment]) -> list[LiveSegment]:
-    """Drop what is empty and merge small segments; those from files are left as they are."""
+    """Drop empty segments, and merge small ones; segments from files are left as they are."""
     tidy = [part for part in parts if part.living or part.segment.file is not None]
     while len(tidy) > 1 and tidy[-2].segment.file is None and tidy[-2].living < SEGMENTS.fanout * tidy[-1].living:
         last, before = tidy.pop(), tidy.pop()

@@ -1,7 +1,7 @@
-"""Nearest polygons by vertex count and descriptor, over all segments of a collection at once.
+"""The nearest polygons by vertex count and descriptor, over all segments of a collection at once.
 
-Segments never change, so searches may run side by side and while others are merged. What is gone from a collection is
-told by the masks that come with its segments.
+Segments never change, so searches may run in parallel, and while segments are merged. Masks beside the segments mark
+submaps that were deleted or replaced.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,26 +19,27 @@ from urquhart.index.polygon_scan import Heaps, Outlines, Scan, gather_places, sc
 __all__ = ["Hits", "Partition", "Searched", "build_partitions", "merge_partitions", "search_partitions"]
 
 Searched = tuple[Mapping[int, Partition], NDArray[np.int64], NDArray[np.float32], NDArray[np.uint8] | NDArray[np.bool_]]
-"""A segment as it is searched: partitions; key, unit (metres) and life (S,) of the submap in each slot."""
+"""A segment for search: its partitions by vertex count; and by slot, (S,) each: the submap's key, the unit of its
+outlines in metres, and whether it is alive."""
 
 
 class PolygonSearchNumbers(NamedTuple):
-    """How much of an index a polygon of the query reads. Chosen by hand, not fitted."""
+    """How much of an index is read for one polygon of the query. Chosen by hand, not fitted."""
 
     least_probes: int = 16
-    """Lists read of each partition, at least."""
+    """Fewest lists that are read of a partition."""
     probed: int = 64
     """One list in this many is read, if that is more than `least_probes`: neighbours lie in few lists, and in hardly
     more as a partition grows."""
     most_rows: int = 60_000
-    """Most rows read for a polygon of the query: that bounds what a query costs."""
+    """Most rows that are read for a polygon of the query. This bounds the cost of a query."""
     largest: int = 256
-    """Vertices of the largest polygons that are looked for: forests have none with a quarter as many, and the polygon
-    about a ring of trees or a lake changes with every tree."""
+    """Vertices of the largest polygons that are searched for. In forests, polygons have fewer than a quarter as many;
+    a polygon around a ring of trees or a lake may have more, but changes with every tree."""
     steps: int = 10_000_000
-    """Steps of compiled work after which hits are handed on and the budget is asked: 10 to 50 ms."""
+    """Steps of compiled work after which hits are passed on and the budget is checked: 10 to 50 ms."""
     at_once: int = 4
-    """Components of a descriptor that take one step."""
+    """Components of a descriptor that count as one step."""
 
 
 POLYGONS: Final = PolygonSearchNumbers()
@@ -46,13 +47,14 @@ POLYGONS: Final = PolygonSearchNumbers()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hits:
-    """Neighbours of polygons with one vertex count, nearest first for each query row.
+    """Stored polygons with one vertex count that are near polygons of the query; for each of those, nearest first.
 
     Attributes:
-        count: vertices of the polygons found.
-        rows: (H,) int64, which query row each hit answers.
-        keys: (H,) int64, the submap of the polygon found.
-        outlines: (H, count, 2) float32, metres, centred submap frame: its vertices, counter-clockwise.
+        count: vertices of the stored polygons.
+        rows: (H,) int64, the query polygon of each hit.
+        keys: (H,) int64, the submap of the stored polygon.
+        outlines: (H, count, 2) float32, metres, centred submap frame: the vertices of the stored polygon,
+            counter-clockwise.
         distances: (H,) float32, squared descriptor distance.
     """
 
@@ -72,19 +74,23 @@ def search_partitions(
     window: int = 0,
     budget: Budget = UNBOUNDED,
 ) -> Iterator[Hits]:
-    """The nearest `neighbours` living polygons of each row, for every vertex count within `window` of its own.
+    """The nearest `neighbours` living polygons of each query polygon, for each vertex count within `window` of its own.
 
-    Hits of one vertex count come in portions, in the order of the rows, where there is more than a little work. The
-    budget is asked before each, also where there are none, and after the deadline no more come.
+    Hits of one vertex count come in one or several portions, in the order of the query polygons. The budget is checked
+    before each portion, and after the deadline no more come.
 
     Args:
+        segments: partitions, keys, units and masks of each segment.
         counts: (Q,) int32, vertices of each query polygon.
-        descriptors: (Q, D) float32.
+        descriptors: (Q, D) float32, their descriptors.
+        neighbours: most hits for each query polygon and vertex count.
+        window: largest difference in vertex count.
+        budget: when the search must end; by default never.
 
     Raises:
         Abandoned: nobody waits for the hits any more.
-        ValueError: masks, keys and units of a segment of different lengths, masks of another type than bool and uint8,
-            or descriptors of another width.
+        ValueError: masks, keys and units of a segment differ in length, a mask is neither bool nor uint8, or the
+            descriptors have another width than the index.
     """
     living = [_alive(segment) for segment in segments]
     near = {count + offset for count in np.unique(counts).tolist() for offset in range(-window, window + 1)}
@@ -93,7 +99,7 @@ def search_partitions(
         rows = np.flatnonzero(np.abs(counts - count) <= window)
         held = [partitions[count] for partitions, *_ in segments if count in partitions]
         read = sum(min(len(p), POLYGONS.most_rows) if p.inverted else len(p) for p in held)
-        # The work on each hit grows with the square of the vertices: every start of one outline is tried on the other.
+        # The work on each hit grows with the square of the vertices: every cyclic shift of an outline is tried.
         cost = read * descriptors.shape[1] // POLYGONS.at_once + neighbours * count * count
         portion = max(POLYGONS.steps // max(cost, 1), 1)
         for begin in range(0, len(rows), portion):
@@ -112,7 +118,7 @@ def _search(
     descriptors: NDArray[np.float32],
     neighbours: int,
 ) -> Hits:
-    """Neighbours with `count` vertices of some query rows (K,)."""
+    """Hits with `count` vertices for the query polygons `rows` (K,); `living`: the mask (S,) of each segment."""
     queries = np.ascontiguousarray(descriptors[rows], np.float32)
     heaps = Heaps(
         np.empty((len(rows), neighbours), np.float32),
@@ -135,7 +141,7 @@ def _search(
     for i in np.flatnonzero(occurs).tolist() if len(found) else []:
         partitions, owner_keys, units, _ = segments[i]
         p = partitions[count]
-        # A subclass such as `np.memmap` costs the compiler's dispatch far more time than a plain array.
+        # numba dispatches far more slowly on a subclass such as `np.memmap` than on a plain array.
         source = Outlines(i, p.owners, p.outlines, np.asarray(owner_keys), np.asarray(units))
         gather_places(found, source, keys, outlines)
     return Hits(count, which, keys, outlines, near_by)

@@ -1,6 +1,6 @@
-"""Partitions of several segments merged into one; polygons of submaps that are gone are dropped on the way.
+"""The partitions of several segments merged into one. Polygons of deleted and replaced submaps are dropped.
 
-Beside what comes out, a merge needs memory for one block of rows and a few bytes for each row of one vertex count.
+Besides the result, a merge needs memory for one block of rows, and a few bytes for each row of one vertex count.
 """
 
 import math
@@ -20,15 +20,16 @@ class PolygonMergeNumbers(NamedTuple):
     """How partitions are merged and their lists trained. Chosen by hand, not fitted."""
 
     exact_below: int = 50_000
-    """Partitions with no more polygons than this are read as a whole."""
+    """Partitions with no more polygons than this stay exact, and are read as a whole."""
     block: int = 65_536
-    """Rows handled at once."""
+    """Rows that are processed at once."""
     sample: int = 64
-    """Rows a centroid is trained on."""
+    """Rows that each centroid is trained on."""
     rounds: int = 10
-    """Rounds of k-means; later ones move centroids by next to nothing."""
+    """Rounds of k-means; later ones hardly move the centroids."""
     finest: float = 1e-5
-    """Least step of a code, as a share of the values it measures: a code decoded and encoded again is then the same."""
+    """Least step of a code, as a share of the values it encodes. With it, decoding and encoding again gives the same
+    code."""
 
 
 MERGE: Final = PolygonMergeNumbers()
@@ -37,11 +38,11 @@ _SEED: Final = 1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Input:
-    """One partition that goes into a merge.
+    """One of the partitions to merge.
 
     Attributes:
-        slots: (S,) int32, the new slot of each old one, -1 where the submap is gone.
-        lists_of_rows: (M,) int32, the list each row is in; -1 for rows to be dropped.
+        slots: (S,) int32, the new slot of each old one, -1 for submaps to be dropped.
+        lists_of_rows: (M,) int32, the list that each row is in; -1 for rows to be dropped.
     """
 
     partition: Partition
@@ -56,7 +57,7 @@ class _Input:
         return self.partition.decode(self.lists_of_rows, rows)
 
     def blocks(self) -> Iterator[NDArray[np.int64]]:
-        """Rows that stay, block by block."""
+        """The rows that are kept, block by block."""
         for begin in range(0, len(self.partition), MERGE.block):
             rows = begin + np.flatnonzero(self.lists_of_rows[begin : begin + MERGE.block] >= 0)
             if len(rows):
@@ -65,7 +66,7 @@ class _Input:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Coder:
-    """How descriptors are coded and listed: `centroids` (L, D), `low` and `step` (D,); all float32."""
+    """How descriptors are encoded: `centroids` (L, D), `low` (D,) and `step` (D,), all float32; see `Partition`."""
 
     centroids: NDArray[np.float32]
     low: NDArray[np.float32]
@@ -75,15 +76,16 @@ class _Coder:
 def merge_partitions(
     parts: Sequence[tuple[Mapping[int, Partition], NDArray[np.int32]]], *, exact_below: int = MERGE.exact_below
 ) -> dict[int, Partition]:
-    """One segment's partitions out of those of several.
+    """The partitions of several segments, merged into those of one segment.
 
-    More than `exact_below` polygons with one vertex count are listed about centroids, which are taken over from the
-    largest part where that holds more than a quarter of them and has lists of a fair length; else they are trained, on
-    a sample that depends on nothing but the parts.
+    Up to `exact_below` polygons with one vertex count make an exact partition. More of them make an inverted one. Its
+    centroids are those of the largest inverted input, if that holds more than a quarter of the polygons and has lists
+    of a suitable length. Otherwise they are trained by k-means, on a sample that depends only on the inputs.
 
     Args:
-        parts: for each segment its partitions and `slots` (S,) int32: the new slot of each old one, -1 where the submap
-            is gone.
+        parts: for each segment its partitions by vertex count, and `slots` (S,) int32: the new slot of each old one, -1
+            for submaps to be dropped.
+        exact_below: polygons up to which a partition is exact.
     """
     # OpenMP keeps its thread count by calling thread, so it is set here and not once at start.
     faiss.omp_set_num_threads(1)
@@ -131,7 +133,7 @@ def _lists(rows: int) -> int:
 
 
 def _fair(lists: int, rows: int) -> bool:
-    """Whether that many lists are near enough to what `rows` should have."""
+    """Whether a number of lists is within a factor of two of the best one for so many rows."""
     return 0.5 <= lists / _lists(rows) <= 2.0
 
 
@@ -160,11 +162,11 @@ def _train(inputs: list[_Input], total: int) -> NDArray[np.float32]:
 def _assign(
     inputs: list[_Input], centroids: NDArray[np.float32]
 ) -> tuple[list[NDArray[np.int32]], NDArray[np.float64]]:
-    """The nearest centroid of each row, and where components lie about it.
+    """The nearest centroid of each row, and how far components lie from those of their centroid.
 
     Returns:
-        for each input (M,) int32, -1 for rows that are dropped; and (3, D) float64: the least and the largest
-        difference of a component from its centroid's, and the largest component by size.
+        For each input, the centroid of each row: (M,) int32, -1 for rows that are dropped. And bounds (3, D) float64 by
+        component: the least and the largest difference from the centroid, and the largest absolute value.
     """
     listed = [np.full(len(part.partition), -1, np.int32) for part in inputs]
     bounds = np.full((3, centroids.shape[1]), -np.inf)
@@ -183,7 +185,7 @@ def _assign(
 
 
 def _batches(inputs: list[_Input]) -> Iterator[list[tuple[int, NDArray[np.int64]]]]:
-    """Rows that stay, each with the number of its input, a block or more at a time: FAISS is many times faster so."""
+    """The rows that are kept, with the number of their input, in batches of at least a block: FAISS is faster so."""
     batch, size = [], 0
     for i, part in enumerate(inputs):
         for rows in part.blocks():
@@ -197,7 +199,7 @@ def _batches(inputs: list[_Input]) -> Iterator[list[tuple[int, NDArray[np.int64]
 
 
 def _fill(count: int, inputs: list[_Input], coder: _Coder, listed: list[NDArray[np.int32]]) -> Partition:
-    """Put every row that has a list into it, in the order of the parts."""
+    """The merged partition: every row that has a list is put into it, in the order of the inputs."""
     lengths = np.zeros(max(len(coder.centroids), 1), np.int64)
     for lists_of_rows in listed:
         lengths += np.bincount(lists_of_rows[lists_of_rows >= 0], minlength=len(lengths))
@@ -224,7 +226,7 @@ def _fill(count: int, inputs: list[_Input], coder: _Coder, listed: list[NDArray[
 
 @kernel
 def _drop(owners: NDArray[np.int32], slots: NDArray[np.int32], lists_of_rows: NDArray[np.int32]) -> None:
-    """Take rows whose submap is gone, or is none at all, out of their lists."""
+    """Drop rows whose submap is to be dropped, or whose owner is no slot: their entry in `lists_of_rows` becomes -1."""
     for row in range(len(owners)):
         owner = owners[row]
         if owner < 0 or owner >= len(slots) or slots[owner] < 0:
@@ -240,7 +242,7 @@ def _place(
     merged: PartitionArrays,
     ends: NDArray[np.int64],
 ) -> None:
-    """Put rows into the lists `listed` (K,) of a merged partition; `ends` says where each list ends, and is moved."""
+    """Append rows to the lists `listed` (K,) of a merged partition; `ends` (L,) is the end of each list, updated."""
     out_owners, out_outlines, out_codes, low, step, centroids, lists = merged
     width = len(low)
     for i in range(len(listed)):

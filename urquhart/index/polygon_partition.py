@@ -1,7 +1,7 @@
-"""Polygons of one segment with one vertex count: plain arrays that never change, in memory or mapped from a file.
+"""The polygons of one segment with one vertex count: immutable arrays, in memory or mapped from a file.
 
-An exact partition holds descriptors as they are and is read as a whole. An inverted one has them in lists, each about a
-centroid, as codes of one byte a component; a search reads the nearest lists only.
+An exact partition holds the descriptors themselves, and is read as a whole. An inverted one holds them in lists, one
+for each centroid, as codes of one byte a component; a search reads only the lists with the nearest centroids.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,7 +16,7 @@ from urquhart.features.describe import Features
 
 
 class PartitionArrays(NamedTuple):
-    """The arrays of a `Partition`, as kernels take them."""
+    """The arrays of a `Partition`, as a plain tuple for kernels."""
 
     owners: NDArray[np.int32]
     outlines: NDArray[np.uint8]
@@ -29,19 +29,23 @@ class PartitionArrays(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Partition:
-    """Polygons of one segment with one vertex count. Exact (one list, rows in any order) or inverted (rows by list).
+    """M polygons of one segment with one vertex count: exact (one list) or inverted (rows sorted by list).
 
     Attributes:
         count: vertices of each polygon.
-        owners: (M,) int32, slot of the submap in the segment.
-        outlines: (M, 2 * count + 3) uint8, vertices, counter-clockwise, centred submap frame, in `units[owner]` metres.
-            The first one, two bytes a coordinate; how many units a step is; then from each vertex to the next, one byte
-            a coordinate, in steps, made up for the rounding of those before. See `draw_outline`.
-        descriptors: (M * D,) float32 (exact) or uint8 (inverted). List after list, and in a list of n rows n first
-            components, then n second ones, and so on; `rows` gives them as rows.
-        low, step: (D,) float32; a component is low + step * code + that of the list's centroid. Exact: 0 and 1.
-        centroids: (L, D) float32; none in an exact partition.
+        owners: (M,) int32, the slot of each polygon's submap in the segment.
+        outlines: (M, 2 * count + 3) uint8, the vertices, counter-clockwise, centred submap frame, in units of the
+            submap (`Segment.units`, metres): the first vertex, two bytes a coordinate; the units in a step; then the
+            way from each vertex to the next, one byte a coordinate, in steps. Each vertex makes up for the rounding of
+            those before. `draw_outline` unpacks them.
+        descriptors: (M * D,) float32 (exact) or uint8 (inverted), list after list; within a list of n rows, n first
+            components, then n second ones, and so on. `rows` unpacks them.
+        low, step: (D,) float32; a component is low + step * code, plus that of the list's centroid. Exact: 0 and 1.
+        centroids: (L, D) float32; L is 0 in an exact partition.
         lists: (L + 1,) int64, where the rows of each list begin; (0, M) in an exact partition.
+
+    Raises:
+        ValueError: an array of a wrong type or shape.
     """
 
     count: int
@@ -65,7 +69,7 @@ class Partition:
             "centroids": (np.float32, (listed, width)),
             "lists": (np.int64, (max(listed, 1) + 1,)),
         }
-        # Kernels trust shapes, and only shapes: what the arrays hold is checked where it is read.
+        # Kernels rely on shapes, and only on shapes: values are checked where they are read.
         for name, (dtype, shape) in wanted.items():
             array = getattr(self, name)
             if array.dtype != dtype or array.shape != shape:
@@ -79,7 +83,7 @@ class Partition:
 
     @property
     def inverted(self) -> bool:
-        """Whether a search reads the nearest lists only."""
+        """Whether a search reads only the nearest lists."""
         return len(self.centroids) > 0
 
     @property
@@ -88,43 +92,43 @@ class Partition:
         return sum(array.nbytes for array in self.arrays().values())
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """All arrays by name, for a container to hold; `of` takes them back."""
+        """All arrays by name, to be stored; `of` is the inverse."""
         return self.as_tuple()._asdict()
 
     def as_tuple(self) -> PartitionArrays:
-        """All arrays as kernels take them."""
+        """All arrays as a plain tuple for kernels."""
         return PartitionArrays(
             self.owners, self.outlines, self.descriptors, self.low, self.step, self.centroids, self.lists
         )
 
     @staticmethod
     def of(count: int, arrays: Mapping[str, NDArray[Any]]) -> "Partition":
-        """The partition that `arrays` came from; other names are ignored.
+        """The partition with these `arrays`, as `arrays()` returned them; other names are ignored.
 
         Raises:
             KeyError: an array is missing.
             ValueError: an array of a wrong type or shape.
         """
-        # A subclass such as `np.memmap` costs the compiler's dispatch far more time than a plain array.
+        # numba dispatches far more slowly on a subclass such as `np.memmap` than on a plain array.
         return Partition(count, *(np.asarray(arrays[name]) for name in PartitionArrays._fields))
 
     def rows(self) -> NDArray[np.float32]:
-        """Descriptors (M, D) float32 row by row; NaN in rows that no list holds, which only damage brings about."""
+        """Descriptors (M, D) float32, row by row; NaN in rows that no list holds (a damaged file)."""
         return self.decode(self.lists_of_rows(), np.arange(len(self)))
 
     def decode(self, lists_of_rows: NDArray[np.int32], rows: NDArray[np.int64]) -> NDArray[np.float32]:
-        """Descriptors (K, D) float32 of the given rows (K,); NaN where `lists_of_rows` (M,) has no list."""
+        """Descriptors (K, D) float32 of `rows` (K,); NaN for rows that have no list in `lists_of_rows` (M,)."""
         return _decode(self.as_tuple(), lists_of_rows, rows)
 
     def lists_of_rows(self) -> NDArray[np.int32]:
-        """The list (M,) int32 that each row is in; -1 where none holds it."""
+        """The list (M,) int32 that each row is in; -1 for rows that are in none."""
         return _lists_of_rows(self.lists, len(self))
 
 
 def exact_partition(
     owners: NDArray[np.int32], outlines: NDArray[np.uint8], descriptors: NDArray[np.float32]
 ) -> Partition:
-    """An exact partition of polygons given by rows: owners (M,), outlines (M, 2 * count + 3), descriptors (M, D)."""
+    """An exact partition of M polygons: owners (M,), packed outlines (M, 2 * count + 3), descriptors (M, D)."""
     width = descriptors.shape[1]
     return Partition(
         (outlines.shape[1] - 3) // 2,
@@ -139,14 +143,13 @@ def exact_partition(
 
 
 def build_partitions(features: Sequence[Features], units: NDArray[np.float32]) -> dict[int, Partition]:
-    """Exact partitions by vertex count of the polygons of submaps; `features[i]` is in slot i.
+    """The polygons of S submaps in exact partitions, by vertex count; `features[i]` gets slot i.
 
     Args:
-        units: (S,) float32, metres that each submap's outlines are measured in. Coordinates beyond 32,767 of them are
-            cut off there.
+        units: (S,) float32, metres, the unit of each submap's outlines. Coordinates are clipped at 32,767 units.
 
     Raises:
-        ValueError: not as many units as features, or one that is not positive.
+        ValueError: the number of units differs from that of features, or a unit is not positive.
     """
     units = np.asarray(units, np.float32)
     if len(units) != len(features) or not np.all(units > 0.0):
@@ -171,7 +174,11 @@ def build_partitions(features: Sequence[Features], units: NDArray[np.float32]) -
 def pack_outlines(
     points: NDArray[np.float64], starts: NDArray[np.int64], count: int, units: NDArray[np.float32]
 ) -> NDArray[np.uint8]:
-    """Outlines as a partition has them; the `count` vertices of each begin at `starts` (K,) of `points` (V, 2)."""
+    """Packed outlines (K, 2 * count + 3) uint8 of polygons with `count` vertices; see `Partition.outlines`.
+
+    `points`: (V, 2), metres, vertices of all polygons; `starts`: (K,), where each polygon's vertices begin; `units`:
+    (K,), metres.
+    """
     outlines = np.empty((len(starts), 2 * count + 3), np.uint8)
     wanted = np.empty((count, 2), np.int64)
     for i in range(len(starts)):
@@ -182,7 +189,7 @@ def pack_outlines(
                 wanted[v, k] = np.int64(min(max(steps, -32_767.0), 32_767.0))
                 if v > 0:
                     longest = max(longest, int(abs(wanted[v, k] - wanted[v - 1, k])))
-        # Rounding shifts a vertex by half a step at most, which the next one has to make up for.
+        # Rounding shifts a vertex by at most half a step, and the next vertex makes up for it.
         step = int(min(max((longest + 125) // 126, 1), 255))
         outlines[i, 4] = step
         for k in range(2):
@@ -197,7 +204,7 @@ def pack_outlines(
 
 @kernel
 def draw_outline(packed: NDArray[np.uint8], unit: float, out: NDArray[np.float32]) -> None:
-    """Fill in the vertices `out` (count, 2), metres, of a packed outline (2 * count + 3,)."""
+    """Fill `out` (count, 2), metres, with the vertices of a packed outline (2 * count + 3,); `unit`: metres."""
     step = np.int64(packed[4])
     for k in range(2):
         place = ((np.int64(packed[2 * k + 1]) ^ 128) - 128) * 256 + np.int64(packed[2 * k])
@@ -212,7 +219,7 @@ def _lists_of_rows(lists: NDArray[np.int64], rows: int) -> NDArray[np.int32]:
     found = np.full(rows, -1, np.int32)
     for c in range(len(lists) - 1):
         first, last = lists[c], lists[c + 1]
-        # Asked outright: the length of a range from one end of the integers to the other overflows.
+        # The ends are compared: in a damaged file, the length of a range may overflow.
         if first < 0 or last > rows or last <= first:
             continue
         for row in range(first, last):

@@ -1,9 +1,9 @@
-"""Compiled search of one partition of polygons: distances list by list, the nearest kept in a heap.
+"""The compiled search of one partition of polygons: distances list by list, the nearest polygons in a heap.
 
-In a list of n rows all first components stand one after the other, then all second ones, and so on: an instruction then
-works on many rows at once, which reads a list five times as fast as row after row would.
+Lists are stored by column: in a list of n rows come n first components, then n second ones, and so on. One instruction
+then works on many rows, and a list is read five times as fast as row by row.
 
-A file can be damaged. Whatever the arrays hold, nothing is read outside of them: what points outside is passed over.
+A file can be damaged. Whatever values the arrays hold, nothing is read outside of them; invalid entries are skipped.
 """
 
 from typing import Any, Final, NamedTuple
@@ -15,20 +15,20 @@ from urquhart._kernel import kernel
 from urquhart.index.polygon_partition import draw_outline
 
 _BLOCK: Final = 512
-"""Rows whose distances are added up at once: they stay in the nearest cache."""
+"""Rows whose distances are summed together: so many stay in the first-level cache."""
 _ROW_BITS: Final = 40
-"""Bits of a place that hold the row; those above hold the segment."""
+"""Bits of a place that hold the row; the bits above hold the number of the segment."""
 
 
 class Scan(NamedTuple):
-    """One partition to be searched. Flat, because the compiler's dispatch takes longer over tuples in tuples.
+    """One partition to be searched. It is flat, because numba dispatches more slowly on nested tuples.
 
     Attributes:
         owners, codes, low, step, centroids, lists: see `Partition`; the codes are its `descriptors`.
-        alive: (S,) uint8, 0 where the submap in a slot is gone.
-        segment: number of the segment, kept in the places.
-        probes: nearest lists read for each query row.
-        budget: most rows read for each query row in an inverted partition.
+        alive: (S,) uint8, 0 for slots whose submap was deleted or replaced.
+        segment: number of the segment, which becomes part of the places.
+        probes: nearest lists that are read for each query row.
+        budget: most rows that are read for each query row in an inverted partition.
     """
 
     owners: NDArray[np.int32]
@@ -44,12 +44,12 @@ class Scan(NamedTuple):
 
 
 class Heaps(NamedTuple):
-    """A heap for each query row, with the largest distance at its root.
+    """The nearest polygons of each query row, in a heap with the largest distance at its root.
 
     Attributes:
         distances: (Q, K) float32, squared descriptor distances.
-        places: (Q, K) int64, where the polygons are; `gather_places` reads that.
-        sizes: (Q,) int64, how many each heap holds.
+        places: (Q, K) int64, segment and row of each polygon; `gather_places` resolves them.
+        sizes: (Q,) int64, entries in each heap.
     """
 
     distances: NDArray[np.float32]
@@ -59,7 +59,7 @@ class Heaps(NamedTuple):
 
 @kernel
 def scan_partition(scan: Scan, queries: NDArray[np.float32], heaps: Heaps) -> None:
-    """Offer the living polygons of one partition to the heaps of the query rows (Q, D)."""
+    """Offer the living polygons of one partition to the heaps of the query descriptors (Q, D)."""
     owners, low, centroids, lists = scan.owners, scan.low, scan.centroids, scan.lists
     width, listed, probes = len(low), len(centroids), max(scan.probes, 1)
     shift = np.empty(width, np.float32)
@@ -127,7 +127,7 @@ def _scan_list(scan: Scan, listed: tuple[int, int, int], shift: NDArray[np.float
 
 @kernel
 def _offer(distances: NDArray[np.float32], places: NDArray[np.int64], size: int, distance: float, place: int) -> int:
-    """Put one more into a heap, in place of the farthest if it is full; how many it then holds."""
+    """Add an entry to a heap, in place of the farthest one if it is full; returns the new number of entries."""
     if size < len(distances):
         at = size
         while at > 0:
@@ -145,7 +145,7 @@ def _offer(distances: NDArray[np.float32], places: NDArray[np.int64], size: int,
 
 @kernel
 def _sink(distances: NDArray[np.float32], places: NDArray[np.int64], size: int, distance: float, place: int) -> None:
-    """Let an entry sink from the root of a heap of `size`, whose root is given up."""
+    """Replace the root of a heap of `size` entries by a new entry, and sift that down."""
     at = 0
     while True:
         child = 2 * at + 1
@@ -173,7 +173,11 @@ def sort_heap(distances: NDArray[np.float32], places: NDArray[np.int64], size: i
 def sort_heaps(
     heaps: Heaps, rows: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.int64], NDArray[np.bool_]]:
-    """All heaps one after the other, each sorted: (H,) query rows, distances, places; and which segments occur."""
+    """Sort all heaps, and concatenate them.
+
+    Returns:
+        Query rows (H,), distances (H,), places (H,); and (G,) bool, which segments occur among the places.
+    """
     distances, places, sizes = heaps
     total, highest = 0, 0
     for q in range(len(sizes)):
@@ -197,13 +201,13 @@ def sort_heaps(
 
 
 class Outlines(NamedTuple):
-    """Polygons of one partition, and the submaps they belong to.
+    """The outlines of one partition, and the submaps they belong to.
 
     Attributes:
         segment: number of the segment, as in the places.
         owners, outlines: see `Partition`.
         keys: (S,) int64, the submap in each slot.
-        units: (S,) float32, metres in a step of its outlines.
+        units: (S,) float32, metres, the unit of the submap's outlines.
     """
 
     segment: int
@@ -220,7 +224,7 @@ def gather_places(
     out_keys: NDArray[np.int64],
     out_outlines: NDArray[np.float32],
 ) -> None:
-    """Fill in keys (H,) and outlines (H, count, 2), metres, of those places (H,) that are in the source's segment."""
+    """Fill in keys (H,) and outlines (H, count, 2), metres, of those places (H,) that lie in the source's segment."""
     owners, outlines, keys, units = source.owners, source.outlines, source.keys, source.units
     for i in range(len(places)):
         if places[i] >> _ROW_BITS != source.segment:

@@ -1,4 +1,4 @@
-"""The search for quads in one table: every cell that a query quad's lengths reach within the tolerance."""
+"""The search for quads in one table: it reads every cell within the tolerance of a query quad's lengths."""
 
 import math
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ class QuadSearchNumbers(NamedTuple):
     """How quads are compared, and how much work is done at once. Chosen by hand, not fitted."""
 
     slice: int = 5_000_000
-    """Quads of a table that are looked at before the budget is asked: 10 to 30 ms."""
+    """Quads of a table that are read before the budget is checked: 10 to 30 ms."""
     spread: float = 0.8
     """Usual error of a length as a share of the tolerance."""
 
@@ -35,20 +35,21 @@ HIT: Final = np.dtype(
         ("fit", np.float32),
     ]
 )
-"""A quad found; half a line of the processor's cache, because hits are looked at one by one and anywhere.
+"""A hit: a stored quad whose lengths agree with those of a query quad. 32 bytes are half a cache line, because hits are
+read in random order.
 
-slot        the submap's, numbered through all tables
-quad        the query's
-turn        rotation from the query's to the submap's frame, 256ths of a turn
-earlier     the hit of that slot before it, numbered from 1; 0 where there is none
-x, y        metres, centre of the submap's quad
-step        metres that these are good to
-fit         logarithm of how likely the misfit of the lengths is
+slot        of the submap, numbered through all shards
+quad        index of the query quad
+turn        rotation from the query frame to the submap frame, 256ths of a turn
+earlier     the previous hit of the same slot, numbered from 1; 0 if there is none
+x, y        metres, centred submap frame: centre of the stored quad
+step        metres, resolution of x and y
+fit         logarithm of the likelihood of the misfit of the lengths
 """
 
 
 class SearchedShard(NamedTuple):
-    """The arrays of a `QuadShard`, as kernels take them, and the number of its first slot among all shards."""
+    """The arrays of a `QuadShard` as a plain tuple for kernels; `first` is the number of its first slot."""
 
     codes: NDArray[np.uint32]
     starts: NDArray[np.uint32]
@@ -60,12 +61,12 @@ class SearchedShard(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class QuadShard:
-    """A table to search, with what lives in it.
+    """One quad table to search, with a mask.
 
     Attributes:
-        table: quads.
-        scales: (S,) float32, `centre_scale` of every slot.
-        alive: (S,) uint8, 0 for slots that are not to be found.
+        table: the quads of S submaps.
+        scales: (S,) float32, metres, the `centre_scale` of each slot.
+        alive: (S,) uint8, 0 for slots whose submap must not be found.
     """
 
     table: QuadTable
@@ -73,7 +74,7 @@ class QuadShard:
     alive: NDArray[np.uint8]
 
     def searched(self, first: int) -> SearchedShard:
-        """The shard as kernels take it; `first` is the number of its first slot among all shards."""
+        """The shard as a plain tuple for kernels; `first` is the number of its first slot among all shards."""
         return SearchedShard(self.table.codes, self.table.starts, self.table.words, self.scales, self.alive, first)
 
 
@@ -81,7 +82,10 @@ class QuadShard:
 def count_neighbourhoods(
     codes: NDArray[np.uint32], starts: NDArray[np.uint32], lengths: NDArray[np.float64], counts: NDArray[np.int64]
 ) -> None:
-    """Add to `counts` (Q,) how many quads lie in the cell of each query quad: enough to tell rare ones from common."""
+    """Add to `counts` (Q,) the number of stored quads in the cell of each query quad: an estimate of its rarity.
+
+    `codes`, `starts`: of a `QuadTable`; `lengths`: (Q, 5), metres, of the query's quads.
+    """
     cells = np.empty(5, np.int64)
     for q in range(len(lengths)):
         for k in range(5):
@@ -93,13 +97,13 @@ def count_neighbourhoods(
 
 
 class WantedQuads(NamedTuple):
-    """What is looked for.
+    """The quads of a query, and how they are compared.
 
     Attributes:
-        lengths: (Q, 5) float64, metres, of the query's quads.
-        directions: (Q,) int64, 256ths of a turn.
-        tolerance: metres that a length may be off by.
-        most: hits of one quad in one shard; a quad with more has none.
+        lengths: (Q, 5) float64, metres, as `measure_quads` returns them.
+        directions: (Q,) int64, directions of the diagonals, 256ths of a turn.
+        tolerance: metres, largest difference of a length.
+        most: most hits of one quad in one shard; a quad that has more is skipped there.
     """
 
     lengths: NDArray[np.float64]
@@ -109,12 +113,12 @@ class WantedQuads(NamedTuple):
 
 
 class Reach(NamedTuple):
-    """The cells that one reading of a query quad reaches within the tolerance.
+    """The cells within the tolerance of a query quad, read from one end of its diagonal.
 
     Attributes:
-        wanted: (5,) float64, metres, the lengths as they are read.
+        wanted: (5,) float64, metres, the lengths in the order of this reading.
         low, high: (5,) int64, the first and the last cell along each length.
-        masks: (5, C) uint64, which places of a cell each length allows, by cell from `low` on.
+        masks: (5, C) uint64, for each length and each cell from `low` on: which places in the cell are near enough.
         cells: (5,) int64, the cell that is being searched.
     """
 
@@ -129,13 +133,13 @@ class Reach(NamedTuple):
 def gather(
     shard: SearchedShard, quads: WantedQuads, chunk: NDArray[np.int64], hits: NDArray[Any], count: int
 ) -> tuple[int, int, int, bool]:
-    """Append the hits of the query quads `chunk` in one shard, behind the `count` that there are.
+    """Append the hits of the query quads `chunk` (K,) in one shard to the first `count` rows of `hits` (R,) of `HIT`.
 
-    Stops before a quad whose hits do not fit, and once `SEARCH.slice` of the shard's quads have been looked at.
+    It stops before a quad whose hits do not fit into `hits`, and after reading `SEARCH.slice` quads of the shard.
 
     Returns:
-        How many of the chunk are done, how many hits there are, how many quads had more than `quads.most`, and whether
-        there was no room.
+        The number of quads of the chunk that are done, of hits, and of quads skipped because they had more than
+        `quads.most` hits; and whether `hits` was full.
     """
     done = passed = looked = 0
     width = int(2.0 * quads.tolerance / (STEP * SIDE)) + 3
@@ -165,7 +169,10 @@ def gather(
 
 @kernel
 def set_reach(reach: Reach, lengths: NDArray[np.float64], reading: int, tolerance: float) -> None:
-    """Set `reach` to the cells of a quad with these lengths (5,); `reading` 1 begins at the other end."""
+    """Set `reach` to the cells within `tolerance`, metres, of a quad with these lengths (5,), metres.
+
+    `reading`: 0, or 1 to read the quad from the other end of its diagonal.
+    """
     wanted, low, high, masks, _ = reach
     for k in range(4):
         wanted[k] = lengths[(k + 2 * reading) % 4]
@@ -184,12 +191,12 @@ def set_reach(reach: Reach, lengths: NDArray[np.float64], reading: int, toleranc
 def gather_reading(
     shard: SearchedShard, reach: Reach, quad: tuple[int, int, float], hits: NDArray[Any], count: int, limit: int
 ) -> tuple[int, int, bool]:
-    """Append the hits of one reading of a query quad, until there are more than `limit`.
+    """Append the hits of one reading of a query quad to the first `count` rows of `hits`, up to more than `limit`.
 
-    `quad`: its number, what the hits' directions are turned by, and the factor of a misfit.
+    `quad`: its index, the rotation that is added to a hit's direction, and the factor of the misfit.
 
     Returns:
-        How many hits there are, how many of the shard's quads have been looked at, and whether there was no room.
+        The number of hits, the number of the shard's quads that were read, and whether `hits` was full.
     """
     codes, starts, words, scales, alive, first = shard
     wanted, low, high, masks, cells = reach
@@ -210,13 +217,13 @@ def gather_reading(
         begin = cell_code(cells)
         end = begin + high[4] - low[4]
         at = np.searchsorted(codes, np.uint32(begin))
-        # The cells of a row follow each other, unless the table is damaged.
+        # The cells of a row are consecutive, unless the table is damaged.
         while at < len(codes) and begin <= codes[at] <= end:
             cells[4] = low[4] + codes[at] - begin
             mask4 = masks[4, cells[4] - low[4]]
             looked += 1
             for e in range(int(starts[at]), min(int(starts[at + 1]), len(words))):
-                # In rows of trees one cell may hold millions of quads, all of them hits.
+                # In rows of trees, one cell may hold millions of quads, all of them hits.
                 if count > limit:
                     return count, looked, False
                 looked += 1
@@ -243,7 +250,10 @@ def gather_reading(
 
 @kernel
 def misfit(word: np.uint64, cells: NDArray[np.int64], wanted: NDArray[np.float64]) -> float:
-    """Square metres: sum of the squared differences between the lengths of a quad in cell `cells` and `wanted` (5,)."""
+    """Sum of squared differences, square metres, between the lengths of a stored quad and `wanted` (5,), metres.
+
+    `word`: the stored quad; `cells`: (5,), its cell.
+    """
     total = 0.0
     for k in range(5):
         place = np.int64(word >> np.uint64(3 * k)) & (SIDE - 1)
@@ -254,7 +264,7 @@ def misfit(word: np.uint64, cells: NDArray[np.int64], wanted: NDArray[np.float64
 
 @kernel
 def places(lowest: int, highest: int) -> np.uint64:
-    """Mask of the places of a cell from `lowest` to `highest`."""
+    """A mask of the places in a cell from `lowest` to `highest`, a bit each."""
     mask = np.uint64(0)
     for r in range(max(lowest, 0), min(highest, SIDE - 1) + 1):
         mask |= np.uint64(1) << np.uint64(r)
@@ -263,7 +273,7 @@ def places(lowest: int, highest: int) -> np.uint64:
 
 @kernel
 def combined(first: np.uint64, second: np.uint64) -> np.uint64:
-    """Places of two lengths that two masks of eight bits allow, the first length's place lowest."""
+    """The mask (64 bits) of the pairs of places that two masks of eight bits allow; the first length varies fastest."""
     mask = np.uint64(0)
     for r in range(SIDE):
         if (second >> np.uint64(r)) & np.uint64(1):

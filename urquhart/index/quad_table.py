@@ -1,14 +1,14 @@
-"""Quads of many submaps in one table, eight bytes each, sorted by what they look like.
+"""The quads of many submaps in one table, eight bytes each, sorted by shape.
 
-A quad is found by its five lengths: they are counted in steps of 0.1 m, and eight steps make the side of a cell of a
-grid in five dimensions. The table holds the cells that have quads, ascending, and for each quad one word:
+A quad is found by its five lengths. They are counted in steps of 0.1 m, and eight steps are the side of a cell of a
+grid in five dimensions. The table holds the cells that have quads, in ascending order, and one word for each quad:
 
-    bits  0-14   place in the cell, three for each length
+    bits  0-14   place in the cell, three bits for each length
     bits 15-22   direction of the diagonal, 256ths of a turn
-    bits 23-38   where its centre lies in the submap, eight bits for each coordinate
+    bits 23-38   centre in the submap, eight bits for each coordinate
     bits 39-62   slot of the submap
 
-Direction and centre make every hit a pose. A quad can be read from either end of its diagonal; it is kept in the one
+Direction and centre turn every hit into a pose. A quad can be read from either end of its diagonal; it is stored in the
 reading whose first side is no shorter than the third.
 """
 
@@ -23,24 +23,24 @@ from numpy.typing import NDArray
 from urquhart._kernel import kernel
 
 STEP: Final = 0.1
-"""Metres: what lengths are counted in."""
+"""Metres: resolution of lengths."""
 SIDE: Final = 8
 """Steps along the side of a cell."""
 MOST_SLOTS: Final = 1 << 24
-"""Submaps that one table can tell apart."""
+"""Submaps that one table can hold."""
 _BITS: Final = 6
 LAST: Final = (1 << _BITS) - 1
-"""The last cell of a length: whatever is longer is in it, and its place there tells nothing."""
+"""The last cell of a length. It holds all longer ones, and their place in it means nothing."""
 TURNS: Final = 256
-"""Directions that are told apart."""
+"""Directions in a full turn."""
 HALF: Final = 128
 """Steps of a centre's coordinate on either side of the submap's origin."""
 _NEAR: Final = 0.5
-"""Metres: step of a centre's coordinate; larger where a submap is too large for it."""
+"""Metres: step of a centre's coordinate; larger submaps have a larger step."""
 
 
 class QuadArrays(NamedTuple):
-    """The arrays of a `QuadTable`, as kernels take them."""
+    """The arrays of a `QuadTable`, as a plain tuple for kernels."""
 
     codes: NDArray[np.uint32]
     starts: NDArray[np.uint32]
@@ -49,12 +49,12 @@ class QuadArrays(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class QuadTable:
-    """Quads sorted by cell; never changed once made.
+    """Q quads sorted by cell; immutable.
 
     Attributes:
-        codes: (C,) uint32, the cells that hold quads, ascending.
-        starts: (C + 1,) uint32, where each cell's quads begin.
-        words: (Q,) uint64, see the head of this file.
+        codes: (C,) uint32, codes of the cells that hold quads, ascending; see `cell_code`.
+        starts: (C + 1,) uint32, where the quads of each cell begin in `words`.
+        words: (Q,) uint64, one for each quad; the module's docstring has the layout.
     """
 
     codes: NDArray[np.uint32]
@@ -66,17 +66,22 @@ class QuadTable:
 
     @property
     def arrays(self) -> QuadArrays:
-        """The arrays as kernels take them."""
+        """The arrays as a plain tuple for kernels."""
         return QuadArrays(self.codes, self.starts, self.words)
 
 
 def centre_scale(landmarks: NDArray[np.float64]) -> float:
-    """Metres in one step of a quad's centre, for landmarks (N, 2) in their centred frame."""
+    """Metres in one step of a quad's centre, for a submap with landmarks (N, 2), metres, centred frame."""
     return max(_NEAR, float(np.abs(landmarks).max(initial=0.0)) / (HALF - 1))
 
 
 def build_table(submaps: Sequence[tuple[NDArray[np.float64], NDArray[np.int32], float]]) -> QuadTable:
-    """The table of submaps, slots in their order: landmarks (N, 2), metres, centred; quads (Q, 4); `centre_scale`."""
+    """The table of several submaps, in the order of their slots.
+
+    Args:
+        submaps: landmarks (N, 2) float64, metres, centred frame; quads (Q, 4) int32, landmark indices; and the
+            `centre_scale`.
+    """
     total = sum(len(quads) for _, quads, _ in submaps)
     codes, words = np.empty(total, np.uint32), np.empty(total, np.uint64)
     at = 0
@@ -90,17 +95,17 @@ def build_table(submaps: Sequence[tuple[NDArray[np.float64], NDArray[np.int32], 
 
 
 def merge_tables(tables: Sequence[tuple[QuadTable, NDArray[np.int32]]], empty: Any = np.empty) -> QuadTable:
-    """One table of several, in one pass over their cells.
+    """Several tables merged into one, in one pass over their cells.
 
     Args:
-        tables: each with the new slot of each of its slots, (S,) int32, -1 for those that are left out.
-        empty: makes the arrays, called as `numpy.empty`: the words of a large table may be a file's.
+        tables: each with the new slot of each of its slots, (S,) int32, -1 for submaps to be dropped.
+        empty: allocates the words, with the signature of `numpy.empty`: those of a large table may lie in a file.
 
     Raises:
-        ValueError: more quads than a table can count.
+        ValueError: more quads than a table can hold (2 to the 32nd).
     """
     codes = np.concatenate([np.empty(0, np.uint32), *(table.codes for table, _ in tables)])
-    # Runs that are sorted already: a stable sort merges them, and other threads go on meanwhile.
+    # A stable sort merges the sorted runs, and releases the GIL meanwhile.
     codes.sort(kind="stable")
     codes = codes[_differ(codes)]
     counts = np.zeros(len(codes) + 1, np.int64)
@@ -119,7 +124,7 @@ def merge_tables(tables: Sequence[tuple[QuadTable, NDArray[np.int32]]], empty: A
 
 
 def _differ(ordered: NDArray[np.uint32]) -> NDArray[np.bool_]:
-    """Which of ascending numbers (N,) differ from the one before."""
+    """Which of ascending numbers (N,) differ from the previous one."""
     differ = np.ones(len(ordered), np.bool_)
     np.not_equal(ordered[1:], ordered[:-1], out=differ[1:])
     return differ
@@ -127,7 +132,7 @@ def _differ(ordered: NDArray[np.uint32]) -> NDArray[np.bool_]:
 
 @kernel
 def cell_code(cells: NDArray[np.int64]) -> int:
-    """The code of a cell (5,): codes of cells along the last length follow each other."""
+    """The code of a cell (5,); cells that are neighbours along the last length have consecutive codes."""
     code = 0
     for k in range(5):
         code = (code << _BITS) | int(min(cells[k], LAST))
@@ -138,10 +143,12 @@ def cell_code(cells: NDArray[np.int64]) -> int:
 def measure_quads(
     landmarks: NDArray[np.float64], quads: NDArray[np.int32]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Lengths (Q, 5), metres; directions (Q,), turns from 0 to 1; centres (Q, 2), metres, as a table has them.
+    """Lengths (Q, 5), metres; directions (Q,), turns from 0 to 1; and centres (Q, 2), metres, of quads (Q, 4).
 
-    Four sides, then the diagonal from the first landmark to the third, which gives the direction; read from the end of
-    the diagonal that makes the first side no shorter than the third.
+    The lengths are those of the four sides and of the diagonal from the first landmark to the third, which also gives
+    the direction. A quad is read from the end of the diagonal that makes the first side no shorter than the third.
+
+    `landmarks`: (N, 2), metres, centred frame.
     """
     lengths, directions, centres = np.empty((len(quads), 5)), np.empty(len(quads)), np.empty((len(quads), 2))
     sides = np.empty(4)
@@ -171,7 +178,7 @@ def pack_quads(
     codes: NDArray[np.uint32],
     words: NDArray[np.uint64],
 ) -> None:
-    """Fill `codes` (Q,) and `words` (Q,) for one submap."""
+    """Fill `codes` (Q,) and `words` (Q,) with the quads (Q, 4) of one submap in slot `slot`; `scale`: metres."""
     lengths, directions, centres = measure_quads(landmarks, quads)
     cells = np.empty(5, np.int64)
     for q in range(len(quads)):
@@ -194,9 +201,9 @@ def count_living(
     slots: NDArray[np.int32],
     counts: NDArray[np.int64],
 ) -> None:
-    """Add to `counts` (U + 1,), after its first, how many quads of each cell of `union` (U,) have a new slot.
+    """Add to `counts[1:]` (U,) how many quads of `table` lie in each cell of `union` (U,) and have a new slot.
 
-    In a damaged table cells out of order, quads of several cells and slots that are not there are left out.
+    In a damaged table, cells out of order, quads that belong to several cells, and invalid slots are left out.
     """
     codes, starts, words = table
     at = read = 0
@@ -220,7 +227,7 @@ def copy_living(
     cursor: NDArray[np.int64],
     out: NDArray[np.uint64],
 ) -> None:
-    """Copy the quads that `count_living` counted to `out`, each cell's from `cursor` (U,) on, which is moved along."""
+    """Copy the quads that `count_living` counted to `out`, those of each cell from `cursor` (U,) on, which advances."""
     codes, starts, words = table
     at, read, below = 0, 0, np.uint64((1 << 39) - 1)
     for c in range(len(codes)):
@@ -229,7 +236,7 @@ def copy_living(
         while at < len(union) and union[at] < codes[c]:
             at += 1
         if at == len(union) or union[at] != codes[c]:
-            continue  # a cell whose quads are all left out
+            continue  # every quad of this cell was left out
         for e in range(begin, end):
             slot = np.int64(words[e] >> np.uint64(39))
             if slot < len(slots) and slots[slot] >= 0:

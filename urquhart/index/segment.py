@@ -1,7 +1,7 @@
-"""Segments: quads and polygons of many submaps, arranged for search. Immutable; in memory, or mapped from a file.
+"""Segments: the quads and polygons of many submaps, arranged for search. Immutable; in memory, or mapped from a file.
 
-New submaps make small segments, and segments are merged into larger ones, as in a log-structured store. A submap that
-was deleted or replaced is masked by the `LiveSegment` around the segment, and the next merge drops it.
+New submaps make small segments, and these are merged into larger ones, as in a log-structured store. A `LiveSegment`
+masks submaps that were deleted or replaced, and the next merge drops them.
 """
 
 from collections.abc import Iterable, Sequence
@@ -19,25 +19,25 @@ from urquhart.index.quad_table import MOST_SLOTS, QuadTable, build_table, centre
 from urquhart.index.segment_file import SegmentDamaged, SegmentFile, SegmentWriter, writing
 
 FORMAT: Final = 1
-"""Raised whenever the same features give another segment than before; stored ones are then built anew."""
+"""Raised whenever the same features give another segment than before; stored segments are then rebuilt."""
 _UNIT: Final = 0.01
-"""Metres: what outlines are measured in; in more where a submap is too large for it."""
+"""Metres: unit of a submap's outlines; larger submaps have a larger unit."""
 _MOST_UNITS: Final = 16_000
-"""Of them from the middle: from one vertex to the next there may be twice as many."""
+"""Most units from the submap's centre to a landmark. From one vertex to the next there may be twice as many."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Segment:
-    """Quads and polygons of submaps, which are known by their slot: their place among `keys`.
+    """The quads and polygons of S submaps. A submap's slot is its position in `keys`.
 
     Attributes:
-        fingerprint: of the configuration that the features were made with.
+        fingerprint: `Config.fingerprint()` of the configuration that made the features.
         keys: (S,) int64, ascending.
-        scales: (S,) float32, metres in a step of a quad's centre.
-        units: (S,) float32, metres in a step of a polygon's outline.
-        quads: by their lengths.
-        polygons: by vertex count.
-        file: where the arrays are mapped from; None in memory.
+        scales: (S,) float32, metres, step of the centres of a submap's quads; see `centre_scale`.
+        units: (S,) float32, metres, unit of the outlines of a submap's polygons.
+        quads: of all submaps.
+        polygons: of all submaps, by vertex count.
+        file: the file that the arrays are mapped from; None for a segment in memory.
     """
 
     fingerprint: str
@@ -52,7 +52,7 @@ class Segment:
         return len(self.keys)
 
     def slots(self, keys: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Slots (K,) of keys (K,) int64, -1 for those that are not here."""
+        """Slots (K,) of keys (K,) int64; -1 for keys that are not in this segment."""
         if not len(self.keys):
             return np.full(len(keys), -1, np.int64)
         at = np.minimum(np.searchsorted(self.keys, keys), len(self.keys) - 1)
@@ -60,10 +60,10 @@ class Segment:
 
     @staticmethod
     def build(items: Iterable[tuple[int, Features]], config: Config) -> "Segment":
-        """A segment in memory of submaps by key.
+        """A segment in memory, from the features of submaps by key.
 
         Raises:
-            ValueError: features made with another configuration, or a key that comes twice.
+            ValueError: features made with another configuration, or a repeated key.
         """
         ordered = sorted(items, key=lambda item: item[0])
         for key, features in ordered:
@@ -82,24 +82,24 @@ class Segment:
         return Segment(config.fingerprint(), keys, scales, units, quads, build_partitions(known, units))
 
     def write(self, path: Path, **about: Any) -> None:
-        """Write the segment to a file that `open` maps; `about` is kept with it. Raises OSError."""
+        """Write the segment to a file that `open` maps, with `about` in its header. Raises OSError."""
         with writing(path) as writer:
             writer.about = {**about, "format": FORMAT, "fingerprint": self.fingerprint}
             _put(writer, self, self.quads.words)
 
     @staticmethod
     def open(path: Path) -> "Segment":
-        """Map a segment; `file.check()` reads and checks all of it, this does not.
+        """Map a segment file. It checks the header and the small arrays; `file.check()` checks all of them.
 
         Raises:
-            SegmentDamaged: it cannot be trusted, or is of another format.
-            OSError: it is not there, or cannot be read.
+            SegmentDamaged: the file is damaged, or of another format.
+            OSError: the file does not exist, or cannot be read.
         """
         file = SegmentFile.open(path)
         if file.about.get("format") != FORMAT:
             raise SegmentDamaged(f"{path.name} has segment format {file.about.get('format')}, this version {FORMAT}")
         arrays = file.arrays
-        # Whatever happens to the file later, slots keep the submaps that they stand for: these are copies.
+        # Copies: whatever happens to the file later, a slot still means the same submap.
         keys, scales, units = (file.copied(name) for name in ("keys", "scales", "units"))
         polygons: dict[int, dict[str, NDArray[Any]]] = {}
         for name, array in arrays.items():
@@ -120,14 +120,15 @@ class Segment:
 def merge_segments(
     parts: Sequence[tuple[Segment, NDArray[np.uint8]]], path: Path | None = None, **about: Any
 ) -> Segment:
-    """One segment of several, without what is dead: in memory, or written to `path` and mapped from there.
+    """Several segments merged into one, without deleted and replaced submaps.
 
     Args:
-        parts: each with what lives of it, (S,) uint8. No living key may be in two of them.
-        about: kept with the file.
+        parts: segments, each with its mask (S,) uint8, 1 for submaps to keep. No such key may be in two of them.
+        path: the file to write and map; by default the merged segment is in memory.
+        about: kept in the header of the file.
 
     Raises:
-        ValueError: there is nothing to merge, of different configurations, or too much for one segment.
+        ValueError: no segments, segments of different configurations, or too many submaps for one segment.
         OSError: the file cannot be written.
     """
     fingerprints = {segment.fingerprint for segment, _ in parts}
@@ -159,7 +160,7 @@ def merge_segments(
         return Segment(fingerprint, keys[order], scales, units, merge_tables(tables), partitions)
     with writing(path) as writer:
         writer.about = {**about, "format": FORMAT, "fingerprint": fingerprint}
-        # The words are most of a large segment: they are merged straight into the file.
+        # Words are most of a large segment, so they are merged directly into the file.
         table = merge_tables(tables, lambda shape, dtype: writer.empty("words", shape, dtype))
         _put(writer, Segment(fingerprint, keys[order], scales, units, table, partitions), None)
     return Segment.open(path)

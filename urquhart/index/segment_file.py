@@ -1,10 +1,10 @@
-"""Named arrays in one file that is mapped, not read: what a segment is on disk.
+"""The file format of a segment: named arrays in one file, which is mapped into memory.
 
     magic, length and CRC-32 of the header | header: JSON | arrays, each at a multiple of 64 bytes
 
-The header names every array with its type, shape, place and CRC-32, and says whatever else the writer wanted kept. A
-file appears under its name when it is complete and on the disk, and is never changed; several processes that map it
-share its pages.
+The header lists every array with its type, shape, offset and CRC-32, and holds other data of the writer. A file gets
+its name when it is complete and synced to disk, and never changes after that. All processes that map it share its
+pages.
 """
 
 import json
@@ -25,27 +25,28 @@ _MAGIC: Final = b"URQSEG01"
 _LEAD: Final = struct.Struct("<8sII")
 _ALIGNED: Final = 64
 _HEADER: Final = 65_536
-"""Bytes kept free for lead and header: a segment has a few hundred arrays at most."""
+"""Bytes reserved for lead and header: a segment has at most a few hundred arrays."""
 _AT_ONCE: Final = 1 << 20
+"""Bytes that are added to a checksum at once."""
 _SMALL: Final = 1 << 24
 """Bytes: arrays up to this size are checked when a file is opened."""
 
 
 class SegmentDamaged(ValueError):
-    """A segment file that cannot be trusted. Segments are derived: build it anew."""
+    """A segment file that is damaged. Segments are derived data: rebuild it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SegmentFile:
-    """A mapped file.
+    """A mapped segment file.
 
     Attributes:
-        path: where it lies.
-        about: what the writer wanted kept.
-        arrays: by name. They are copies as far as writing is concerned (nothing reaches the file), because arrays that
-            cannot be written to are another type to the compiler, which would compile every kernel twice.
-        sums: CRC-32 of each array.
-        stamp: inode, size and time of the last change (ns) when it was opened.
+        path: of the file.
+        about: data that the writer put into the header.
+        arrays: by name. They are mapped copy-on-write: writable, although nothing reaches the file. Read-only arrays
+            would be another type for numba, and it would compile every kernel twice.
+        sums: CRC-32 of each array, by name.
+        stamp: inode, size and modification time (ns) of the file when it was opened.
     """
 
     path: Path
@@ -56,11 +57,11 @@ class SegmentFile:
 
     @staticmethod
     def open(path: Path) -> "SegmentFile":
-        """Map a file, checking its header, its size and its small arrays; `check` reads the large ones too.
+        """Map a file, and check its header, its size and its small arrays; `check` checks the large ones too.
 
         Raises:
-            SegmentDamaged: not such a file, of another format, truncated, or changed since it was written.
-            OSError: it is not there, or cannot be read.
+            SegmentDamaged: no segment file, of another format, truncated, or changed since it was written.
+            OSError: the file does not exist, or cannot be read.
         """
         with path.open("rb") as file:
             stamp = _stamp(os.fstat(file.fileno()))
@@ -71,7 +72,7 @@ class SegmentFile:
             if magic != _MAGIC:
                 raise SegmentDamaged(f"{path.name} is not a segment of this format")
             header = file.read(min(length, _HEADER))
-            # Once for all arrays: every mapping holds a descriptor of its own, and a process has only so many.
+            # One mapping for all arrays, because each mapping holds a file descriptor.
             mapped = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_COPY)
         if len(header) < length or zlib.crc32(header) != checksum:
             raise SegmentDamaged(f"{path.name} has a damaged header")
@@ -95,23 +96,23 @@ class SegmentFile:
     def check(self) -> None:
         """Compare every array with its checksum. Raises SegmentDamaged."""
         if self.stamp_now()[1] < self.stamp[1]:
-            # To read what is not there any more would end the process.
+            # Reading a mapped page that is no longer in the file would end the process.
             raise SegmentDamaged(f"{self.path.name} was cut off")
         for name in self.arrays:
             self._check(name)
 
     def copied(self, name: str) -> NDArray[Any]:
-        """A copy of an array in memory, which is what was written. Raises KeyError, SegmentDamaged."""
+        """A copy of an array in memory, after a check of its checksum. Raises KeyError, SegmentDamaged."""
         copy = self.arrays[name].copy()
         if _checksum(copy) != self.sums[name]:
             raise SegmentDamaged(f"{self.path.name}: {name} is not what was written")
         return copy
 
     def stamp_now(self) -> tuple[int, int, int]:
-        """The stamp of the file as it is now: another one where somebody wrote to what is mapped.
+        """The current stamp of the mapped file. It differs from `stamp` if somebody wrote to the file.
 
-        That of the opening where the name is gone or another file has it, since what is mapped stays as it is then.
-        Raises OSError.
+        If the file was removed or replaced by another one, the mapping is unaffected, and `stamp` is returned. Raises
+        OSError.
         """
         try:
             now = _stamp(self.path.stat())
@@ -130,7 +131,7 @@ class SegmentFile:
 
 @dataclass(slots=True)
 class SegmentWriter:
-    """Arrays on their way into a file; see `writing`."""
+    """Writes arrays into a new segment file; `writing` opens one."""
 
     path: Path
     about: dict[str, Any] = field(default_factory=dict)
@@ -138,10 +139,10 @@ class SegmentWriter:
     _places: list[tuple[str, NDArray[Any], int]] = field(default_factory=list)
 
     def empty(self, name: str, shape: int | tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
-        """An array of the file, to be filled.
+        """A new array in the file, to be filled by the caller.
 
         Raises:
-            OSError: there is no room for it. It is reserved now: a page that finds none later would end the process.
+            OSError: no space on the disk. Space is reserved now, because a mapped page without any ends the process.
         """
         shape = (shape,) if isinstance(shape, int) else shape
         size = int(np.prod(shape)) * np.dtype(dtype).itemsize
@@ -156,7 +157,7 @@ class SegmentWriter:
         return array
 
     def put(self, name: str, array: NDArray[Any]) -> None:
-        """Add an array as it is. Raises OSError."""
+        """Copy an array into the file. Raises OSError."""
         self.empty(name, array.shape, array.dtype)[...] = array
 
     def _finish(self) -> None:
@@ -176,10 +177,12 @@ class SegmentWriter:
 
 @contextmanager
 def writing(path: Path) -> Iterator[SegmentWriter]:
-    """Write a file: complete, on the disk and under its name when the block is left; gone when it raises.
+    """Write a segment file in the block. When the block ends, the file is complete, synced, and gets its name.
+
+    If the block raises, no file is left.
 
     Raises:
-        OSError: no room, or the folder cannot be written to.
+        OSError: no space on the disk, or the folder cannot be written.
     """
     temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")
     temporary.touch()
@@ -194,7 +197,7 @@ def writing(path: Path) -> Iterator[SegmentWriter]:
 
 
 def sync(path: Path) -> None:
-    """Put a file on the disk, or a folder's entries, so that a renamed file keeps its name when power is lost."""
+    """Sync a file, or the entries of a folder, to disk: a renamed file then keeps its name when power is lost."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)

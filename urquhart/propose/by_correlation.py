@@ -1,7 +1,7 @@
-"""Poses proposed by correlation: the query turned and shifted over whole submaps, where no feature is intact.
+"""Poses proposed by correlation: the query is laid over whole submaps at every rotation and shift.
 
-A survey chooses the submaps and rotations to try: in a small collection all of them, in a large one those on which
-loosely measured quads agree. That agreement proves nothing, but it leaves few enough to try.
+It needs no intact feature. A survey chooses the submaps and rotations to try: all of them in a small collection, and in
+a larger one those on which quads with loose lengths agree. That agreement proves nothing, but leaves few enough to try.
 """
 
 import math
@@ -24,42 +24,45 @@ class SurveyNumbers(NamedTuple):
     otherwise."""
 
     peaks: int = 8
-    """Peaks of a correlation over all rotations that are refined."""
+    """Peaks that are refined after a correlation over all rotations."""
     fewer_peaks: int = 6
-    """Peaks of a correlation over a few rotations that are refined."""
+    """Peaks that are refined after a correlation over a few rotations."""
     circle: float = 12.0
-    """A correlation under every rotation takes as long as this many near a single one."""
+    """Cost of a correlation over all rotations, in correlations around a single one."""
     reached: float = 0.02
-    """Least share of a collection that a survey must reach. In a larger one the right place, which neither polygons nor
-    quads found, is hardly ever among those surveyed: measured, 17 of 380 queries with 0.5 to 0.6 m of noise in 10,000
-    submaps; no command repeats it."""
+    """Least share of a collection that a survey must reach. In larger collections, the right place is hardly ever
+    among those surveyed if polygons and quads have not found it: measured, 17 of 380 queries with 0.5 to 0.6 m of noise
+    in 10,000 submaps; no command repeats it."""
     most_landmarks: int = 500_000
-    """Landmarks of submaps after which a correlation reads no more of them: they take 100 MB."""
+    """Landmarks after which a correlation reads no more submaps: they take 100 MB."""
 
 
 SURVEY: Final = SurveyNumbers()
 
 Place = tuple[int, float, float]
-"""A submap's key, and the rotations to try in it: their middle and how far they go to either side, radians."""
+"""A submap's key, and the rotations to try in it, radians: their middle, and how far they extend to either side."""
 Peaks = tuple[int, NDArray[np.float64]]
-"""A submap's key, and the poses (P, 4) that stand out in it; see `correlation.correlate`."""
+"""A submap's key, and the peaks (P, 4) found in it, as `correlation.correlate` returns them."""
 
 
 def is_large(index: CollectionIndex) -> bool:
-    """Whether a survey would reach too few of the submaps."""
+    """Whether the index is so large that a survey would reach too few of its submaps."""
     return len(index) * SURVEY.reached > index.config.survey
 
 
 def is_small(index: CollectionIndex) -> bool:
-    """Whether every submap can be tried under every rotation in the time that a survey may take."""
+    """Whether the index is so small that every submap can be tried at every rotation in the time of a survey."""
     return len(index) * SURVEY.circle <= index.config.survey
 
 
 def propose_by_correlation(query: Query, index: CollectionIndex, quads: QuadConsensus | None) -> list[Proposal]:
-    """The submaps in which the query stands out most from chance when it is laid over them as a whole.
+    """Propose poses in the submaps in which the correlation peaks stand out most from chance.
 
     Args:
-        quads: a search for loosely measured quads, which chooses rotations in a large collection.
+        quads: the search for quads with loose lengths, which chooses submaps and rotations in a large collection.
+
+    Raises:
+        Abandoned: nobody waits for the answer any more.
     """
     with query.trace.timed("survey") as counts:
         places = _survey(query, index, quads)
@@ -87,7 +90,7 @@ def _survey(query: Query, index: CollectionIndex, quads: QuadConsensus | None) -
 
 
 def _correlate(query: Query, places: list[Place]) -> list[Peaks]:
-    """What stands out at each of `places`, the strongest first, as far as time and memory allow."""
+    """The correlation peaks at `places`, the strongest submap first, as far as time and memory allow."""
     found = list[Peaks]()
     with suppress(OutOfTime):
         read = 0
@@ -103,5 +106,5 @@ def _correlate(query: Query, places: list[Place]) -> list[Peaks]:
                 peaks = correlate(query.grid, query.submaps.grid(key), count, yaw, half, query.budget)
                 if len(peaks):
                     found.append((key, peaks))
-    # What stands out by the landmarks as a whole is judged by itself: the votes of quads no longer count.
+    # Peaks are ranked by themselves: the votes of quads only chose where to look.
     return sorted(found, key=lambda one: -one[1][0, 3])

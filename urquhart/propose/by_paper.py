@@ -1,4 +1,4 @@
-"""Poses proposed by the paper's own chain: polygons, correspondences, RANSAC."""
+"""Poses proposed by the paper's own matching (section IV): polygons, correspondences, RANSAC."""
 
 from contextlib import suppress
 
@@ -14,7 +14,11 @@ from urquhart.verify.refinement import verify
 
 
 def propose_by_paper(query: Query, index: CollectionIndex, rng: np.random.Generator) -> list[Proposal]:
-    """The paper's chain; its pose is then verified like any other, because a vote never accepts itself."""
+    """Propose poses by the paper's matching. They are verified like all others: a vote never accepts itself.
+
+    Raises:
+        Abandoned: nobody waits for the answer any more.
+    """
     features, config = query.features, query.config
     with query.trace.timed("search polygons") as counts:
         counted = features.tessellation.vertex_counts()
@@ -39,10 +43,10 @@ def propose_by_paper(query: Query, index: CollectionIndex, rng: np.random.Genera
 
 
 def _paper_pose(query: Query, key: int, rng: np.random.Generator) -> PoseEvidence | None:
-    """The pose on which correspondences in one submap agree, verified; None where they are too few.
+    """The pose on which correspondences in submap `key` agree, verified; None if there are too few of them.
 
     Raises:
-        OutOfTime: the deadline passed before it was found.
+        OutOfTime: the deadline passed first.
     """
     config, submap = query.config, query.submaps.features(key)
     first, second = match_landmarks(query.features, submap, config, rng, query.budget)

@@ -1,4 +1,4 @@
-"""Poses proposed by polygons: those with the same number of vertices and a near descriptor, aligned."""
+"""Poses proposed by polygons: stored ones with the same number of vertices and a near descriptor, aligned."""
 
 from contextlib import suppress
 
@@ -14,7 +14,11 @@ from urquhart.verify.refinement import best_hypotheses, verify_best
 
 
 def propose_by_polygons(query: Query, index: CollectionIndex) -> list[Proposal]:
-    """The submaps that most polygons vote for, each with the best pose they vote for there."""
+    """Propose poses in the submaps with the most polygon votes: the best of the poses that were voted for.
+
+    Raises:
+        Abandoned: nobody waits for the answer any more.
+    """
     features, config, trace = query.features, query.config, query.trace
     with trace.timed("search polygons") as counts:
         vertex_counts = features.tessellation.vertex_counts()
@@ -35,7 +39,7 @@ def propose_by_polygons(query: Query, index: CollectionIndex) -> list[Proposal]:
 
 
 def _best_aligned(query: Query, votes: Votes, i: int, key: int) -> Proposal:
-    """The best of the transforms that polygons voted for in submap `votes.keys[i]`, verified."""
+    """The best of the poses that polygons voted for in submap `votes.keys[i]`, verified. Raises OutOfTime."""
     submap = query.submaps.grid(key)
     hypotheses = votes.hypotheses(i)[: query.config.hypotheses]
     starts = best_hypotheses(query.grid, submap, hypotheses, query.reach, 1, query.budget)

@@ -1,4 +1,4 @@
-"""Poses proposed by quads: submaps in which many quads of the query agree on one pose."""
+"""Poses proposed by quads, in the submaps in which many quads of the query agree on one pose."""
 
 from contextlib import suppress
 from typing import Final, NamedTuple
@@ -19,25 +19,26 @@ class QuadLevelNumbers(NamedTuple):
     """How quads are searched and their poses verified. Chosen by hand, not fitted."""
 
     tight: float = 2.0
-    """Usual errors of a coordinate (`Config.sigma`) that the lengths of a quad may be off by; so may a polygon's
-    vertex."""
+    """Tolerance of a quad's lengths, and of the misfit of an aligned polygon, in units of `Config.sigma`."""
     loose: float = 3.0
-    """The same where nothing was found with `tight`."""
+    """Tolerance of a quad's lengths if nothing was found with `tight`, in units of `Config.sigma`."""
     poses: int = 8
-    """Distinct poses of a submap that quads propose."""
+    """Most distinct poses that quads propose in a submap."""
     verified: int = 4
-    """Rough poses of a submap that are verified, the most promising first."""
+    """Most of these poses that are verified, the most promising first."""
     hits_each: int = 4
-    """Quad hits that are enough for each submap of a collection, in addition to `Config.quad_hits`."""
+    """Quad hits for each submap of a collection after which a search ends, in addition to `Config.quad_hits`."""
 
 
 QUADS: Final = QuadLevelNumbers()
 
 
 def search_quads(query: Query, index: CollectionIndex, errors: float, buffer: HitBuffer) -> QuadConsensus:
-    """A search for the query's quads whose lengths may be off by so many usual errors of a coordinate.
+    """Begin a search for the query's quads.
 
-    It ends every earlier search in the same `buffer`.
+    Args:
+        errors: tolerance of the lengths, in units of `Config.sigma`.
+        buffer: memory for the hits. An earlier search with the same buffer must not be used any more.
     """
     most = query.config.quad_hits + QUADS.hits_each * len(index)
     landmarks, quads = query.features.landmarks, query.features.tessellation.quads
@@ -48,7 +49,11 @@ def search_quads(query: Query, index: CollectionIndex, errors: float, buffer: Hi
 def propose_by_quads(
     query: Query, index: CollectionIndex, search: QuadConsensus, share: float, count: int
 ) -> list[Proposal]:
-    """The `count` submaps in which quads agree best on a pose, after a search for `share` of the query's quads."""
+    """Propose poses in the `count` submaps in which quads agree best, after a search for a `share` of the quads.
+
+    Raises:
+        Abandoned: nobody waits for the answer any more.
+    """
     with query.trace.timed("search quads") as counts:
         before = search.hits
         search.advance(share)
@@ -71,10 +76,13 @@ def propose_by_quads(
 
 
 def verify_rough(query: Query, key: int, poses: NDArray[np.float64]) -> PoseEvidence:
-    """The best of `poses` (P, 3) in one submap, good to a metre or two, verified.
+    """Verify rough poses in submap `key`, and return the best.
+
+    Args:
+        poses: (P, 3), P > 0: x, y, yaw of `submap_T_query`, centred frames, right to a metre or two.
 
     Raises:
-        OutOfTime: the deadline passed before all were verified.
+        OutOfTime: the deadline passed first.
     """
     submap = query.submaps.grid(key)
     scored = refine_rough(query.grid, submap, poses, query.reach, QUADS.verified, query.budget)

@@ -1,9 +1,9 @@
-"""Two sets of landmarks compared under every rotation and every shift: the last resort.
+"""Comparison of two submaps under every rotation and every shift: the last resort of a search.
 
-Where half of the trees are missing, or as many are false, no quad survives, but the pattern as a whole does. For each
-of a few hundred rotations the displacements between all pairs of landmarks are counted on a grid. The right shift
-brings many pairs into one cell. How many chance brings there follows from how often displacements of that length occur
-under any rotation at all, so a small overlap is measured by its own standard.
+If half of the trees are missing, or as many are false, no quad is intact, but the pattern as a whole still is. For each
+of a few hundred rotations, the displacements between all pairs of landmarks are counted on a grid. The right shift
+brings many pairs into one cell. How many pairs chance brings there is estimated from how often displacements of that
+length occur under any rotation, so that a small overlap is compared with what a small overlap gives by chance.
 
 The work grows with the number of landmarks of the query times that of the submap, so this compares two submaps and does
 not search a collection. A survey chooses the submaps (see `by_correlation`).
@@ -21,60 +21,60 @@ from urquhart.verify.landmark_grid import LandmarkGrid
 
 
 class CorrelationNumbers(NamedTuple):
-    """The grid of a correlation, and what stands out in it. Chosen by hand, not fitted."""
+    """The grid of a correlation, and which peaks count. Chosen by hand, not fitted."""
 
     finest: float = 0.5
-    """Metres: finest side of a cell."""
+    """Metres: shortest side of a cell."""
     coarsest: float = 1.15
-    """Metres: coarsest side of a cell."""
+    """Metres: longest side of a cell, unless the grid would have more than `most_cells`."""
     cell_share: float = 0.17
     """Side of a cell as a share of the distance between trees."""
     turn: float = 1.8
     """Cells that a landmark at the typical distance from the centre moves from one rotation to the next."""
     most_turns: int = 360
-    """Most rotations tried."""
+    """Most rotations that are tried."""
     most_cells: int = 400
     """Most cells along a side of the grid."""
     most_pairs: int = 4_000_000
-    """Most pairs of landmarks tried for one rotation: of a larger query only some landmarks are."""
+    """Most pairs of landmarks that are counted for one rotation; of larger queries, a sample of the landmarks is."""
     most_flagged: int = 1_024
-    """Most cells looked at for one rotation."""
+    """Most cells that are examined for one rotation."""
     sampled: int = 8
-    """Rotations from which the frequency of displacements is taken; each landmark of the query takes part in one."""
+    """Rotations from which the frequency of displacements is estimated; each query landmark takes part in one."""
     sigmas: float = 3.7
-    """A cell is looked at when its count is this many standard deviations above chance."""
+    """A cell is examined if its count is this many standard deviations above chance."""
     beyond: float = 0.7
-    """Shifts longer than this share of both footprints' radii leave too small an overlap to be told from chance."""
+    """Longest shift, as a share of the sum of both footprints' radii. Longer shifts leave too small an overlap."""
     larger: float = 2.0
-    """Where a submap reaches this many times as far as the query, such shifts leave half of the query in it."""
+    """If a submap extends more than this many times as far as the query, the shifts tried do not reach its ends."""
 
 
 CORRELATION: Final = CorrelationNumbers()
 _FINE: Final = 4096
-"""Parts of a cell that displacements are reckoned in."""
+"""Fractions of a cell in which displacements are computed."""
 _LOOK: Final = 1 << 30
-"""Count at which a cell is looked at; it starts from as much less as there have to be pairs. A cell may hold every pair
-of landmarks there is, and 32 bits hold this and four hundred million pairs."""
+"""Count at which a cell is examined. A cell starts from this minus the number of pairs it needs. It may hold every pair
+of landmarks: 32 bits hold this count plus four hundred million pairs."""
 
 
 @kernel
 def covers_ends(query: LandmarkGrid, submap: LandmarkGrid) -> bool:
-    """Whether a correlation tries every shift that leaves a fair part of the query in the submap, its ends included."""
+    """Whether a correlation reaches the ends of the submap: it extends at most twice as far as the query."""
     farthest = CORRELATION.larger**2 * (query.landmarks**2).sum(axis=1).max()
     return bool((submap.landmarks**2).sum(axis=1).max() <= farthest)
 
 
 class ShiftGrid(NamedTuple):
-    """Two sets of landmarks ready to be turned and shifted over each other.
+    """Two sets of landmarks, prepared for a correlation.
 
     Attributes:
-        query: (n, 2) float64, metres, centred frame: what is turned.
-        target_x, target_y: (m,) int32, 4096ths of a cell: what it is shifted over.
-        cell: metres.
+        query: (n, 2) float64, metres, centred frame: the landmarks that are rotated.
+        target_x, target_y: (m,) int32, 4096ths of a cell: the submap's landmarks, relative to the corner of the grid.
+        cell: metres, side of a cell.
         side: cells along a side of the grid of shifts.
-        steps: rotations.
-        rate: displacements that chance brings into one cell, by their length in units of two cells.
-        fresh: (`side` * `side`) uint32, what each cell starts from.
+        steps: number of rotations in a full turn.
+        rate: (b,) float64, displacements that chance brings into one cell, by their length in units of two cells.
+        fresh: uint32, the initial count of each cell, row by row; see `thresholds`.
     """
 
     query: NDArray[np.float64]
@@ -88,21 +88,21 @@ class ShiftGrid(NamedTuple):
 
 
 def correlate_all(query: LandmarkGrid, submap: LandmarkGrid, peaks: int) -> NDArray[np.float64]:
-    """The `peaks` poses that stand out most from chance under any rotation; see `correlate`."""
+    """The `peaks` poses that stand out most from chance, over all rotations; see `correlate`."""
     return correlate(query, submap, peaks, 0.0, math.pi)
 
 
 def correlate(
     query: LandmarkGrid, submap: LandmarkGrid, peaks: int, yaw: float, half: float, budget: Budget = UNBOUNDED
 ) -> NDArray[np.float64]:
-    """The `peaks` poses that stand out most from chance among rotations within `half` radians of `yaw`.
+    """The `peaks` poses that stand out most from chance, over rotations within `half` radians of `yaw`.
 
     Returns:
-        (P, 4), P <= `peaks`, the best first: x, y, yaw of `submap_T_query` between centred frames, good to a cell and
-        a step of the rotation, and by how much each stands out (natural logarithm of its odds against chance).
+        (P, 4), P <= `peaks`, the best first: x, y, yaw of `submap_T_query` between centred frames, right to a cell and
+        a step of the rotation; and the score, the natural logarithm of the odds against chance.
 
     Raises:
-        OutOfTime: the deadline passed before all rotations were tried.
+        OutOfTime: the deadline passed first.
     """
     spacing = max(query.spacing, submap.spacing)
     cell = min(max(CORRELATION.cell_share * spacing, CORRELATION.finest), CORRELATION.coarsest)
@@ -119,12 +119,16 @@ def find_peaks(
     *,
     budget: Budget = UNBOUNDED,
 ) -> NDArray[np.float64]:
-    """The peaks (P, 4) of `correlate`; `cell` metres."""
+    """The peaks (P, 4) of `correlate`, for landmarks (N, 2) and (M, 2), metres, and cells of at least `cell` metres.
+
+    Raises:
+        OutOfTime: the deadline passed first.
+    """
     pairs = len(query) * len(submap)
     if budget.fits(CORRELATION.most_turns, pairs):
         return find_peaks_at_once(query, submap, cell, peaks, yaw, half)
     best = np.zeros((peaks, 4))
-    # A part of many landmarks shows where the rest belong, and keeps one rotation to some 10 ms.
+    # A sample of many landmarks shows where all belong, and limits one rotation to some 10 ms.
     grid = build_shift_grid(np.ascontiguousarray(query[:: 1 + (pairs - 1) // CORRELATION.most_pairs]), submap, cell)
     for turns in budget.portions(grid.steps, len(grid.query) * len(submap) + len(grid.fresh)):
         count_rotations(grid, yaw, half, turns.start, turns.stop, best)
@@ -135,7 +139,7 @@ def find_peaks(
 def find_peaks_at_once(
     query: NDArray[np.float64], submap: NDArray[np.float64], cell: float, peaks: int, yaw: float, half: float
 ) -> NDArray[np.float64]:
-    """What `find_peaks` gives, in one step: for ordinary sizes that is fastest."""
+    """The result of `find_peaks` in one compiled call, which is fastest for ordinary sizes."""
     best = np.zeros((peaks, 4))
     grid = build_shift_grid(query, submap, cell)
     count_rotations(grid, yaw, half, 0, grid.steps, best)
@@ -147,10 +151,10 @@ def find_peaks_at_once(
 
 @kernel
 def build_shift_grid(query: NDArray[np.float64], submap: NDArray[np.float64], cell: float) -> ShiftGrid:
-    """The `ShiftGrid` of two sets of landmarks (N, 2), metres, centred; cells of `cell` metres or more."""
+    """Prepare landmarks (N, 2) and (M, 2), metres, centred frames; cells of at least `cell` metres."""
     n, m = len(query), len(submap)
     extent = math.sqrt((query**2).sum(axis=1).max()) + math.sqrt((submap**2).sum(axis=1).max())
-    # Only shifts that leave a fair overlap have cells of their own; all others end in the rim, which is not looked at.
+    # Only shifts that leave enough overlap have cells of their own; all others are counted in the rim.
     farthest = CORRELATION.beyond * extent
     cell = max(cell, 2.0 * farthest / (CORRELATION.most_cells - 4))
     side = int(2.0 * farthest / cell) + 4
@@ -160,8 +164,8 @@ def build_shift_grid(query: NDArray[np.float64], submap: NDArray[np.float64], ce
 
     rate = expected_counts(query, submap, cell, steps, extent)
     fresh = thresholds(rate, side, farthest / cell)
-    # Whole numbers of 4096ths of a cell: subtracted and shifted eight at a time where floats would be converted singly.
-    # No landmark is farther from the middle than 300 cells: cells are made so large.
+    # Integers in 4096ths of a cell: the compiler subtracts and shifts eight at a time, but converts floats one by one.
+    # Cells are large enough that no landmark is farther than 300 of them from the middle.
     target_x, target_y = np.empty(m, np.int32), np.empty(m, np.int32)
     for j in range(m):
         target_x[j] = int((submap[j, 0] / cell + middle) * _FINE)
@@ -171,7 +175,10 @@ def build_shift_grid(query: NDArray[np.float64], submap: NDArray[np.float64], ce
 
 @kernel
 def count_rotations(laid: ShiftGrid, yaw: float, half: float, first: int, last: int, best: NDArray[np.float64]) -> None:
-    """Try the rotations `first` to `last` that are within `half` of `yaw`, and enter what stands out into `best`."""
+    """Try those of the rotations `first` to `last` that are within `half` of `yaw`, radians; insert peaks into `best`.
+
+    `best`: (P, 4), x, y, yaw and score, the highest score first; updated.
+    """
     query, target_x, target_y, cell, side, steps, rate, fresh = laid
     n, m, peaks, middle = len(query), len(target_x), len(best), 0.5 * side
     grid = np.empty_like(fresh)
@@ -221,13 +228,12 @@ def count_rotations(laid: ShiftGrid, yaw: float, half: float, first: int, last: 
 
 @kernel
 def thresholds(rate: NDArray[np.float64], side: int, farthest: float) -> NDArray[np.uint32]:
-    """What each cell of a grid starts from, so that it is looked at when it reaches `_LOOK`.
+    """The initial count of each cell, such that the cell reaches `_LOOK` when it must be examined.
 
-    As many as `side` * `side`, and one more where that is odd.
+    `rate`: as in `ShiftGrid`; `farthest`: cells beyond it, in cells from the middle, start from 0 and are not examined.
 
-    Args:
-        rate: displacements that chance brings into one cell, by distance from the middle in units of two cells.
-        farthest: cells; those farther from the middle start from nothing.
+    Returns:
+        uint32, `side` * `side` of them, row by row, and one more if that is odd.
     """
     start = np.zeros(len(rate), np.uint32)
     for k in range(len(rate)):
@@ -236,7 +242,7 @@ def thresholds(rate: NDArray[np.float64], side: int, farthest: float) -> NDArray
             start[k] = _LOOK - needed
     fresh = np.zeros((side * side + 1) // 2 * 2, np.uint32)
     middle, last = 0.5 * side, side - 1
-    # The four quarters are alike.
+    # The four quarters are symmetric.
     for a in range((side + 1) // 2):
         for b in range((side + 1) // 2):
             u, v = a + 0.5 - middle, b + 0.5 - middle
@@ -250,10 +256,10 @@ def thresholds(rate: NDArray[np.float64], side: int, farthest: float) -> NDArray
 def expected_counts(
     query: NDArray[np.float64], submap: NDArray[np.float64], cell: float, steps: int, extent: float
 ) -> NDArray[np.float64]:
-    """Displacements that chance brings into one cell, by their length in units of two cells."""
+    """The `rate` of a `ShiftGrid`; `cell`, `extent`: metres, of a cell and of the longest displacement."""
     bins = int(0.5 * extent / cell) + 2
     rate, scale = np.zeros(bins), 0.5 / cell
-    # Half of many landmarks tell it as well as all of them.
+    # Half of the landmarks are enough if there are many.
     step = 2 * CORRELATION.sampled if len(query) >= 4 * CORRELATION.sampled else CORRELATION.sampled
     weight = step / CORRELATION.sampled
     for k in range(CORRELATION.sampled):
@@ -265,16 +271,16 @@ def expected_counts(
                 dx, dy = submap[j, 0] - x, submap[j, 1] - y
                 rate[min(int(math.sqrt(dx * dx + dy * dy) * scale), bins - 1)] += weight
     for k in range(bins):
-        # Counts over a ring of two cells' width; never quite nothing, or one pair at the rim would stand out.
+        # Counts over a ring two cells wide. They are never zero, or a single pair at the rim would stand out.
         rate[k] = max(rate[k] / (4.0 * math.pi * (2 * k + 1)), 0.02)
     return rate
 
 
 @kernel
 def insert_peak(best: NDArray[np.float64], peak: tuple[float, float, float, float], near: float, turn: float) -> None:
-    """Enter a peak (x, y, yaw, score) into `best` (P, 4), highest score first.
+    """Insert a peak (x, y, yaw, score) into `best` (P, 4), the highest score first.
 
-    Of peaks within `near` metres and `turn` radians only the highest stays.
+    Of peaks within `near` metres and `turn` radians of each other, only the highest stays.
     """
     x, y, yaw, score = peak
     last = len(best) - 1

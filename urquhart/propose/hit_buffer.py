@@ -1,4 +1,4 @@
-"""Memory for the hits of a quad search, reused from one search to the next."""
+"""Memory for the hits of a quad search, which is reused by later searches."""
 
 import os
 from collections import deque
@@ -12,17 +12,17 @@ from numpy.typing import NDArray
 from urquhart.index.quad_search import HIT
 
 _FIRST: Final = 4096
-"""Hits that a new buffer holds."""
+"""Hits that a new buffer can hold."""
 _MANY: Final = 1 << 18
-"""A buffer for fewer hits grows to four times its size, a larger one to twice."""
+"""Hits below which a buffer grows to four times its size; a larger one grows to twice its size."""
 
 
 class HitBuffer:
-    """Memory for hits. The system would have to find and clear it again for every search that does not borrow it.
+    """Memory for hits. It is reused, because the operating system takes long to provide and clear new memory.
 
     Attributes:
-        hits: (R,) of `HIT`; what is in it belongs to an earlier search until it is overwritten.
-        totals: (R,) float32, what each hit and those that agree with it are worth.
+        hits: (R,) of `HIT`; rows beyond those of the current search are left from earlier ones.
+        totals: (R,) float32, total weight of each hit and of those that agree with it.
     """
 
     def __init__(self) -> None:
@@ -31,7 +31,7 @@ class HitBuffer:
         self.totals: NDArray[np.float32] = np.empty(_FIRST, np.float32)
 
     def grow(self) -> None:
-        """Make room for more hits, and keep those that are there."""
+        """Enlarge the buffer, and keep its hits."""
         size = (4 if len(self.hits) < _MANY else 2) * len(self.hits)
         hits, totals = np.empty(size, HIT), np.empty(size, np.float32)
         hits[: len(self.hits)], totals[: len(self.totals)] = self.hits, self.totals
@@ -39,15 +39,15 @@ class HitBuffer:
 
 
 class BufferPool:
-    """Buffers that searches borrow one after the other, from any thread."""
+    """Buffers that searches in any thread can borrow."""
 
     def __init__(self, kept: int) -> None:
-        """Start empty, and keep up to `kept` of the buffers that are given back."""
+        """Start empty; keep at most `kept` returned buffers."""
         self._free: deque[HitBuffer] = deque(maxlen=kept)
 
     @contextmanager
     def borrow(self) -> Iterator[HitBuffer]:
-        """A buffer for one search at a time, which must not be used after the block."""
+        """Borrow a buffer for one search; it must not be used after the block."""
         try:
             buffer = self._free.pop()
         except IndexError:
@@ -59,4 +59,4 @@ class BufferPool:
 
 
 BUFFERS: Final = BufferPool(os.cpu_count() or 1)
-"""The buffers of this process: as many as searches can run at once."""
+"""The buffers of this process, as many as it has processor cores."""

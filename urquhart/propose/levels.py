@@ -1,4 +1,4 @@
-"""The levels of a search in the order of their cost, and when each is worth its time."""
+"""The levels of a search, in the order of their cost, and when each is worth its time."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -15,15 +15,16 @@ from urquhart.propose.query import Proposal, Query
 
 
 class LevelNumbers(NamedTuple):
-    """How far the first look of a level goes. Chosen by hand, not fitted; `make bench-levels` shows what each level
+    """How far the first rounds of a search go. Chosen by hand, not fitted; `make bench-levels` measures what each level
     adds."""
 
     rare: float = 0.5
-    """Share of a query's quads, the rarest, that settles most queries."""
+    """Share of a query's quads, the rarest ones, that are searched first. They answer most queries."""
     few: int = 4
-    """Submaps, at least, that are verified after a search for the rarest quads."""
+    """Fewest submaps that are verified after the search for the rarest quads."""
     loose_rare: float = 0.7
-    """Share of a query's loosely measured quads, the rarest, that settles most of the queries that are left."""
+    """Share of a query's quads, the rarest ones, that are searched first with loose lengths. They answer most of the
+    remaining queries."""
 
 
 EFFORT: Final = LevelNumbers()
@@ -31,12 +32,14 @@ EFFORT: Final = LevelNumbers()
 
 @dataclass(slots=True, eq=False)
 class Search:
-    """One search of one index for a query, with what its levels share.
+    """One search of one index for a query: the state that its levels share.
 
     Attributes:
-        limit: submaps that the answer is to name, where there are so many.
-        is_single: whether there is nothing to choose from: one submap, which a correlation covers to its ends.
-        quads, loose_quads: searches for quads with tight and with loose lengths, once a level began them.
+        query, index: what is searched for, and where.
+        limit: most candidates in the answer.
+        buffer: memory for quad hits.
+        is_single: whether the index holds one submap, and a correlation covers it to its ends.
+        quads, loose_quads: the searches for quads with tight and with loose lengths, once a level has begun them.
     """
 
     query: Query
@@ -48,17 +51,17 @@ class Search:
     loose_quads: QuadConsensus | None = None
 
     def propose_by_quads(self, share: float, count: int) -> list[Proposal]:
-        """Go on with tight lengths until `share` of the query's quads have been looked for."""
+        """Continue the search with tight lengths up to a `share` of the query's quads; propose `count` submaps."""
         self.quads = self.quads or search_quads(self.query, self.index, QUADS.tight, self.buffer)
         return propose_by_quads(self.query, self.index, self.quads, share, count)
 
     def propose_by_loose_quads(self, share: float) -> list[Proposal]:
-        """Go on with loose lengths until `share` of the query's quads have been looked for."""
+        """Continue the search with loose lengths up to a `share` of the query's quads."""
         self.loose_quads = self.loose_quads or search_quads(self.query, self.index, QUADS.loose, self.buffer)
         return propose_by_quads(self.query, self.index, self.loose_quads, share, self.query.config.candidates)
 
     def propose_by_correlation(self) -> list[Proposal]:
-        """Turn and shift the query over the submaps as a whole."""
+        """Try the query on whole submaps, under every rotation and shift."""
         return propose_by_correlation(self.query, self.index, self.loose_quads)
 
 
@@ -66,10 +69,10 @@ class Level(NamedTuple):
     """One level of a search.
 
     Attributes:
-        name: for readers.
-        applies: whether the level is worth its time, by the search so far and by whether the query is lost: whether no
-            proposal so far is better than chance.
-        propose: the level's proposals.
+        name: in tables and benchmarks.
+        applies: whether the level is worth its time, given the search so far, and whether the query is lost, which
+            means that no proposal so far beats chance.
+        propose: returns the level's proposals.
     """
 
     name: str
@@ -78,8 +81,8 @@ class Level(NamedTuple):
 
 
 LEVELS: Final = (
-    # A single submap needs no choice. A correlation counts pairs, though: of a handful of trees there are too few,
-    # while quads still know their shape.
+    # With one submap there is nothing to choose. If few trees are seen, a correlation has too few pairs to count, and
+    # the next levels follow: quads still have a shape.
     Level("the only submap", lambda s, _: s.is_single and not is_large(s.index), lambda s: s.propose_by_correlation()),
     Level(
         "rare quads",
@@ -88,7 +91,7 @@ LEVELS: Final = (
     ),
     Level("all quads", lambda s, _: s.quads is not None, lambda s: s.propose_by_quads(1.0, s.query.config.candidates)),
     Level("polygons", lambda s, _: s.quads is not None, lambda s: propose_by_polygons(s.query, s.index)),
-    # In a small collection every submap is tried under every rotation, which needs no choice of rotations by quads.
+    # In a small collection, correlation tries every submap at every rotation, and needs no quads to choose rotations.
     Level(
         "rare loose quads",
         lambda s, lost: lost and not is_small(s.index),
@@ -111,17 +114,17 @@ def propose_on(
     is_lost: Callable[[], bool],
     levels: Sequence[Level] = LEVELS,
 ) -> Iterator[list[Proposal]]:
-    """What each level proposes for a query in one index; a level begins when its proposals are asked for.
+    """The proposals of each level for a query in one index. A level starts when its proposals are requested.
 
     Args:
-        limit: submaps that the answer is to name, where there are so many.
-        is_lost: whether no proposal so far, of this index or of others, is better than chance.
+        limit: most candidates in the answer.
+        is_lost: returns whether no proposal so far, of this index or of others, beats chance.
         levels: the levels to go through, the cheapest first.
 
     Raises:
         Abandoned: nobody waits for the answer any more.
     """
-    # A correlation leaves out the ends of a submap that is much larger than the query.
+    # A correlation does not reach the ends of a submap that is much larger than the query.
     single = len(index) == 1 and covers_ends(query.grid, query.submaps.grid(next(iter(index))))
     with BUFFERS.borrow() as buffer:
         search = Search(query, index, limit, buffer, single)

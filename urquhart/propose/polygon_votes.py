@@ -1,9 +1,8 @@
-"""From polygon hits to submaps worth verifying.
+"""Votes of polygons: from polygon hits to submaps worth verifying.
 
-A hit with the same number of vertices is more than a vote: turning one outline onto the other gives a full transform,
-and how well it fits tells how much the hit is worth. n vertices that agree to r metres do so by chance with a
-probability that falls as r^(2n - 3) (2n coordinates less the three that the alignment fits), so a hit votes (2n - 3)
-log(scale / r): large polygons that fit tightly count most.
+Aligning two outlines with the same number of vertices gives a full transform, and the misfit gives the weight of the
+hit. By chance, n vertices agree to r metres with a probability that falls as r^(2n - 3): there are 2n coordinates, and
+the alignment fits three numbers. So the weight is (2n - 3) log(scale / r). Large polygons that fit tightly count most.
 """
 
 import math
@@ -21,13 +20,14 @@ from urquhart.index.polygon_index import Hits
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Votes:
-    """Submaps by falling weight of votes, with the hypotheses that voted for each.
+    """The votes of polygons by submap, the heaviest first, with the transforms that were voted for.
 
     Attributes:
         keys: (S,) int64, submaps.
-        weights: (S,) float64.
-        counts: (S,) int64, how many polygon hits voted.
-        transforms: (H, 3) float64, x, y, yaw of `submap_T_query` between the *centred* frames; sorted by submap.
+        weights: (S,) float64, total weight of the votes for each.
+        counts: (S,) int64, number of votes for each.
+        transforms: (H, 3) float64, x, y, yaw of `submap_T_query` between centred frames: sorted by submap, and for each
+            by falling weight.
         offsets: (S + 1,) int64; `transforms[offsets[i]:offsets[i + 1]]` belong to `keys[i]`.
     """
 
@@ -38,12 +38,12 @@ class Votes:
     offsets: NDArray[np.int64]
 
     def hypotheses(self, i: int) -> NDArray[np.float64]:
-        """Transforms (h, 3) that voted for submap `keys[i]`."""
+        """The transforms (h, 3) that were voted for in submap `keys[i]`, the heaviest vote first."""
         return self.transforms[self.offsets[i] : self.offsets[i + 1]]
 
 
 def outlines(features: Features, count: int) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-    """Polygons of `features` with `count` vertices: their ordinals (K,) and vertices (K, count, 2), centred frame."""
+    """The polygons of `features` with `count` vertices: indices (K,), and vertices (K, count, 2), metres, centred."""
     t = features.tessellation
     ordinals = np.flatnonzero(t.vertex_counts() == count).astype(np.int32)
     at = t.vertex_offsets[ordinals][:, None] + np.arange(count)
@@ -51,7 +51,7 @@ def outlines(features: Features, count: int) -> tuple[NDArray[np.int32], NDArray
 
 
 def vote_polygons(query: Features, found: Iterable[Hits], tolerance: float) -> Votes:
-    """Align every polygon hit, keep those that fit within `tolerance` metres (RMS), add them up by submap."""
+    """Align every polygon hit, keep those with an RMS misfit of at most `tolerance` metres, and count by submap."""
     keys, weights, transforms = [], [], []
     for hits in found:
         ordinals, shapes = outlines(query, hits.count)
@@ -59,7 +59,7 @@ def vote_polygons(query: Features, found: Iterable[Hits], tolerance: float) -> V
         fits = misfit <= tolerance
         keys.append(hits.keys[fits])
         transforms.append(aligned[fits])
-        # Below a few centimetres a better fit says nothing more: trees are not measured better than that.
+        # A fit to less than a few centimetres does not count more: trees are not measured better than that.
         weights.append((2 * hits.count - 3) * np.log(1.5 * tolerance / np.maximum(misfit[fits], 0.1 * tolerance)))
     if not sum(map(len, keys)):
         return _NO_VOTES
@@ -86,18 +86,18 @@ _NO_VOTES: Final = Votes(
 def align_outlines(
     shapes: NDArray[np.float64], which: NDArray[np.int64], targets: NDArray[np.float32]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Best cyclic alignment of query outlines onto found ones.
+    """Align query outlines with stored ones, by least squares over all n cyclic shifts of the vertices.
+
+    With both outlines centred and read as complex numbers, the best rotation for a shift is the argument of a
+    correlation, and the misfit follows from its magnitude. So only the best transform needs to be solved.
 
     Args:
         shapes: (S, n, 2) float64, metres: query outlines, counter-clockwise.
-        which: (H,) int64: the query outline of each hit.
-        targets: (H, n, 2) float32, metres: the outlines found, counter-clockwise.
+        which: (H,) int64, the query outline of each hit.
+        targets: (H, n, 2) float32, metres: stored outlines, counter-clockwise.
 
     Returns:
-        Transforms (H, 3): x, y, yaw of target_T_query; and their root mean square misfit (H,), metres.
-
-    With both outlines centred and read as complex numbers, the best rotation for each of the n ways to start is the
-    argument of a correlation, and the misfit follows from its magnitude; no transform is solved but the best.
+        Transforms (H, 3): x, y, yaw of `target_T_query`; and their root mean square misfit (H,), metres.
     """
     n = shapes.shape[1]
     transforms, misfit = np.empty((len(which), 3)), np.empty(len(which))

@@ -1,4 +1,4 @@
-"""Quads that agree on a pose: the search through tables of quads, rarest first.
+"""The search through tables of quads, rarest first, for submaps in which many hits agree on a pose.
 
 A hit is a stored quad whose five lengths agree with those of a query quad within a tolerance. A single hit says little,
 because most hits are coincidences. But each hit gives a pose, by the direction and the centre of both quads, and the
@@ -24,37 +24,37 @@ from urquhart.propose.quad_votes import AGREEMENT, SLOT_VOTES, Hits, fit_poses, 
 
 
 class ConsensusNumbers(NamedTuple):
-    """What a hit of a quad is worth, and how much work a search does between two looks at its budget. Chosen by hand,
-    not fitted, unless a field says otherwise."""
+    """The weight of a hit, and how much work a search does between two checks of its budget. Chosen by hand, not
+    fitted, unless a field says otherwise."""
 
     chunk: int = 32
     """Query quads that are searched in all tables before the number of hits is checked."""
     seen: float = 0.2
-    """Share of a query's quads that are found under the right pose, roughly; it only shifts what a hit is worth."""
+    """Rough share of a query's quads that are found under the right pose; it only shifts the weight of a hit."""
     agree: float = 2e-4
     """Chance that two hits of a submap agree on a pose within the tolerances of `AgreementNumbers`. Measured once in
     the paper's forest; no command repeats it."""
     compared: int = 50_000
     """Hits that are compared with others before the budget is checked: 20 ms."""
     common: int = 64
-    """A query quad with more than this part of the hits that are enough is passed over."""
+    """A query quad is skipped in a table if its hits there exceed the limit of the search divided by this."""
 
 
 CONSENSUS: Final = ConsensusNumbers()
 TURN: Final = 1.2 * 2.0 * math.pi / AGREEMENT.turn_bins
-"""Radians: how far the rotation of a submap may be from the peak of its votes."""
+"""Radians: largest distance of a submap's rotation from the peak of its votes."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class QuadLeaders:
-    """Submaps in which quads agree best on a pose, the best first.
+    """The submaps in which quads agree best on a pose, the best first.
 
     Attributes:
         slots: (K,) int64, numbered through all shards.
         scores: (K,) float64, logarithm of how much likelier the hits are under the right pose than by chance.
-        support: (K,) int64, hits that agree on the best pose.
-        poses: (K, P, 3) float64, x, y, yaw of `submap_T_query` between centred frames, good to about a metre; the best
-            first, others NaN where there are fewer.
+        support: (K,) int64, number of hits that agree on the best pose.
+        poses: (K, P, 3) float64, x, y, yaw of `submap_T_query` between centred frames, right to about a metre; the best
+            first, NaN if there are fewer.
     """
 
     slots: NDArray[np.int64]
@@ -64,11 +64,11 @@ class QuadLeaders:
 
 
 class QuadConsensus:
-    """One search. `advance` goes on with the next query quads; `leaders` says where they agree best.
+    """One search. `advance` searches for the next query quads; `leaders` returns where the hits agree best.
 
     Attributes:
-        hits: found so far.
-        passed_over: how often a query quad was too common in a table to be looked for.
+        hits: number of hits so far.
+        passed_over: how often a query quad was skipped in a table because it is too common there.
     """
 
     def __init__(
@@ -82,14 +82,14 @@ class QuadConsensus:
         buffer: HitBuffer | None = None,
         budget: Budget | None = None,
     ) -> None:
-        """Prepare to search `shards` for the quads (Q, 4) of landmarks (N, 2), metres.
+        """Prepare to search `shards` for the quads (Q, 4) of landmarks (N, 2), metres, centred frame.
 
         Args:
-            tolerance: metres that a length may be off by.
-            most: hits that are enough. A query quad that has a large part of them to itself is passed over: in rows of
-                trees all quads are alike, and looking for each in every row would take longer than everything else.
-            buffer: where hits are put, for as long as this is asked for anything; its own by default.
-            budget: when it is spent, the search ends with what has been found; by default never.
+            tolerance: metres, largest difference of a length.
+            most: hits after which the search ends. A query quad that alone has a large part of them is skipped: in rows
+                of trees all quads are alike, and finding each of them in every row would take most of the time.
+            buffer: memory for the hits as long as the search is used; by default its own.
+            budget: when it is spent, the search ends with the hits so far; by default never.
         """
         self._shards, self._most = shards, most
         self._living = max(sum(int(np.count_nonzero(shard.alive)) for shard in shards), 1)
@@ -110,16 +110,20 @@ class QuadConsensus:
 
     @property
     def finished(self) -> bool:
-        """Whether every query quad has been looked for, or enough has been found."""
+        """Whether all query quads have been searched for, or there are enough hits."""
         return self._looked == len(self._order) or self.hits >= self._most
 
     @property
     def is_cut_short(self) -> bool:
-        """Whether enough was found before every query quad had been looked for."""
+        """Whether the search ended by the number of hits, before all query quads had been searched for."""
         return self._looked < len(self._order) and self.hits >= self._most
 
     def advance(self, share: float = 1.0) -> None:
-        """Look for the next rarest quads, until `share` of all have been looked for or there are hits enough."""
+        """Search for the next rarest quads, up to a `share` of all, or until there are enough hits.
+
+        Raises:
+            Abandoned: nobody waits for the answer any more.
+        """
         target = share * len(self._order)
         before, began = self.hits, self._looked
         while not self.finished and self._looked < target and not self._budget.is_spent():
@@ -134,7 +138,7 @@ class QuadConsensus:
         self._vote(before, self._order[began : self._looked])
 
     def leaders(self, count: int, poses: int) -> QuadLeaders:
-        """The `count` submaps with the best score, with up to `poses` distinct poses each."""
+        """The `count` submaps with the best scores, with up to `poses` distinct poses each."""
         listed = self._listed_slots[: self._listed]
         scores = self._slot_votes["score"][listed]
         if len(listed) > count:
@@ -146,10 +150,10 @@ class QuadConsensus:
         return QuadLeaders(listed.astype(np.int64), scores, support, rows)
 
     def turns(self, count: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """The `count` pairs of a slot (K,) and a rotation (K,), radians, that hits agree on best, the best first.
+        """The `count` pairs of a slot (K,) and a rotation (K,), radians, with the most votes, the best first.
 
-        Here a hit counts by its share in all that its query quad found. A slot comes once for each rotation that is a
-        peak of its votes; `TURN` is how far a peak may be off.
+        Here, all hits of a query quad share one vote. A slot comes once for each rotation that is a peak of its votes;
+        the true rotation is within `TURN` of a peak.
         """
         slots, peaks, weights = rank_turns(
             self._listed_slots[: self._listed], count, self._slot_votes, self._buffer.hits, self._shares

@@ -1,4 +1,4 @@
-"""Hits of quads compared with each other: which agree on a pose, and on which."""
+"""Votes of quads: which hits agree on a pose, and on which one."""
 
 import math
 from typing import Any, Final, NamedTuple
@@ -14,39 +14,40 @@ class AgreementNumbers(NamedTuple):
     """When two hits agree on a pose, and how many are compared. Chosen by hand, not fitted."""
 
     turn: int = 10
-    """256ths of a turn that the rotations of two hits may differ by."""
+    """256ths of a turn: largest difference between the rotations of two hits."""
     stretch: float = 1.2
-    """Metres that the distance between two quads may differ by."""
+    """Metres: largest difference between the distances of two quads in the query and in the submap."""
     bend: float = 0.22
-    """Share of that distance that the second quad may lie beside where the first one has it."""
+    """Largest offset of the second quad from its place relative to the first, as a share of their distance."""
     block: int = 65_536
-    """Slots whose votes and hits fit into a processor's cache."""
+    """Slots whose votes and hits fit into the processor's cache."""
     ahead: int = 64
-    """Hits that are fetched from memory together."""
+    """Hits that are prefetched from memory together."""
     walk: int = 48
-    """Earlier hits of a submap that a hit is compared with."""
+    """Most earlier hits of a submap that a hit is compared with."""
     lever: float = 4.0
-    """Metres to either side of a quad's centre that its direction is taken to be good for."""
+    """Metres to either side of a quad's centre of the two points that stand for its direction in a fit."""
     deep: int = 1_024
-    """Hits of a slot among which its poses are chosen."""
+    """Most hits of a slot among which its poses are chosen."""
     turn_bins: int = 30
-    """Bins of rotation; a vote is shared between the two nearest, so that no border splits a true peak."""
+    """Bins of rotation. A vote is shared between the two nearest bins, so that no border splits a true peak."""
 
 
 AGREEMENT: Final = AgreementNumbers()
 
 SLOT_VOTES: Final = np.dtype([("latest", np.int32), ("best", np.int32), ("score", np.float64)])
-"""Of a slot: its latest hit and the one that most agrees with, numbered from 1; what that and the others are worth."""
+"""The votes of a slot: its latest hit, and the hit that most others agree with, both numbered from 1 (0: none); and the
+total weight of that hit and those that agree with it."""
 
 
 class Hits(NamedTuple):
-    """Hits of quads, and what is known of the query's quads, as kernels take them.
+    """The hits of a search and the query's quads, as a plain tuple for kernels.
 
     Attributes:
         hits: (R,) of `HIT`.
-        totals: (R,) float32, what each hit and those that agree with it are worth.
-        centres: (Q, 2) float64, metres, of the query's quads.
-        weights: (Q,) float64, what a hit of each of the query's quads is worth.
+        totals: (R,) float32, total weight of each hit and of the earlier ones that agree with it.
+        centres: (Q, 2) float64, metres, centred frame: centres of the query's quads.
+        weights: (Q,) float64, weight of a hit of each query quad.
     """
 
     hits: NDArray[Any]
@@ -57,7 +58,7 @@ class Hits(NamedTuple):
 
 @kernel
 def tally(before: int, count: int, hits: NDArray[Any], quads: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """How many of the hits `before` to `count` each of the query's quads (Q,) has, and the sum of their likelihoods."""
+    """Number of hits (Q,) of each query quad among the hits `before` to `count`, and sum (Q,) of their likelihoods."""
     found, likely = np.zeros(quads), np.zeros(quads)
     for h in range(before, count):
         found[hits[h].quad] += 1.0
@@ -67,9 +68,9 @@ def tally(before: int, count: int, hits: NDArray[Any], quads: int) -> tuple[NDAr
 
 @kernel
 def order_by_slots(before: int, count: int, hits: NDArray[Any], slots: int) -> NDArray[np.int32]:
-    """The hits `before` to `count`, sorted by blocks of `AGREEMENT.block` neighbouring slots; stable within a slot.
+    """The hits `before` to `count`, sorted by blocks of `AGREEMENT.block` neighbouring slots; stable within a block.
 
-    Compared in this order, a hit meets earlier ones that are still in the cache.
+    In this order, the earlier hits of a slot are still in the cache when a hit is compared with them.
     """
     begins = np.zeros((slots - 1) // AGREEMENT.block + 2, np.int64)
     for h in range(before, count):
@@ -91,13 +92,22 @@ def vote(
     listed_slots: NDArray[np.int32],
     listed: int,
 ) -> int:
-    """Compare hits in their `order` with earlier ones of their slots; the new number of slots listed."""
+    """Compare each hit, in the given `order`, with earlier hits of its slot, and update the votes of the slots.
+
+    Args:
+        order: (K,), indices of the new hits.
+        slot_votes: (S,) of `SLOT_VOTES`, updated.
+        listed_slots: (S,), slots that have hits, of which the first `listed` are filled in; updated.
+
+    Returns:
+        The new number of listed slots.
+    """
     hits, totals, centres, weights = found
     touched = 0
     for i in range(len(order)):
         h = order[i]
         if i % AGREEMENT.ahead == 0:
-            # Hits lie anywhere in memory: asked for together, they come together.
+            # Hits are scattered in memory; loads that do not depend on each other run in parallel.
             for k in range(i, min(i + AGREEMENT.ahead, len(order))):
                 touched += slot_votes[hits[order[k]].slot].latest
             for k in range(i, min(i + AGREEMENT.ahead, len(order))):
@@ -116,7 +126,7 @@ def vote(
             listed += 1
         if slot_votes[slot].best == 0 or total > slot_votes[slot].score:
             slot_votes[slot].score, slot_votes[slot].best = total, h + 1
-    # `touched` is never negative: only so are its loads not left out.
+    # `touched` is never negative; the comparison keeps the compiler from removing the loads.
     return listed if touched >= 0 else -1
 
 
@@ -127,7 +137,10 @@ def agree(
     hits: NDArray[Any],
     centres: NDArray[np.float64],
 ) -> bool:
-    """Whether hits of two quads in one slot put the query in about the same place, turned about the same way."""
+    """Whether two hits of one slot, of different query quads, give about the same pose.
+
+    `hits`: (R,) of `HIT`; `centres`: (Q, 2), metres, of the query's quads.
+    """
     q, r = hits[first].quad, hits[second].quad
     a, b = np.int64(hits[first].turn), np.int64(hits[second].turn)
     apart = ((b - a + TURNS // 2) & (TURNS - 1)) - TURNS // 2
@@ -149,10 +162,15 @@ def agree(
 def fit_poses(
     chosen: NDArray[np.int32], count: int, slot_votes: NDArray[Any], found: Hits
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Hits that agree on the best pose of each slot `chosen` (K,), and up to `count` distinct poses (K, count, 3).
+    """Up to `count` distinct poses for each of the slots `chosen` (K,).
 
-    A pose is fitted to a hit and to all earlier ones that agree with it, by least squares of two points a hit:
-    `AGREEMENT.lever` from its centre along a direction, so that both where it is and how it is turned count.
+    A pose is the weighted least-squares fit to a hit and to all earlier ones that agree with it. Each hit counts with
+    two points, `AGREEMENT.lever` to either side of its centre along its direction, so that both its position and its
+    rotation count.
+
+    Returns:
+        Number of hits (K,) that agree on the best pose; and poses (K, count, 3): x, y, yaw of `submap_T_query`, centred
+        frames, the best first, NaN if there are fewer.
     """
     hits, totals, centres, weights = found
     support, poses = np.zeros(len(chosen), np.int64), np.full((len(chosen), count, 3), np.nan)
@@ -210,7 +228,13 @@ def rank_turns(
     hits: NDArray[Any],
     shares: NDArray[np.float64],
 ) -> tuple[NDArray[np.int32], NDArray[np.int64], NDArray[np.float64]]:
-    """The `count` heaviest peaks of rotation among slots `listed`: slots (K,), bins (K,) and weights (K,)."""
+    """The `count` heaviest peaks of rotation among the slots `listed` (L,), in no order.
+
+    `shares`: (Q,), weight of a hit of each query quad here.
+
+    Returns:
+        Slots (K,), bins of rotation (K,) from 0 to `AGREEMENT.turn_bins` - 1, and weights (K,).
+    """
     out_slots, out_bins = np.empty(count, np.int32), np.empty(count, np.int64)
     weights = np.zeros(count)
     table = np.empty(AGREEMENT.turn_bins)
@@ -229,7 +253,7 @@ def rank_turns(
             weight = table[b]
             if weight <= 0.0 or weight < table[b - 1] or weight <= table[(b + 1) % AGREEMENT.turn_bins]:
                 continue
-            # A heap of the heaviest so far, the lightest of them at its top.
+            # A heap of the heaviest peaks so far, with the lightest of them at its root.
             if found < count:
                 at = found
                 found += 1

@@ -1,4 +1,4 @@
-"""An observation under look-up, and the poses that are proposed for it."""
+"""A query during its search, and the poses that are proposed for it."""
 
 import math
 from collections.abc import Iterable
@@ -15,15 +15,22 @@ from urquhart.verify.evidence import PoseEvidence
 from urquhart.verify.landmark_grid import LandmarkGrid, landmark_grid
 
 LevelName = Literal["polygons", "quads", "exhaustive", "paper", "given"]
-"""Which search proposed a pose."""
+"""The level that proposed a pose; `given` is a pose that the caller gave."""
 
 READ_TOGETHER: Final = 32
-"""Submaps that are read together: far cheaper than one by one, and 0.1 s at most for the largest."""
+"""Submaps that are read together: far cheaper than one by one, and at most 0.1 s for the largest."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Proposal:
-    """A verified pose in one submap: the submap's key, what proposed it, and how much supports it."""
+    """A proposed pose in one submap, verified.
+
+    Attributes:
+        key: of the submap.
+        level: which search proposed the pose.
+        support: number of quads, polygons, or correlation peaks that proposed it, by level.
+        verified: the refined pose with its evidence, centred frames.
+    """
 
     key: int
     level: LevelName
@@ -33,16 +40,16 @@ class Proposal:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Query:
-    """An observation under look-up, with all that proposing and deciding need but the index.
+    """An observation during its search: everything that proposing and deciding need, except the index.
 
     Attributes:
-        features: what is known of the observation.
-        grid: its landmarks, ready for verification.
-        config: of the method.
-        submaps: features of the submaps that poses are proposed in, read when they are first asked for.
-        volume: logarithm of the volume of all poses there are to choose from; see `log_volume`.
-        budget: when the look-up must end, and whether anybody still waits for it.
-        trace: what each stage of the look-up found and cost.
+        features: of the observation.
+        grid: its landmarks, prepared for verification.
+        config: parameters of the method.
+        submaps: the submaps in which poses are proposed, read on first use.
+        volume: logarithm of the volume of all possible poses; see `log_volume`.
+        budget: when the search must end, and whether anybody still waits for it.
+        trace: counts and costs of the stages so far.
     """
 
     features: Features
@@ -55,11 +62,11 @@ class Query:
 
     @property
     def reach(self) -> float:
-        """Metres that a partner may be away in verification."""
+        """Metres: largest distance of a landmark's partner in verification."""
         return self.config.reach
 
     def read(self, keys: Iterable[int]) -> None:
-        """Read submaps, a few at a time. Raises OutOfTime where the deadline passes meanwhile."""
+        """Read submaps by key into the cache, a few at a time. Raises OutOfTime if the deadline passes."""
         wanted = list(keys)
         for begin in range(0, len(wanted), READ_TOGETHER):
             self.budget.check()
@@ -69,11 +76,14 @@ class Query:
 def make_query(
     features: Features, config: Config, source: FeatureSource, searched: int, budget: Budget | None = None
 ) -> Query:
-    """Make an observation ready to be looked up among `searched` submaps.
+    """Prepare an observation for a search.
 
     Args:
         features: of the observation.
-        source: where the features of submaps are kept.
+        config: parameters of the method.
+        source: where the features of submaps are read from.
+        searched: number of submaps that are searched.
+        budget: when the search must end; by default never.
 
     Raises:
         ValueError: the observation was described with another configuration.
@@ -86,5 +96,8 @@ def make_query(
 
 
 def log_volume(submaps: int, query: LandmarkGrid) -> float:
-    """Logarithm of the volume of all poses, square metres times radians, in `submaps` footprints like the query's."""
+    """Natural logarithm of the volume of all possible poses: x, y and yaw, in square metres times radians.
+
+    It is that of `submaps` footprints as large as the query's, times a full turn.
+    """
     return math.log(max(submaps, 1)) + math.log(2.0 * math.pi * query.area)

@@ -1,4 +1,4 @@
-"""Whether one transform between two submaps is right, judged by all of their landmarks.
+"""Verification: the evidence for a transform between two submaps, from all of their landmarks.
 
 May import the ground floor and `features`.
 """

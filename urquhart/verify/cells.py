@@ -9,22 +9,22 @@ from numpy.typing import NDArray
 from urquhart._kernel import kernel
 
 CROWD: Final = 32
-"""Landmarks of a cell beyond which they are kept as a k-d tree: one stray landmark far away makes cells so wide that
-all others share one."""
+"""Landmarks in a cell beyond which they are sorted as a k-d tree. One stray landmark far away makes cells so wide that
+all others share one cell."""
 
 
 @kernel
 def sort_into_cells(
     landmarks: NDArray[np.float64], cell: float
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-    """`cell_starts`, `cell_order` and `cell_frame` of a `LandmarkGrid`: landmarks (N, 2), metres, by square cell.
+    """Sort landmarks (N, 2), metres, into square cells: `cell_starts`, `cell_order`, `cell_frame` of a `LandmarkGrid`.
 
-    `cell`: metres, the least side of one.
+    `cell`: metres, least side of a cell.
     """
     n = len(landmarks)
     low_x, low_y = landmarks[:, 0].min(), landmarks[:, 1].min()
     width, height = landmarks[:, 0].max() - low_x, landmarks[:, 1].max() - low_y
-    # About one landmark to a cell is enough: smaller cells only cost memory where a footprint is large and thin.
+    # Cells need not be smaller than about a landmark each: in a large, sparse footprint that would only cost memory.
     size = max(cell, math.sqrt(width * height / (4.0 * n)), max(width, height) / 1024.0)
     columns, rows = int(width / size) + 1, int(height / size) + 1
     place = np.empty(n, np.int64)
@@ -46,7 +46,7 @@ def sort_into_cells(
 
 @kernel
 def build_tree(landmarks: NDArray[np.float64], order: NDArray[np.int64], first: int, last: int) -> None:
-    """Bring `order[first:last]` into the order of a k-d tree: the middle one splits the rest, x and y in turn."""
+    """Sort `order[first:last]` as a k-d tree: the middle one splits the rest, by x and y in turn."""
     begins, ends, axes = np.empty(64, np.int64), np.empty(64, np.int64), np.empty(64, np.int64)
     begins[0], ends[0], axes[0] = first, last, 0
     waiting = 1
@@ -75,7 +75,11 @@ def search_tree(
     best: int,
     best_distance: float,
 ) -> tuple[int, float]:
-    """The landmark of a k-d tree (K,) that is nearest to (x, y), and its squared distance, or the best so far."""
+    """The landmark of a k-d tree nearest to (x, y), metres, and its squared distance.
+
+    `tree`: (K,), landmark indices as `build_tree` sorted them. A landmark that is no nearer than `best` so far, at the
+    squared distance `best_distance`, does not replace it.
+    """
     begins, ends, axes = np.empty(64, np.int64), np.empty(64, np.int64), np.empty(64, np.int64)
     beyond = np.empty(64)
     begins[0], ends[0], axes[0], beyond[0] = 0, len(tree), 0, 0.0
@@ -92,7 +96,7 @@ def search_tree(
         if distance <= best_distance:
             best, best_distance = k, distance
         away = dx if axis == 0 else dy
-        # The half on the far side waits below the near one, which is looked at first.
+        # The near half is on top of the stack, and is searched first.
         near_a, near_b, far_a, far_b = (a, middle, middle + 1, b) if away < 0.0 else (middle + 1, b, a, middle)
         begins[waiting], ends[waiting], axes[waiting], beyond[waiting] = far_a, far_b, 1 - axis, away * away
         waiting += 1

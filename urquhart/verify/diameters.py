@@ -1,15 +1,16 @@
-"""Stem diameters as evidence: never required, and never able to do harm.
+"""Stem diameters as evidence. They are never required, and can hardly do harm.
 
-A diameter tells little of one tree and much of forty. Only its rank within its own stand is used, so that neither the
-unit nor the instrument's bias nor ten years of growth matter: logarithms, less their median, over their spread. With
-z_1, z_2 such scores of a pair of partners and rho their correlation if they are one tree, the pair's evidence is the
-log-likelihood ratio of two correlated normal variables against two independent ones,
+The diameter of one tree says little, those of forty trees say much. Each is standardised within its own stand, as the
+logarithm minus the median, divided by the spread. So neither the unit, nor the bias of an instrument, nor ten years of
+growth matter. With z_1, z_2 the scores of a pair of partners, and rho their correlation if they are one tree, the
+evidence of the pair is the log-likelihood ratio of two correlated normal variables against two independent ones,
 
     -log(1 - rho^2) / 2 - (rho^2 (z_1^2 + z_2^2) - 2 rho z_1 z_2) / (2 (1 - rho^2)).
 
-rho is what measuring twice leaves of the spread: in a plantation of equal stems it is small, and diameters say little.
-A likelihood ratio exceeds e^x by chance with a probability of e^-x at most, so that a wrong pose gains nothing by it;
-and because half of all prior belief stays with "these diameters are worthless", a right one loses no more than log 2.
+rho follows from the share of the spread that is not measurement error: in a plantation of equal stems it is small, and
+diameters say little. By chance, a likelihood ratio exceeds e^x with a probability of at most e^-x, so a wrong pose
+gains nothing. Half of the prior probability is given to "these diameters are worthless", so a right pose loses at most
+log 2.
 """
 
 import math
@@ -25,13 +26,13 @@ class DiameterNumbers(NamedTuple):
     """How far stem diameters are trusted. Chosen by hand, not fitted."""
 
     error: float = 0.12
-    """Usual error of the logarithm of a diameter between two measurements of a tree: a tenth of it and some growth."""
+    """Usual error of the logarithm of a diameter: about a tenth from measuring, and some growth."""
     fewest: int = 8
-    """With fewer diameters than this their spread is not known, and none is used."""
+    """Fewest diameters that are used: of fewer, the spread is not known."""
     farthest: float = 2.5
-    """Scores are cut off here: one stem that was mistyped must not outweigh a stand."""
+    """Scores are clipped here: one mistyped diameter must not outweigh a stand."""
     most_correlation: float = 0.9
-    """Correlation never believed to be higher, however wide the stand's spread."""
+    """Largest correlation, however wide the spread of the stand."""
 
 
 DIAMETERS: Final = DiameterNumbers()
@@ -39,9 +40,11 @@ DIAMETERS: Final = DiameterNumbers()
 
 @kernel
 def standardize_diameters(diameters: NDArray[np.float32]) -> tuple[NDArray[np.float64], float]:
-    """Scores (N,) of diameters within their own stand, NaN where not known, and the spread of their logarithms.
+    """Standardise diameters (N,), any unit, NaN where not known, within their own stand.
 
-    Scores are empty, and the spread is 0, where too few diameters are known or all are alike.
+    Returns:
+        Scores (N,), NaN where the diameter is not known, and the spread of the logarithms. The scores are empty, and
+        the spread is 0, if too few diameters are known, or all are about equal.
     """
     logs = np.log(diameters.astype(np.float64))
     known = logs[~np.isnan(logs)]
@@ -68,9 +71,9 @@ def score_diameter_pairs(
     first: NDArray[np.int64],
     second: NDArray[np.int64],
 ) -> float:
-    """Evidence from the diameters of partners `first` (K,) of the query and `second` (K,) of the submap.
+    """Evidence (natural logarithm) from the diameters of pairs: `first` (K,) of the query, `second` (K,) of the submap.
 
-    `query`, `submap`: scores as `standardize_diameters` gives them.
+    `query`, `submap`, and their spreads: as `standardize_diameters` returns them.
     """
     if len(query) == 0 or len(submap) == 0:
         return 0.0

@@ -1,8 +1,8 @@
-"""Whether what is left between matched trees is noise, or shows that one side is distorted: tilted, scaled or bent.
+"""Whether the residuals of a match are noise, or show that one side is distorted: tilted, scaled or bent.
 
-A rigid transform explains two sightings of the same trees up to noise. A tilted sensor shortens one direction, a wrong
-unit or range stretches all of them, and a trajectory that drifts within a submap bends it. What is left after the
-transform is fitted by these fields, one after the other; each must explain more than noise would in one of a thousand.
+A rigid transform explains two observations of the same trees up to noise. A tilted sensor shortens one direction, a
+wrong unit or range scales all directions, and a trajectory that drifts within a submap bends it. The residuals are
+fitted by these displacement fields, one after the other, and F tests decide whether a field explains more than noise.
 """
 
 from collections.abc import Mapping
@@ -21,26 +21,25 @@ class DistortionNumbers(NamedTuple):
     otherwise."""
 
     false_alarms: float = 1e-3
-    """Share of undistorted matches in which each of the two tests errs, which `tests/urquhart/test_distortion.py`
-    counts."""
+    """Significance level of each of the two tests; `tests/urquhart/test_distortion.py` counts the false alarms."""
     largest: float = 0.1
-    """Displacement that a distortion brings about as far from the middle as the trees are spread, as a share of that
-    distance: a tenth is a scale of 1.1, or a tilt by 25 degrees."""
+    """Usual size of a distortion: the displacement at one spread of the trees from their centroid, as a share of that
+    distance. A tenth is a scale of 1.1, or a tilt by 25 degrees."""
     fewest: int = 4
-    """Residuals that must be left over, for a test to say anything."""
+    """Fewest degrees of freedom that a test needs."""
     height: float = 1.3
-    """Metres between a sensor and the height at which stems are measured (breast height, 1.3 m, by convention): seen
-    from a tilted sensor, all stems are off by its sine times this."""
+    """Metres between a sensor and the height at which stems are measured (breast height, 1.3 m, by convention). A tilt
+    moves all stems by its sine times this."""
     neither: float = 13.8
-    """Squared standard deviations beyond which a stretch is neither a tilt nor a scale. Follows from `false_alarms`:
-    the chi-square quantile for two numbers is -2 log(0.001)."""
+    """Squared standard deviations beyond which a stretch is neither a pure tilt nor a pure scale. Follows from
+    `false_alarms`: the chi-square quantile for two numbers is -2 log(0.001)."""
     near: float = 2.0
-    """An origin among the trees, where the sensor may have been, is no more than this many times their spread away."""
+    """An origin within this many spreads of the trees' centroid may be where the sensor was."""
 
 
 DISTORTION: Final = DistortionNumbers()
 _RIGID, _AFFINE, _BENT = 3, 6, 12
-"""Numbers that a field has: rigid, stretched along two directions, and bent."""
+"""Coefficients of a field: rigid; affine (stretched along two directions); and bent (quadratic)."""
 
 WARNINGS: Final[Mapping[str, str]] = {
     "tilted": "one direction is longer than the other on one side: a sensor was tilted, or drifted along a line",
@@ -56,12 +55,12 @@ Field = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Distortion:
-    """What is wrong with the shape of one of two sightings.
+    """A distortion of one of two observations of the same trees.
 
     Attributes:
-        words: `tilted`, `scaled`, `bent`; none where noise explains everything.
-        covariance: (3, 3) float64 over (x, y, yaw) about the middle of the trees, target axes: how far off the
-            transform may be because of it, beyond noise.
+        words: `tilted`, `scaled`, `bent`; empty if noise explains everything.
+        covariance: (3, 3) float64 over (x, y, yaw) about the centroid of the trees, target axes, metres and radians:
+            the error of the transform because of the distortion, beyond noise.
     """
 
     words: tuple[str, ...]
@@ -69,10 +68,10 @@ class Distortion:
 
 
 def find_distortion(source: Field, target: Field, target_T_source: SE2) -> Distortion:
-    """Look for a distortion in what a least-squares transform leaves between pairs of trees.
+    """Look for a distortion in the residuals of a least-squares transform.
 
     Args:
-        source, target: (K, 2) float64, metres: the trees of either side in its own frame, pair by pair.
+        source, target: (K, 2) float64, metres: the paired trees of each side, in the side's own frame.
         target_T_source: the transform at the optimum.
     """
     none = Distortion((), np.zeros((3, 3)))
@@ -97,7 +96,7 @@ def find_distortion(source: Field, target: Field, target_T_source: SE2) -> Disto
             covariance += _hidden_by_tilt(stretch / spread, along)
     if bent:
         words.append("bent")
-    # Nobody knows which side it is, nor where its sensor was: the origins are the best guess, where they are near.
+    # It is unknown which side is distorted, and where its sensor was: an origin that is near is the best guess.
     for origin in (turn.apply(-middle[None])[0], -there):
         if np.hypot(*origin) <= DISTORTION.near * np.sqrt(2.0) * spread:
             covariance += _off_at(origin / spread, spread, values, spreads)
@@ -105,17 +104,17 @@ def find_distortion(source: Field, target: Field, target_T_source: SE2) -> Disto
 
 
 class _Fit:
-    """Least squares of what is left, field after field; nested, so that one factorisation serves all tests."""
+    """Least-squares fits of the residuals by nested fields: one factorisation serves all tests."""
 
     def __init__(self, fields: Field, left: Field, largest: float) -> None:
-        """`largest`: metres, one standard deviation of what distortions are like before anything is seen of them."""
+        """Fit residuals `left` (2 K,), metres, by `fields` (2 K, C); `largest`: metres, prior standard deviation."""
         self._largest = largest
         self._q, self._r = np.linalg.qr(fields)
         self._parts = self._q.T @ left
         self._total = float(left @ left)
 
     def explains(self, size: int, larger: int) -> bool:
-        """Whether the larger field explains significantly more than the one it contains (F test)."""
+        """Whether a field of `larger` coefficients explains significantly more than its first `size` ones (F test)."""
         rest = self._rest(larger)
         degrees = len(self._q) - larger
         gained = float((self._parts[size:larger] ** 2).sum()) / (larger - size)
@@ -124,9 +123,9 @@ class _Fit:
         return float(fdtrc(larger - size, degrees, gained / (rest / degrees))) < DISTORTION.false_alarms
 
     def solve(self, size: int) -> tuple[Field, Field]:
-        """The coefficients (size,) of a field and their covariance (size, size).
+        """The first coefficients (size,), and their covariance (size, size).
 
-        Trees along two lines do not tell all of them: what they leave open is bounded by how large distortions are.
+        Trees along two lines do not determine all coefficients; the prior bounds the others.
         """
         variance = self._rest(size) / (len(self._q) - size)
         held = self._r[:size, :size]
@@ -140,7 +139,7 @@ class _Fit:
 
 
 def _fields(at: Field) -> Field:
-    """Displacements (2 N, 12) at places (N, 2) for a unit of each coefficient: x of all places, then y of all."""
+    """Displacements (2 N, 12) at positions (N, 2) by a unit of each coefficient: x of all positions, then y of all."""
     x, y = at.T
     one, none = np.ones(len(at)), np.zeros(len(at))
     along_x = [one, none, -y, x, x, y, x * x, x * y, y * y, none, none, none]
@@ -167,22 +166,23 @@ def _name(values: Field, spreads: Field) -> tuple[list[str], float, float]:
 
 
 def _hidden_by_tilt(stretch: float, along: float) -> Field:
-    """Covariance (3, 3) of how far a tilt moves all trees alike, which no field can show."""
+    """Covariance (3, 3) of the common shift of all trees by a tilt, which residuals cannot show."""
     angle = np.sqrt(2.0 * min(abs(stretch), 0.5))
     moved = DISTORTION.height * np.sin(angle) * np.array([np.cos(along), np.sin(along), 0.0])
     return np.outer(moved, moved)
 
 
 def _off_at(origin: Field, spread: float, values: Field, spreads: Field) -> Field:
-    """How far off a rigid transform is, as a covariance (3, 3), if the sensor was at `origin`, in units of `spread`.
+    """The error of the rigid transform, as a covariance (3, 3), if the sensor was at `origin`, in units of `spread`.
 
-    There the field tells where the sensor is and how it is turned.
+    The field at `origin` gives the true displacement and rotation of the sensor. `values`, `spreads`: coefficients and
+    their covariance.
     """
     size = len(values)
     place = _fields(origin[None])[:, :size]
     x, y = origin
     turned = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, -0.5 * x, -y, x, 0.5 * y, 0.0])[:size]
-    # What moves the middle is the move at the origin less what the turn there brings.
+    # The displacement of the centroid is that at the origin, minus the effect of the rotation there.
     moved = place - np.outer([-y, x], turned)
     told = np.vstack([moved, turned / spread])
     off = told @ values

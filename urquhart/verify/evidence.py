@@ -1,17 +1,17 @@
-"""Scoring a transform against every landmark: the only thing that may call a match a match.
+"""The evidence for a transform, from every landmark. Only evidence makes a match.
 
-Two point patterns laid over each other by a transform are either the same trees seen twice or two unrelated patches of
-forest. Inside the overlap of the two footprints each landmark is evidence: with a partner at a distance that noise
-explains it speaks for the transform, the more so the thinner the forest is there; without one it speaks against. The
-sum of the logarithms is the log-likelihood ratio reported as `evidence`.
+Under a transform, two sets of landmarks are either the same trees seen twice, or two unrelated patches of forest. Each
+landmark inside the overlap of the two footprints is evidence. One with a partner at a distance that noise explains
+counts for the transform, more so where the forest is sparse. One without a partner counts against it. The sum of the
+logarithms is the log-likelihood ratio that is reported as `evidence`.
 
-With m the chance that a tree of the overlap which one side saw is seen by the other, s the noise of one coordinate of a
-residual and d the density of landmarks about it, a landmark with a partner at distance r contributes
+Let m be the probability that a tree in the overlap that one side saw is seen by the other side, s the noise of one
+coordinate of a residual, and d the density of landmarks around it. A landmark with a partner at distance r contributes
 
     log( (1 - m) + m exp(-r^2 / 2 s^2) / (2 pi s^2 d) )
 
-and one without contributes log(1 - m). Stem diameters add theirs where both sides have them. Nobody knows m and s
-beforehand: the evidence is taken at the best of a few, within what sensors do (`EVIDENCE.noise`, `EVIDENCE.detection`).
+and one without a partner contributes log(1 - m). Stem diameters contribute too if both sides have them. m and s are
+unknown, so the evidence is the best over a few trial values (`EVIDENCE.noise`, `EVIDENCE.detection`).
 """
 
 import math
@@ -34,8 +34,8 @@ class EvidenceNumbers(NamedTuple):
     noise: tuple[float, ...] = (0.05, 0.1, 0.2, 0.35, 0.6, 0.9)
     """Metres: trial values for the noise of one coordinate of a residual."""
     detection: tuple[float, ...] = (0.5, 0.65, 0.8, 0.9)
-    """Trial values for the chance that a tree seen once is seen again. A floor well above zero keeps a few chance
-    partners among many landmarks without one from ever adding up."""
+    """Trial values for the probability that a tree seen once is seen again. The least is well above zero, so that a few
+    chance partners among many landmarks without one never add up to a match."""
 
 
 EVIDENCE: Final = EvidenceNumbers()
@@ -43,17 +43,17 @@ EVIDENCE: Final = EvidenceNumbers()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseEvidence:
-    """A refined transform and what speaks for it.
+    """A transform, and the evidence for it.
 
     Attributes:
-        transform: `submap_T_query` between the *centred* frames.
+        transform: `submap_T_query` between the centred frames.
         evidence: log-likelihood ratio, natural logarithm, of the same place against chance.
-        diameter_evidence: how much of it is from stem diameters.
-        query, submap: (K,) int64, the one-to-one inliers.
+        diameter_evidence: the part of the evidence that stem diameters contribute.
+        query, submap: (K,) int64, landmark indices of the one-to-one inliers.
         residuals: (K,) float64, metres.
-        query_overlap, submap_overlap: landmarks of each side inside the overlap of the footprints.
-        noise: metres, the noise of one coordinate that explains the residuals best.
-        overlap: landmarks inside the overlap, of the side that has more there.
+        query_overlap, submap_overlap: number of landmarks of each side inside the overlap of the footprints.
+        noise: metres, the trial value for the noise of one coordinate that explains the residuals best.
+        overlap: the larger one of `query_overlap` and `submap_overlap`.
     """
 
     transform: SE2
@@ -72,7 +72,10 @@ class PoseEvidence:
 
 
 def evidence_of_pose(query: LandmarkGrid, submap: LandmarkGrid, pose: SE2, reach: float) -> PoseEvidence:
-    """The evidence for `pose` (`submap_T_query`, centred frames) as it is."""
+    """The evidence for `pose` (`submap_T_query`, centred frames), without refining it.
+
+    `reach`: metres, largest distance of partners.
+    """
     evidence, diameter_evidence, first, second, residuals, query_overlap, submap_overlap, noise = score_pose(
         query, submap, pose.x, pose.y, pose.yaw, reach
     )
@@ -82,7 +85,7 @@ def evidence_of_pose(query: LandmarkGrid, submap: LandmarkGrid, pose: SE2, reach
 
 
 def evidence_of_row(query: LandmarkGrid, submap: LandmarkGrid, row: NDArray[np.float64]) -> PoseEvidence:
-    """All that speaks for a pose as `refine_and_score` gives it, a row (6,)."""
+    """The evidence for a pose that `refine_and_score` returned as a row (6,)."""
     x, y, yaw, _, reach, _ = row.tolist()
     return evidence_of_pose(query, submap, SE2(x, y, yaw), reach)
 
@@ -91,7 +94,11 @@ def evidence_of_row(query: LandmarkGrid, submap: LandmarkGrid, row: NDArray[np.f
 def score_pose(
     query: LandmarkGrid, submap: LandmarkGrid, x: float, y: float, yaw: float, reach: float
 ) -> tuple[float, float, NDArray[np.int64], NDArray[np.int64], NDArray[np.float64], int, int, float]:
-    """Evidence for a transform from every landmark of the overlap; see the head of this file and `PoseEvidence`."""
+    """The fields of a `PoseEvidence` after the transform; the module's docstring has the formula.
+
+    `x`, `y`, `yaw`: of `submap_T_query`, centred frames, metres and radians; `reach`: metres, largest distance of
+    partners.
+    """
     c, s = math.cos(yaw), math.sin(yaw)
     first, second, squared = pair_up(query.landmarks, submap, x, y, yaw, reach)
     seen, stored = query.landmarks, submap.landmarks
@@ -115,14 +122,14 @@ def score_pose(
     best, best_noise = -np.inf, 0.0
     for noise in EVIDENCE.noise:
         for k in range(len(first)):
-            # The denser side decides: chance finds partners where either side is crowded.
+            # The denser side counts: chance partners are frequent if either side is dense.
             density = max(query.density[first[k]], submap.density[second[k]])
             peaks[k] = math.exp(-squared[k] / (2.0 * noise * noise)) / (2.0 * math.pi * noise * noise * density)
         for detection in EVIDENCE.detection:
             total, product = alone * math.log(1.0 - detection), 1.0
             for k in range(len(first)):
                 product *= 1.0 - detection + detection * peaks[k]
-                # One logarithm for many factors, taken before they leave the range of a float.
+                # One logarithm for many factors, before their product leaves the range of a float.
                 if product > 1e100 or product < 1e-100:
                     total, product = total + math.log(product), 1.0
             total += math.log(product)

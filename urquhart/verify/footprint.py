@@ -1,7 +1,7 @@
-"""The footprint of a submap: where its landmarks would have been seen, had there been any.
+"""The footprint of a submap: the area in which a tree would have been seen.
 
-A robot's track bends, and a plot may have a lake in it. Where no landmark is near, nobody need have looked, so a
-missing partner there is no evidence against a pose.
+A robot's track bends, and a plot may have a lake in it. Where no landmark is near, perhaps nobody looked, so a missing
+partner there is no evidence against a pose.
 """
 
 from typing import Final, NamedTuple
@@ -16,9 +16,9 @@ class FootprintNumbers(NamedTuple):
     """What counts as near a landmark. Chosen by hand, not fitted."""
 
     near: float = 1.5
-    """Distances between trees: what is farther from every landmark is not part of the footprint."""
+    """Largest distance from the nearest landmark inside the footprint, in distances between trees."""
     coarse: float = 0.5
-    """Distances between trees: side of a cell of the footprint."""
+    """Side of a cell of the footprint, in distances between trees."""
 
 
 FOOTPRINT: Final = FootprintNumbers()
@@ -26,9 +26,9 @@ FOOTPRINT: Final = FootprintNumbers()
 
 @kernel
 def build_cover(landmarks: NDArray[np.float64], spacing: float) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
-    """`cover` and `cover_frame` of a `LandmarkGrid`: square cells that are near enough to one of the landmarks (N, 2).
+    """`cover` and `cover_frame` of a `LandmarkGrid`: which square cells are near enough to a landmark.
 
-    `spacing`: metres, typical distance between neighbours.
+    `landmarks`: (N, 2), metres, centred frame; `spacing`: metres, typical distance between neighbours.
     """
     low_x, low_y = landmarks[:, 0].min(), landmarks[:, 1].min()
     width, height = landmarks[:, 0].max() - low_x, landmarks[:, 1].max() - low_y
@@ -48,7 +48,7 @@ def build_cover(landmarks: NDArray[np.float64], spacing: float) -> tuple[NDArray
 
 @kernel
 def is_inside_hull(hull: NDArray[np.float64], x: float, y: float) -> bool:
-    """Whether (x, y) lies in a convex polygon (H, 2), counter-clockwise, its edge included: by bisection."""
+    """Whether (x, y) lies in a convex polygon (H, 2), counter-clockwise, or on its edge; by bisection."""
     n = len(hull)
     if side_of_edge(hull, 0, 1, x, y) < 0.0 or side_of_edge(hull, n - 1, 0, x, y) < 0.0:
         return False
@@ -64,5 +64,5 @@ def is_inside_hull(hull: NDArray[np.float64], x: float, y: float) -> bool:
 
 @kernel
 def side_of_edge(hull: NDArray[np.float64], i: int, j: int, x: float, y: float) -> float:
-    """Above zero where (x, y) lies to the left of the line from corner `i` to corner `j`."""
+    """Positive if (x, y) lies to the left of the line from corner `i` to corner `j` of `hull` (H, 2)."""
     return float((hull[j, 0] - hull[i, 0]) * (y - hull[i, 1]) - (hull[j, 1] - hull[i, 1]) * (x - hull[i, 0]))

@@ -1,4 +1,4 @@
-"""Landmarks made ready to be laid over others, or to have others laid over them."""
+"""The landmarks of a submap, prepared for comparison with those of another."""
 
 import math
 from typing import Final, NamedTuple
@@ -17,34 +17,34 @@ class GridNumbers(NamedTuple):
     """Numbers of a `LandmarkGrid`. Chosen by hand, not fitted."""
 
     loose: float = 2.0
-    """Where the trees stand far enough apart, a promising pose is tried once more with partners this many times as far
-    away: field surveys by compass and tape are that noisy."""
+    """A promising pose is tried again with partners up to this many times as far away, if the trees stand far enough
+    apart: field surveys by compass and tape are that noisy."""
     many_corners: int = 64
-    """Corners of a hull beyond which bisection is faster than asking at each side; hulls of forests have 10 to 30."""
+    """Corners of a hull beyond which bisection is faster than a test of each side; hulls in forests have 10 to 30."""
 
 
 GRID: Final = GridNumbers()
 
 
 class LandmarkGrid(NamedTuple):
-    """Landmarks by square cell, with all that the evidence for a pose needs.
+    """Landmarks by square cell, with everything that the evidence for a pose needs.
 
-    A plain tuple of arrays, because the compiler takes that as a whole. It is flat: with a tuple for the footprint and
-    one for the cells, the evidence of a pose takes a third longer.
+    It is a plain tuple of arrays, which kernels take as a whole. It is flat: with nested tuples for the footprint and
+    the cells, scoring a pose takes a third longer.
 
     Attributes:
         landmarks: (N, 2) float64, metres, centred frame.
         density: (N,) float64, landmarks per square metre.
-        hull: (H, 2) float64, metres, counter-clockwise: what the footprint lies in.
-        cover: (A, B) uint8, 1 in square cells that are near enough to a landmark to be part of the footprint.
+        hull: (H, 2) float64, metres, centred frame, convex hull, counter-clockwise: it contains the footprint.
+        cover: (A, B) uint8, 1 for square cells that are near enough to a landmark to be part of the footprint.
         cover_frame: (3,) float64: lowest x and y of `cover`, metres, and cells per metre.
-        cell_starts: (C + 1,) int64, where each square cell's landmarks begin in `cell_order`, column by column.
+        cell_starts: (C + 1,) int64, where the landmarks of each square cell begin in `cell_order`, column by column.
         cell_order: (N,) int64, landmark indices by cell.
         cell_frame: (5,) float64: lowest x and y of the cells, metres, cells per metre, columns, rows.
         area: square metres inside the hull.
         spacing: metres, typical distance between neighbours.
-        diameters: (N,) float64, standardized stem diameters, empty where they are not known; see `diameters`.
-        diameter_spread: of the logarithms of the diameters.
+        diameters: (N,) float64, scores of stem diameters, empty if they are not known; see `standardize_diameters`.
+        diameter_spread: spread of the logarithms of the diameters.
     """
 
     landmarks: NDArray[np.float64]
@@ -62,7 +62,7 @@ class LandmarkGrid(NamedTuple):
 
 
 def landmark_grid(features: Features, reach: float) -> LandmarkGrid:
-    """Make `features` ready for verification with partners up to `reach` metres away."""
+    """Prepare `features` for verification with partners up to `reach` metres away."""
     hull, diameters = features.tessellation.hull, features.diameters
     return build_landmark_grid(features.landmarks, features.density, hull, diameters, GRID.loose * reach)
 
@@ -75,9 +75,9 @@ def build_landmark_grid(
     diameters: NDArray[np.float32],
     reach: float,
 ) -> LandmarkGrid:
-    """The grid of landmarks (N, 2), metres, for partners up to `reach` metres away.
+    """The `LandmarkGrid` of landmarks (N, 2), metres, centred frame, for partners up to `reach` metres away.
 
-    `outer`: (H,) landmark indices of the hull, counter-clockwise.
+    `density`, `diameters`: (N,), as in `Features`; `outer`: (H,), landmark indices of the hull, counter-clockwise.
     """
     starts, order, frame = sort_into_cells(landmarks, reach)
     hull = landmarks[outer]
@@ -86,7 +86,7 @@ def build_landmark_grid(
         j = i + 1 if i + 1 < len(hull) else 0
         area += 0.5 * (hull[i, 0] * hull[j, 1] - hull[j, 0] * hull[i, 1])
     spacing = 1.0 / math.sqrt(np.median(density))
-    # Of a hull that is thinner than its landmarks are exact the area may come out as nothing, or less.
+    # For a hull that is thinner than rounding errors, the computed area may be zero or negative.
     area = max(area, spacing * spacing)
     cover, cover_frame = build_cover(landmarks, spacing)
     scores, spread = standardize_diameters(diameters)
@@ -96,7 +96,7 @@ def build_landmark_grid(
 
 @kernel
 def is_inside(grid: LandmarkGrid, x: float, y: float) -> bool:
-    """Whether (x, y) lies in the footprint: near a landmark, and in the hull, its edge included."""
+    """Whether (x, y), metres, centred frame, lies in the footprint: near a landmark, and in the hull or on its edge."""
     cover, frame, hull = grid.cover, grid.cover_frame, grid.hull
     a, b = math.floor((x - frame[0]) * frame[2]), math.floor((y - frame[1]) * frame[2])
     if a < 0 or b < 0 or a >= cover.shape[0] or b >= cover.shape[1] or cover[a, b] == 0:
@@ -104,7 +104,7 @@ def is_inside(grid: LandmarkGrid, x: float, y: float) -> bool:
     n = len(hull)
     if n > GRID.many_corners:
         return is_inside_hull(hull, x, y)
-    # In a function of its own this loop makes the evidence of a pose take half as long again.
+    # In a function of its own, this loop makes scoring a pose take half as long again.
     for i in range(n):
         j = i + 1 if i + 1 < n else 0
         if (hull[j, 0] - hull[i, 0]) * (y - hull[i, 1]) - (hull[j, 1] - hull[i, 1]) * (x - hull[i, 0]) < 0.0:
@@ -114,7 +114,10 @@ def is_inside(grid: LandmarkGrid, x: float, y: float) -> bool:
 
 @kernel
 def nearest(grid: LandmarkGrid, x: float, y: float, reach: float) -> tuple[int, float]:
-    """The landmark nearest to (x, y) within `reach` metres (at most one cell) and its squared distance; -1 if none."""
+    """The landmark nearest to (x, y), metres, and its squared distance; -1 if there is none within `reach`.
+
+    `reach`: metres, at most that of `landmark_grid` times `GRID.loose`.
+    """
     landmarks, starts, order, frame = grid.landmarks, grid.cell_starts, grid.cell_order, grid.cell_frame
     columns, rows = int(frame[3]), int(frame[4])
     best, best_distance = -1, reach * reach

@@ -1,6 +1,6 @@
-"""Which landmark is which under a transform: one-to-one partners, and the transform that fits them best.
+"""One-to-one partners under a transform, and the transform that fits them best.
 
-A landmark of the query is paired with the nearest one of the submap, unless another of the query is nearer to that.
+A landmark of the query is paired with the nearest one of the submap, unless another query landmark is nearer to that.
 """
 
 import math
@@ -18,7 +18,7 @@ class PairingNumbers(NamedTuple):
     """How landmarks are paired. Chosen by hand, not fitted."""
 
     rounds: int = 4
-    """Rounds of pairing and fitting, at most."""
+    """Most rounds of pairing and fitting."""
 
 
 PAIRING: Final = PairingNumbers()
@@ -31,7 +31,11 @@ def count_inliers(
     transforms: NDArray[np.float64],
     reach: float,
 ) -> NDArray[np.float64]:
-    """A quick score (H,) for many transforms (H, 3): partners within `reach`, each worth 1 down to 0 at `reach`."""
+    """A fast score (H,) of many transforms: the number of partners within `reach`, weighted by their distance.
+
+    `query`: (N, 2), metres; `transforms`: (H, 3), x, y, yaw of `submap_T_query`, centred frames; `reach`: metres. The
+    weight falls from 1 at distance 0 to 0 at `reach`.
+    """
     scores = np.zeros(len(transforms))
     for h in range(len(transforms)):
         c, s = math.cos(transforms[h, 2]), math.sin(transforms[h, 2])
@@ -53,10 +57,12 @@ def pair_up(
     yaw: float,
     reach: float,
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-    """One-to-one partners under a transform: each query landmark's nearest, kept by the nearest of those that claim it.
+    """One-to-one partners of query landmarks (N, 2), metres, under a transform (x, y, yaw of `submap_T_query`).
+
+    Each query landmark claims its nearest submap landmark within `reach` metres; the nearest claim is kept.
 
     Returns:
-        Query indices (K,), submap indices (K,), squared distances (K,).
+        Query indices (K,), submap indices (K,), squared distances (K,), square metres.
     """
     n = len(query)
     c, s = math.cos(yaw), math.sin(yaw)
@@ -88,7 +94,10 @@ def refine(
     yaw: float,
     reach: float,
 ) -> tuple[float, float, float]:
-    """Least squares over the partners, paired again until they stay the same (`PAIRING.rounds` times at most)."""
+    """Refine a transform (x, y, yaw of `submap_T_query`) by least squares over its partners within `reach` metres.
+
+    Pairing and fitting are repeated until the number of partners stays the same, at most `PAIRING.rounds` times.
+    """
     previous = -1
     for _ in range(PAIRING.rounds):
         first, second, _ = pair_up(query, submap, x, y, yaw, reach)

@@ -1,6 +1,6 @@
 """Verification of proposed poses: each is refined on its own inliers, then scored by all landmarks.
 
-Many poses are kept as an array (S, 6) float64 with a row for each:
+Many poses are held in an array (S, 6) float64, a row each:
 
     x, y, yaw   `submap_T_query` between centred frames, metres and radians
     evidence    log-likelihood ratio of the same place against chance
@@ -22,12 +22,13 @@ from urquhart.verify.pairing import count_inliers, refine
 
 
 class RefinementNumbers(NamedTuple):
-    """Which poses are refined, and how far away partners are sought. Chosen by hand, not fitted."""
+    """Which poses are refined, and how far away partners are searched. Chosen by hand, not fitted."""
 
     semifinalists: int = 12
-    """Hypotheses that all landmarks are spent on, of those that a third of the landmarks likes best."""
+    """Hypotheses that are scored by all landmarks: the best ones by a third of the landmarks."""
     room: float = 0.3
-    """Share of the distance between trees: with partners much farther away, rows of trees fit under any shift."""
+    """Largest distance of partners, as a share of the distance between trees. With partners much farther away, rows of
+    trees fit under any shift."""
 
 
 REFINEMENT: Final = RefinementNumbers()
@@ -36,10 +37,13 @@ REFINEMENT: Final = RefinementNumbers()
 def verify(
     query: LandmarkGrid, submap: LandmarkGrid, start: SE2, reach: float, budget: Budget = UNBOUNDED
 ) -> PoseEvidence:
-    """Refine `start` (`submap_T_query`, centred frames) on its own inliers and weigh it against all landmarks.
+    """Refine `start` (`submap_T_query`, centred frames) on its own inliers, and score it by all landmarks.
 
-    Partners are sought within `reach` first. If that speaks for the pose and trees stand far enough apart, they are
-    sought again within `GRID.loose` times `reach`, and the better explanation stands.
+    Partners are searched within `reach` metres first. If there is evidence for the pose, and trees stand far enough
+    apart, they are searched again within `GRID.loose` times `reach`, and the better result is kept.
+
+    Raises:
+        OutOfTime: the deadline passed first.
     """
     return verify_best(query, submap, np.array([[start.x, start.y, start.yaw]]), reach, budget)
 
@@ -47,10 +51,12 @@ def verify(
 def verify_best(
     query: LandmarkGrid, submap: LandmarkGrid, starts: NDArray[np.float64], reach: float, budget: Budget = UNBOUNDED
 ) -> PoseEvidence:
-    """The strongest of several poses `starts` (S, 3), S > 0, each refined and weighed as in `verify`.
+    """The pose with the most evidence among `starts` (S, 3), S > 0, each refined and scored as by `verify`.
+
+    `starts`: x, y, yaw of `submap_T_query`, centred frames, metres and radians.
 
     Raises:
-        OutOfTime: the deadline passed before all were weighed.
+        OutOfTime: the deadline passed first.
     """
     scored = refine_and_score_all(query, submap, starts, reach, 0.0, budget)
     return evidence_of_row(query, submap, scored[scored[:, 3].argmax()])
@@ -64,12 +70,13 @@ def refine_rough(
     count: int,
     budget: Budget = UNBOUNDED,
 ) -> NDArray[np.float64]:
-    """The best of poses `starts` (S, 3), S > 0, that are good to a metre or two: a row (6,) of `refine_and_score`.
+    """The best of rough poses `starts` (S, 3), S > 0, right to a metre or two, as a row (6,) of `refine_and_score`.
 
-    Partners are sought far away first; the `count` poses that then bring most landmarks together are refined again.
+    The poses are first refined with partners within `GRID.loose` times `reach`, metres. The `count` poses that then
+    have the most partners are refined again, and scored.
 
     Raises:
-        OutOfTime: the deadline passed before all were scored.
+        OutOfTime: the deadline passed first.
     """
     cost = pose_cost(query, submap)
     if budget.fits(len(starts), cost):
@@ -87,7 +94,7 @@ def refine_rough(
 def refine_rough_at_once(
     query: LandmarkGrid, submap: LandmarkGrid, starts: NDArray[np.float64], reach: float, count: int
 ) -> NDArray[np.float64]:
-    """What `refine_rough` gives, in one step: for ordinary sizes that is fastest."""
+    """The result of `refine_rough` in one compiled call, which is fastest for ordinary sizes."""
     near = refine_all(query, submap, starts, GRID.loose * reach)
     scores = count_inliers(query.landmarks, submap, near, reach)
     scored = refine_and_score(query, submap, near[np.argsort(-scores, kind="mergesort")[:count]], reach, 0.0)
@@ -96,7 +103,7 @@ def refine_rough_at_once(
 
 
 def pose_cost(query: LandmarkGrid, submap: LandmarkGrid) -> float:
-    """Steps that it takes to refine and weigh one pose, see `Budget.portions`."""
+    """Cost of refining and scoring one pose, in steps of `Budget.portions`."""
     return 100.0 * (len(query.landmarks) + len(submap.landmarks))
 
 
@@ -104,7 +111,7 @@ def pose_cost(query: LandmarkGrid, submap: LandmarkGrid) -> float:
 def refine_all(
     query: LandmarkGrid, submap: LandmarkGrid, starts: NDArray[np.float64], reach: float
 ) -> NDArray[np.float64]:
-    """Poses (S, 3), each refined as `refine` does it."""
+    """Poses `starts` (S, 3), each refined by `refine` with partners within `reach` metres."""
     near = np.empty_like(starts)
     for k in range(len(starts)):
         near[k, 0], near[k, 1], near[k, 2] = refine(
@@ -116,7 +123,7 @@ def refine_all(
 def refine_and_score_all(
     query: LandmarkGrid, submap: LandmarkGrid, starts: NDArray[np.float64], reach: float, least: float, budget: Budget
 ) -> NDArray[np.float64]:
-    """`refine_and_score`, in portions. Raises OutOfTime where the deadline passes between two of them."""
+    """The result of `refine_and_score`, computed in portions. Raises OutOfTime if the deadline passes between them."""
     portions = budget.portions(len(starts), pose_cost(query, submap))
     return np.concatenate([refine_and_score(query, submap, starts[rows], reach, least) for rows in portions])
 
@@ -125,10 +132,10 @@ def refine_and_score_all(
 def refine_and_score(
     query: LandmarkGrid, submap: LandmarkGrid, starts: NDArray[np.float64], reach: float, least: float
 ) -> NDArray[np.float64]:
-    """Poses (S, 3) refined, rows (S, 6): x, y, yaw, evidence, reach of the partners, landmarks of the overlap.
+    """Refine poses `starts` (S, 3), and score them: rows (S, 6), as the module's docstring describes them.
 
-    The landmarks are those of the side that has more of them there.
-    `least`: evidence that makes the second try, with partners farther away, worth its time.
+    `reach`: metres, largest distance of partners; `least`: evidence above which a pose is also tried with partners
+    farther away.
     """
     scored = np.empty((len(starts), 6))
     wide = min(GRID.loose * reach, REFINEMENT.room * query.spacing, REFINEMENT.room * submap.spacing)
@@ -154,13 +161,14 @@ def best_hypotheses(
     count: int,
     budget: Budget = UNBOUNDED,
 ) -> NDArray[np.float64]:
-    """Those `count` of `hypotheses` (H, 3) that bring most landmarks together, the best first.
+    """The `count` hypotheses with the most partners, the best first.
 
-    Hypotheses are x, y, yaw of `submap_T_query` between the centred frames. Where they are many, a third of the
-    landmarks chooses those that all of them are spent on.
+    If there are many hypotheses, a third of the landmarks selects those that are scored by all landmarks.
+
+    `hypotheses`: (H, 3), x, y, yaw of `submap_T_query`, centred frames; `reach`: metres, largest distance of partners.
 
     Raises:
-        OutOfTime: the deadline passed before all were counted.
+        OutOfTime: the deadline passed first.
     """
     if len(hypotheses) > 2 * REFINEMENT.semifinalists:
         third = np.ascontiguousarray(query.landmarks[::3])
@@ -173,6 +181,6 @@ def best_hypotheses(
 def count_all(
     landmarks: NDArray[np.float64], submap: LandmarkGrid, poses: NDArray[np.float64], reach: float, budget: Budget
 ) -> NDArray[np.float64]:
-    """`count_inliers`, in portions. Raises OutOfTime where the deadline passes between two of them."""
+    """The result of `count_inliers`, computed in portions. Raises OutOfTime if the deadline passes between them."""
     portions = budget.portions(len(poses), 20.0 * len(landmarks))
     return np.concatenate([count_inliers(landmarks, submap, poses[rows], reach) for rows in portions])
