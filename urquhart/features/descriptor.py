@@ -30,17 +30,13 @@ def describe_outlines(
     samples: int,
     squared: bool,
 ) -> NDArray[np.float32]:
-    """Descriptors (P, samples // 2 + 1) float32 of P closed outlines.
+    """Descriptors (P, samples // 2 + 1) float32 of P outlines, in metres (square metres if `squared`).
 
     Args:
         landmarks: (N, 2) float64, metres, any centred frame: far from the origin, float32 rows lose digits.
-        vertices: landmark indices of all outlines one after the other, as in `Tessellation`.
-        offsets: (P + 1,) int32, where each outline begins in `vertices`.
+        vertices, offsets: outlines as in `Tessellation`; triangles are outlines of three.
         samples: points along each outline; the paper's M, which is 1 / its step.
         squared: squared centroid distance (paper, section IV-B), or plain distance (the authors' code).
-
-    Returns:
-        Square metres if `squared`, else metres; the first column is M times the mean.
     """
     count = len(offsets) - 1
     width = samples // 2 + 1
