@@ -99,6 +99,14 @@ def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
     }
 
 
+def lines_of(*models: type[BaseModel]) -> dict[str, Any]:
+    """The schema of NDJSON whose lines are of these models.
+
+    OpenAPI 3.1 has no word for the schema of a line, so a member of our own (`x-line`) names it.
+    """
+    return {"type": "string", "x-line": [{"$ref": f"#/components/schemas/{model.__name__}"} for model in models]}
+
+
 def entity_tags(header: str | None) -> tuple[str, ...] | None:
     """Tags of If-Match or If-None-Match, without quotes and W/; None where the header is missing."""
     if header is None:

@@ -10,7 +10,7 @@ from server.http.authorization import GuardedRoute
 from server.http.body_limit import declared_length
 from server.http.compression import Inflater
 from server.http.negotiation import NDJSON
-from server.http.responses import problems, stored_response
+from server.http.responses import lines_of, problems, stored_response
 from server.jobs import queue
 from server.jobs.quota import check_room
 from server.jobs.upload import receive_upload
@@ -18,6 +18,7 @@ from server.platform.ids import new_id
 from server.routes.dependencies import CollectionId, IdempotencyKeyHeader, PrincipalDep, ServiceDep, idempotency_key_of
 from server.routes.jobs import ACCEPTED
 from server.schemas.jobs import JobAnswer
+from server.schemas.submaps import NamedSubmap
 from server.submaps.bulk import OnConflict
 
 router = APIRouter(route_class=GuardedRoute, tags=["jobs"])
@@ -36,7 +37,7 @@ _MEDIA_TYPES = frozenset({NDJSON, "application/ndjson", "application/jsonl"})
         "requestBody": {
             "required": True,
             "description": "One submap on each line: the body of a PUT plus its `id`. gzip is accepted.",
-            "content": {NDJSON: {"schema": {"type": "string"}, "example": _INPUT}},
+            "content": {NDJSON: {"schema": lines_of(NamedSubmap), "example": _INPUT}},
         }
     },
 )

@@ -12,26 +12,35 @@ from server.constraints.extraction import check_ids, chosen_submaps
 from server.http.admission.admission import AdmissionDep
 from server.http.json_body import JsonRoute
 from server.http.negotiation import JSON, NDJSON
-from server.http.responses import json_response, next_link, problems, stored_response
+from server.http.responses import json_response, lines_of, next_link, problems, stored_response
 from server.jobs import queue
 from server.resources.paging import PageRequest
 from server.routes.dependencies import CollectionId, IdempotencyKeyDep, PageCursor, PageLimit, PrincipalDep, ServiceDep
-from server.schemas.constraints import CONSTRAINT_EXAMPLE, ConstraintFormat, ConstraintsInput
-from server.schemas.jobs import JOB_EXAMPLE, JobAnswer, JobPage, JobState
+from server.schemas.constraints import (
+    CONSTRAINT_EXAMPLE,
+    Constraint,
+    ConstraintFormat,
+    ConstraintList,
+    ConstraintsInput,
+)
+from server.schemas.jobs import JOB_EXAMPLE, JobAnswer, JobPage, JobState, LineResult
 
 router = APIRouter(route_class=JsonRoute, tags=["jobs"])
 _JOB = {"content": {JSON: {"example": JOB_EXAMPLE}}}
 ACCEPTED = {"description": "The job is accepted; `Location` is its path.", "model": JobAnswer, **_JOB}
 """How the answer of a route that takes a job on is described."""
 _LINE = '{"line": 1, "id": "p1", "outcome": "created", "revision": 4}\n'
-_LINES = {"content": {NDJSON: {"schema": {"type": "string"}, "example": _LINE}}}
+_LINES = {"content": {NDJSON: {"schema": lines_of(LineResult), "example": _LINE}}}
 STALE = "X-Stale-Constraints"
 """Header of results: how many constraints concern submaps that were changed or deleted since."""
 _RESULTS: dict[str, Any] = {
     "headers": {STALE: {"description": "How many constraints are stale.", "schema": {"type": "integer"}}},
     "content": {
-        **_LINES["content"],
-        JSON: {"schema": {"type": "object"}, "example": {"constraints": [CONSTRAINT_EXAMPLE]}},
+        NDJSON: {"schema": lines_of(LineResult, Constraint), "example": _LINE},
+        JSON: {
+            "schema": {"$ref": f"#/components/schemas/{ConstraintList.__name__}"},
+            "example": {"constraints": [CONSTRAINT_EXAMPLE]},
+        },
         "text/plain": {
             "schema": {"type": "string"},
             "example": "EDGE_SE2 0 1 1.2 -0.4 0.31 900 0 0 900 0 4e5\n# 0 p7\n# 1 q3\n",

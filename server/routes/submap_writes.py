@@ -79,7 +79,11 @@ def put_submap(
     response_model=SubmapReceipt,
     status_code=201,
     responses={
-        200: {"description": "The submap was looked up and `not_stored`; `reason` says why.", **_RECEIPT},
+        200: {
+            "description": "The submap was looked up and `not_stored`; `reason` says why.",
+            "model": SubmapReceipt,
+            **_RECEIPT,
+        },
         201: {"description": "The submap is stored; `Location` is its path.", **_RECEIPT},
         **problems(400, 404, 409, 413, 415, 422, 503, 507),
     },

@@ -1,4 +1,4 @@
-"""What an answer says of one submap: a candidate with its evidence, a rival, a finding; and what a match must pass."""
+"""Parts of answers to queries: candidates with their evidence, rivals, findings, and the gates that a match passes."""
 
 from collections.abc import Mapping
 from datetime import datetime
@@ -24,8 +24,15 @@ _ID = (
     "Ids are always strings: a landmark that was sent without an id has its position in the list as text, counted "
     'from 0 ("0", "1", ...).'
 )
+_TRANSFORM = "submap_T_query: p_submap = R(yaw) p_query + (x, y)."
+_EVIDENCE = (
+    "Natural logarithm of how much likelier the trees of both sides are if this is the same place than if they agree "
+    "by chance, over all landmarks."
+)
+_LOG_ODDS = "`evidence` minus the natural logarithm of the number of poses that there were to choose from."
+_INLIER_COUNT = "Number of pairs of landmarks that agree under the transform."
 WARNED = (
-    "What is wrong with the coordinates of one side, as stable words; the covariance is widened accordingly. "
+    "What is wrong with the coordinates of one side, as stable words. The covariance is widened accordingly. "
     + "; ".join(f"`{word}`: {text}" for word, text in WARNINGS.items() if word != "mirrored")
     + "."
 )
@@ -33,50 +40,61 @@ WARNED = (
 
 
 class Inlier(Answer):
-    """A landmark of the query on one of the submap."""
+    """A landmark of the query and a landmark of the submap that are the same tree under the transform."""
 
     query: str = Field(description=f"Id of the query's landmark. {_ID}")
     submap: str = Field(description=f"Id of the submap's landmark. {_ID}")
-    residual: float = Field(description="Distance of the two landmarks under the candidate's transform, in metres.")
+    residual: float = Field(description="Distance between the two landmarks under the transform, in metres.")
 
 
 _SUPPORT = (
-    "How much proposed this pose, in the unit of its `level`: quads or polygons that agree on it, or, for "
-    "`exhaustive`, shifts and rotations that stood out. Not comparable between levels."
+    "How much proposed this pose: the number of quads or of polygons that agree on it or, if `level` is `exhaustive`, "
+    "of shifts and rotations that stood out. Not comparable between levels."
 )
-_LEVEL = "What proposed the pose: `quads` or `polygons` that match, or an `exhaustive` trial of rotations and shifts."
+_LEVEL = (
+    "The step of the search that proposed the pose: matching `quads`, matching `polygons`, an `exhaustive` trial of "
+    "rotations and shifts, or the `paper`'s method."
+)
 _Support = Annotated[int, Formerly("votes")]
 _Level = Annotated[LevelName, Formerly(words={"sweep": "exhaustive"})]
 
 
 class CandidateLinks(Answer):
-    """Where to go from a candidate."""
+    """Paths that belong to a candidate."""
 
     submap: str = Field(description="Path of the submap.")
-    match: str | None = Field(description="Path of the drawing of the match; null when the query is not stored.")
+    match: str | None = Field(description="Path of the drawing of the match. Null if the query is not stored.")
 
 
 class CandidateAnswer(Answer):
-    """A submap that the query may be in, with the evidence."""
+    """A submap that may be the query's place, with the evidence."""
 
-    rank: int = Field(description="Position among the candidates, the best is 1.")
+    rank: int = Field(description="Position among the candidates. The best is 1.")
     submap_id: str = Field(description="Id of the submap.")
-    session: str | None = Field(description="Session of the submap, where it has one.")
-    stamp: _Written | None = Field(description="When the submap was observed, where that is known.")
-    frame_id: str | None = Field(description="The submap's frame, which `transform` leads to.")
-    transform: CandidateTransform = Field(description="submap_T_query: p_submap = R(yaw) p_query + (x, y).")
-    map_pose: MapPoseAnswer | None = Field(description="The query's pose in the map, when the submap has one.")
-    inliers: list[Inlier] = Field(
-        description="Pairs of landmarks that are the same tree. Empty where they are left out: see `inliers_omitted`."
+    session: str | None = Field(description="Session of the submap. Null if it has none.")
+    stamp: _Written | None = Field(description="When the submap was observed. Null if that is unknown.")
+    frame_id: str | None = Field(
+        description="Name of the submap's frame, which `transform` takes points to. Null if it has none."
     )
-    inlier_count: int = Field(description="How many pairs of landmarks agree, whether or not `inliers` lists them.")
+    transform: CandidateTransform = Field(description=_TRANSFORM)
+    map_pose: MapPoseAnswer | None = Field(
+        description="The query's pose in the map. Null if the submap has no `map_pose`."
+    )
+    inliers: list[Inlier] = Field(
+        description="Pairs of landmarks that are the same tree. Empty if they are left out (see `inliers_omitted`)."
+    )
+    inlier_count: int = Field(
+        description="Number of pairs of landmarks that agree, whether `inliers` lists them or not."
+    )
     inliers_omitted: int = Field(
         0,
-        description="How many pairs `inliers` leaves out: 0, or all of this candidate's, because the query said "
-        "`pairs: false` or better candidates (in a batch, other answers) used up the limit `answer_pairs`.",
+        description="Number of pairs that `inliers` leaves out: none, or all of this candidate's. They are left out if "
+        "the query said `pairs: false`, or if better candidates, or other answers of the batch, used up the limit "
+        "`answer_pairs`.",
     )
     inlier_ratio: float = Field(
-        description="Inliers as a share of the landmarks inside the overlap, of the side that has fewer there."
+        description="`inlier_count` divided by the number of landmarks inside the overlap of both footprints, of the "
+        "side that has fewer there. 0 to 1."
     )
     rms: float = Field(description="Root mean square of the inliers' residuals, in metres.")
     overlap_ratio: Annotated[float, Formerly("overlap")] = Field(
@@ -84,56 +102,50 @@ class CandidateAnswer(Answer):
     )
     support: _Support = Field(description=_SUPPORT)
     level: _Level = Field(description=_LEVEL)
-    evidence: float = Field(
-        description="Natural logarithm of a likelihood ratio over all landmarks: same place against chance."
-    )
-    log_odds: float = Field(
-        description="`evidence` minus the natural logarithm of how many poses there were to choose from."
-    )
+    evidence: float = Field(description=_EVIDENCE)
+    log_odds: float = Field(description=_LOG_ODDS)
     confidence: float = Field(ge=0, le=1, description="Calibrated probability that `transform` is right.")
-    refused: str | None = Field(description="Why this candidate alone is not accepted; null when it is.")
+    refused: str | None = Field(
+        description="Why this candidate is not accepted, as a stable word: one of those of `reason`. Null if it is "
+        "accepted."
+    )
     warnings: list[str] = Field(default_factory=list, description=WARNED)
-    links: CandidateLinks = Field(description="Where to go from here.")
+    links: CandidateLinks = Field(description="Paths that belong to the candidate.")
 
 
 class RivalLinks(Answer):
-    """Where to go from a rival."""
+    """Paths that belong to a rival."""
 
     submap: str = Field(description="Path of the submap.")
 
 
 class RivalAnswer(Answer):
-    """Another pose that explains the data about as well as the first candidate's."""
+    """Another pose that explains the trees about as well as that of the first candidate."""
 
     submap_id: str = Field(
-        description="Id of the submap; often that of the first candidate, with the pose moved to the next row."
+        description="Id of the submap. Often the first candidate's: in rows of trees, its pose moved to the next row."
     )
-    transform: Transform = Field(description="submap_T_query: p_submap = R(yaw) p_query + (x, y).")
-    evidence: float = Field(
-        description="Natural logarithm of a likelihood ratio over all landmarks: same place against chance."
-    )
-    inlier_count: int = Field(description="How many pairs of landmarks agree under this pose.")
-    links: RivalLinks = Field(description="Where to go from here.")
+    transform: Transform = Field(description=_TRANSFORM)
+    evidence: float = Field(description=_EVIDENCE)
+    inlier_count: int = Field(description=_INLIER_COUNT)
+    links: RivalLinks = Field(description="Paths that belong to the rival.")
 
 
 class FindingAnswer(Answer):
-    """What one level found in one submap, before rivals were looked for."""
+    """What one level of the search found in one submap, before it was compared with rivals."""
 
     level: _Level = Field(description=_LEVEL)
     submap_id: str = Field(description="Id of the submap.")
     support: _Support = Field(description=_SUPPORT)
-    inliers: int = Field(description="How many pairs of landmarks agree under this pose.")
+    inliers: int = Field(description=_INLIER_COUNT)
     overlap_count: Annotated[int, Formerly("overlap")] = Field(
         description="How many landmarks lie inside the overlap of both footprints, of the side that has more there."
     )
-    evidence: float = Field(
-        description="Natural logarithm of a likelihood ratio over all landmarks: same place against chance."
-    )
-    log_odds: float = Field(
-        description="`evidence` minus the natural logarithm of how many poses there were to choose from."
-    )
+    evidence: float = Field(description=_EVIDENCE)
+    log_odds: float = Field(description=_LOG_ODDS)
     refused: str | None = Field(
-        description="Why this finding alone is not accepted; null where only a rival could refuse it."
+        description="Why this finding is not accepted, as a stable word: one of those of `reason`. Null if only a "
+        "rival could refuse it."
     )
 
 
@@ -144,28 +156,34 @@ class Gates(Answer):
     (evidence of the rival).
     """
 
-    confidence: float = Field(description="Least confidence of a match.")
-    log_odds: float = Field(description="Least log-odds with which a pose without rivals reaches that confidence.")
-    lead: float = Field(description="Least lead in evidence over the best rival: the fixed part of the sum.")
-    lead_each: float = Field(
-        description="Lead asked for besides, for each landmark of the overlap: `margin` in the collection's `config`."
+    confidence: float = Field(description="Least confidence that is `matched`.")
+    log_odds: float = Field(description="Least `log_odds` with which a pose without rivals reaches that confidence.")
+    lead: float = Field(
+        description="Constant part of the lead in evidence that a pose needs over its strongest rival. `lead_each` and "
+        "`lead_share` are added to it."
     )
-    lead_share: float = Field(description="Lead asked for besides, as a share of the rival's evidence.")
+    lead_each: float = Field(
+        description="Lead in evidence needed for each landmark of the overlap, added to `lead`. It is `margin` of the "
+        "collection's `config`."
+    )
+    lead_share: float = Field(
+        description="Lead in evidence needed as a share of the rival's evidence, added to `lead`."
+    )
 
 
 class SearchAnswer(Answer):
-    """How the search ended, and what its limits left out: whether searching longer could have found more."""
+    """How the search ended and what its limits left out, so whether a longer search could have found more."""
 
     stopped_by: StoppedBy = Field(description=f"Why the search ended, as a stable word. {_words(STOPS)}")
     skipped: list[Skipped] = Field(
-        description=f"Limits that left something out, as stable words; empty where nothing was. {_words(SKIPS)}"
+        description=f"Limits that left something out, as stable words. Empty if none did. {_words(SKIPS)}"
     )
-    sentence: str = Field(description="The same in words.")
+    sentence: str = Field(description="`stopped_by` and `skipped` as a sentence.")
 
 
 class StageAnswer(Answer):
-    """A stage of the method."""
+    """A stage of the search."""
 
     name: str = Field(description="Name of the stage.")
-    milliseconds: float = Field(description="How long it took.")
-    counts: dict[str, int] = Field(description="What it made or looked at, by name.")
+    milliseconds: float = Field(description="How long the stage took, in milliseconds.")
+    counts: dict[str, int] = Field(description="How many things the stage made or looked at, by their name.")

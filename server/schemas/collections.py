@@ -5,35 +5,38 @@ from typing import Annotated, Any
 
 from pydantic import ConfigDict, Field, PlainSerializer
 
-from server.schemas.common import Answer, Body, Counts, Free, Label, Metres, Point, write_stamp
+from server.schemas.common import NEXT, Answer, Body, Counts, Free, Label, Metres, Point, write_stamp
 
 _Written = Annotated[datetime, PlainSerializer(write_stamp, return_type=str, when_used="json")]
 _Title = Annotated[str, Field(min_length=1, max_length=500)]
 _Crs = Annotated[str, Field(min_length=1, max_length=500)]
-_CRS = "Projected coordinate reference system in metres of poses in the map frame 'map', such as 'EPSG:32633'."
+_NAME = "Title of the collection, for people."
+_CRS = "Projected coordinate reference system, in metres, of the map frame `map`, such as `EPSG:32633`."
 _ORIGIN = (
-    "Easting and northing, metres, of the origin of the map frame 'map' in the CRS: keeps map poses small. "
-    "Leave it out where poses are in full coordinates of the CRS."
+    "Easting and northing, in metres, of the origin of the map frame `map` in its CRS. Leave it out if poses are in "
+    "full coordinates of the CRS."
 )
-_FRAMES = "CRS and origin of each map frame other than 'map', by the frame's name."
+_FRAMES = "CRS and origin of each map frame other than `map`, by the frame's name."
 _MOST = 5_000
-"""Frames that one request names at most."""
-_CONFIG = "Parameters of the method; those left out have their defaults."
+"""Most frames in one request."""
+_CONFIG = "Parameters of the method. Parameters that are left out have their defaults."
 
 
 class MapFrame(Body):
     """Where a map frame is on Earth."""
 
-    crs: _Crs = Field(description="Projected coordinate reference system in metres, such as 'EPSG:32633'.")
+    crs: _Crs = Field(
+        description="Projected coordinate reference system of the frame, in metres, such as `EPSG:32633`."
+    )
     origin: tuple[Metres, Metres] | None = Field(
         None,
-        description="Easting and northing, metres, of the frame's origin in the CRS. Leave it out where poses are in "
+        description="Easting and northing, in metres, of the frame's origin in the CRS. Leave it out if poses are in "
         "full coordinates of the CRS.",
     )
 
 
 class CollectionPut(Body):
-    """A collection to make. Fields left out have no opinion on a collection that exists."""
+    """A collection to create, or to compare with the one that exists. Members left out are not compared."""
 
     model_config = ConfigDict(
         json_schema_extra={
@@ -41,7 +44,7 @@ class CollectionPut(Body):
         }
     )
 
-    title: _Title | None = Field(None, description="A name for people.")
+    title: _Title | None = Field(None, description=_NAME)
     config: Free | None = Field(None, description=_CONFIG)
     crs: _Crs | None = Field(None, description=_CRS)
     origin: tuple[Metres, Metres] | None = Field(None, description=_ORIGIN)
@@ -49,7 +52,7 @@ class CollectionPut(Body):
 
 
 class CollectionPatch(Body):
-    """Fields to change; null clears a field, one left out stays."""
+    """Members of a collection to change. Null removes a member; a member left out stays."""
 
     model_config = ConfigDict(
         json_schema_extra={
@@ -60,65 +63,75 @@ class CollectionPatch(Body):
         }
     )
 
-    title: _Title | None = Field(None, description="A name for people.")
-    config: Free | None = Field(None, description="Must be what the collection has: it cannot be changed.")
+    title: _Title | None = Field(None, description=_NAME)
+    config: Free | None = Field(
+        None, description="Parameters of the method. They cannot be changed: send those that the collection has."
+    )
     crs: _Crs | None = Field(None, description=_CRS)
     origin: tuple[Metres, Metres] | None = Field(None, description=_ORIGIN)
     frames: Annotated[dict[Label, MapFrame | None], Field(max_length=_MOST)] | None = Field(
-        None, description=f"{_FRAMES} A frame that is not named stays as it is, null takes its CRS away."
+        None, description=f"{_FRAMES} A frame that is left out stays; null removes its CRS and origin."
     )
 
 
 class SpatialExtent(Answer):
-    """Bounding box of the footprints in one map frame, metres."""
+    """The area that the submaps cover in one map frame."""
 
-    frame_id: Label
-    bbox: tuple[float, float, float, float] = Field(description="The box as min x, min y, max x, max y.")
+    frame_id: Label = Field(description="Name of the map frame.")
+    bbox: tuple[float, float, float, float] = Field(
+        description="Bounding box of the footprints as [min x, min y, max x, max y], in metres in the map frame."
+    )
 
 
 class Extent(Answer):
-    """What a collection covers."""
+    """The area and the time that a collection covers."""
 
-    spatial: list[SpatialExtent] = Field(description="One entry per map frame; empty when no submap has a map_pose.")
-    temporal: tuple[_Written, _Written] | None = Field(description="First and last stamp.")
+    spatial: list[SpatialExtent] = Field(
+        description="The area covered, one entry for each map frame. Empty if no submap has a `map_pose`."
+    )
+    temporal: tuple[_Written, _Written] | None = Field(
+        description="Earliest and latest `stamp` of the submaps. Null if no submap has one."
+    )
 
 
 class CollectionLinks(Answer):
-    """Where to go from a collection."""
+    """Paths of the collection and its parts."""
 
-    self: str
-    submaps: str
-    queries: str
+    self: str = Field(description="Path of the collection.")
+    submaps: str = Field(description="Path of the collection's submaps.")
+    queries: str = Field(description="Path to POST queries to.")
 
 
 class CollectionSummary(Answer):
     """A collection, as in a list."""
 
-    id: str
-    title: str | None
-    crs: str | None
-    origin: Point | None
-    fingerprint: str = Field(description="Stands for the configuration that features are made with.")
-    revision: int = Field(description="Moves on by one with every write.")
-    counts: Counts
-    created: _Written
-    updated: _Written
-    links: CollectionLinks
+    id: str = Field(description="Id of the collection.")
+    title: str | None = Field(description=_NAME)
+    crs: str | None = Field(description=_CRS)
+    origin: Point | None = Field(
+        description="Easting and northing, in metres, of the origin of the map frame `map` in its CRS."
+    )
+    fingerprint: str = Field(description="Hash of the parameters that features are computed with.")
+    revision: int = Field(description="Counter of the writes to the collection.")
+    counts: Counts = Field(description="How much the collection contains.")
+    created: _Written = Field(description="When the collection was created.")
+    updated: _Written = Field(description="When the collection was last written to.")
+    links: CollectionLinks = Field(description="Paths of the collection and its parts.")
 
 
 class Collection(CollectionSummary):
-    """A collection."""
+    """A collection, with its configuration and extent."""
 
     frames: dict[str, MapFrame] = Field(description=_FRAMES)
-    config: dict[str, Any]
-    extent: Extent
+    config: dict[str, Any] = Field(description="All parameters of the method, including those with default values.")
+    extent: Extent = Field(description="The area and the time that the submaps cover.")
 
 
 class CollectionPage(Answer):
     """A page of collections."""
 
-    collections: list[CollectionSummary]
-    next: str | None = Field(None, description="Cursor of the next page; not there on the last.")
+    collections: list[CollectionSummary] = Field(description="The collections of the page, oldest first.")
+    next: str | None = Field(None, description=NEXT)
 
 
 COLLECTION_EXAMPLE: dict[str, Any] = {

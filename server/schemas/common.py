@@ -107,7 +107,13 @@ Label = Annotated[str, Field(min_length=1, max_length=128), AfterValidator(_chec
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 # Beyond any place on Earth in any projection, and far from where sums and squares overflow.
 Metres = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-1e8, le=1e8)]
-STAMPED: Final = "When it was observed: RFC 3339 with an offset. Kept to the microsecond; further digits are cut off."
+STAMPED: Final = (
+    "When the trees were observed, in RFC 3339 form with an offset. Stored to the microsecond; further digits are cut "
+    "off."
+)
+FRAME_NAME: Final = "Name of the frame that the landmarks' coordinates are in."
+SESSION: Final = "The drive, flight or survey that the submap belongs to."
+NEXT: Final = "Cursor of the next page. The last page does not have this member."
 Stamp = Annotated[
     AwareDatetime,
     BeforeValidator(_check_stamp),
@@ -146,7 +152,7 @@ Free = Annotated[dict[str, Any], AfterValidator(_check_depth)]
 
 
 class Body(BaseModel):
-    """Base of request bodies: unknown fields are refused."""
+    """Base of request bodies. Unknown members are refused."""
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
@@ -158,34 +164,40 @@ class Answer(BaseModel):
 
 
 class Counts(Answer):
-    """What a collection holds."""
+    """How much a collection contains."""
 
-    submaps: int
-    landmarks: int
-    polygons: int
+    submaps: int = Field(description="Number of submaps.")
+    landmarks: int = Field(description="Number of landmarks in all submaps.")
+    polygons: int = Field(description="Number of interior Urquhart polygons in all submaps.")
 
 
 class FieldProblem(Answer):
-    """One thing that is wrong with the request."""
+    """One fault in a request."""
 
-    pointer: str | None = Field(None, description="JSON pointer (RFC 6901) into the body.")
-    parameter: str | None = Field(None, description="Name of the path, query or header parameter.")
-    code: str = Field(description="Stable word for the kind of fault.")
+    pointer: str | None = Field(None, description="JSON pointer (RFC 6901) to the member of the body that is at fault.")
+    parameter: str | None = Field(
+        None, description="Name of the path, query or header parameter that is at fault, if it is not in the body."
+    )
+    code: str = Field(description="The type of fault, as a stable word for programs.")
     detail: str = Field(description="What is wrong and what to do.")
-    indices: list[int] | None = Field(None, description="Positions of the landmarks concerned.")
+    indices: list[int] | None = Field(
+        None, description="Positions of the landmarks at fault in the list that was sent, counted from 0."
+    )
 
 
 class Problem(Answer):
-    """An error, as RFC 9457 has it (application/problem+json)."""
+    """An error: a problem document of RFC 9457 (`application/problem+json`)."""
 
     model_config = ConfigDict(extra="allow")
 
-    type: str = Field(description="URI reference of an explanation.")
-    title: str
-    status: int
+    type: str = Field(description="The type of problem, as a path. GET it for an explanation.")
+    title: str = Field(description="The type of problem in a few words.")
+    status: int = Field(description="HTTP status of the answer.")
     detail: str = Field(description="What happened to this request and what to do.")
-    request_id: str | None = Field(None, description="Also in the header X-Request-Id and in the log.")
-    errors: list[FieldProblem] | None = Field(None, description="What is wrong, field by field.")
+    request_id: str | None = Field(
+        None, description="Id of the request. The header X-Request-Id and the log have the same."
+    )
+    errors: list[FieldProblem] | None = Field(None, description="The faults of the request, one entry each.")
 
 
 PROBLEM_EXAMPLE: dict[str, Any] = {
@@ -201,6 +213,6 @@ _OPTIONAL = ("next", "query")
 
 
 def to_json(answer: BaseModel) -> bytes:
-    """An answer as JSON; members of which there are none are left out, where their absence says so."""
+    """The answer as JSON. The members `next` and `query` are left out if they are None."""
     empty = {name for name in _OPTIONAL if getattr(answer, name, "") is None}
     return answer.model_dump_json(exclude=empty or None).encode()

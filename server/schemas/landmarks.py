@@ -14,7 +14,7 @@ _XY: Any = [[1.2, 3.4], [4.9, -2.2], [-3.1, 0.7], [2.2, -6.5], [-5.8, -4.1], [7.
 
 
 THINNEST, THICKEST, TALLEST = 0.005, 5.0, 150.0
-"""Metres. What a diameter at breast height and a height can be; beyond, the unit is another one than metres."""
+"""Metres. Plausible diameters at breast height and heights. A value beyond them is in another unit."""
 
 
 def _check_diameter(value: float) -> float:
@@ -41,9 +41,13 @@ def _check_height(value: float) -> float:
 class Landmark(Body):
     """A tree."""
 
-    id: Label | None = Field(None, description="Unique in the submap; its position in the list when left out.")
-    x: Number = Field(description="Metres in the submap's frame.")
-    y: Number = Field(description="Metres in the submap's frame.")
+    id: Label | None = Field(
+        None,
+        description="Id of the tree, unique in the submap. By default its position in the list as text, counted from "
+        "0.",
+    )
+    x: Number = Field(description="Position along x, in metres, in the frame of the submap or query.")
+    y: Number = Field(description="Position along y, in metres, in the frame of the submap or query.")
     dbh: Annotated[Number, Field(gt=0), AfterValidator(_check_diameter)] | None = Field(
         None,
         description="Diameter at breast height, in metres: 0.31 for a stem of 31 cm; from 0.005 to 5. "
@@ -52,7 +56,7 @@ class Landmark(Body):
     height: Annotated[Number, Field(gt=0), AfterValidator(_check_height)] | None = Field(
         None, description="Height of the tree, in metres, up to 150."
     )
-    species: Label | None = Field(None, description="Any name or code.")
+    species: Label | None = Field(None, description="Species of the tree: any name or code.")
 
 
 def _unique(ids: list[str]) -> list[str]:
@@ -80,12 +84,16 @@ def _ids_of(trees: list[Landmark]) -> list[str]:
 class LandmarkBody(Body):
     """Landmarks in one of two forms: `xy` with optional `ids`, or `landmarks`."""
 
-    xy: Points | None = Field(None, description="Tree positions [x, y], metres.")
+    xy: Points | None = Field(
+        None, description="Positions of the trees as [x, y], in metres. The alternative to `landmarks`."
+    )
     ids: Annotated[list[Label], Field(fail_fast=True), AfterValidator(_unique)] | None = Field(
-        None, description="An id for each point of `xy`; their positions when left out."
+        None,
+        description="Ids of the trees in `xy`, one for each. By default their positions in the list as text, counted "
+        "from 0.",
     )
     landmarks: Annotated[list[Landmark], Field(fail_fast=True), AfterValidator(_unique_trees)] | None = Field(
-        None, description="Trees with what is known of them."
+        None, description="The trees, each with its position, attributes and id. The alternative to `xy`."
     )
 
     @model_validator(mode="after")
@@ -106,7 +114,7 @@ class LandmarkBody(Body):
 
     @property
     def landmark_count(self) -> int:
-        """How many landmarks were given."""
+        """Number of landmarks in the body."""
         return len(self.xy if self.xy is not None else self.landmarks or [])
 
     @property
@@ -115,22 +123,22 @@ class LandmarkBody(Body):
         return "/landmarks" if self.landmarks is not None else "/xy"
 
     def positions(self) -> NDArray[np.float64]:
-        """(N, 2) float64, metres, as posted."""
+        """Positions (N, 2) float64, metres, as posted."""
         points = self.xy if self.xy is not None else [(tree.x, tree.y) for tree in self.landmarks or []]
         return np.fromiter(chain.from_iterable(points), np.float64, 2 * len(points)).reshape(-1, 2)
 
     def diameters(self) -> NDArray[np.float64] | None:
-        """Stem diameters (N,) float64, metres, NaN where one is not known; None when none is."""
+        """Stem diameters (N,) float64, metres; NaN for a tree without one, None if no tree has one."""
         known = [tree.dbh for tree in self.landmarks or []]
         return np.array(known, dtype=np.float64) if any(dbh is not None for dbh in known) else None
 
     def landmark_ids(self) -> list[str] | None:
-        """Ids by position; None when all are the default, their position."""
+        """Ids in order of the landmarks; None if each is the default, the landmark's position."""
         ids = _ids_of(self.landmarks) if self.landmarks is not None else self.ids or []
         return ids if any(name != str(i) for i, name in enumerate(ids)) else None
 
     def attributes(self) -> dict[str, list[Any]] | None:
-        """What is known of the trees besides id and position, a list by position for each; None when nothing is."""
+        """Diameters, heights and species, a list for each that any tree has; None if no tree has any."""
         columns = {
             name: [getattr(tree, name) for tree in self.landmarks or []] for name in ("dbh", "height", "species")
         }

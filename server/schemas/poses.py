@@ -1,4 +1,4 @@
-"""Transforms, poses, and how sure they are: each covariance says along which axes it is, and about which point."""
+"""Transforms, poses and their covariances. Each covariance names its axes and the point that it is about."""
 
 import math
 from typing import Annotated, Final, Literal
@@ -9,23 +9,23 @@ from pydantic import AfterValidator, Field
 from server.schemas.common import Answer, Body, Label, Metres, Number, Point
 
 _ROUNDED: Final = 1e-6
-"""Eigenvalue below 0 that a matrix of correlations may have: covariances come in single precision, too."""
+"""How far below 0 an eigenvalue of a correlation matrix may be: covariances may be in single precision."""
 _TURN: Final = 2.0 * math.pi
 _MOST: Final = 1e20
-"""Largest entry of a covariance: answers about an origin 1e8 m from the trees can be posted, whatever their yaw's."""
+"""Largest entry of a covariance. Answers about an origin 1e8 m from the trees stay below it and can be posted."""
 
 _Moment = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-_MOST, le=_MOST)]
 Covariance = Annotated[list[_Moment], Field(min_length=9, max_length=9)]
 
 
 def check_covariance(values: list[float]) -> list[float]:
-    """Refuse what cannot be a covariance over (x, y, yaw): it is symmetric, and no combination varies less than 0."""
+    """Refuse a matrix over (x, y, yaw) that is not symmetric and positive semidefinite."""
     matrix = np.reshape(values, (3, 3))
     variances = np.diag(matrix)
     for row in range(3):
         if variances[row] < 0:
             raise ValueError(f"is a 3x3 row-major covariance: the variance at position {4 * row} must not be negative")
-    # Each entry beside its own deviations, since metres and radians are of different sizes.
+    # Each entry is compared with its own deviations, because metres and radians differ in size.
     deviations = np.sqrt(variances)
     sizes = np.outer(deviations, deviations)
     if (np.abs(matrix - matrix.T) > 1e-6 * np.abs(matrix) + 1e-9 * sizes).any():
@@ -43,7 +43,7 @@ def check_covariance(values: list[float]) -> list[float]:
 
 
 def check_yaw(value: float) -> float:
-    """Refuse a yaw of more than a turn: it is hardly in radians."""
+    """Refuse a yaw of more than a whole turn, which is probably in degrees."""
     if abs(value) > _TURN:
         raise ValueError(
             f"must be in radians, from -2 pi to 2 pi; {value:g} is more than a whole turn "
@@ -57,91 +57,112 @@ CheckedCovariance = Annotated[Covariance, AfterValidator(check_covariance)]
 
 
 class TreesMiddle(Answer):
-    """How sure a transform is about the middle of the trees that it was fitted to.
+    """The uncertainty of a transform about the middle of the trees that it was fitted to.
 
-    There the matrices can be inverted wherever the frames' origins lie. Use them with coordinates far from the origin.
+    These matrices can be inverted wherever the frames' origins are. Use them if coordinates are far from the origin.
     """
 
-    source: Point = Field(description="The middle of the trees, in the frame that the transform takes points from.")
-    target: Point = Field(description="The middle of the trees, in the frame that the transform leads to.")
-    covariance: list[float] = Field(
-        description="3x3 row-major over (x, y, yaw): of `target`, along the axes of the frame that the transform leads "
-        "to, and of the yaw. Square metres, metre radians, square radians."
+    source: Point = Field(
+        description="The middle of the trees as [x, y] in metres, in the frame that the transform takes points from."
     )
-    information: list[float] = Field(description="The inverse of `covariance`, 3x3 row-major.")
+    target: Point = Field(
+        description="The middle of the trees as [x, y] in metres, in the frame that the transform takes points to."
+    )
+    covariance: list[float] = Field(
+        description="Covariance of the position of `target`, along the axes of its frame, and of the yaw: 3x3, "
+        "row-major over (x, y, yaw), in square metres, metre radians and square radians."
+    )
+    information: list[float] = Field(description="Information matrix, 3x3, row-major: the inverse of `covariance`.")
 
 
 class MapPose(Body):
     """Pose of a submap's frame in a map: p_map = R(yaw) p_submap + (x, y)."""
 
-    frame_id: Label = Field("map", description="The map's frame.")
-    x: Metres = Field(description="Metres, east where geographic; relative to the collection's origin.")
-    y: Metres = Field(description="Metres, north where geographic; relative to the collection's origin.")
-    yaw: Yaw = Field(description="Radians, counter-clockwise; from -2 pi to 2 pi.")
+    frame_id: Label = Field("map", description="Name of the map's frame.")
+    x: Metres = Field(
+        description="Position of the submap's origin along the map's x axis, in metres from the map frame's origin. "
+        "East if the map is geographic."
+    )
+    y: Metres = Field(
+        description="Position of the submap's origin along the map's y axis, in metres from the map frame's origin. "
+        "North if the map is geographic."
+    )
+    yaw: Yaw = Field(
+        description="Rotation from the submap's axes to the map's, in radians, counter-clockwise, from -2 pi to 2 pi."
+    )
     covariance: CheckedCovariance | None = Field(
         None,
-        description="3x3 row-major over (x, y, yaw), symmetric and positive semidefinite: of the position of the "
-        "submap's origin, along the axes of the map's frame, and of the yaw. Null where it is not known.",
+        description="Covariance of the position of the submap's origin, along the map's axes, and of the yaw: 3x3, "
+        "row-major over (x, y, yaw), in square metres, metre radians and square radians. It must be symmetric and "
+        "positive semidefinite. Null if it is unknown.",
     )
     covariance_frame: Literal["map"] = Field(
-        "map", description="The frame of `covariance`, as in answers; nothing else is possible."
+        "map", description="Axes of `covariance`: always the map's. Accepted because poses in answers have it."
     )
     about: Literal["submap_origin", "query_origin"] = Field(
-        "submap_origin", description="Accepted as in answers: a query's pose in the map can be posted as it is."
+        "submap_origin",
+        description="The point that `covariance` is about. Ignored: it is accepted so that the `map_pose` of a "
+        "candidate can be posted unchanged.",
     )
     middle: TreesMiddle | None = Field(
         None,
-        description="Accepted so that the pose in an answer can be posted as it is; only `covariance` is kept.",
+        description="Uncertainty about the middle of the trees. Ignored: it is accepted so that the `map_pose` of a "
+        "candidate can be posted unchanged. Only `covariance` is stored.",
     )
 
 
 class Transform(Answer):
-    """A rigid transform: metres, radians, counter-clockwise."""
+    """A rigid transform: a rotation by `yaw`, then a translation by (x, y)."""
 
-    x: float = Field(description="Translation along x, in metres.")
-    y: float = Field(description="Translation along y, in metres.")
-    yaw: float = Field(description="Radians, counter-clockwise.")
+    x: float = Field(description="Translation along x, in metres, in the frame that the transform takes points to.")
+    y: float = Field(description="Translation along y, in metres, in the frame that the transform takes points to.")
+    yaw: float = Field(description="Rotation in radians, counter-clockwise.")
 
 
 class PoseWithCovariance(Transform):
-    """A rigid transform or pose: metres, radians, counter-clockwise."""
+    """A rigid transform with its covariance: a rotation by `yaw`, then a translation by (x, y)."""
 
     covariance: Annotated[list[float], Field(min_length=9, max_length=9)] | None = Field(
-        description="3x3 row-major over (x, y, yaw) in square metres, metre radians, square radians; along the axes of "
-        "`covariance_frame`, about the point `about`. Null where it is not known."
+        description="Covariance of the position of the point `about`, along the axes of `covariance_frame`, and of the "
+        "yaw: 3x3, row-major over (x, y, yaw), in square metres, metre radians and square radians. Null if it is "
+        "unknown."
     )
 
 
 class PlacedPose(PoseWithCovariance):
     """Pose of a stored submap's frame in a map: p_map = R(yaw) p_submap + (x, y)."""
 
-    frame_id: str = Field(description="The map's frame.")
-    covariance_frame: Literal["map"] = Field("map", description="Axes of the covariance: the map's frame.")
+    frame_id: str = Field(description="Name of the map's frame.")
+    covariance_frame: Literal["map"] = Field("map", description="Axes of `covariance`: those of the map's frame.")
     about: Literal["submap_origin"] = Field(
-        "submap_origin", description="The covariance is of this point: the submap frame's origin."
+        "submap_origin", description="The point that `covariance` is about: the origin of the submap's frame."
     )
 
 
 class CandidateTransform(PoseWithCovariance):
     """The query's pose in a submap's frame."""
 
-    covariance_frame: Literal["submap"] = Field("submap", description="Axes of the covariance: the submap's frame.")
+    covariance_frame: Literal["submap"] = Field(
+        "submap", description="Axes of `covariance`: those of the submap's frame."
+    )
     about: Literal["query_origin"] = Field(
-        "query_origin", description="The covariance is of this point: the query frame's origin."
+        "query_origin", description="The point that `covariance` is about: the origin of the query's frame."
     )
     middle: TreesMiddle | None = Field(
-        None, description="Uncertainty about the middle of the inliers; null in answers stored by older versions."
+        None,
+        description="The uncertainty about the middle of the inlier trees. Null in answers that an older version "
+        "stored.",
     )
 
 
 class MapPoseAnswer(PoseWithCovariance):
-    """Pose of the query's frame in the map that the submap is placed in."""
+    """Pose of the query's frame in the map that the submap has a pose in: p_map = R(yaw) p_query + (x, y)."""
 
-    frame_id: str = Field(description="The map's frame.")
-    covariance_frame: Literal["map"] = Field("map", description="Axes of the covariance: the map's frame.")
+    frame_id: str = Field(description="Name of the map's frame.")
+    covariance_frame: Literal["map"] = Field("map", description="Axes of `covariance`: those of the map's frame.")
     about: Literal["query_origin"] = Field(
-        "query_origin", description="The covariance is of this point: the query frame's origin."
+        "query_origin", description="The point that `covariance` is about: the origin of the query's frame."
     )
     middle: TreesMiddle | None = Field(
-        None, description="Uncertainty about the middle of the inliers; null where `covariance` is."
+        None, description="The uncertainty about the middle of the inlier trees. Null if `covariance` is null."
     )

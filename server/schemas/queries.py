@@ -1,4 +1,4 @@
-"""Bodies of the query routes, also of several queries at once."""
+"""Bodies of the query routes: single queries, batches, stored answers and explanations."""
 
 from datetime import datetime
 from typing import Annotated, Any
@@ -8,6 +8,7 @@ from pydantic_core import PydanticCustomError
 
 from server.schemas.candidates import CandidateAnswer, FindingAnswer, Gates, RivalAnswer, SearchAnswer, StageAnswer
 from server.schemas.common import (
+    FRAME_NAME,
     STAMPED,
     Answer,
     Body,
@@ -29,75 +30,83 @@ _REASON = (
     "Why this verdict, as a stable word. " + "; ".join(f"`{word}`: {text}" for word, text in REASONS.items()) + "."
 )
 FINDINGS = 64
-"""Most findings in an answer: the default configuration makes no more."""
+"""Most findings in an answer. The default configuration produces no more."""
 _XY: Any = [[0.4, 2.9], [5.1, -1.7], [-2.6, 1.3], [1.8, -6.0], [-6.2, -3.8], [7.0, 5.9]]
 _DBH: Any = [0.31, 0.22, 0.45, 0.28, 0.19, 0.37]
 
 
 class Exclude(Body):
-    """What must not be found: the submaps of `submap_ids`, and those for which `session` and `within_seconds` hold.
+    """Submaps to leave out of the search: those of `submap_ids`, and those for which all other given members hold.
 
-    `{"session": "mine", "within_seconds": 60}` leaves out the last minute of that session and nothing of others.
+    `{"session": "mine", "within_seconds": 60}` leaves out the last minute of the session `mine`, and no other submaps.
     """
 
     submap_ids: Annotated[list[ResourceId], Field(fail_fast=True)] = Field(
-        default_factory=list, description="Submaps to leave out; ids that are not there are passed over."
+        default_factory=list, description="Ids of submaps to leave out. Unknown ids are ignored."
     )
     session: Label | None = Field(
         None,
-        description="Leave out the submaps of this session; with `within_seconds` only those as close in time.",
+        description="Leave out the submaps of this session. With `within_seconds`, only those that are also that close "
+        "in time.",
     )
     within_seconds: Annotated[float, Field(ge=0, le=1e9, allow_inf_nan=False)] | None = Field(
         None,
-        description="Leave out submaps with a stamp at most so many seconds from the query's, which must have one; "
-        "with `session` only those of that session.",
+        description="Leave out submaps whose stamp differs from the query's by at most this many seconds. The query "
+        "must have a `stamp`. With `session`, only submaps of that session.",
     )
 
 
 class Near(Body):
-    """About where in a map the query is: only submaps that come near there are searched."""
+    """Roughly where in a map the query was observed. Only submaps near that point are searched."""
 
-    frame_id: Label = Field("map", description="The map's frame, as in `map_pose`.")
-    x: Metres = Field(description="Metres in the map's frame, as `x` of a `map_pose`.")
-    y: Metres = Field(description="Metres in the map's frame, as `y` of a `map_pose`.")
+    frame_id: Label = Field("map", description="Name of the map's frame, as in `map_pose`.")
+    x: Metres = Field(description="Position along the map's x axis, in metres, as in `map_pose`.")
+    y: Metres = Field(description="Position along the map's y axis, in metres, as in `map_pose`.")
     radius: Annotated[float, Field(gt=0, le=1e9, allow_inf_nan=False)] = Field(
-        description="Metres: a submap's footprint must come as near as this along either axis."
+        description="Largest distance, in metres along each axis, between the point and the footprint of a submap that "
+        "is searched."
     )
 
 
 class QueryOptions(Body):
-    """How to look, and for how many."""
+    """Where to search, how, and what to return."""
 
     limit: Annotated[int, Field(ge=1, strict=True)] = Field(5, description="Most candidates to return.")
-    method: Method = Field("robust", description="`paper` keeps to the published method.")
+    method: Method = Field(
+        "robust", description="`robust` is the method of this service; `paper` runs the published one."
+    )
     seed: Annotated[int, Field(ge=0, le=2**63 - 1, strict=True)] | None = Field(
-        None, description="Same seed, revision and body: same answer."
+        None, description="Seed of random choices. The same seed, body and revision give the same answer."
     )
     explain: Annotated[bool, Field(strict=True)] = Field(
         False,
-        description="Add what each level found in each submap (`findings`), and in words what the reasons mean "
-        "(`sentences`).",
+        description="Whether to add what each level of the search found in each submap (`findings`), and what the "
+        "reasons mean (`sentences`).",
     )
     pairs: Annotated[bool, Field(strict=True)] = Field(
         True,
-        description="Answer the landmark pairs of each candidate in `inliers`. Without them an answer is much smaller; "
-        "`inlier_count`, the pose and the verdict are the same.",
+        description="Whether to list the landmark pairs of each candidate in `inliers`. Without them the answer is "
+        "much smaller; verdict, poses and `inlier_count` are the same.",
     )
     per_session: Annotated[bool, Field(strict=True)] = Field(
-        False, description="Who has been here, and when: the best candidate of every session, each matched by itself."
+        False,
+        description="Whether to return the best candidate of every session, to learn who was here and when. Each is "
+        "matched by itself.",
     )
     timeout_ms: Annotated[int, Field(ge=1, le=3_600_000, strict=True)] | None = Field(
         None,
-        description="Milliseconds within which the answer is needed, counted from when the request is there as a "
-        "whole; at most, and by default, the limit `query_seconds`. The answer at the deadline is `no_match` with the "
-        "reason `deadline` and what was found so far.",
+        description="Milliseconds within which you need the answer, counted from when the whole request has arrived. "
+        "The limit `query_seconds` is the maximum and the default. At the deadline the answer is `no_match` with the "
+        "reason `deadline` and the candidates found so far.",
     )
-    near: Near | None = Field(None, description="About where it was observed, if that is known.")
-    exclude: Exclude = Field(default_factory=Exclude, description="What must not be found.")
+    near: Near | None = Field(
+        None, description="Roughly where the trees were observed, if you know. Only submaps near there are searched."
+    )
+    exclude: Exclude = Field(default_factory=Exclude, description="Submaps to leave out of the search.")
 
 
 class QueryInput(LandmarkBody, QueryOptions):
-    """An observation to place, or a stored submap to find again elsewhere."""
+    """Trees that were observed, or the id of a stored submap, to be found among the stored submaps."""
 
     model_config = ConfigDict(
         json_schema_extra={
@@ -119,12 +128,14 @@ class QueryInput(LandmarkBody, QueryOptions):
     )
 
     submap_id: ResourceId | None = Field(
-        None, description="Ask with a stored submap's landmarks; it is left out of the search."
+        None,
+        description="Id of a stored submap whose landmarks to search for, instead of `xy` or `landmarks`. The submap "
+        "itself is left out of the search.",
     )
     store: Annotated[bool, Field(strict=True)] = Field(
-        False, description="Keep the answer, to be read and drawn later."
+        False, description="Whether to store the answer, so that it can be read, drawn and explained later."
     )
-    frame_id: Label | None = Field(None, description="Name of the frame that the landmarks are in.")
+    frame_id: Label | None = Field(None, description=FRAME_NAME)
     stamp: Stamp | None = Field(None, description=STAMPED)
 
     @model_validator(mode="after")
@@ -138,123 +149,138 @@ class QueryInput(LandmarkBody, QueryOptions):
 
 
 class QueryLinks(Answer):
-    """Where to go from an answer."""
+    """Paths that belong to an answer."""
 
-    self: str | None = Field(description="Path of this answer; null when the query is not stored.")
+    self: str | None = Field(description="Path of the stored answer. Null if the query is not stored.")
     collection: str = Field(description="Path of the collection.")
     explanation: str | None = Field(
-        description="Path of the page that says why the answer is what it is; null when the query is not stored."
+        description="Path of the explanation of the answer. Null if the query is not stored."
     )
 
 
+_VERDICT = "The outcome. Decide by it: `matched`, `ambiguous` or `no_match`."
 _LEAD = (
-    "Evidence of the best pose minus that of the best distinct pose; null where nothing was strong enough to compare."
+    "Evidence of the best pose minus that of its strongest rival. Null if no other pose was strong enough to compare."
 )
-_SEARCH = "Why the search ended, and what its limits left out; null in answers that an older version stored."
+_GATES = "What a pose had to pass to be `matched`."
+_RIVALS = "Other poses that explain the trees about as well as that of the first candidate, strongest first."
+_SEARCH = "Why the search ended and what its limits left out. Null in answers that an older version stored."
+_STAGES = "What each stage of the search did, in order."
 
 
 class QueryAnswer(Answer):
-    """Outcome before pose: act on `verdict`, never on a candidate alone."""
+    """Where the trees were seen. Decide by `verdict`, not by the pose of a candidate."""
 
-    id: str | None = Field(description="Id of the stored query; null when it was not stored.")
+    id: str | None = Field(description="Id of the stored query. Null if it is not stored.")
     collection: str = Field(description="Id of the collection.")
-    verdict: Verdict = Field(description="What to act on: `matched`, `ambiguous` or `no_match`.")
+    verdict: Verdict = Field(description=_VERDICT)
     reason: str = Field(description=_REASON)
-    frame_id: str | None = Field(description="The query's frame, as it was sent.")
-    stamp: _Written | None = Field(description="When the query was observed, as it was sent.")
+    frame_id: str | None = Field(description="Name of the query's frame, as it was sent.")
+    stamp: _Written | None = Field(description="When the query's trees were observed, as it was sent.")
     method: Method = Field(description="The method that was asked for.")
     revision: int = Field(description="Revision of the collection that was searched.")
-    landmarks: int = Field(description="How many landmarks the query has.")
+    landmarks: int = Field(description="Number of landmarks in the query.")
     lead: Annotated[float | None, Formerly("margin")] = Field(description=_LEAD)
     warnings: list[str] = Field(
         default_factory=list,
-        description="What is wrong with the query as a whole, as stable words. Looked for with `explain`. "
+        description="What is wrong with the query as a whole, as stable words. Always empty without `explain`. "
         f"`mirrored`: {WARNINGS['mirrored']}.",
     )
-    gates: Gates = Field(description="What was asked of a match.")
-    candidates: list[CandidateAnswer] = Field(description="Best first.")
-    rivals: list[RivalAnswer] = Field(
-        description="Other poses that explain the data about as well as the first candidate's, the strongest first."
-    )
+    gates: Gates = Field(description=_GATES)
+    candidates: list[CandidateAnswer] = Field(description="Submaps that may be the query's place, best first.")
+    rivals: list[RivalAnswer] = Field(description=_RIVALS)
     search: SearchAnswer | None = Field(None, description=_SEARCH)
-    stages: list[StageAnswer] = Field(description="What each stage of the search did, in order.")
+    stages: list[StageAnswer] = Field(description=_STAGES)
     findings: list[FindingAnswer] | None = Field(
-        description="What each level found, by level, the best first; null unless asked with `explain`. Stored answers "
-        "keep it."
+        description="What each level of the search found, level by level, best first. Null without `explain`."
     )
     findings_total: int | None = Field(
-        description=f"How many findings there were; the answer has the {FINDINGS} with the best log-odds. Null like "
-        "`findings`."
+        description=f"Number of findings, of which `findings` lists the {FINDINGS} with the best log-odds. Null "
+        "without `explain`."
     )
     sentences: dict[str, str] | None = Field(
         None,
-        description="What the verdict's reason, each `refused` and each warning in this answer mean, by word; null "
-        "unless asked with `explain`.",
+        description="The meaning of each reason, `refused` and warning in this answer, by its word. Null without "
+        "`explain`.",
     )
-    links: QueryLinks = Field(description="Where to go from here.")
+    links: QueryLinks = Field(description="Paths that belong to the answer.")
 
 
 class MatchAnswer(Answer):
-    """A candidate of a stored query with the landmarks of both sides."""
+    """A candidate of a stored query, with the landmarks of both sides."""
 
     query: str = Field(description="Id of the stored query.")
     candidate: CandidateAnswer = Field(description="The candidate, as in the answer.")
-    query_landmarks: list[Point] = Field(description="[x, y] of the query's landmarks: metres, query frame.")
-    submap_landmarks: list[Point] = Field(description="[x, y] of the submap's landmarks: metres, submap frame.")
+    query_landmarks: list[Point] = Field(
+        description="Positions of the query's landmarks as [x, y], in metres, in the query's frame."
+    )
+    submap_landmarks: list[Point] = Field(
+        description="Positions of the submap's landmarks as [x, y], in metres, in the submap's frame."
+    )
 
 
 class ExplanationLinks(Answer):
-    """Where to go from an explanation."""
+    """Paths that belong to an explanation."""
 
     self: str = Field(description="Path of this explanation.")
     query: str = Field(description="Path of the stored answer.")
 
 
 class ExplanationAnswer(Answer):
-    """Why a stored answer is what it is."""
+    """Why a stored answer has its verdict."""
 
     query: str = Field(description="Id of the stored query.")
     collection: str = Field(description="Id of the collection.")
-    verdict: Verdict = Field(description="What to act on: `matched`, `ambiguous` or `no_match`.")
+    verdict: Verdict = Field(description=_VERDICT)
     reason: str = Field(description=_REASON)
     lead: float | None = Field(description=_LEAD)
-    gates: Gates = Field(description="What was asked of a match.")
+    gates: Gates = Field(description=_GATES)
     search: SearchAnswer | None = Field(None, description=_SEARCH)
-    stages: list[StageAnswer] = Field(description="What each stage of the search did, in order.")
+    stages: list[StageAnswer] = Field(description=_STAGES)
     findings: list[FindingAnswer] | None = Field(
-        description="What each level found, by level, the best first; null for an answer stored by a version that kept "
-        "none."
+        description="What each level of the search found, level by level, best first. Null if an older version stored "
+        "the answer without findings."
     )
-    findings_total: int | None = Field(description="How many findings there were; null like `findings`.")
-    rivals: list[RivalAnswer] = Field(description="Other poses that explain the data about as well, strongest first.")
-    sentences: dict[str, str] = Field(description="What each reason in this explanation means, by word.")
-    links: ExplanationLinks = Field(description="Where to go from here.")
+    findings_total: int | None = Field(
+        description="Number of findings, of which `findings` lists the strongest. Null if `findings` is null."
+    )
+    rivals: list[RivalAnswer] = Field(description=_RIVALS)
+    sentences: dict[str, str] = Field(
+        description="The meaning of each reason, `refused` and warning in this explanation, by its word."
+    )
+    links: ExplanationLinks = Field(description="Paths that belong to the explanation.")
 
 
 _EXAMPLE: Any = QueryInput.model_config["json_schema_extra"]["examples"][0]  # type: ignore[index]
 
 
 class BatchInput(Body):
-    """Several queries, each as it would be asked alone."""
+    """Several queries in one request."""
 
     model_config = ConfigDict(json_schema_extra={"examples": [{"queries": [_EXAMPLE, {"submap_id": "p7"}]}]})
 
-    # Read one by one, so that one that is wrong does not spoil the others.
-    queries: list[dict[str, Any]] = Field(min_length=1, description="Bodies of `query`.")
+    # Each is validated by itself, so that an invalid query does not affect the others.
+    queries: list[dict[str, Any]] = Field(
+        min_length=1, description="The queries, each with the members of a `QueryInput`."
+    )
     timeout_ms: Annotated[int, Field(ge=1, le=3_600_000, strict=True)] | None = Field(
         None,
-        description="Milliseconds within which the whole batch is needed; at most, and by default, the limit "
-        "`batch_seconds`. Queries that were not begun by then have the problem `out-of-time` in their place.",
+        description="Milliseconds within which you need the whole batch. The limit `batch_seconds` is the maximum and "
+        "the default. A query that has not begun by then gets the problem `out-of-time`.",
     )
 
 
 class BatchProblem(Answer):
-    """In the place of an answer: why there is none."""
+    """The result of a query that failed."""
 
-    problem: dict[str, Any] = Field(description="The problem that the query would have been answered with alone.")
+    problem: dict[str, Any] = Field(
+        description="The problem document that the query alone would have been answered with."
+    )
 
 
 class BatchAnswer(Answer):
-    """An answer or a problem for each query, in their order."""
+    """The results of a batch."""
 
-    results: list[QueryAnswer | BatchProblem]
+    results: list[QueryAnswer | BatchProblem] = Field(
+        description="An answer or a problem for each query, in the order of the queries."
+    )

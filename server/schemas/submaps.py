@@ -6,13 +6,28 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field, PlainSerializer, model_validator
 from pydantic_core import PydanticCustomError
 
-from server.schemas.common import STAMPED, Answer, Free, Label, ResourceId, Stamp, write_stamp
+from server.schemas.common import (
+    FRAME_NAME,
+    NEXT,
+    SESSION,
+    STAMPED,
+    Answer,
+    Free,
+    Label,
+    ResourceId,
+    Stamp,
+    write_stamp,
+)
 from server.schemas.landmarks import _XY, LandmarkBody
 from server.schemas.poses import MapPose, PlacedPose
 from server.schemas.queries import QueryAnswer, QueryInput, QueryOptions
 
 _Written = Annotated[datetime, PlainSerializer(write_stamp, return_type=str, when_used="json")]
 _POSE: Any = {"frame_id": "map", "x": 120.5, "y": 88.25, "yaw": 0.31}
+_MAP_POSE = "Pose of the submap's frame in a map, if it is known."
+_PROPERTIES = "Any other data that you want to store with the submap, as a JSON object."
+_COUNTS = "Numbers of landmarks, triangles and polygons of the submap, by name."
+_ETAG = "Entity tag of the submap, for `If-Match` and `If-None-Match`."
 
 
 class SubmapInput(LandmarkBody):
@@ -38,11 +53,11 @@ class SubmapInput(LandmarkBody):
         }
     )
 
-    frame_id: Label | None = Field(None, description="Name of the frame that the landmarks are in.")
+    frame_id: Label | None = Field(None, description=FRAME_NAME)
     stamp: Stamp | None = Field(None, description=STAMPED)
-    session: Label | None = Field(None, description="The drive, flight or season that it belongs to.")
-    map_pose: MapPose | None = Field(None, description="Where the submap's frame is in a map.")
-    properties: Free | None = Field(None, description="Anything else worth keeping.")
+    session: Label | None = Field(None, description=SESSION)
+    map_pose: MapPose | None = Field(None, description=_MAP_POSE)
+    properties: Free | None = Field(None, description=_PROPERTIES)
 
     @model_validator(mode="after")
     def _has_landmarks(self) -> "SubmapInput":
@@ -52,21 +67,21 @@ class SubmapInput(LandmarkBody):
 
 
 class NamedSubmap(SubmapInput):
-    """A submap with its id, as in bulk ingest."""
+    """A submap with its id, as in an import."""
 
-    id: ResourceId
+    id: ResourceId = Field(description="Id of the submap.")
 
 
 class SubmapPatch(LandmarkBody):
-    """Members to change: what is given replaces what was there, null clears it, what is left out stays."""
+    """Members of a submap to change. Null removes a member; a member left out stays."""
 
     model_config = ConfigDict(json_schema_extra={"examples": [{"map_pose": _POSE}, {"xy": _XY}]})
 
-    frame_id: Label | None = Field(None, description="Name of the frame that the landmarks are in.")
+    frame_id: Label | None = Field(None, description=FRAME_NAME)
     stamp: Stamp | None = Field(None, description=STAMPED)
-    session: Label | None = Field(None, description="The drive, flight or season that it belongs to.")
-    map_pose: MapPose | None = Field(None, description="Where the submap's frame is in a map.")
-    properties: Free | None = Field(None, description="Anything else worth keeping.")
+    session: Label | None = Field(None, description=SESSION)
+    map_pose: MapPose | None = Field(None, description=_MAP_POSE)
+    properties: Free | None = Field(None, description=_PROPERTIES)
 
     @model_validator(mode="after")
     def _keeps_landmarks(self) -> "SubmapPatch":
@@ -79,101 +94,107 @@ class SubmapPatch(LandmarkBody):
 
     @property
     def has_landmarks(self) -> bool:
-        """Whether it gives landmarks."""
+        """Whether the body contains landmarks."""
         return self.xy is not None or self.landmarks is not None
 
 
 class SubmapLinks(Answer):
-    """Where to go from a submap."""
+    """Paths of a submap, its collection and its tessellation."""
 
-    self: str
-    collection: str
-    tessellation: str
+    self: str = Field(description="Path of the submap.")
+    collection: str = Field(description="Path of the collection.")
+    tessellation: str = Field(description="Path of the submap's tessellation.")
 
 
 class SubmapSummary(Answer):
-    """A submap, as in a list."""
+    """A submap without its landmarks, as in a list."""
 
-    id: str
-    collection: str
-    frame_id: str | None
-    stamp: _Written | None
-    session: str | None
-    map_pose: PlacedPose | None
-    properties: dict[str, Any] | None
-    counts: dict[str, int]
-    etag: str
-    revision: int
-    created: _Written
-    updated: _Written
-    links: SubmapLinks
+    id: str = Field(description="Id of the submap.")
+    collection: str = Field(description="Id of the collection.")
+    frame_id: str | None = Field(description=FRAME_NAME)
+    stamp: _Written | None = Field(description="When the trees were observed, in RFC 3339 form, in UTC.")
+    session: str | None = Field(description=SESSION)
+    map_pose: PlacedPose | None = Field(description=_MAP_POSE)
+    properties: dict[str, Any] | None = Field(description="Other data that were stored with the submap.")
+    counts: dict[str, int] = Field(description=_COUNTS)
+    etag: str = Field(description=_ETAG)
+    revision: int = Field(description="Revision of the collection at the last write of the submap.")
+    created: _Written = Field(description="When the submap was first stored.")
+    updated: _Written = Field(description="When the submap was last changed.")
+    links: SubmapLinks = Field(description="Paths of the submap, its collection and its tessellation.")
 
 
 class StoredLandmark(Answer):
-    """A tree as stored."""
+    """A stored landmark. Attributes that it does not have are left out."""
 
-    id: str
-    x: float = Field(description="Metres in the submap's frame.")
-    y: float = Field(description="Metres in the submap's frame.")
+    id: str = Field(description="Id of the tree, unique in the submap.")
+    x: float = Field(description="Position along x, in metres, in the submap's frame.")
+    y: float = Field(description="Position along y, in metres, in the submap's frame.")
     dbh: float | None = Field(None, description="Diameter at breast height, in metres.")
     height: float | None = Field(None, description="Height of the tree, in metres.")
-    species: str | None = None
+    species: str | None = Field(None, description="Species of the tree, as it was sent.")
 
 
 class Submap(SubmapSummary):
     """A submap with its landmarks."""
 
-    landmarks: list[StoredLandmark]
+    landmarks: list[StoredLandmark] = Field(description="The landmarks, in the order they were sent.")
 
 
 class SubmapPage(Answer):
     """A page of submaps."""
 
-    submaps: list[SubmapSummary]
-    next: str | None = Field(None, description="Cursor of the next page; not there on the last.")
+    submaps: list[SubmapSummary] = Field(description="The submaps of the page, oldest first.")
+    next: str | None = Field(None, description=NEXT)
 
 
 class SessionSummary(Answer):
-    """A drive, a flight, a season: who was here, and when."""
+    """A session: submaps that were gathered in one drive, flight or survey."""
 
-    session: str
-    submaps: int
-    landmarks: int = Field(description="Landmarks of all its submaps together.")
-    first: _Written | None = Field(description="The earliest stamp of its submaps.")
-    last: _Written | None = Field(description="The latest stamp of its submaps.")
+    session: str = Field(description="Name of the session.")
+    submaps: int = Field(description="Number of the session's submaps.")
+    landmarks: int = Field(description="Number of landmarks in all the session's submaps.")
+    first: _Written | None = Field(description="Earliest stamp of the session's submaps. Null if none has one.")
+    last: _Written | None = Field(description="Latest stamp of the session's submaps. Null if none has one.")
 
 
 class SessionPage(Answer):
     """A page of sessions."""
 
-    sessions: list[SessionSummary]
-    next: str | None = Field(None, description="Cursor of the next page; not there on the last.")
+    sessions: list[SessionSummary] = Field(description="The sessions of the page.")
+    next: str | None = Field(None, description=NEXT)
 
 
 class TessellationPolygon(Answer):
     """An interior Urquhart polygon."""
 
-    vertices: list[int] = Field(description="Landmark positions, counter-clockwise.")
-    triangles: list[int] = Field(description="The triangles that it is joined from.")
-    descriptor: list[float]
+    vertices: list[int] = Field(
+        description="The polygon's vertices, counter-clockwise, as positions in `landmarks`, counted from 0."
+    )
+    triangles: list[int] = Field(
+        description="The triangles that the polygon is joined from, as positions in `triangles`, counted from 0."
+    )
+    descriptor: list[float] = Field(description="The numbers that the polygon is compared by.")
 
 
 class TessellationAnswer(Answer):
-    """What the method sees in a submap."""
+    """The triangles and polygons of a submap."""
 
-    submap: str
-    fingerprint: str
-    counts: dict[str, int]
-    landmarks: list[StoredLandmark]
-    triangles: list[tuple[int, int, int]] = Field(description="Landmark positions, counter-clockwise.")
-    polygons: list[TessellationPolygon]
+    submap: str = Field(description="Id of the submap.")
+    fingerprint: str = Field(description="Hash of the parameters that the features were computed with.")
+    counts: dict[str, int] = Field(description=_COUNTS)
+    landmarks: list[StoredLandmark] = Field(description="The submap's landmarks, in the order they were sent.")
+    triangles: list[tuple[int, int, int]] = Field(
+        description="The Delaunay triangles: three positions in `landmarks` each, counted from 0, counter-clockwise."
+    )
+    polygons: list[TessellationPolygon] = Field(description="The interior Urquhart polygons.")
 
 
 _EXAMPLES: list[Any] = SubmapInput.model_config["json_schema_extra"]["examples"]  # type: ignore[index,assignment]
 
 
 class ArrivingSubmap(SubmapInput):
-    """A submap to store."""
+    """A submap to store, and on request to search for first."""
 
     model_config = ConfigDict(
         json_schema_extra={
@@ -182,14 +203,16 @@ class ArrivingSubmap(SubmapInput):
     )
 
     query: QueryOptions | None = Field(
-        None, description="Ask first where else it was seen, and how: {} as usual. It does not find itself."
+        None,
+        description="Search for the submap before it is stored, with these options; `{}` for the defaults. It cannot "
+        "find itself.",
     )
 
     def question(self) -> QueryInput:
-        """The query to ask before this is stored."""
+        """The query to answer before this submap is stored."""
         options = self.query or QueryOptions()
         members = {name: getattr(self, name) for name in ("xy", "ids", "landmarks", "frame_id", "stamp")}
-        # What is checked already is not checked again.
+        # All members were validated already.
         return QueryInput.model_construct(
             _fields_set=set(options.model_fields_set),
             **members,
@@ -200,27 +223,37 @@ class ArrivingSubmap(SubmapInput):
 
 
 class SubmapReceipt(Answer):
-    """What became of a submap that was sent."""
+    """The outcome of storing a submap."""
 
-    id: str | None = Field(description="The submap's id; null where a POST stored nothing.")
-    collection: str
+    id: str | None = Field(description="Id of the submap. Null if a POST stored nothing.")
+    collection: str = Field(description="Id of the collection.")
     outcome: Literal["created", "replaced", "unchanged", "not_stored"] = Field(
-        description="`not_stored`: the submap was asked about, and too few trees, or trees on one line, make no submap."
+        description="What was done. `not_stored`: the submap came with a `query`, which is answered, but too few "
+        "trees, or trees on one line, make no submap."
     )
-    reason: str | None = Field(None, description="Why nothing was stored: the `reason` of `query`; null otherwise.")
-    detail: str | None = Field(None, description="Why nothing was stored, in a sentence; null otherwise.")
-    counts: dict[str, int] = Field(description="Landmarks, triangles, polygons kept and discarded of what is stored.")
-    etag: str | None = Field(description="Entity tag of what is stored under the id now; null where nothing is.")
+    reason: str | None = Field(
+        None, description="Why nothing was stored, as a stable word: the `reason` of `query`. Null otherwise."
+    )
+    detail: str | None = Field(None, description="Why nothing was stored, as a sentence. Null otherwise.")
+    counts: dict[str, int] = Field(description=_COUNTS)
+    etag: str | None = Field(
+        description="Entity tag of what is stored under the id now, for `If-Match`. Null if nothing is."
+    )
     revision: int = Field(
-        description="The collection's revision at the submap's last write; where there is none, its revision now."
+        description="Revision of the collection at the last write of the submap. If there is no submap, its present "
+        "one."
     )
     cleared: list[str] = Field(
         default_factory=list,
-        description="Optional members that the submap had before this write and has no more, e.g. `session`, "
-        "`map_pose`, or `dbh` of its landmarks: a PUT replaces the whole submap. PATCH keeps what it does not name.",
+        description="Optional members that the submap had before and that this PUT removed, such as `session`, "
+        "`map_pose`, or `dbh` of its landmarks. PUT replaces the whole submap; PATCH keeps members that it does not "
+        "name.",
     )
-    links: SubmapLinks | None = Field(description="Where to go from the submap; null where there is none.")
+    links: SubmapLinks | None = Field(
+        description="Paths of the submap, its collection and its tessellation. Null if there is no submap."
+    )
     query: QueryAnswer | None = Field(
         None,
-        description="Where else the submap was seen, among all that was stored before it; not there unless asked for.",
+        description="Where else the submap was seen, among all submaps that were stored before it. Left out unless the "
+        "submap came with a `query`.",
     )

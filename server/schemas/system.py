@@ -8,54 +8,58 @@ from server.schemas.common import Answer
 
 
 class Liveness(Answer):
-    """The process answers."""
+    """Answer of a process that is alive."""
 
-    status: str
+    status: str = Field(description="Always `ok`.")
 
 
 class Load(Answer):
-    """How busy the process is that answers."""
+    """How busy the answering process is."""
 
-    running: int = Field(description="Requests that are worked on.")
-    places: int = Field(description="Requests that can be worked on at once.")
-    waiting: int = Field(description="Requests that wait for a place.")
+    running: int = Field(description="Number of requests in work.")
+    places: int = Field(description="Number of requests that can be in work at once.")
+    waiting: int = Field(description="Number of requests that wait for a place.")
     saturated: bool = Field(description="Whether all places are taken, so that another caller's request has to wait.")
 
 
 class Readiness(Answer):
-    """All checks are passed."""
+    """Answer of a process that has passed all checks."""
 
-    status: str
-    checks: dict[str, str]
-    load: Load
+    status: str = Field(description="Always `ok`.")
+    checks: dict[str, str] = Field(description="Result of each check, by its name.")
+    load: Load = Field(description="How busy the process is.")
 
 
 class Versions(Answer):
-    """What is running."""
+    """Versions of the running service."""
 
-    service: str
-    api: str
-    schema_: str = Field(alias="schema")
+    service: str = Field(description="Version of the service.")
+    api: str = Field(description="Version of the API, as in its paths.")
+    schema_: str = Field(alias="schema", description="Version of the database schema.")
 
 
 class Retention(Answer):
-    """How long things are kept."""
+    """How long the service keeps what it stores on behalf of requests."""
 
-    stored_queries: int = Field(description="Kept per collection; the oldest go first.")
+    stored_queries: int = Field(
+        description="Number of stored queries that are kept in each collection. The oldest are deleted first."
+    )
     idempotency_hours: float = Field(
-        description="Hours for which a request sent again with its Idempotency-Key gets the first answer."
+        description="Hours within which a repetition of a request with the same `Idempotency-Key` gets the first "
+        "answer."
     )
 
 
 class LimitsAnswer(Answer):
-    """What requests are held to; the refusal that enforces a limit names it as here."""
+    """The limits that requests must keep. An error names the limit that was exceeded as it is named here."""
 
-    limits: dict[str, int | float]
+    limits: dict[str, int | float] = Field(description="Each limit by its name.")
     rates: dict[str, float] = Field(
-        description="`requests_per_second` of a key, or of an address without one; empty where none is enforced."
+        description="Requests per second that a key, or an address without a key, may send (`requests_per_second`). "
+        "Empty if there is no such limit."
     )
-    retention: Retention
-    versions: Versions
+    retention: Retention = Field(description="How long stored queries and answers are kept.")
+    versions: Versions = Field(description="Versions of the running service.")
 
 
 LIMITS_EXAMPLE: dict[str, Any] = {

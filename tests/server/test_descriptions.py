@@ -50,6 +50,19 @@ def test_every_description_stands_alone(app: FastAPI) -> None:
     assert not told
 
 
+def test_every_type_and_member_has_a_description(app: FastAPI) -> None:
+    schemas = app.openapi()["components"]["schemas"]
+    bare = [name for name, schema in schemas.items() if not schema.get("description")]
+    # A member that is described like its type refers to it alone.
+    bare += [
+        f"{name}.{member}"
+        for name, schema in schemas.items()
+        for member, about in schema["properties"].items()
+        if not about.get("description") and "$ref" not in about
+    ]
+    assert not bare
+
+
 @pytest.mark.parametrize(
     ("schema", "field", "says"),
     [

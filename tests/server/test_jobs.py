@@ -23,6 +23,7 @@ from server.jobs.folder import JobFolder
 from server.jobs.types import import_submaps
 from server.platform.file_locks import try_lock
 from server.runtime import Service
+from server.schemas.jobs import LineResult
 from server.security import api_keys
 from server.security.authenticator import Authenticator
 from server.security.principal import UNRESTRICTED, Scope
@@ -60,7 +61,10 @@ def results(client: httpx.Client, job: dict[str, Any], what: str = "results") ->
     response = client.get(job["links"][what])
     assert response.status_code == 200, response.text
     assert response.headers["Content-Type"] == "application/x-ndjson"
-    return [orjson.loads(one) for one in response.content.splitlines()]
+    told = [orjson.loads(one) for one in response.content.splitlines()]
+    for one in told:
+        LineResult.model_validate(one)  # what the OpenAPI document says of a line
+    return told
 
 
 def outcomes(client: httpx.Client, job: dict[str, Any]) -> list[tuple[int, str | None, str]]:

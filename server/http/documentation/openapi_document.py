@@ -1,4 +1,4 @@
-"""The OpenAPI document: what the framework makes of the routes, and what it does not know."""
+"""The OpenAPI document: as the framework makes it of the routes, plus types, problems and scopes it does not know."""
 
 from typing import Any
 
@@ -8,22 +8,26 @@ from fastapi.openapi.utils import get_openapi
 from server.http.admission.admission import ALWAYS_ANSWERED
 from server.http.responses import problems
 from server.schemas.common import Problem
+from server.schemas.constraints import ConstraintList
+from server.schemas.jobs import LineResult
+from server.schemas.submaps import NamedSubmap
 from server.security.scopes import SCOPES
 
 
 def openapi_document(app: FastAPI) -> dict[str, Any]:
-    """The document, made once: errors are problems, and every operation says which scope a key needs."""
+    """The document, made once. Errors are problems, and every operation names the scope that a key needs."""
     if app.openapi_schema is None:
         document = get_openapi(
             title=app.title, version=app.version, description=app.description, routes=app.routes, tags=app.openapi_tags
         )
         schemas = document["components"]["schemas"]
-        problem = Problem.model_json_schema(ref_template="#/components/schemas/{model}")
-        schemas.update(problem.pop("$defs", {}))
-        schemas["Problem"] = problem
+        for model in (Problem, ConstraintList, LineResult, NamedSubmap):
+            schema = model.model_json_schema(ref_template="#/components/schemas/{model}", mode="serialization")
+            schemas.update(schema.pop("$defs", {}))
+            schemas[model.__name__] = schema
         for path, operations in document["paths"].items():
             for operation in operations.values():
-                _only_problems(operation)
+                _plain_answers(operation)
                 _guarded(operation)
                 if path not in ALWAYS_ANSWERED:
                     _may_be_refused(operation)
@@ -36,10 +40,12 @@ def openapi_document(app: FastAPI) -> dict[str, Any]:
     return app.openapi_schema
 
 
-def _only_problems(operation: dict[str, Any]) -> None:
-    """Leave out the framework's own description of a validation error: it is never sent."""
+def _plain_answers(operation: dict[str, Any]) -> None:
+    """Replace what the framework says of itself: remove its validation errors, which the service never sends."""
     for status, response in list(operation["responses"].items()):
         content = response.get("content", {})
+        if response["description"] == "Successful Response":
+            response["description"] = "Success."
         reference = content.get("application/json", {}).get("schema", {}).get("$ref", "")
         if reference.endswith("/HTTPValidationError"):
             del content["application/json"]
@@ -48,7 +54,7 @@ def _only_problems(operation: dict[str, Any]) -> None:
 
 
 def _guarded(operation: dict[str, Any]) -> None:
-    """Say which scope is asked for, and how a caller without it is answered."""
+    """Add the scope that the operation needs, and the answers to callers without it."""
     scope = SCOPES[operation["operationId"]]
     if scope is None:
         operation["security"] = []
@@ -60,7 +66,7 @@ def _guarded(operation: dict[str, Any]) -> None:
 
 
 def _may_be_refused(operation: dict[str, Any]) -> None:
-    """Say how a request is answered when there is too much to do."""
+    """Add the answers to requests that come while the service has too much to do."""
     slow = (408,) if "requestBody" in operation else ()
     often = (429,) if SCOPES[operation["operationId"]] is not None else ()
     refusals = {str(status): said for status, said in problems(*slow, *often, 503).items()}

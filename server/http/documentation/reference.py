@@ -1,41 +1,50 @@
-"""The OpenAPI document as a page to read: every operation with its parameters, bodies, answers and errors."""
+"""The OpenAPI document as a Markdown page: operations with parameters, bodies, answers and errors, then all types."""
 
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, Final
 
 import orjson
 
 from server.problem_types import PROBLEM_TYPES
 
 _METHODS = ("get", "put", "post", "patch", "delete")
+_REFERENCE: Final = "#/components/schemas/"
+_BEYOND: Final = 1e8
+"""Bounds of this size only keep numbers finite, so the page leaves them out."""
+_SHORT: Final = 100
+"""Characters of an object that is written on one line."""
 _HEAD = """\
 # API reference
 
-Made from the service's OpenAPI document by `urquhart reference > docs/api.md`; a test holds this page to it. How the
-routes are used together is told in [guides.md](guides.md); every service shows the same, to be tried out, at `/docs`.
+This page is generated from the service's OpenAPI document by `urquhart reference > docs/api.md`. The
+[guides](guides.md) show how the calls are used together. Every running service has the same reference under `/docs`,
+where you can try the calls.
 
-- Transforms are `submap_T_query`: p_submap = R(yaw) p_query + t; metres, radians, counter-clockwise, x east, y north.
-- Bodies and answers are JSON; gzip is read (`Content-Encoding`) and written (`Accept-Encoding`). Unknown members and
-  unknown or repeated query parameters are refused.
-- Where a service asks for keys: `Authorization: Bearer urq_...`. A collection that a key does not see is answered like
-  one that is not there. The scope that an operation asks for stands in its line.
-- A request that takes an `Idempotency-Key` can be sent again with the same key: it is done once, and answered as the
-  first time (`Idempotency-Replayed: true`). A query takes one, too; it matters with `store`, because other queries
-  change nothing and are answered again.
-- Lists come in pages: `limit`, `cursor`, `next`; there is no `next` on the last page.
-- What can be written over carries an `ETag`: `If-Match` and `If-None-Match` are honoured.
-- Every answer has an `X-Request-Id`, the caller's where it sent a plain one; it stands in the log, too.
-- Errors are `application/problem+json`; [their types](#problems) are at the end.
+- A transform `submap_T_query` takes points of the query to the submap: p_submap = R(yaw) p_query + (x, y). Metres,
+  radians, counter-clockwise; x east and y north if the frame is geographic.
+- Bodies and answers are JSON. Requests may be compressed with gzip (`Content-Encoding`), and answers are if you accept
+  it (`Accept-Encoding`). Unknown members, and unknown or repeated query parameters, are refused.
+- If the service has keys, send one: `Authorization: Bearer urq_...`. Each operation names the scope that the key needs.
+  A collection that the key may not see is answered like one that does not exist.
+- A request with an `Idempotency-Key` is carried out once. A repetition with the same key gets the first answer, with
+  the header `Idempotency-Replayed: true`. Queries need a key only with `store`; other queries change nothing.
+- Lists come in pages: `limit` is the size of a page, `next` of one page is the `cursor` of the following one. The last
+  page has no `next`.
+- Resources with an `ETag` support `If-Match` and `If-None-Match`.
+- Times are in RFC 3339 form. Answers are in UTC.
+- Every answer has an `X-Request-Id`, which the log has, too. You can send your own.
+- Errors are `application/problem+json` ([Problem](#problem)); [their types](#problems) are at the end.
 """
 
 
 def reference(document: Mapping[str, Any]) -> str:
     """The page, in Markdown, of an OpenAPI document."""
-    return "\n".join([_HEAD, *_contents(document), *_operations(document), *_problems()]).rstrip() + "\n"
+    parts = (_HEAD, *_contents(document), *_operations(document), *_types(document), *_problems())
+    return "\n".join(parts).rstrip() + "\n"
 
 
 def _contents(document: Mapping[str, Any]) -> Iterator[str]:
-    yield "| operation | | scope |"
+    yield "| operation | what it does | scope |"
     yield "| --- | --- | --- |"
     for path, method, operation in _walk(document):
         name = operation["operationId"]
@@ -44,66 +53,125 @@ def _contents(document: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _operations(document: Mapping[str, Any]) -> Iterator[str]:
+    shown: dict[str, str] = {}
     for tag in document["tags"]:
         yield f"## {tag['name'].capitalize()}\n\n{tag['description']}\n"
         for path, method, operation in _walk(document):
             if tag["name"] in operation["tags"]:
-                yield from _operation(document, path, method, operation)
+                name = operation["operationId"]
+                yield f"### {name}\n"
+                yield f"`{method.upper()} {path}` · scope: {_scope(operation)}\n"
+                yield from _operation(document, operation, shown)
 
 
-def _operation(document: Mapping[str, Any], path: str, method: str, operation: Mapping[str, Any]) -> Iterator[str]:
-    yield f"### {operation['operationId']}\n"
-    yield f"`{method.upper()} {path}` · scope: {_scope(operation)}\n"
-    yield f"{operation['summary']}. {_text(operation.get('description', ''))}\n"
+def _operation(document: Mapping[str, Any], operation: Mapping[str, Any], shown: dict[str, str]) -> Iterator[str]:
+    """One operation. `shown`: the examples on the page so far, each with the id of its operation; adds to it."""
+    yield f"{_text(operation.get('description', operation['summary']))}\n"
     parameters = [one for one in operation.get("parameters", []) if one["in"] != "path"]
     if parameters:
-        yield "| parameter | in | type | |"
+        yield "| parameter | in | type | meaning |"
         yield "| --- | --- | --- | --- |"
         for one in parameters:
             yield f"| `{one['name']}` | {one['in']} | {_type(one['schema'])} | {_text(one.get('description', ''))} |"
         yield ""
-    body = operation.get("requestBody")
-    if body is not None:
-        for media_type, content in body["content"].items():
-            yield f"Body, `{media_type}`:\n"
-            schema = _resolved(document, content["schema"])
-            yield from _members(schema)
-            yield from _example(content.get("example", (schema.get("examples") or [None])[-1]))
+    name = operation["operationId"]
+    for media_type, content in operation.get("requestBody", {}).get("content", {}).items():
+        yield f"Body, `{media_type}`{_named(content)}"
+        yield from _example(document, content, name, shown)
     for status, response in operation["responses"].items():
         if int(status) < 400:
             yield f"**{status}** {_text(response['description'])}\n"
             for media_type, content in response.get("content", {}).items():
-                yield f"`{media_type}`, for example:\n"
-                yield from _example(content.get("example"))
+                yield f"`{media_type}`{_named(content)}"
+                yield from _example(document, content, name, shown)
     refused = [status for status in operation["responses"] if int(status) >= 400]
     yield f"Refused with {', '.join(refused)}.\n"
 
 
-def _members(schema: Mapping[str, Any]) -> Iterator[str]:
-    if not schema.get("properties"):
-        return
-    yield "| member | type | |"
-    yield "| --- | --- | --- |"
-    needed = schema.get("required", [])
-    for name, member in schema["properties"].items():
-        mark = " (required)" if name in needed else ""
-        yield f"| `{name}`{mark} | {_type(member)} | {_text(member.get('description', ''))} |"
-    yield ""
+def _types(document: Mapping[str, Any]) -> Iterator[str]:
+    yield "## Types\n"
+    yield "The bodies and answers, and the objects in them, by name.\n"
+    requested = _bodies(document)
+    for name, schema in sorted(document["components"]["schemas"].items()):
+        yield f"### {name}\n"
+        yield f"{_text(schema['description'])}\n"
+        yield "| member | type | meaning |"
+        yield "| --- | --- | --- |"
+        for member, about in schema["properties"].items():
+            mark = " (required)" if name in requested and member in schema.get("required", ()) else ""
+            default = _default(about) if name in requested else ""
+            meaning = about.get("description") or _resolved(document, about)["description"]
+            yield f"| `{member}`{mark} | {_type(about)}{default} | {_text(meaning)} |"
+        yield ""
 
 
-def _example(example: Any) -> Iterator[str]:
+def _bodies(document: Mapping[str, Any]) -> set[str]:
+    """Names of the types that requests consist of: those of the bodies, and of their members at any depth."""
+    schemas = document["components"]["schemas"]
+    found: set[str] = set()
+    open_ = [
+        name
+        for _, _, operation in _walk(document)
+        for content in operation.get("requestBody", {}).get("content", {}).values()
+        for name in _references(content["schema"])
+    ]
+    while open_:
+        name = open_.pop()
+        if name not in found:
+            found.add(name)
+            open_ += _references(schemas[name])
+    return found
+
+
+def _references(node: Any) -> Iterator[str]:
+    """Names of all types that a schema refers to."""
+    if isinstance(node, Mapping):
+        if isinstance(reference := node.get("$ref"), str):
+            yield reference.removeprefix(_REFERENCE)
+        for inner in node.values():
+            yield from _references(inner)
+    elif isinstance(node, list):
+        for inner in node:
+            yield from _references(inner)
+
+
+def _example(
+    document: Mapping[str, Any], content: Mapping[str, Any], name: str, shown: dict[str, str]
+) -> Iterator[str]:
+    """The example of a body or answer, or where on the page it is already."""
+    schema = _resolved(document, content.get("schema", {}))
+    example = content.get("example", (schema.get("examples") or [None])[-1])
     if example is None:
+        yield ""
         return
-    if isinstance(example, str):
-        yield f"```\n{example.rstrip()}\n```\n"
+    text = f"```\n{example.rstrip()}\n```" if isinstance(example, str) else f"```json\n{_json(example)}\n```"
+    if text in shown:
+        yield f"(example: see [{shown[text]}](#{shown[text].lower()}))\n"
     else:
-        yield f"```json\n{orjson.dumps(example, option=orjson.OPT_INDENT_2).decode()}\n```\n"
+        shown[text] = name
+        yield f"\n{text}\n"
+
+
+def _json(value: Any, indent: str = "") -> str:
+    """JSON over several lines, except for objects and lists that are short or have no objects in them."""
+    inner = indent + "  "
+    if isinstance(value, dict) and value:
+        flat = "{" + ", ".join(f"{_json(name)}: {_json(member)}" for name, member in value.items()) + "}"
+        if indent and len(flat) <= _SHORT and "\n" not in flat:
+            return flat
+        members = (f"{inner}{_json(name)}: {_json(member, inner)}" for name, member in value.items())
+        return "{\n" + ",\n".join(members) + f"\n{indent}}}"
+    if isinstance(value, list):
+        if any(isinstance(one, dict) for one in value):
+            return "[\n" + ",\n".join(f"{inner}{_json(one, inner)}" for one in value) + f"\n{indent}]"
+        return f"[{', '.join(_json(one) for one in value)}]"
+    return orjson.dumps(value).decode()
 
 
 def _problems() -> Iterator[str]:
     yield "## Problems\n"
-    yield "`type` of a problem is `/problems/<slug>`, which the service answers with what stands here.\n"
-    yield "| type | status | title | |"
+    yield "The `type` of a problem is `/problems/<slug>`. GET that path to read the explanation given here.\n"
+    yield "| slug | status | title | meaning |"
     yield "| --- | --- | --- | --- |"
     for slug, kind in sorted(PROBLEM_TYPES.items()):
         yield f'| <a id="{slug}"></a>`{slug}` | {kind.status} | {kind.title} | {_text(kind.about)} |'
@@ -121,23 +189,54 @@ def _scope(operation: Mapping[str, Any]) -> str:
 
 
 def _resolved(document: Mapping[str, Any], schema: Mapping[str, Any]) -> Mapping[str, Any]:
-    name = schema.get("$ref", "").rsplit("/", 1)[-1]
+    name = schema.get("$ref", "").removeprefix(_REFERENCE)
     return document["components"]["schemas"][name] if name else schema
 
 
+def _named(content: Mapping[str, Any]) -> str:
+    """A link to the type of a body or answer, if it has a name."""
+    schema = content.get("schema", {})
+    if lines := schema.get("x-line"):
+        return f", on each line a {' or '.join(map(_type, lines))}"
+    return f": {_type(schema)}" if "$ref" in schema else ""
+
+
 def _type(schema: Mapping[str, Any]) -> str:
-    """A type in a word or two."""
+    """A type in a few words, with links to those that have a table."""
     if "anyOf" in schema:
         return " or ".join(dict.fromkeys(_type(one) for one in schema["anyOf"] if one.get("type") != "null"))
     if "$ref" in schema:
-        return str(schema["$ref"].rsplit("/", 1)[-1])
-    if "enum" in schema:
-        return ", ".join(f"`{value}`" for value in schema["enum"])
-    if schema.get("type") == "array":
-        return f"list of {_type(schema.get('items', {}))}"
+        name = str(schema["$ref"]).removeprefix(_REFERENCE)
+        return f"[{name}](#{name.lower()})"
+    if "enum" in schema or "const" in schema:
+        return ", ".join(f"`{value}`" for value in schema.get("enum", [schema.get("const")]))
     if schema.get("prefixItems"):
-        return "pair"
-    return str(schema.get("format") or schema.get("type", "any"))
+        return f"[{', '.join(_type(one) for one in schema['prefixItems'])}]"
+    if schema.get("type") == "array":
+        size = f" of {schema['minItems']}" if schema.get("minItems") == schema.get("maxItems", 0) else ""
+        return f"list{size}: {_type(schema.get('items', {}))}"
+    if isinstance(values := schema.get("additionalProperties"), Mapping):
+        return f"object: {_type(values)} by name"
+    return f"{schema.get('format') or schema.get('type', 'any')}{_bounds(schema)}"
+
+
+def _bounds(schema: Mapping[str, Any]) -> str:
+    """What a number lies between, where that is more than finite."""
+    low, high = schema.get("minimum"), schema.get("maximum")
+    low = None if low is None or low <= -_BEYOND else low
+    high = None if high is None or high >= _BEYOND else high
+    if "exclusiveMinimum" in schema:
+        return f" above {schema['exclusiveMinimum']:,.10g}" + ("" if high is None else f", at most {high:,.10g}")
+    if low is not None and high is not None:
+        return f" from {low:,.10g} to {high:,.10g}"
+    if low is not None:
+        return f" from {low:,.10g}"
+    return "" if high is None else f" up to {high:,.10g}"
+
+
+def _default(schema: Mapping[str, Any]) -> str:
+    default = schema.get("default")
+    return "" if default in (None, [], {}) or "const" in schema else f", default `{orjson.dumps(default).decode()}`"
 
 
 def _text(text: str) -> str:
