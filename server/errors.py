@@ -1,15 +1,15 @@
-"""What can go wrong, in the words of the domain; `problem_types` alone knows which HTTP status each becomes."""
+"""The errors of the service, without HTTP. `problem_types` maps each to its status."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Self
 
 
 class DomainError(Exception):
-    """Base of all errors that are meant for the caller; `str(error)` is a sentence that says what to do."""
+    """Base of all errors that are shown to callers. `str(error)` says what is wrong and what to do."""
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickled without calling `__init__` again, whose arguments are not those of the base: errors of other
-        processes arrive as they were.
+        """Unpickle without `__init__`, whose arguments differ from those of the base class, so that errors of other
+        processes arrive unchanged.
         """
         return type(self)._again, (self.args,), self.__dict__
 
@@ -28,7 +28,7 @@ class NotFound(DomainError):
 
 
 class Unauthorized(DomainError):
-    """There is no key, or one that cannot be used; `given` tells which."""
+    """The request has no key (`given` is false), or one that cannot be used."""
 
     def __init__(self, message: str, *, given: bool = True) -> None:
         super().__init__(message)
@@ -36,11 +36,11 @@ class Unauthorized(DomainError):
 
 
 class Forbidden(DomainError):
-    """The key does not allow this."""
+    """The key does not allow the request."""
 
 
 class UnknownHost(DomainError):
-    """The request came under a host name, or from a web page, that is not the service's own. `header` says it."""
+    """The request names a foreign host, or comes from a foreign web page. `header` is the header that says so."""
 
     def __init__(self, header: str, value: str) -> None:
         super().__init__(
@@ -51,7 +51,7 @@ class UnknownHost(DomainError):
 
 
 class Gone(DomainError):
-    """It existed, and is no longer kept."""
+    """What was asked for existed, but is no longer kept."""
 
 
 class Conflict(DomainError):
@@ -59,11 +59,11 @@ class Conflict(DomainError):
 
 
 class KeyReused(DomainError):
-    """An Idempotency-Key that was sent before came with other content."""
+    """An Idempotency-Key was sent before with another request."""
 
 
 class PreconditionFailed(DomainError):
-    """If-Match or If-None-Match does not hold; `etag` is the current one, None when there is nothing."""
+    """If-Match or If-None-Match does not hold. `etag` is the current one, None if nothing is stored."""
 
     def __init__(self, message: str, etag: str | None) -> None:
         super().__init__(message)
@@ -71,7 +71,7 @@ class PreconditionFailed(DomainError):
 
 
 class TooLarge(DomainError):
-    """A limit was exceeded. `limit` is its name in `GET /v1/limits`."""
+    """The request exceeds a limit. `limit` is its name in `GET /v1/limits`."""
 
     def __init__(self, limit: str, allowed: int, got: int | None, advice: str) -> None:
         size = "more than that was sent" if got is None else f"{got} were sent"
@@ -82,12 +82,12 @@ class TooLarge(DomainError):
 
 
 class TooCostly(DomainError):
-    """Something took more time or memory than it may. `limit` is the name of the time in `GET /v1/limits`."""
+    """A line of an import took too much time or memory. `limit` is the name of the time in `GET /v1/limits`."""
 
     def __init__(self, limit: str, allowed: float, why: str) -> None:
         super().__init__(
-            f"Describing it was given up: {why}. The limit {limit} is {allowed:g}; cut it into smaller submaps, of "
-            "50 to 500 trees."
+            f"The submap was not described: {why}. The limit {limit} is {allowed:g}. Cut it into smaller submaps of 50 "
+            "to 500 trees."
         )
         self.limit = limit
         self.allowed = allowed
@@ -102,7 +102,7 @@ class NotAcceptable(DomainError):
 
 
 class UnsupportedMediaType(DomainError):
-    """The body is of a media type that this route does not read."""
+    """The body has a media type that this route does not read."""
 
 
 class MalformedBody(DomainError):
@@ -110,7 +110,7 @@ class MalformedBody(DomainError):
 
 
 class InvalidField(DomainError):
-    """One field's value cannot be used. `pointer` is a JSON pointer into the body, or `parameter` names a parameter."""
+    """One value cannot be used. `pointer` is a JSON pointer into the body, or `parameter` the name of a parameter."""
 
     def __init__(self, message: str, *, code: str, pointer: str | None = None, parameter: str | None = None) -> None:
         super().__init__(message)
@@ -119,13 +119,13 @@ class InvalidField(DomainError):
         self.parameter = parameter
 
     def below(self, pointer: str) -> "InvalidField":
-        """The same of a field in an object that stands at `pointer` in the body."""
+        """The same error for a body in which the object is at `pointer`."""
         inner = None if self.pointer is None else f"{pointer}{self.pointer}"
         return InvalidField(str(self), code=self.code, pointer=inner, parameter=self.parameter)
 
 
 class InvalidBody(DomainError):
-    """What was sent does not fit its description. `entries` are what is wrong, each as in a problem's `errors`."""
+    """The body is not valid. `entries` are its faults, each as in `errors` of a problem document."""
 
     def __init__(self, message: str, entries: Sequence[Mapping[str, Any]]) -> None:
         super().__init__(message)
@@ -133,7 +133,7 @@ class InvalidBody(DomainError):
 
 
 class InvalidLandmarks(DomainError):
-    """The landmarks cannot be used. `indices` are the offending positions, when known."""
+    """The landmarks cannot be used. `indices` are the positions of those at fault, if known."""
 
     def __init__(self, pointer: str, code: str, message: str, indices: Sequence[int]) -> None:
         super().__init__(message)
@@ -143,19 +143,19 @@ class InvalidLandmarks(DomainError):
 
 
 class NotReady(DomainError):
-    """The service is starting, or cannot use its database; `check` names what is open."""
+    """The service is starting or stopping, or cannot use its database. `check` says which."""
 
     def __init__(self, check: str, detail: str) -> None:
-        super().__init__(f"The check {check} is not passed: {detail.removesuffix('.')}.")
+        super().__init__(f"The service is not ready ({check}): {detail.removesuffix('.')}.")
         self.check = check
 
 
 class LinesRefused(DomainError):
-    """An import that was to store all lines or none met some that cannot be stored."""
+    """An import with `mode=all` has lines that cannot be stored."""
 
 
 class Busy(DomainError):
-    """The service has more to do than it can, or the caller asks too often: try again after `retry_after` seconds."""
+    """The service has too much to do, or the caller asks too often. Try again after `retry_after` seconds."""
 
     def __init__(self, message: str, retry_after: float) -> None:
         super().__init__(message)
@@ -163,11 +163,11 @@ class Busy(DomainError):
 
 
 class Overloaded(Busy):
-    """As much as the service takes on at once is being worked on, and waits."""
+    """The service works on as many requests as it can, and as many as may wait are waiting."""
 
 
 class StillRunning(Busy):
-    """The same request, by its Idempotency-Key, is at work: its answer can be had when it is done."""
+    """A request with the same Idempotency-Key is still in progress. A repetition gets its answer when it is done."""
 
 
 class TooManyRequests(Busy):
@@ -179,7 +179,7 @@ class TooManyJobs(Busy):
 
     def __init__(self, allowed: int) -> None:
         super().__init__(
-            f"The limit unfinished_jobs is {allowed}, and as many jobs of this key are not finished; wait for one to "
+            f"This key has as many unfinished jobs as the limit unfinished_jobs allows: {allowed}. Wait for one to "
             "end, or dismiss one with DELETE /v1/jobs/<id>.",
             retry_after=10.0,
         )
@@ -187,23 +187,23 @@ class TooManyJobs(Busy):
 
 
 class TooSlow(DomainError):
-    """The request does not arrive within the time that it has."""
+    """The request did not arrive in time."""
 
 
 class OutOfTime(DomainError):
-    """The work would take longer than a request may. `limit` is the name of that limit in `GET /v1/limits`."""
+    """The work takes longer than one request may. `limit` is the name of that limit in `GET /v1/limits`."""
 
     def __init__(self, limit: str, seconds: float, advice: str) -> None:
-        super().__init__(f"The time was over before this was done: {limit} is {seconds:g} s. {advice}")
+        super().__init__(f"The request took too long: the limit {limit} is {seconds:g} s. {advice}")
         self.limit = limit
 
 
 class WorkerLost(DomainError):
-    """A process that worked for this one ended before it was done."""
+    """A worker process ended before its work was done."""
 
 
 class StorageError(DomainError):
-    """The database cannot do what was asked; nothing of the request was kept."""
+    """The database cannot carry out the request. Nothing of it was stored."""
 
 
 class StorageFull(StorageError):
@@ -231,7 +231,7 @@ class StorageAltered(StorageError):
 
 
 class NotADatabase(StorageError):
-    """The file is something else than a database of this service."""
+    """The file is not a database of this service."""
 
 
 class DatabaseTooNew(StorageError):
@@ -239,4 +239,4 @@ class DatabaseTooNew(StorageError):
 
 
 class DatabaseNotUpgraded(StorageError):
-    """The file is of an older version and cannot be upgraded here, or was not."""
+    """The file has the schema of an older version, and was not or cannot be upgraded here."""

@@ -1,4 +1,4 @@
-"""Kinds of problems (RFC 9457), from one table: exception -> status, slug, title; and what each tells of itself."""
+"""Types of problems (RFC 9457): one table from each exception to its status, slug, title and explanation."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from server import errors
 
 @dataclass(frozen=True, slots=True)
 class ProblemType:
-    """A kind of problem; `about` is what GET /problems/<slug> says."""
+    """A type of problem. `about` is the explanation that GET /problems/<slug> returns."""
 
     status: int
     slug: str
@@ -21,110 +21,113 @@ VALIDATION = ProblemType(
     422,
     "invalid-request",
     "The request is not valid",
-    "A field or parameter is missing, unknown, or cannot be used. `errors` names each by JSON pointer.",
+    "A member of the body or a parameter is missing, unknown or cannot be used. `errors` names each of them.",
 )
 INTERNAL = ProblemType(
     500,
     "internal-error",
     "Internal error",
-    "The service failed in a way that it should not. The log has the cause under the request id.",
+    "The service failed because of a defect. The log has the cause, under the id of the request.",
 )
-NO_ROUTE = ProblemType(
-    404, "no-such-path", "No such path", "Nothing is served under this path; /docs lists the routes."
-)
+NO_ROUTE = ProblemType(404, "no-such-path", "No such path", "There is nothing under this path. /docs lists the routes.")
 METHOD = ProblemType(
     405,
     "method-not-allowed",
     "Method not allowed",
-    "The path exists, the method does not; the header Allow lists those that do.",
+    "This path does not support this method. The header Allow lists those that it supports.",
 )
 
 OTHER = ProblemType(
-    400, "http-error", "The request failed", "The request could not be read as HTTP; `detail` says more."
+    400, "http-error", "The request failed", "The request could not be read as HTTP. `detail` says why."
 )
 
-# The most special exception of a request's comes first in its MRO, so bases may stand here too.
+# An exception without an entry has the type of its nearest base class.
 TABLE: Mapping[type[errors.DomainError], ProblemType] = {
     errors.NotFound: ProblemType(
         404,
         "not-found",
         "Not found",
-        "There is no collection, submap, stored query, job or snapshot of this name.",
+        "There is no collection, submap, stored query, job or snapshot with this name, or your key may not see it.",
     ),
     errors.Unauthorized: ProblemType(
         401,
         "unauthorized",
         "No usable key",
-        "The service asks for a key: send Authorization: Bearer urq_..., which the operator makes with "
-        "urquhart keys create.",
+        "The service needs an API key: send Authorization: Bearer urq_... The operator creates keys with urquhart keys "
+        "create.",
     ),
     errors.Forbidden: ProblemType(
-        403, "forbidden", "Not allowed", "The key is good, but lacks the scope for this, or sees only some collections."
+        403,
+        "forbidden",
+        "Not allowed",
+        "The key is valid, but it lacks the scope for this, or it is bound to some collections.",
     ),
     errors.UnknownHost: ProblemType(
         403,
         "unknown-host",
         "Unknown host or origin",
-        "The request came under a host name that is not the service's, or from a page of another site. A service "
-        "without keys refuses both; the setting allowed_hosts names further hosts.",
+        "The header Host or Origin names something other than this service: the request may come from a page of "
+        "another site. A service without keys refuses such requests. The setting allowed_hosts adds host names.",
     ),
-    errors.Gone: ProblemType(
-        410, "gone", "Gone", "It was here and is no longer kept; asking again will not bring it back."
-    ),
+    errors.Gone: ProblemType(410, "gone", "Gone", "What you asked for existed, but is no longer kept."),
     errors.Conflict: ProblemType(
-        409, "conflict", "Conflict", "The request contradicts what is stored; nothing was changed."
+        409, "conflict", "Conflict", "The request contradicts what is stored. Nothing was changed."
     ),
     errors.StillRunning: ProblemType(
         409,
         "still-running",
         "Still running",
-        "The same request, by its Idempotency-Key, is at work. Nothing was done for this one; send it again after "
-        "Retry-After seconds, and it gets the answer of the first.",
+        "A request with the same Idempotency-Key is still in progress. Send this one again after Retry-After seconds "
+        "to get the answer of the first.",
     ),
     errors.KeyReused: ProblemType(
         422,
         "idempotency-key-reused",
         "Idempotency-Key used twice",
-        "The key was sent before with other content. Take a new key for each request that is not a repetition.",
+        "The Idempotency-Key was sent before with another request. Use a new key for each new request.",
     ),
     errors.PreconditionFailed: ProblemType(
         412,
         "precondition-failed",
         "Precondition failed",
-        "If-Match or If-None-Match does not hold: somebody wrote in between. Nothing was changed.",
+        "If-Match or If-None-Match does not hold, because somebody wrote in between. Nothing was changed.",
     ),
     errors.TooLarge: ProblemType(
-        413, "too-large", "Too large", "A limit is exceeded; `limit` names it as in GET /v1/limits. Nothing was stored."
+        413,
+        "too-large",
+        "Too large",
+        "The request exceeds a limit. `limit` is its name in GET /v1/limits. Nothing was stored.",
     ),
     errors.TooCostly: ProblemType(
         422,
         "too-costly",
         "Too costly",
-        "A line of an import took more time or memory than one may, so it was refused; the other lines are stored.",
+        "A line of an import took more time or memory than one line may, so it was refused. The other lines are "
+        "stored.",
     ),
     errors.NotAcceptable: ProblemType(
         406,
         "not-acceptable",
         "Not acceptable",
-        "None of the media types in Accept can be produced; `offered` lists those that can.",
+        "None of the media types in Accept can be produced. `offered` lists those that can.",
     ),
     errors.UnsupportedMediaType: ProblemType(
         415,
         "unsupported-media-type",
         "Unsupported media type",
-        "Send the body as JSON, with Content-Type: application/json; an import as NDJSON, application/x-ndjson.",
+        "Send the body as JSON, with Content-Type: application/json. Send an import as NDJSON: application/x-ndjson.",
     ),
     errors.MalformedBody: ProblemType(
         400,
         "malformed-json",
         "Malformed JSON",
-        "The body is not JSON: RFC 8259, in UTF-8, without NaN and Infinity, nested at most 1,000 deep.",
+        "The body is not JSON (RFC 8259) in UTF-8, contains NaN or Infinity, or is nested more than 1,000 deep.",
     ),
     errors.LinesRefused: ProblemType(
         422,
         "lines-refused",
         "Lines were refused",
-        "An import with mode=all stores all lines or none; its results tell which cannot be stored, and why.",
+        "An import with mode=all stores all lines or none. Its results say which lines were refused, and why.",
     ),
     errors.InvalidField: VALIDATION,
     errors.InvalidBody: VALIDATION,
@@ -132,72 +135,80 @@ TABLE: Mapping[type[errors.DomainError], ProblemType] = {
         422,
         "invalid-landmarks",
         "The landmarks cannot be used",
-        "A submap needs at least 3 landmarks, not all on one line, each once, with finite coordinates.",
+        "A submap needs at least 3 landmarks that are not all on one line. Each must be given once, with finite "
+        "coordinates.",
     ),
     errors.NotReady: ProblemType(
         503,
         "not-ready",
         "Not ready",
-        "The service is starting, about to end, or cannot use its database; `check` names what is open.",
+        "The service is starting or stopping, or cannot use its database. `check` says which.",
     ),
     errors.Overloaded: ProblemType(
         503,
         "overloaded",
         "Overloaded",
-        "The service has as much to do as it takes on at once. Nothing was done; try again after Retry-After seconds.",
+        "The service is working on as many requests as it can. Nothing was done. Try again after Retry-After seconds.",
     ),
     errors.TooManyRequests: ProblemType(
         429,
         "too-many-requests",
         "Too many requests",
-        "One key, or one address, asks more often than `rates` in GET /v1/limits allows. Nothing was done; try again "
-        "after Retry-After seconds.",
+        "Your key, or your address, sends more requests than `rates` in GET /v1/limits allows. Nothing was done. Try "
+        "again after Retry-After seconds.",
     ),
     errors.TooManyJobs: ProblemType(
         429,
         "too-many-jobs",
         "Too many unfinished jobs",
-        "One key has as many unfinished jobs as `unfinished_jobs` in GET /v1/limits allows. Nothing was taken on; try "
+        "Your key has as many unfinished jobs as `unfinished_jobs` in GET /v1/limits allows. Nothing was accepted. Try "
         "again after Retry-After seconds, or dismiss a job.",
     ),
     errors.TooSlow: ProblemType(
         408,
         "request-timeout",
-        "The request came too slowly",
-        "The head or the body did not arrive in the time that GET /v1/limits gives it. Nothing was stored, and the "
-        "connection is closed; send it again.",
+        "The request arrived too slowly",
+        "The head or the body did not arrive within the time that GET /v1/limits allows. Nothing was stored, and the "
+        "connection is closed. Send the request again.",
     ),
     errors.OutOfTime: ProblemType(
         503,
         "out-of-time",
-        "The time was over",
-        "The work takes longer than a request may; `limit` names the limit as in GET /v1/limits. Ask for less at a "
-        "time.",
+        "The request took too long",
+        "The work takes longer than one request may. `limit` is the name of the limit in GET /v1/limits. Ask for less "
+        "at a time.",
     ),
     errors.StorageFull: ProblemType(
-        507, "storage-full", "The disk is full", "Nothing was stored; what was stored before is intact."
+        507, "storage-full", "The disk is full", "Nothing was stored. What was stored before is intact."
     ),
     errors.StorageReadOnly: ProblemType(
         503,
         "storage-read-only",
         "The database cannot be written",
-        "Reading works; writing needs write access to the file and its folder.",
+        "Reading works. Writing needs write access to the file and its folder.",
     ),
     errors.StorageBusy: ProblemType(
-        503, "storage-busy", "The database is busy", "Another writer holds it. Nothing was stored; try again shortly."
+        503,
+        "storage-busy",
+        "The database is busy",
+        "Another writer holds the database. Nothing was stored. Try again in a moment.",
     ),
     errors.StorageDamaged: ProblemType(
-        500, "storage-damaged", "The database is damaged", "The operator must check it and restore a backup."
+        500,
+        "storage-damaged",
+        "The database is damaged",
+        "The operator must check the database and restore a snapshot.",
     ),
     errors.StorageAltered: ProblemType(
         503,
         "storage-altered",
         "The database file is not the one that was opened",
-        "Somebody moved, deleted, replaced or wrote to the file under the running service. Nothing is read or stored "
-        "until the operator mends that; `detail` says how. A write that was under way then may be stored or not.",
+        "Somebody moved, deleted, replaced or wrote to the file while the service was running. Nothing is read or "
+        "stored until the operator repairs that; `detail` says how. A write in progress at that time may or may not be "
+        "stored.",
     ),
     errors.StorageError: ProblemType(
-        503, "storage-unavailable", "The database cannot be used", "The operator must look at the file and its disk."
+        503, "storage-unavailable", "The database cannot be used", "The operator must check the file and its disk."
     ),
 }
 
@@ -207,17 +218,17 @@ PROBLEM_TYPES: Mapping[str, ProblemType] = {
 
 
 def problem_type_of(error: errors.DomainError) -> ProblemType:
-    """The kind of a domain error: that of its class or the nearest base in the table."""
+    """The type of a domain error: that of its class, or of the nearest base class in the table."""
     return next((TABLE[base] for base in type(error).__mro__ if base in TABLE), INTERNAL)
 
 
 def plain(kind: ProblemType, detail: str) -> dict[str, Any]:
-    """The problem document of a kind that no domain error stands for."""
+    """The problem document of a type that no domain error has."""
     return {"type": f"/problems/{kind.slug}", "title": kind.title, "status": kind.status, "detail": detail}
 
 
 def document(error: errors.DomainError) -> dict[str, Any]:
-    """The problem document of a domain error: what HTTP answers, and what a job notes of a line."""
+    """The problem document of a domain error, as in an HTTP answer and in the results of a job."""
     kind, where = problem_type_of(error), getattr(error, "pointer", None) or getattr(error, "parameter", None)
     return plain(kind, f"{where}: {error}" if where else str(error)) | _members(error)
 

@@ -79,7 +79,7 @@ class Config:
         names = [field.name for field in dataclasses.fields(cls)]
         unknown = sorted(set(values) - set(names))
         if unknown:
-            raise ConfigError(f"unknown parameter {unknown[0]!r}: the parameters are {', '.join(names)}")
+            raise ConfigError(f"unknown parameter {unknown[0]!r}: use one of {', '.join(names)}")
         return cls(**values)  # type: ignore[arg-type]  # __post_init__ checks every value
 
     @property

@@ -38,15 +38,15 @@ def check_crs(name: str, pointer: str = "/crs") -> None:
         crs = _crs(name)
     except CRSError as error:
         raise InvalidField(
-            "is not a coordinate reference system that is known; give an authority code such as 'EPSG:32633'",
+            "is not a known coordinate reference system; give an authority code such as 'EPSG:32633'",
             code="crs",
             pointer=pointer,
         ) from error
     fault = _fault(crs)
     if fault is not None:
         raise InvalidField(
-            f"must be a projected system in metres, as map poses are: {crs.name} {fault}. "
-            "Take the UTM zone of the place, such as 'EPSG:32633', or the national grid in metres.",
+            f"must be a projected system in metres, like map poses; {crs.name} {fault}. Use the UTM zone of the place, "
+            "such as 'EPSG:32633', or the national grid.",
             code="crs",
             pointer=pointer,
         )
@@ -206,8 +206,8 @@ def check_place(place: Place | None, reference: FrameReference | None) -> None:
     fault = Georeference(reference).fault(*centre(place))
     if fault is not None:
         raise InvalidField(
-            f"puts the submap into the map frame {place.map_frame_id!r} {fault}; check the pose, and the frame's crs "
-            "and origin. Poses in full coordinates of the system need no origin.",
+            f"puts the submap of the map frame {place.map_frame_id!r} {fault}; check the pose, and the frame's crs and "
+            "origin. If poses are in full coordinates of the system, leave out the origin.",
             code="map_pose",
             pointer="/map_pose",
         )

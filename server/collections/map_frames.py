@@ -16,7 +16,7 @@ def check_frames(frames: Mapping[str, MapFrame | None] | None) -> None:
     for frame_id, frame in (frames or {}).items():
         if frame_id == DEFAULT_FRAME:
             raise InvalidField(
-                f"the map frame {DEFAULT_FRAME!r} has the collection's own crs and origin: set those",
+                f"must not name {DEFAULT_FRAME!r}: set the collection's own `crs` and `origin` instead",
                 code="frames",
                 pointer=_pointer(frame_id),
             )
@@ -30,8 +30,8 @@ def must_agree(session: Session, row: CollectionRow, frames: Mapping[str, MapFra
     for frame_id, frame in (frames or {}).items():
         if known.get(frame_id) != _reference(frame):
             raise Conflict(
-                f"The collection {row.id!r} has another crs or origin for the map frame {frame_id!r}; "
-                "change it by PATCH."
+                f"The collection {row.id!r} exists, with another crs or origin for the map frame {frame_id!r}. Change "
+                "it with PATCH."
             )
 
 
@@ -76,8 +76,8 @@ def check_submaps(repository: MapFrames, frame_id: str, reference: FrameReferenc
         fault = georeference.fault(x, y)
         if fault is not None:
             raise InvalidField(
-                f"puts the submap {submap_id!r} of the map frame {frame_id!r} {fault}; give the crs and origin of "
-                "this frame. Poses in full coordinates of the system need no origin.",
+                f"puts the submap {submap_id!r} of the map frame {frame_id!r} {fault}; check the crs and origin of "
+                "this frame. If poses are in full coordinates of the system, leave out the origin.",
                 code="crs",
                 pointer=pointer,
             )

@@ -203,14 +203,14 @@ def _must_agree(session: Session, row: CollectionRow, body: CollectionPut, confi
         ("origin", body.origin, origin),
     ):
         if wanted is not None and wanted != stored:
-            raise Conflict(f"The collection {row.id!r} exists with another {name}; change it by PATCH.")
+            raise Conflict(f"The collection {row.id!r} exists, with another {name}. Change it with PATCH.")
     must_agree(session, row, body.frames)
 
 
 def _other_config(collection_id: str) -> Conflict:
     return Conflict(
-        f"The collection {collection_id!r} exists with another configuration, which its features are made with. "
-        "Take another id for this one, or delete the collection first."
+        f"The collection {collection_id!r} exists, with another configuration, and a configuration cannot be changed. "
+        "Use another id, or delete the collection first."
     )
 
 

@@ -47,7 +47,7 @@ def cancel(
 ) -> None:
     """Cancel jobs: one that is running ends after what is in progress, and what it did stays."""
     if sum((bool(ids), key is not None, every)) != 1:
-        raise CommandError("say which jobs: their ids, --key KEY, or --all")
+        raise CommandError("no jobs are named: give their ids, --key KEY, or --all")
     store = _existing(database)
     try:
         ended = operator.cancel(store, ids=ids or (), key=key, every=every)

@@ -37,7 +37,7 @@ def create(
     As soon as there is a key, the service asks every caller for one.
     """
     if not name.strip() or len(name) > 128 or not name.isprintable():
-        raise CommandError("a name has 1 to 128 printable characters")
+        raise CommandError("the name of a key must have 1 to 128 printable characters")
     store = open_database(settings_with(database=database))
     try:
         secret, info = api_keys.make(store, name.strip(), scope, collections, _moment(expires))
@@ -99,7 +99,9 @@ def _moment(text: str | None) -> datetime | None:
             moment = datetime.fromisoformat(text)
             moment = moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment
     except (ValueError, OverflowError) as error:
-        raise CommandError(f"--expires {text!r} is none of 12h, 90d, 52w, 2027-01-31") from error
+        raise CommandError(
+            f"--expires {text!r} is neither a duration (12h, 90d, 52w) nor a date (2027-01-31)"
+        ) from error
     if moment <= now:
-        raise CommandError(f"--expires {text} is over already")
+        raise CommandError(f"--expires {text} is in the past: give a later date")
     return moment

@@ -247,7 +247,7 @@ class Settings(BaseSettings):
             raise ValueError(f"{value!r} is not a SQLite database; give a file path or sqlite:///path")
         path = value.removeprefix(_SQLITE_URL).split("?")[0]
         if path in {"", ":memory:"}:
-            raise ValueError("the database must be a file: several connections and processes share it")
+            raise ValueError("the database must be a file, because several connections and processes share it")
         return value
 
     @field_validator("allowed_hosts")
@@ -255,7 +255,7 @@ class Settings(BaseSettings):
     def _hosts_are_names(cls, value: str) -> str:
         for name in value.split(","):
             if "/" in name or (":" in name and name.count(":") == 1):
-                raise ValueError(f"{name.strip()!r} is no host name; leave scheme and port out")
+                raise ValueError(f"{name.strip()!r} is not a host name; leave out scheme and port")
         return value
 
     @classmethod

@@ -73,7 +73,7 @@ def read_file(path: Path, model: type[BaseModel]) -> dict[str, Any]:
     for name in flat(values):
         head = name.partition(".")[0]
         if name == "config":
-            raise Misconfigured(f"{path}: config names this file, it cannot be set in it")
+            raise Misconfigured(f"{path}: the setting config names this file and cannot be set in it: remove it")
         if name in tables and "." not in name:
             raise Misconfigured(f"{path}: {name} is a table: write [{name}]")
         if name not in known:

@@ -129,7 +129,8 @@ def _starts(
     if frame_id is not None and names and frame_id not in frames:
         there = ", ".join(map(repr, sorted(frames)[:_NAMED])) or "none"
         raise InvalidField(
-            f"no submap of these constraints is placed in the map frame {frame_id!r}; the frames there are: {there}",
+            f"no submap of these constraints has a pose in the map frame {frame_id!r}; the frames they have poses in: "
+            f"{there}",
             code="not_found",
             parameter="frame_id",
         )

@@ -62,10 +62,12 @@ def _check_parameters(request: Request, known: Set[str]) -> None:
     names = [name for name, _ in request.query_params.multi_items()]
     for name in names:
         if name not in known:
-            offered = f"this path knows {', '.join(sorted(known))}" if known else "this path knows none"
-            raise InvalidField(f"is not known; {offered}", code="unknown_parameter", parameter=name[:100])
+            offered = f"it has {', '.join(sorted(known))}" if known else "it has none"
+            raise InvalidField(
+                f"is not a parameter of this path; {offered}", code="unknown_parameter", parameter=name[:100]
+            )
         if names.count(name) > 1:
-            raise InvalidField("is given more than once", code="repeated_parameter", parameter=name)
+            raise InvalidField("is given more than once; give it once", code="repeated_parameter", parameter=name)
 
 
 async def authenticate(request: Request) -> Principal:
@@ -74,7 +76,7 @@ async def authenticate(request: Request) -> Principal:
     given = request.headers.getlist("authorization")
     if len(given) > 1:
         # Whoever looks at it before us may have looked at the other one.
-        raise Unauthorized("Authorization came more than once; send one key.")
+        raise Unauthorized("The header Authorization was sent more than once. Send one key.")
     authorization = given[0] if given else None
     remembered = authenticator.from_cache(authorization)
     if remembered is not None:

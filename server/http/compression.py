@@ -43,14 +43,16 @@ class Inflater:
                 out += self._inflater.decompress(data, most - len(out))
                 data = self._inflater.unconsumed_tail or self._inflater.unused_data
         except zlib.error as error:
-            raise MalformedBody("The body is not gzip, although Content-Encoding says so.") from error
+            raise MalformedBody(
+                "The body is not gzip, although Content-Encoding says so. Compress it, or leave the header out."
+            ) from error
         self._left = data
         return bytes(out)
 
     def finish(self) -> None:
         """Raise MalformedBody where the stream ended before its end."""
         if self._begun and not self._inflater.eof:
-            raise MalformedBody("The body ends in the middle of its gzip stream; send it whole.")
+            raise MalformedBody("The body ends in the middle of its gzip stream. Send all of it.")
 
 
 class InflateRequests:
@@ -90,7 +92,7 @@ class InflateRequests:
             received += len(body)
             if received > self._limit:
                 raise TooLarge(
-                    "body_bytes", self._limit, None, "It counts what the body holds, not how small it is packed."
+                    "body_bytes", self._limit, None, "The limit applies to the body when unpacked. Send less at a time."
                 )
             if not message.get("more_body", False):
                 inflater.finish()

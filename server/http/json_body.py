@@ -87,10 +87,10 @@ def check_content_type(content_type: str | None) -> None:
     name, *parameters = (part.strip().lower() for part in (content_type or "").split(";"))
     if name != "application/json":
         shown = "nothing" if not name else name[:100]
-        raise UnsupportedMediaType(f"Content-Type says {shown}; send JSON with Content-Type: application/json.")
+        raise UnsupportedMediaType(f"Content-Type is {shown}. Send JSON with Content-Type: application/json.")
     for parameter in parameters:
         if parameter.startswith("charset=") and parameter[8:].strip('"') not in {"utf-8", "utf8"}:
-            raise UnsupportedMediaType("JSON is sent in UTF-8; leave the charset out.")
+            raise UnsupportedMediaType("JSON must be in UTF-8. Leave out the charset.")
 
 
 def malformed_detail(error: orjson.JSONDecodeError, body: bytes) -> str:

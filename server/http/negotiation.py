@@ -24,7 +24,10 @@ def choose(accept: str | None, offered: Sequence[str]) -> str:
             best, best_quality = media_type, quality
     if best is None:
         shown = accept if len(accept) <= 100 else f"{accept[:100]}..."
-        raise NotAcceptable(f"Accept: {shown} cannot be met here; offered: {', '.join(offered)}.", offered)
+        raise NotAcceptable(
+            f"None of the media types in Accept ({shown}) can be produced here. Ask for one of {', '.join(offered)}.",
+            offered,
+        )
     return best
 
 

@@ -256,7 +256,9 @@ class Catalog:
                 return flush(self.flush_context, collection_id) > 0
         except (OSError, StorageError, Stopped) as error:
             _log.warning(
-                "collection %s: what changed is held in memory, it cannot be written: %s", collection_id, error
+                "collection %s: recent changes stay in memory, because they cannot be written to segments: %s",
+                collection_id,
+                error,
             )
             self._not_before = time.monotonic() + _AGAIN
             return False

@@ -65,7 +65,7 @@ def merge(flush_context: FlushContext, collection_key: int, state: IndexVersion,
         if stamps != [_stamp(part) for part in parts]:
             # Somebody wrote to what was being read, after it was checked.
             flush_context.folder.remove([new.name])
-            raise UnusableSegment(old[0], SegmentDamaged("it was written to while it was merged"))
+            raise UnusableSegment(old[0], SegmentDamaged("its file changed during the merge"))
         if not register(flush_context, collection_key, old, [new]):
             return False
         flush_context.folder.remove(segment.name for segment in old)

@@ -17,7 +17,8 @@ def config_of(collection: CollectionRow) -> Config:
         return Config.from_dict(collection.config)
     except ConfigError as error:
         raise StorageUnavailable(
-            f"The configuration of the collection {collection.id!r} is of another version of the service: {error}"
+            f"The configuration of the collection {collection.id!r} was written by another version of the service and "
+            f"cannot be read: {error}"
         ) from error
 
 

@@ -236,7 +236,7 @@ class LiveIndex:
                 break
             if i == good:
                 raise UnusableSegment(
-                    listed, SegmentDamaged(f"it is listed from {listed.since} on, which leaves a gap")
+                    listed, SegmentDamaged(f"it begins at revision {listed.since}, which leaves a gap")
                 )
             try:
                 segments.append(mapped.get(listed) or self._folder.open(listed, self.key, self.config))

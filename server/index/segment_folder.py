@@ -61,9 +61,9 @@ class SegmentFolder:
         kept = segment.file.about if segment.file is not None else {}
         for what, value in is_of(listed.name, collection_key, listed.since, listed.revision).items():
             if kept.get(what) != value:
-                raise SegmentDamaged(f"{path.name} is of {what} {kept.get(what)}, {value} is listed")
+                raise SegmentDamaged(f"{path.name} says {what} {kept.get(what)}, but the database says {value}")
         if len(segment) != listed.submaps:
-            raise SegmentDamaged(f"{path.name} holds {len(segment)} submaps, {listed.submaps} are listed")
+            raise SegmentDamaged(f"{path.name} contains {len(segment)} submaps, but the database says {listed.submaps}")
         if segment.fingerprint != config.fingerprint():
             raise SegmentDamaged(f"{path.name} was made with another configuration")
         return segment

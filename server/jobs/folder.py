@@ -117,6 +117,8 @@ def _is_at(path: Path, file: IO[Any]) -> bool:
 def cut(file: BinaryIO, written: int) -> None:
     """Drop what was written and never committed. Raises StorageUnavailable where more is gone than that."""
     if file.seek(0, os.SEEK_END) < written:
-        raise StorageUnavailable("What this job had written is gone from the folder of jobs; what it stored is stored.")
+        raise StorageUnavailable(
+            "The results of this job are missing from the folder of jobs. The submaps that it stored are still there."
+        )
     file.truncate(written)
     file.seek(written)

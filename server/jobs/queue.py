@@ -77,7 +77,9 @@ def accept(
         check_key(session, caller)
         check_quota(session, caller, limits)
         if job.exclusive and jobs.unfinished(collection.key, job.type):
-            raise Conflict(f"A job of the kind {job.type} is at work on {collection_id!r}; wait for it, or dismiss it.")
+            raise Conflict(
+                f"Another job of the type {job.type} works on {collection_id!r}. Wait until it ends, or dismiss it."
+            )
         row = jobs.add(
             job_id=job.id or new_id(),
             kind=job.type,
@@ -98,7 +100,7 @@ def check(database: Database, collection_id: str) -> int:
     with database.read() as session:
         collection = get_collection(session, collection_id)
     if database.read_only:
-        raise StorageReadOnly("The service only reads this database: nothing can be imported.")
+        raise StorageReadOnly("The service has opened the database read-only, so nothing can be imported.")
     return collection.key
 
 
@@ -155,7 +157,7 @@ def dismiss(
             return response
         row, jobs = _row(session, caller, job_id), Jobs(session)
         if not (row.caller == caller.id or caller.scopes & {Scope.WRITE, Scope.ADMIN}):
-            raise Forbidden("This is a job of another key; to dismiss it, a key needs the scope write or admin.")
+            raise Forbidden("The job belongs to another key. To dismiss it, your key needs the scope write or admin.")
         answer = None
         match row.state:
             case "running":
@@ -201,14 +203,16 @@ def results(database: Database, folder: JobFolder, caller: Principal, job_id: st
         row = _row(session, caller, job_id)
         orphaned = Jobs(session).is_orphaned(row)
     if row.state in UNFINISHED:
-        raise Conflict(f"The job {job_id} is {row.state}; ask for its results when it is finished.")
+        raise Conflict(f"The job {job_id} is {row.state}. Read its results when it has ended.")
     if orphaned:
-        raise Gone(f"The collection of the job {job_id} was deleted, and the job's results with it.")
+        raise Gone(f"The results of the job {job_id} were deleted with its collection.")
     try:
         # Open, they can be read to their end, whoever forgets the job meanwhile.
         file = folder.results(job_id).open("rb")
     except FileNotFoundError as error:
-        raise Gone(f"The job {job_id} left no results, or they were kept long enough and are gone.") from error
+        raise Gone(
+            f"The job {job_id} has no results, or they were deleted because they are only kept for some time."
+        ) from error
     size, rest = int(row.progress.get("written", 0)), summary(row.progress.get("refusals"))
     return Results(row.kind, row.collection_key, file, size, rest)
 
@@ -223,7 +227,9 @@ def constraints(
     """
     with left.file as file:
         if left.kind != "constraints":
-            raise Conflict(f"The job is of the kind {left.kind}; only constraints come in other formats.")
+            raise Conflict(
+                f"The job is of the type {left.kind}. Only jobs of the type constraints have results in other formats."
+            )
         found = [orjson.loads(line) for line in file.read(left.size).splitlines()]
     names = {name for one in found for name in (one["from"], one["to"])}
     with database.read() as session:

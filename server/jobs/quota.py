@@ -23,7 +23,7 @@ def check_key(session: Session, caller: Principal) -> None:
     """Refuse a job of a key that was revoked after the caller was let in. Raises Unauthorized."""
     row = ApiKeys(session).get(caller.id) if caller.id else None
     if row is not None and row.revoked is not None:
-        raise Unauthorized(f"The key {caller.id} is revoked; ask the operator for another.")
+        raise Unauthorized(f"The key {caller.id} is revoked. Ask the operator for another.")
 
 
 def check_room(database: Database, caller: Principal, limits: Limits) -> None:

@@ -170,7 +170,7 @@ class Runner:
         except Dismissed:
             self._finish(assignment.id, "dismissed")
         except (StorageBusy, WorkerLost) as error:
-            _log.warning("job %s (%s) goes on later: %s", assignment.id, kind, error)
+            _log.warning("job %s (%s) will be continued later: %s", assignment.id, kind, error)
             # Who is busy will have done; what ended a process may do so again.
             self._put_back(assignment.id, starts=0 if isinstance(error, WorkerLost) else -1)
             return False
@@ -221,7 +221,7 @@ def _persistently(
         try:
             note()
         except StorageError as error:
-            _log.warning("what became of a job cannot be noted yet: %s", error)
+            _log.warning("the outcome of a job cannot be stored yet: %s", error)
             if make_room is not None and isinstance(error, StorageFull):
                 make_room()
             if stopping.wait(1.0):

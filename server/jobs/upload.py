@@ -103,14 +103,17 @@ class _Writer:
         self.size += len(content)
         if self.size > self._limits.import_bytes:
             raise TooLarge(
-                "import_bytes", self._limits.import_bytes, None, "Send it in parts; it counts what it is unpacked."
+                "import_bytes",
+                self._limits.import_bytes,
+                None,
+                "Send the upload in parts. The limit applies to its size when unpacked.",
             )
         if content:
             self.lines += content.count(b"\n")
             self._open_line = not content.endswith(b"\n")
             if self.lines + self._open_line > self._limits.import_lines:
                 raise TooLarge(
-                    "import_lines", self._limits.import_lines, None, "Send it in parts; blank lines count, too."
+                    "import_lines", self._limits.import_lines, None, "Send the upload in parts. Blank lines count, too."
                 )
             self.digest.update(content)
             self._file.write(content)

@@ -80,7 +80,7 @@ class MetricsExchange:
                 self.publish(metrics)
             except OSError as error:
                 if not failed:
-                    _log.warning("metrics cannot be shared with the other processes; trying again: %s", error)
+                    _log.warning("metrics cannot be written for the other processes; trying again: %s", error)
                 failed = True
             if ended:
                 return

@@ -70,10 +70,10 @@ class IsolatedProcess:
             try:
                 ready = _receive(self._connection, _TO_START)
             except (EOFError, OSError) as error:
-                raise WorkerLost(f"No process can be started for it: {self._ended()}.") from error
+                raise WorkerLost(f"No worker process can be started: {self._ended()}.") from error
             if ready is None:
                 self.close()
-                raise WorkerLost(f"No process could be started within {_TO_START:g} s.")
+                raise WorkerLost(f"No worker process could be started within {_TO_START:g} s.")
         return self._connection
 
     def _ended(self) -> str:

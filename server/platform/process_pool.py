@@ -257,8 +257,8 @@ class ProcessPool:
         name = worker.process.name
         self.close()
         return WorkerLost(
-            f"The process {name} of {self.processes} {how}; is memory short? What was reported as done "
-            "is done; do the rest again, perhaps with fewer processes."
+            f"The process {name} of {self.processes} {how}. The memory may be too small. What was reported as done is "
+            "stored; repeat the rest, perhaps with fewer processes."
         )
 
 

@@ -39,7 +39,7 @@ def answer_batch(
     """
     limits = context.limits
     if len(body.queries) > limits.batch_queries:
-        raise TooLarge("batch_queries", limits.batch_queries, len(body.queries), "Send them in parts.")
+        raise TooLarge("batch_queries", limits.batch_queries, len(body.queries), "Send the queries in several batches.")
     with context.database.read() as session:
         get_collection(session, collection_id)
     seconds = limits.batch_seconds if body.timeout_ms is None else min(limits.batch_seconds, body.timeout_ms / 1000.0)

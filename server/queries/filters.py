@@ -29,7 +29,9 @@ def keys_excluded(
     if exclude.within_seconds is not None:
         if stamp is None:
             raise InvalidField(
-                "needs the time of the query: give its `stamp`", code="no_stamp", pointer="/exclude/within_seconds"
+                "needs the query's `stamp`; add it, or leave this out",
+                code="no_stamp",
+                pointer="/exclude/within_seconds",
             )
         span = timedelta(seconds=exclude.within_seconds)
         since, until = _shifted(stamp, -span), _shifted(stamp, span)

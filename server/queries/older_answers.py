@@ -49,7 +49,7 @@ def read_older(model: type[Model], members: Mapping[str, Any], what: str) -> Mod
 def gone(what: str) -> Gone:
     """Why something that another version stored cannot be shown."""
     return Gone(
-        f"{what} was stored by another version of the service, which did not keep what is needed here; ask again."
+        f"{what} was stored by another version of the service, without what is needed here. Send the query again."
     )
 
 

@@ -176,8 +176,8 @@ def stored_match(database: Database, collection_id: str, query_id: str, rank: in
             raise NotFound(f"candidate of query {query_id!r} with rank", str(rank))
         if answer.candidates[rank - 1].inliers_omitted:
             raise Gone(
-                f"The pairs of candidate {rank} were not kept: the candidates before it use up the limit answer_pairs. "
-                "Ask again with a smaller `limit`."
+                f"The pairs of candidate {rank} were not stored, because better candidates used up the limit "
+                "answer_pairs. Send the query again with a smaller `limit`."
             )
         if rank > len(stored.candidates) or (candidate := _unpack(stored.candidates[rank - 1])) is None:
             raise gone(f"The match of query {query_id}")
@@ -185,7 +185,8 @@ def stored_match(database: Database, collection_id: str, query_id: str, rank: in
         if row is None or row.content_revision > answer.revision:
             what = "deleted" if row is None else "given other landmarks"
             raise Gone(
-                f"The submap of candidate {rank} was {what} after the query; ask again to match what is there now."
+                f"The submap of candidate {rank} was {what} after the query. Send the query again to search the "
+                "present submaps."
             )
         shown = answer.candidates[rank - 1]
         query_xy, submap_xy = unpack_positions(stored.landmarks), unpack_positions(row.landmarks)
@@ -238,7 +239,7 @@ def _stored(session: Session, collection: CollectionRow, query_id: str) -> Query
     if row is not None:
         return row
     if 1 <= number <= collection.query_sequence:
-        raise Gone(f"Query {query_id} was answered and stored, and is no longer kept; only the newest ones are.")
+        raise Gone(f"Query {query_id} is no longer kept: only the newest queries of a collection are. Send it again.")
     raise NotFound("stored query", query_id)
 
 

@@ -61,8 +61,8 @@ def find_response(session: Session, idempotency_key: IdempotencyKey | None, oper
         return None
     if row.digest != idempotency_key.digest:
         raise KeyReused(
-            f"The Idempotency-Key {idempotency_key.name!r} was sent before with other content; "
-            "take a new one for a new request."
+            f"The Idempotency-Key {idempotency_key.name!r} was sent before with another request. Use a new key for "
+            "each new request."
         )
     return StoredResponse(row.status, row.headers, row.body, replayed=True)
 

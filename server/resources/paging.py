@@ -49,7 +49,7 @@ def _read(listing: Listing, cursor: str, kind: type[_Place]) -> _Place:
             if isinstance(place, str) or 0 <= place < 2**63:
                 return place
     raise InvalidField(
-        f"is not a cursor of this listing; take `next` of a page of {listing}, or leave it out for the first page",
+        f"is not a cursor of this list; use `next` of a page of {listing}, or leave it out to get the first page",
         code="cursor",
         parameter="cursor",
     )

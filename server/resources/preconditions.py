@@ -17,11 +17,13 @@ class Preconditions:
         """Raise PreconditionFailed unless a write may go ahead over what has `etag` (None: over nothing)."""
         if self.if_match is not None and (etag is None or not _holds(self.if_match, etag)):
             found = "there is nothing here yet" if etag is None else f'it is now "{etag}"'
-            raise PreconditionFailed(f"If-Match does not hold: {found}. Read it again before you write.", etag)
+            raise PreconditionFailed(
+                f"If-Match does not hold: {found}. Read the resource again before you write.", etag
+            )
         if self.if_none_match is not None and etag is not None and _holds(self.if_none_match, etag):
             raise PreconditionFailed(
-                f'If-None-Match does not hold: something is here already, with ETag "{etag}". '
-                "Take another id, or leave the header out to replace it.",
+                f'If-None-Match does not hold: something is stored here already, with ETag "{etag}". '
+                "Use another id, or leave out the header to replace it.",
                 etag,
             )
 

@@ -53,7 +53,7 @@ def check_id(value: str) -> str:
 
 def _check_text(value: str) -> str:
     if any(unicodedata.category(character) in {"Cc", "Cs"} for character in value):
-        raise ValueError("must not hold control characters")
+        raise ValueError("must not contain control characters")
     return value
 
 
@@ -87,7 +87,7 @@ def _in_utc(value: datetime) -> datetime:
     try:
         return value.astimezone(UTC)
     except OverflowError as error:
-        raise ValueError("must lie in the years 1 to 9999 in UTC, too") from error
+        raise ValueError("must be in the years 1 to 9999 in UTC, too") from error
 
 
 def check_digits(value: object) -> object:

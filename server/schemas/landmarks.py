@@ -66,7 +66,7 @@ def _unique(ids: list[str]) -> list[str]:
         if first != position:
             raise PydanticCustomError(
                 "duplicate_id",
-                "{name} stands at positions {first} and {position}; landmark ids are unique in a submap",
+                "landmark ids must be unique in a submap; {name} is at positions {first} and {position}",
                 {"name": repr(name), "first": first, "position": position},
             )
     return ids

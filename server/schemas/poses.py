@@ -24,20 +24,24 @@ def check_covariance(values: list[float]) -> list[float]:
     variances = np.diag(matrix)
     for row in range(3):
         if variances[row] < 0:
-            raise ValueError(f"is a 3x3 row-major covariance: the variance at position {4 * row} must not be negative")
+            raise ValueError(
+                f"must be a 3x3 row-major covariance over (x, y, yaw); the variance at position {4 * row} is negative"
+            )
     # Each entry is compared with its own deviations, because metres and radians differ in size.
     deviations = np.sqrt(variances)
     sizes = np.outer(deviations, deviations)
     if (np.abs(matrix - matrix.T) > 1e-6 * np.abs(matrix) + 1e-9 * sizes).any():
-        raise ValueError("is a 3x3 row-major covariance over (x, y, yaw) and must be symmetric")
+        raise ValueError("must be a 3x3 row-major covariance over (x, y, yaw); this matrix is not symmetric")
     known = deviations > 0.0
     if matrix[~known].any() or matrix[:, ~known].any():
-        raise ValueError("is a 3x3 row-major covariance: where a variance is 0, its row and column must be 0, too")
+        raise ValueError(
+            "must be a 3x3 row-major covariance over (x, y, yaw); if a variance is 0, its row and column must be 0, too"
+        )
     correlations = matrix[np.ix_(known, known)] / sizes[np.ix_(known, known)]
     if known.any() and np.linalg.eigvalsh(0.5 * (correlations + correlations.T))[0] < -_ROUNDED:
         raise ValueError(
-            "is a 3x3 row-major covariance over (x, y, yaw) and must be positive semidefinite: "
-            "no entry may be larger in size than the root of the product of its two variances allows"
+            "must be a 3x3 row-major covariance over (x, y, yaw); this matrix is not positive semidefinite: "
+            "covariances are too large for their variances"
         )
     return values
 

@@ -88,7 +88,9 @@ class SubmapPatch(LandmarkBody):
         for name in ("xy", "landmarks"):
             if name in self.model_fields_set and getattr(self, name) is None:
                 raise PydanticCustomError(
-                    "landmarks_cleared", "a submap has landmarks: leave `{name}` out to keep them", {"name": name}
+                    "landmarks_cleared",
+                    "landmarks cannot be removed from a submap; leave out `{name}` to keep them",
+                    {"name": name},
                 )
         return self
 

@@ -16,8 +16,8 @@ class Liveness(Answer):
 class Load(Answer):
     """How busy the answering process is."""
 
-    running: int = Field(description="Number of requests in work.")
-    places: int = Field(description="Number of requests that can be in work at once.")
+    running: int = Field(description="Number of requests in progress.")
+    places: int = Field(description="Number of requests that can be in progress at once.")
     waiting: int = Field(description="Number of requests that wait for a place.")
     saturated: bool = Field(description="Whether all places are taken, so that another caller's request has to wait.")
 

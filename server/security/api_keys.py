@@ -58,12 +58,14 @@ def make(
     if not scopes:
         raise InvalidField("a key needs at least one scope: read, write or admin", code="no_scope", parameter="scope")
     if not patterns:
-        raise InvalidField("a key needs a pattern of collections, * for all", code="no_pattern", parameter="pattern")
+        raise InvalidField(
+            "a key needs a pattern of collection ids; use * for all", code="no_pattern", parameter="pattern"
+        )
     for pattern in patterns:
         if not _PATTERN.fullmatch(pattern):
             raise InvalidField(
-                f"{pattern!r} is no pattern of collection ids: letters, digits, '.', '_', '~', '-', "
-                "with * for any characters and ? for one",
+                f"{pattern!r} is not a pattern of collection ids; use letters, digits, '.', '_', '~', '-', * for any "
+                "characters, and ? for one",
                 code="pattern",
                 parameter="pattern",
             )

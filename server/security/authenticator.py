@@ -36,9 +36,8 @@ def check_exposure(settings: Settings, database: Database) -> None:
         if ApiKeys(session).any_usable(datetime.now(UTC)):
             return
     raise Conflict(
-        f"host {settings.host!r} can be reached from other machines and there is no key to ask them for: make one with "
-        "urquhart keys create, listen on 127.0.0.1, or say --insecure (URQUHART_INSECURE=true) if the network is "
-        "trusted"
+        f"host {settings.host!r} can be reached from other machines, and there is no API key. Create one with urquhart "
+        "keys create, listen on 127.0.0.1, or use --insecure (URQUHART_INSECURE=true) if you trust the network"
     )
 
 
@@ -74,7 +73,7 @@ class Authenticator:
         if not required:
             return UNRESTRICTED
         if authorization is None:
-            raise Unauthorized("This service asks for a key: send Authorization: Bearer urq_...", given=False)
+            raise Unauthorized("This service needs an API key. Send Authorization: Bearer urq_...", given=False)
         kind, _, token = authorization.partition(" ")
         match = KEY_FORMAT.fullmatch(token.strip()) if kind.lower() == "bearer" else None
         if match is None:
@@ -86,10 +85,10 @@ class Authenticator:
         # Compared in any case, so that the time does not tell whether there is such a key.
         same = hmac.compare_digest(digest_of(match[2]), row.digest if row is not None else bytes(32))
         if row is None or not same:
-            raise Unauthorized("There is no such key; was it copied whole?")
+            raise Unauthorized("There is no such key. Check that you copied all of it.")
         state = info_of(row).state(datetime.now(UTC))
         if state != "usable":
-            raise Unauthorized(f"The key {row.id} is {state}; ask the operator for another.")
+            raise Unauthorized(f"The key {row.id} is {state}. Ask the operator for another.")
         return Principal(row.id, frozenset(map(Scope, row.scopes)), tuple(row.patterns))
 
     def _keys_exist(self, *, ask: bool) -> bool | None:

@@ -36,12 +36,12 @@ class Principal:
     def require(self, scope: Scope) -> None:
         """Raise Forbidden for a caller without the scope."""
         if scope not in self.scopes:
-            raise Forbidden(f"This asks for a key with the scope {scope.value}; yours has {_listed(self.scopes)}.")
+            raise Forbidden(f"This needs a key with the scope {scope.value}. Yours has {_listed(self.scopes)}.")
 
     def require_all(self) -> None:
         """Raise Forbidden for a caller who sees only some collections."""
         if not self.sees_all:
-            raise Forbidden("This tells of all collections, and your key is bound to some of them.")
+            raise Forbidden("This needs a key for all collections. Yours is bound to some of them.")
 
     @property
     def sees_all(self) -> bool:

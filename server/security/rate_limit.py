@@ -41,5 +41,6 @@ class RateLimiter:
         if not enough:
             wait = (1.0 - tokens) / self.per_second
             raise TooManyRequests(
-                f"The limit requests_per_second is {self.per_second:g}; ask again in {wait:.2g} s.", wait
+                f"The limit requests_per_second is {self.per_second:g}. Try again in {wait:.2g} s.",
+                wait,
             )

@@ -99,7 +99,7 @@ def restore(source: RestoreSource, path: Path, *, force: bool = False, discard: 
     with storage_errors(path), exclusive(path):
         _mend(path)
         if path.exists() and not force:
-            raise Conflict(f"{path} is there already; say --force to put it aside and this in its place.")
+            raise Conflict(f"{path} exists already. Use --force to set it aside and restore in its place.")
         with _workshop(path) as folder:
             fresh = folder / path.name
             with fresh.open("xb") as copy:
@@ -135,14 +135,18 @@ def forget_unusable(database: Database) -> int:
 def _check_sum(source: RestoreSource, found: str) -> None:
     if source.checksum is not None and found != source.checksum:
         raise StorageDamaged(
-            f"{source.file} is not what it was: its SHA-256 is {found}, {source.checksum} is noted. Take another copy."
+            f"{source.file} has changed: its SHA-256 is {found}, but the manifest says {source.checksum}. Use another "
+            "copy."
         )
 
 
 def _no_log_beside(file: Path) -> None:
     log = file.with_name(f"{file.name}-wal")
     if _has_content(log):
-        raise Conflict(f"{file} is a database in use, or was left in the middle of it ({log.name}); take a snapshot.")
+        raise Conflict(
+            f"{file} is a database in use, or one that was not closed ({log.name} is beside it). Restore a snapshot "
+            "instead."
+        )
 
 
 def _prove(source: RestoreSource, file: Path) -> None:
@@ -151,9 +155,9 @@ def _prove(source: RestoreSource, file: Path) -> None:
     try:
         revision = migrations_runner.current_revision(copy)
         if revision is None:
-            raise NotADatabase(f"{source.file} is an empty database, and none of this service.")
+            raise NotADatabase(f"{source.file} is an empty database, not one of this service.")
         for finding in file_discrepancies(copy):
-            raise StorageDamaged(f"{source.file} is damaged: {finding.what}. Take another snapshot.")
+            raise StorageDamaged(f"{source.file} is damaged: {finding.what}. Use another snapshot.")
         with copy.read() as session:
             contents = Collections(session).contents()
     finally:
@@ -161,7 +165,7 @@ def _prove(source: RestoreSource, file: Path) -> None:
     if source.manifest is not None:
         told = [(of.id, of.revision, of.submaps) for of in source.manifest.collections]
         if (revision, contents) != (source.manifest.schema_, told):
-            raise StorageDamaged(f"{source.file} does not hold what its manifest says; take another snapshot.")
+            raise StorageDamaged(f"{source.file} does not contain what its manifest says. Use another snapshot.")
 
 
 def _make_ready(file: Path) -> int:
@@ -169,7 +173,7 @@ def _make_ready(file: Path) -> int:
     store = Database(file)
     try:
         bring_up_to_date(store)
-        problem = document(Conflict("The database was put back to an earlier state while this was under way."))
+        problem = document(Conflict("The database was restored to an earlier state during this request."))
         with store.write() as session:
             ended = Jobs(session).end_unfinished(problem)
     finally:
@@ -188,7 +192,7 @@ def _fold(file: Path) -> bool:
     except sqlite3.DatabaseError as error:
         code = (error.sqlite_errorcode or 0) & 0xFF
         if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
-            raise Conflict(f"{file} is open in another program; close it and try again.") from error
+            raise Conflict(f"{file} is open in another program. Close it and try again.") from error
         if code in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB):
             return False
         raise StorageUnavailable(f"{file} cannot be written: {error}.") from error

@@ -55,7 +55,7 @@ class SnapshotFolder:
         # Held by the open file: it is free again when the process ends, however that comes.
         with (self.path / "snapshot.lock").open("a") as file:
             if not try_lock(file):
-                raise Conflict("A snapshot is being made already; wait until it is there.")
+                raise Conflict("Another snapshot is being created. Wait until it is complete.")
             self._clean_up()
             self.making.mkdir(0o700)  # a copy has the database's permissions when it is whole, and not before
             try:
@@ -142,7 +142,7 @@ def read_manifest(path: Path) -> Snapshot | None:
     except FileNotFoundError:
         return None
     except ValidationError as error:
-        raise StorageDamaged(f"{path.name} is not the manifest of a snapshot; it is left as it is.") from error
+        raise StorageDamaged(f"{path.name} is not the manifest of a snapshot. It was not changed.") from error
 
 
 def sha256(path: Path, *, between: Callable[[bytes], object] = len) -> str:

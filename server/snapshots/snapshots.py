@@ -53,7 +53,7 @@ def make(database: Database, folder: SnapshotFolder, name: str | None, keep_last
     check_name(name)
     with storage_errors(folder.path), folder.turn():
         if folder.manifest(name).exists():
-            raise Conflict(f"There is a snapshot {name!r} already; give another name, or delete it first.")
+            raise Conflict(f"The snapshot {name!r} exists already. Use another name, or delete it first.")
         _check_room(database, folder)
         file = folder.making / "snapshot"
         database.copy_to(file, between=lambda: time.sleep(_BREATH))
@@ -102,7 +102,9 @@ def remove_once(
 
 def _must_keep(database: Database, idempotency_key: IdempotencyKey | None) -> None:
     if idempotency_key is not None and database.read_only:
-        raise StorageReadOnly("The database is only read, so no Idempotency-Key can be kept; send it without.")
+        raise StorageReadOnly(
+            "The database is open read-only, so no Idempotency-Key can be stored. Send the request without one."
+        )
 
 
 def page(folder: SnapshotFolder, limits: Limits, limit: int | None, cursor: str | None) -> SnapshotPage:
@@ -130,7 +132,7 @@ def _check_room(database: Database, folder: SnapshotFolder) -> None:
     needed, free = database.path.stat().st_size + _SPARE, shutil.disk_usage(folder.path).free
     if free < needed:
         raise StorageFull(
-            f"A snapshot needs {needed:,} bytes, and {free:,} are free: nothing was stored. Delete old snapshots, "
+            f"A snapshot needs {needed:,} bytes, but {free:,} are free, so nothing was stored. Delete old snapshots, "
             "or free some space."
         )
 
@@ -141,8 +143,8 @@ def _described(file: Path, *, name: str, created: datetime) -> Snapshot:
     try:
         for finding in file_discrepancies(copy, quick=True):
             raise StorageDamaged(
-                f"The database is damaged, and so is its copy, which was not kept: {finding.what}. Restore a snapshot "
-                "that is sound."
+                f"The database is damaged, so no snapshot was stored: {finding.what}. Restore an earlier snapshot that "
+                "is intact."
             )
         revision = migrations_runner.current_revision(copy)
         with copy.read() as session:

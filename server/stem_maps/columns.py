@@ -71,7 +71,7 @@ def find_columns(path: Path, rows: Rows, dbh_unit: str | None, ignore: Collectio
     names = [name.lower() for name in rows.header]
     missing = sorted(set(ignore) - set(names))
     if missing:
-        raise StemMapError(path, f"there is no column {missing[0]!r} to be ignored", line)
+        raise StemMapError(path, f"there is no column {missing[0]!r}, which --ignore names", line)
     names = ["" if name in ignore else name for name in names]
     positions: dict[str, int] = {}
     for key, aliases in _ALIASES.items():
@@ -117,7 +117,7 @@ def _diameters(
         return None, False
     position, name = found[0]
     if name != "dbh" and unit not in (None, known[name]):
-        raise StemMapError(path, f"the column {name!r} names its unit, and --dbh-unit says {unit}: drop one", line)
+        raise StemMapError(path, f"the column {name!r} names its unit, but --dbh-unit says {unit}: drop one", line)
     positions["dbh"] = position
     return known[name], name != "dbh" or unit is not None
 

@@ -34,8 +34,8 @@ def check_diameters(path: Path, columns: Columns, dbh_cm: NDArray[np.float64]) -
         name, unit = columns.names["dbh"], columns.dbh_unit
         raise StemMapError(
             path,
-            f"the median of the column {name!r} read in {unit} is {median:.3g} cm, which no stand has: say the unit, "
-            "by the column's name (dbh_cm, dbh_mm, dbh_m, dbh_in) or with --dbh-unit",
+            f"read in {unit}, the median of the column {name!r} is {median:.3g} cm, which no stand has: give the unit "
+            "in the column's name (dbh_cm, dbh_mm, dbh_m, dbh_in) or with --dbh-unit",
         )
 
 
@@ -67,9 +67,8 @@ def check_plots(path: Path, columns: Columns, plots: Sequence[str], xy: NDArray[
         name = columns.plot_name
         raise StemMapError(
             path,
-            f"the column {name!r} has {len(names)} values and is not used, and their trees lie on each other, as those "
-            "of plots in coordinates of their own do: write a file for each plot, or, if all coordinates are of one "
-            f"frame, say --ignore {name}",
+            f"the column {name!r} has {len(names)} values whose trees overlap, as if each plot had coordinates of its "
+            f"own: write a file for each plot or, if all coordinates are in one frame, use --ignore {name}",
         )
 
 

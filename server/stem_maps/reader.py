@@ -88,7 +88,7 @@ def read_stem_map(
     for line, fields in rows:
         trees.add(line, fields)
     if not trees.ids and not allow_empty:
-        raise StemMapError(path, "the file has a header and no trees")
+        raise StemMapError(path, "the file has a header but no trees")
     return trees.stem_map(digest(data))
 
 
@@ -167,7 +167,7 @@ class _Trees:
         if key == "dbh" and not STEMS_CM[0] <= number * DBH_UNITS[self.columns.dbh_unit or "cm"] <= STEMS_CM[1]:
             raise StemMapError(
                 self.path,
-                f"{name} is {number:g}, and stems are {STEMS_CM[0]:g} to {STEMS_CM[1]:g} cm thick: say the unit, by "
+                f"{name} is {number:g}, but stems are {STEMS_CM[0]:g} to {STEMS_CM[1]:g} cm thick: give the unit in "
                 "the column's name (dbh_cm, dbh_mm, dbh_m, dbh_in) or with --dbh-unit",
                 line,
             )
@@ -194,7 +194,9 @@ class _Trees:
         if self.decimal_mark is not None and self.decimal_mark[0] != mark:
             other, where = self.decimal_mark
             raise StemMapError(
-                self.path, f"{name} is {_quoted(text)}, and line {where} has {other!r} for decimals: use one", line
+                self.path,
+                f"{name} is {_quoted(text)}, but line {where} has {other!r} as the decimal mark: use one",
+                line,
             )
         return text.replace(",", ".")
 

@@ -100,8 +100,8 @@ def replace_stand(
             stored.update(one.id for _, one in batch.records)
         if had and not stored:
             raise StandError(
-                f"none of the {len(done.refused)} submaps can be used, the first: {done.refused[0].error} "
-                f"What the stand {record.name!r} had before stays"
+                f"none of the {len(done.refused)} submaps can be used. The first one: {done.refused[0].error} The "
+                f"stand {record.name!r} keeps the submaps it had"
             )
         stands.adopt(stand_key, [key for submap_id, key in strays.items() if submap_id in stored])
         gone = [key for submap_id, key in had.items() if submap_id not in stored]
@@ -115,6 +115,6 @@ def _check_ids(taken: dict[str, int], had: dict[str, int], name: str) -> None:
     foreign = sorted(submap_id for submap_id, key in taken.items() if had.get(submap_id) != key)
     if foreign:
         raise StandError(
-            f"{len(foreign)} submaps with the ids of this stand, the first {foreign[0]!r}, are not of the stand "
+            f"{len(foreign)} submaps with ids of this stand, the first {foreign[0]!r}, do not belong to the stand "
             f"{name!r}: rename the file, or delete them first"
         )

@@ -25,7 +25,7 @@ def read_bytes(path: Path) -> bytes:
     except FileNotFoundError:
         raise StemMapError(path, "no such file") from None
     except IsADirectoryError:
-        raise StemMapError(path, "is a directory, a CSV file is needed") from None
+        raise StemMapError(path, "is a directory: give a CSV file") from None
     except OSError as error:
         raise StemMapError(path, f"cannot be read: {error.strerror or error}") from None
 

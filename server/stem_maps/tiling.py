@@ -85,8 +85,8 @@ def cut(
     if len(xs) * len(ys) > MAXIMUM_DISCS:
         width, height = np.ptp(xy, axis=0)
         raise CuttingError(
-            f"a spacing of {spacing:g} m over {width:.0f} x {height:.0f} m makes {len(xs) * len(ys)} discs, more than "
-            f"{MAXIMUM_DISCS}: make the spacing larger, or look for a tree far outside the stand"
+            f"a spacing of {spacing:g} m over {width:.0f} x {height:.0f} m makes {len(xs) * len(ys)} submaps, more "
+            f"than {MAXIMUM_DISCS}: make the spacing larger, or look for a tree far outside the stand"
         )
     discs: list[Disc] = []
     covered = np.zeros(len(xy), dtype=bool)
@@ -108,7 +108,7 @@ def cut(
             )
         )
     if not discs:
-        raise CuttingError(f"no disc of {radius:g} m holds {minimum_trees} trees: make the radius larger")
+        raise CuttingError(f"no circle of {radius:g} m contains {minimum_trees} trees: make the radius larger")
     return Cut(
         radius=radius,
         spacing=spacing,

@@ -95,7 +95,7 @@ def _backfill_batch(database: Database, batch: list[tuple[int, Config]]) -> int:
             xy, diameters = unpack_positions(row.landmarks), unpack_diameters(row.attributes)
             made.append((row, urquhart.describe(xy, configs[row.key], diameters)))
         except (LandmarkError, ValueError):
-            _log.warning("the landmarks of the submap %s cannot be described; `urquhart db check` tells why", row.id)
+            _log.warning("the landmarks of the submap %s cannot be described; `urquhart db check` says why", row.id)
     # Described outside of the transaction: other writers wait for the writing alone.
     with database.write() as session:
         return sum(_write(session, row, features) for row, features in made)

@@ -222,7 +222,9 @@ def _describe_lines(
             continue
         try:
             if len(line) > limits.body_bytes:
-                raise TooLarge("body_bytes", limits.body_bytes, None, "A line is the body of one PUT.")
+                raise TooLarge(
+                    "body_bytes", limits.body_bytes, None, "Each line is the body of one PUT: split this one."
+                )
             submaps.append((position, read_line(line, limits)))
         except DomainError as error:
             refused.append(Refusal(_id_in(line, error), error, position))

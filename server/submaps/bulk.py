@@ -216,7 +216,7 @@ def _outcome(there: str | None, etag: str) -> Outcome:
 def _conflict(submap_id: str, known: bool) -> Conflict:
     where = "in the collection" if known else "on an earlier line"
     return Conflict(
-        f"There is a submap {submap_id!r} with other content {where}; on_conflict=replace would replace it."
+        f"The submap {submap_id!r} exists with other content {where}. Use on_conflict=replace to replace it."
     )
 
 

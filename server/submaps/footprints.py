@@ -17,8 +17,8 @@ def references_of(database: Database, collection: CollectionRow, frame_ids: set[
         frames = MapFrames(session, collection)
         if not frames.any():
             raise NotAcceptable(
-                f"The collection {collection.id!r} has no crs, so its submaps have no longitude and latitude. "
-                "Set its crs, or that of its map frames, by PATCH, or ask for application/json.",
+                f"The collection {collection.id!r} has no crs, so its submaps have no longitude and latitude. Set its "
+                "crs, or that of its map frames, with PATCH, or ask for application/json.",
                 ["application/json"],
             )
         return frames.some(frame_ids)

@@ -132,7 +132,9 @@ def _store(
         except SearchOutdated:
             continue
     raise Overloaded(
-        "Others store submaps near this one faster than they can be searched: nothing was stored. Send it again.", 1.0
+        "Other callers store submaps near this one faster than they can be searched, so nothing was stored. Send it "
+        "again.",
+        1.0,
     )
 
 
@@ -248,7 +250,10 @@ def same_collection(session: Session, collection_id: str, key: int) -> Collectio
     """The collection, as long as it is the one of that key. Raises NotFound and Conflict."""
     now = get_collection(session, collection_id)
     if now.key != key:
-        raise Conflict(f"The collection {collection_id!r} was deleted and made again meanwhile; send the submap again.")
+        raise Conflict(
+            f"The collection {collection_id!r} was deleted and created again during this request. Send the submap "
+            "again."
+        )
     return now
 
 

@@ -181,7 +181,7 @@ def check_properties(properties: dict[str, Any] | None, limits: Limits) -> None:
     size = 0 if properties is None else len(orjson.dumps(properties))
     if size > limits.properties_bytes:
         raise TooLarge(
-            "properties_bytes", limits.properties_bytes, size, "Keep large data elsewhere and put a link to it here."
+            "properties_bytes", limits.properties_bytes, size, "Store large data elsewhere and put a link to it here."
         )
 
 

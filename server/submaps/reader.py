@@ -151,8 +151,8 @@ class Tessellated:
         place = stored_place(self._row)
         if place is None:
             raise NotAcceptable(
-                f"The submap {self._row.id!r} has no map_pose, so it has no longitude and latitude. "
-                "Set one by PATCH, or ask for application/json.",
+                f"The submap {self._row.id!r} has no map_pose, so it has no longitude and latitude. Set one with "
+                "PATCH, or ask for application/json.",
                 others,
             )
         if self._reference is None:

@@ -100,7 +100,7 @@ def test_on_all_addresses_a_number_is_known_and_a_name_is_not(tmp_path: Path) ->
 
 @pytest.mark.parametrize("name", ["http://forest.example", "forest.example:80"])
 def test_what_is_no_host_name_cannot_be_allowed(name: str) -> None:
-    with pytest.raises(ValueError, match="no host name"):
+    with pytest.raises(ValueError, match="not a host name"):
         Settings(allowed_hosts=name)
 
 

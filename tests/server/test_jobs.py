@@ -250,7 +250,7 @@ def test_limits_of_uploads(small: httpx.Client, settings: Settings) -> None:
         assert (response.status_code, response.json()["limit"]) == (413, "import_bytes")
     response = small.post(IMPORTS, content=b"\n" * 50_001, headers=NDJSON)
     assert (response.status_code, response.json()["limit"]) == (413, "import_lines")
-    assert "blank lines count" in response.json()["detail"]
+    assert "Blank lines count" in response.json()["detail"]
     assert left(small, settings) == []
     wide = b'{"id": "wide", "properties": {"x": "' + b"y" * 20_000 + b'"}}'
     job = finished(small, upload(small, [line("a", 1), wide, line("b", 2)]))
@@ -684,7 +684,7 @@ def test_an_upload_that_is_gone_is_no_success(
     monkeypatch.setattr(queue, "accept", accept)
     job = finished(client, upload(client, [line("a", 1)]))
     assert (job["state"], job["problem"]["status"]) == ("failed", 503)
-    assert "upload is gone" in job["problem"]["detail"]
+    assert "upload is missing" in job["problem"]["detail"]
 
 
 def test_results_are_read_to_their_end_although_the_job_is_forgotten(client: httpx.Client, service: Service) -> None:

@@ -108,7 +108,7 @@ def test_a_worker_process_that_is_killed_costs_nothing(serve: Callable[..., Serv
         time.sleep(0.02)
     assert killed, "the work was over before a process was started for it"
     assert (job["state"], job["counts"]) == ("successful", {"created": 20_000})
-    assert "goes on later" in server.log.read_text()
+    assert "will be continued later" in server.log.read_text()
     lines = [orjson.loads(line)["line"] for line in server.client.get(f"{url}/results").content.splitlines()]
     assert lines == list(range(1, 20_001))
 

@@ -126,7 +126,7 @@ def test_a_pose_that_the_crs_does_not_reach_is_refused_wherever_it_comes_in(clie
         assert error["pointer"] == "/map_pose"
         assert "map frame 'map' at " in error["detail"]
         assert "outside the area of use of WGS 84 / UTM zone 33N" in error["detail"]
-        assert "need no origin" in error["detail"]
+        assert "leave out the origin" in error["detail"]
     assert client.get(PLOTS).json()["counts"]["submaps"] == 1
     # A frame with another name is not concerned, and a PATCH of something else leaves the pose alone.
     assert place(client, "local", "stand", 448_125.0, 5_411_179.0).status_code == 201
@@ -171,7 +171,7 @@ def test_systems_that_cannot_hold_submaps_are_refused_with_the_reason(
         (error,) = refused.json()["errors"]
         assert (error["code"], error["pointer"]) == ("crs", pointer)
         assert reason in error["detail"]
-        assert "Take the UTM zone" in error["detail"]
+        assert "Use the UTM zone" in error["detail"]
     assert client.put("/v1/collections/new", json={"crs": crs}).status_code == 422
 
 

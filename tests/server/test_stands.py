@@ -135,7 +135,7 @@ def test_trees_in_a_row_do_not_take_the_place_of_a_stand(urquhart: Urquhart, tmp
     urquhart("index", "stand.csv", *OPTIONS)
     before = poses_in(tmp_path / "urquhart.db")
     write_observation(tmp_path / "stand.csv", np.array([(float(i), 0.0) for i in range(40)]))
-    refused(urquhart("index", "stand.csv", *OPTIONS), "none of the", "had before stays")
+    refused(urquhart("index", "stand.csv", *OPTIONS), "none of the", "keeps the submaps it had")
     assert poses_in(tmp_path / "urquhart.db") == before
 
 
@@ -182,7 +182,7 @@ def test_a_submap_that_somebody_else_stored_is_not_overwritten(service: Any, cli
     body = {"xy": points(trees[:30]), "session": "robot-2"}
     client.put(f"/v1/collections/c/submaps/{taken}", json=body).raise_for_status()
     before = poses_in(service.database.path)
-    with pytest.raises(StandError, match=f"the first '{taken}', are not of the stand 'stand'"):
+    with pytest.raises(StandError, match=f"the first '{taken}', do not belong to the stand 'stand'"):
         put_stand(service.database, as_map(TURN.apply(trees)))
     assert poses_in(service.database.path) == before
     assert client.get(f"/v1/collections/c/submaps/{taken}").json()["session"] == "robot-2"

@@ -70,7 +70,7 @@ def test_semicolons_and_tabs_with_either_decimal_mark(tmp_path: Path, separator:
         ('id,x,y\n1,"448,125.02","5,411,179.44"\n', 2, "without thousands separators"),
         ("id,x,y\n1,448.125,5.411.179\n", 2, "'5.411.179': write numbers without thousands separators"),
         ("id;x;y\n1;448.125,02;7\n", 2, "without thousands separators"),
-        ("id;x;y\n1;1,5;7,5\n2;1.5;7,5\n", 3, "line 2 has ',' for decimals: use one"),
+        ("id;x;y\n1;1,5;7,5\n2;1.5;7,5\n", 3, "line 2 has ',' as the decimal mark: use one"),
         ("x,y\n1_000,2\n", 2, "x_m is not a number: '1_000'"),
         ("x,y\n1,Infinity\n", 2, "not a finite number"),
         ("x,y\n1,2\n#3,4,5\n", 3, "a comment may only stand above the header"),
@@ -120,7 +120,7 @@ def test_what_is_not_used_is_named_and_may_be_ignored(tmp_path: Path) -> None:
     stem_map = read(tmp_path, text, ignore=["X", "y"])
     assert same_trees(stem_map)
     assert stem_map.understood == "read tree_id from 'id', x_m from 'x_m', y_m from 'y_m'; not used: 'x', 'y', 'Status'"
-    with pytest.raises(StemMapError, match="there is no column 'z' to be ignored"):
+    with pytest.raises(StemMapError, match="there is no column 'z', which --ignore names"):
         read(tmp_path, text, ignore=["z"])
 
 
@@ -129,7 +129,7 @@ def test_plots_in_coordinates_of_their_own_are_not_laid_on_each_other(tmp_path: 
     text = table(f"{name},tree,x,y", lambda i, x, y, _: f"P{i % 4},{i // 4},{x - 30},{y - 20}")
     with pytest.raises(StemMapError) as caught:
         read(tmp_path, text)
-    for word in (f"the column '{name}' has 4 values and is not used", "a file for each plot", f"--ignore {name}"):
+    for word in (f"the column '{name}' has 4 values whose trees overlap", "a file for each plot", f"--ignore {name}"):
         assert word in str(caught.value)
 
 
@@ -178,7 +178,7 @@ def test_diameters_have_the_unit_of_their_name_or_of_the_option(tmp_path: Path, 
         np.testing.assert_allclose(stem_map.dbh_cm, DBH_CM, rtol=1e-4)
         assert f"diameters in {unit} from '{header}'" in stem_map.understood
         assert "no unit" not in stem_map.understood
-    with pytest.raises(StemMapError, match="and --dbh-unit says"):
+    with pytest.raises(StemMapError, match="but --dbh-unit says"):
         read(tmp_path, "x,y,dbh_cm\n1,2,30\n", dbh_unit="mm")
 
 
@@ -188,12 +188,10 @@ def test_a_diameter_without_unit_is_told_and_stops_where_it_cannot_be_centimetre
     assert stem_map.dbh_cm is not None
     assert stem_map.dbh_cm.tolist() == DBH_CM.tolist()
     for factor in (10.0, 0.01):
-        with pytest.raises(
-            StemMapError, match=r"(the median of the column 'dbh' read in cm is|dbh_cm is) .*: say the unit"
-        ):
+        with pytest.raises(StemMapError, match=r"(the median of the column 'dbh' is|dbh_cm is) .*: give the unit"):
             read(tmp_path, table("x,y,dbh", lambda i, x, y, d: f"{x},{y},{d}", factor))
     for header, factor in (("dbh_m", 1.0), ("dbh_cm", 0.01), ("dbh_mm", 0.1)):
-        with pytest.raises(StemMapError, match=f"(the median of the column '{header}'|{header} is) .*: say the unit"):
+        with pytest.raises(StemMapError, match=f"(the median of the column '{header}'|{header} is) .*: give the unit"):
             read(tmp_path, table(f"x,y,{header}", lambda i, x, y, d: f"{x},{y},{d}", factor))
 
 

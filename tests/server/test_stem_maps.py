@@ -69,7 +69,7 @@ def test_trees_without_ids_are_numbered(tmp_path: Path) -> None:
     [
         ("", None, "the file is empty"),
         ("\n\n# nothing\n", None, "the file is empty"),
-        ("x_m,y_m\n", None, "has a header and no trees"),
+        ("x_m,y_m\n", None, "has a header but no trees"),
         ("x_m,z_m\n1,2\n", 1, "column y_m or y is missing"),
         ("# c\n\nx y\n1 2\n", 3, "separated by commas, semicolons, tabs"),
         ("x,x_m,y\n1,1,2\n", 1, "two columns are called x_m or x"),

@@ -155,11 +155,11 @@ def test_what_cannot_be_merged_is_refused(tmp_path: Path, monkeypatch: pytest.Mo
     one = build(1, 2, 3)
     with pytest.raises(ValueError, match="of one configuration"):
         merge_segments([(one, living(one)), (other, living(other))], tmp_path / "a")
-    with pytest.raises(ValueError, match="must be there"):
+    with pytest.raises(ValueError, match="must be at least one"):
         merge_segments([], tmp_path / "a")
     monkeypatch.setattr(segment, "MOST_SLOTS", 4)
     two = build(4, 5)
-    with pytest.raises(ValueError, match="5 submaps, a segment holds 4"):
+    with pytest.raises(ValueError, match="5 submaps, but a segment holds at most 4"):
         merge_segments([(one, living(one)), (two, living(two))], tmp_path / "a")
     assert list(tmp_path.iterdir()) == []
     assert len(merge_segments([(one, living(one, 2)), (two, living(two, 5))], tmp_path / "a")) == 3

@@ -53,7 +53,7 @@ def check_landmarks(xy: ArrayLike) -> NDArray[np.float64]:
         )
     if far >= 0:
         raise LandmarkError(
-            "out_of_range", f"landmark {far} is beyond {COORDINATE_LIMIT:.0e} m: coordinates are metres", (far,)
+            "out_of_range", f"landmark {far} is beyond {COORDINATE_LIMIT:.0e} m: coordinates must be in metres", (far,)
         )
     if len(landmarks) < MINIMUM:
         raise LandmarkError(
@@ -66,7 +66,7 @@ def check_landmarks(xy: ArrayLike) -> NDArray[np.float64]:
     if smallest_step(landmarks) < RESOLUTION:
         _refuse_duplicates(landmarks)
     if width(landmarks) < RESOLUTION:
-        raise LandmarkError("collinear", "all landmarks lie on one line: a tessellation needs some beside it")
+        raise LandmarkError("collinear", "all landmarks lie on one line: at least one must lie beside it")
     return landmarks
 
 

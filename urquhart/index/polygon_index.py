@@ -130,7 +130,7 @@ def _search(
         if p is None:
             continue
         if len(p.low) != queries.shape[1]:
-            raise ValueError(f"descriptors of {queries.shape[1]} components, {len(p.low)} in the index")
+            raise ValueError(f"descriptors have {queries.shape[1]} components, but those of the index {len(p.low)}")
         listed = len(p.centroids)
         probes = min(max(POLYGONS.least_probes, listed // POLYGONS.probed), listed)
         most = POLYGONS.most_rows

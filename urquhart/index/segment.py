@@ -71,7 +71,7 @@ class Segment:
                 raise ValueError(f"features of submap {key} were made with another configuration: describe it again")
         keys = np.array([key for key, _ in ordered], np.int64)
         if np.any(keys[1:] == keys[:-1]):
-            raise ValueError("a submap comes twice")
+            raise ValueError("the same submap is given twice")
         known = [features for _, features in ordered]
         scales = np.array([centre_scale(f.landmarks) for f in known], np.float32)
         units = np.array([np.abs(f.landmarks).max() / _MOST_UNITS for f in known], np.float32)
@@ -133,11 +133,11 @@ def merge_segments(
     """
     fingerprints = {segment.fingerprint for segment, _ in parts}
     if len(fingerprints) != 1:
-        raise ValueError("segments to merge must be there, and of one configuration")
+        raise ValueError("segments to merge must be at least one, all of one configuration")
     living = [np.flatnonzero(alive) for _, alive in parts]
     keys = np.concatenate([segment.keys[chosen] for (segment, _), chosen in zip(parts, living, strict=True)])
     if len(keys) >= MOST_SLOTS:
-        raise ValueError(f"{len(keys)} submaps, a segment holds {MOST_SLOTS}")
+        raise ValueError(f"{len(keys)} submaps, but a segment holds at most {MOST_SLOTS}")
     order = np.argsort(keys, kind="stable")
     place = np.empty(len(keys), np.int32)
     place[order] = np.arange(len(keys), dtype=np.int32)

@@ -75,7 +75,7 @@ def merge(
         ValueError: as many poses as submaps are needed, and finite landmarks.
     """
     if len(submaps) != len(poses):
-        raise ValueError(f"{len(submaps)} submaps and {len(poses)} poses: each submap needs one")
+        raise ValueError(f"{len(submaps)} submaps but {len(poses)} poses: give one for each submap")
     points = np.concatenate(
         [np.empty((0, 2)), *(pose.apply(xy) for xy, pose in zip(submaps, poses, strict=True) if len(xy))]
     )

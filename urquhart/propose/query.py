@@ -89,7 +89,10 @@ def make_query(
         ValueError: the observation was described with another configuration.
     """
     if features.fingerprint != config.fingerprint():
-        raise ValueError(f"features of {features.fingerprint}, this collection's are of {config.fingerprint()}")
+        raise ValueError(
+            f"the features have the fingerprint {features.fingerprint}, but the collection needs "
+            f"{config.fingerprint()}: describe the landmarks again"
+        )
     grid = landmark_grid(features, config.reach)
     submaps, volume = SubmapCache(source, config.reach), log_volume(searched, grid)
     return Query(features, grid, config, submaps, volume, budget or Budget(), Trace())

@@ -42,14 +42,12 @@ def demo(
     except ModuleNotFoundError as error:
         if error.name != "urquhart_client":
             raise
-        raise CommandError(
-            "the demo asks through the Python client: install clients/python (urquhart-client)"
-        ) from error
+        raise CommandError("the demo needs the Python client: pip install ./clients/python") from error
     try:
         passed = run(out, data, seed=seed, observations=observations, keep=keep)
     except UrquhartError as error:
         raise CommandError(
-            f"the service did not answer as it should: {error} (its log is {out / 'server.log'})"
+            f"a request of the demo failed: {error} (log of the service: {out / 'server.log'})"
         ) from error
     if not passed:
         raise typer.Exit(1)

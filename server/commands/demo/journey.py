@@ -97,8 +97,8 @@ def _read(data: Path) -> dict[str, StemMap]:
     names = [stand.name for stand in (*STANDS, FOREIGN)]
     if not data.is_dir():
         raise CommandError(
-            f"{data}: no such directory; the stem maps are in the source repository (data/stem_maps), not in the "
-            "installed package: name their directory with --data"
+            f"{data}: no such directory. The stem maps are in the source repository (data/stem_maps), not in the "
+            "installed package: give their directory with --data"
         )
     return {name: read_stem_map(data / f"{name}.csv") for name in names}
 

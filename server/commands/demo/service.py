@@ -60,14 +60,14 @@ def _wait_until_ready(url: str, process: subprocess.Popen[bytes], log: Path) -> 
             if process.poll() is not None:
                 said = log.read_text(errors="replace").strip().splitlines()
                 reason = said[-1] if said else f"exit code {process.returncode}"
-                raise CommandError(f"the service did not start: {reason} (all of it in {log})")
+                raise CommandError(f"the service did not start: {reason} (full log: {log})")
             try:
                 client.ready()
             except (ConnectionFailed, ProblemError):
                 time.sleep(0.1)
             else:
                 return
-    raise CommandError(f"the service was not ready within {START_SECONDS:.0f} s; what it said is in {log}")
+    raise CommandError(f"the service was not ready within {START_SECONDS:.0f} s (its log: {log})")
 
 
 def _stop(process: subprocess.Popen[bytes]) -> None:

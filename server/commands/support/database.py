@@ -63,7 +63,7 @@ def check_there(settings: Settings) -> None:
     """A mistyped path is reported, and does not get an empty database. Raises Failure."""
     if not settings.database_path.is_file():
         raise CommandError(
-            f"{settings.database_path}: no such database; make one with urquhart index or urquhart serve"
+            f"{settings.database_path}: no such database; create one with urquhart index or urquhart serve"
         )
 
 

@@ -49,7 +49,7 @@ class AdmissionState:
         """Count bytes of a body that are kept in memory. Raises Overloaded."""
         if self.held + size > self.limits.buffered_bytes:
             self.count("memory")
-            raise Overloaded("The bodies that are just being received fill the memory; try again shortly.", _RETRY)
+            raise Overloaded("The memory for incoming bodies is full. Try again in a moment.", _RETRY)
         self.held += size
 
     def count(self, reason: str) -> None:
@@ -231,8 +231,9 @@ class Admission:
         except TimeoutError:
             self._shared.count("slow_body")
             raise TooSlow(
-                f"Of the body {self._received} bytes came in {time.monotonic() - self._began:.0f} s; the limits are "
-                f"body_seconds {self._limits.body_seconds:g} and body_rate {self._limits.body_rate} bytes a second."
+                f"Only {self._received} bytes of the body arrived in {time.monotonic() - self._began:.0f} s. The "
+                f"limits are body_seconds {self._limits.body_seconds:g} and body_rate {self._limits.body_rate} bytes "
+                "per second. Send the request again, faster or in parts."
             ) from None
 
     async def _arrived(self) -> None:

@@ -100,7 +100,10 @@ class Gate:
             elif place.done() and not place.cancelled() and place.exception() is None:
                 self.leave(name, 0.0)  # it was handed over just when the wait was given up
             if isinstance(error, TimeoutError):
-                raise Overloaded(f"No place was free within {self._patience:g} s; try again shortly.", _RETRY) from None
+                raise Overloaded(
+                    f"The service is busy: no place became free within {self._patience:g} s. Try again in a moment.",
+                    _RETRY,
+                ) from None
             raise
 
     def leave(self, name: str, seconds: float) -> None:
@@ -150,8 +153,8 @@ class Gate:
         if not place.done():
             place.set_exception(
                 Overloaded(
-                    f"{self.running} requests are worked on and {self._most_waiting} wait, most of them this caller's; "
-                    "try again shortly.",
+                    f"The service is busy: {self.running} requests are in progress and {self._most_waiting} wait, most "
+                    "of them yours. Try again in a moment.",
                     _RETRY,
                 )
             )

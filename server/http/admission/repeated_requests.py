@@ -31,7 +31,8 @@ class RepeatedRequests:
                     await running.wait()
         except TimeoutError:
             raise StillRunning(
-                "The same request, by its Idempotency-Key, is still at work. Send it again for its answer.", 1.0
+                "A request with the same Idempotency-Key is still in progress. Send this one again to get its answer.",
+                1.0,
             ) from None
         done = self._running[name] = asyncio.Event()
         try:

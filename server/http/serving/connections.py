@@ -68,7 +68,7 @@ class Connection(H11Protocol):
         if len(self.connections) > self.config.limits.connections and not self._make_room():
             self.config.reject("connections")
             most = self.config.limits.connections
-            self._refuse(document(Overloaded(f"All {most} connections are in use; try again shortly.", 1.0)))
+            self._refuse(document(Overloaded(f"All {most} connections are in use. Try again in a moment.", 1.0)))
             return
         self._sort()
         self._await_head()

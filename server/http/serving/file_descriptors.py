@@ -37,12 +37,12 @@ def reserve_files(limits: Limits) -> Limits:
     connections = (soft - _RESERVE) // _EACH
     if connections < _LEAST:
         raise Conflict(
-            f"the process may open {soft} files only, and needs {_RESERVE + _EACH * _LEAST} at least: raise the limit "
+            f"the process may open only {soft} files and needs at least {_RESERVE + _EACH * _LEAST}: raise the limit "
             "(ulimit -n, LimitNOFILE)"
         )
     _log.warning(
-        "the process may open %d files: it takes %d connections instead of %d (limits.connections); raise the limit of "
-        "open files (ulimit -n, LimitNOFILE) to %d for all of them",
+        "the process may open only %d files, so it accepts %d connections instead of %d (limits.connections); raise "
+        "the limit of open files (ulimit -n, LimitNOFILE) to %d",
         soft,
         connections,
         limits.connections,

@@ -152,7 +152,7 @@ class _GracefulServer(Server):
         while self._signal is None:
             time.sleep(_TICK)
         time.sleep(self._service.settings.stop_seconds)
-        _log.warning("not everything ended in time; ending without it")
+        _log.warning("the process did not stop in time (stop_seconds), so it exits now")
         os._exit(0)
 
 

@@ -35,7 +35,8 @@ def run_constraints(assignment: Assignment, context: JobContext) -> None:
         body = ConstraintsInput.model_validate(assignment.parameters)
     except ValidationError as error:
         raise Conflict(
-            "Another version of the service took this job on, and this one cannot read its parameters; post it again."
+            "Another version of the service accepted this job, and this version cannot read its parameters. Post it "
+            "again."
         ) from error
     found_file, results_file = context.folder.found(assignment.id), context.folder.results(assignment.id)
     if assignment.total is None:

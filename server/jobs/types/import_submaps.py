@@ -63,7 +63,7 @@ def _write_index(assignment: Assignment, context: JobContext) -> None:
     except Stopped as error:
         raise Interrupted from error
     except (OSError, StorageError) as error:
-        _log.warning("job %s: everything is stored, but the index is not written yet: %s", assignment.id, error)
+        _log.warning("job %s: all lines are stored, but the index is not written yet: %s", assignment.id, error)
 
 
 class _InputLines:
@@ -83,7 +83,9 @@ class _InputLines:
         if self.first == self._total:
             return  # it was read to its end, and only that could not be noted
         if not self._path.exists():
-            raise StorageUnavailable("The upload is gone from the folder of jobs; send again what has no result yet.")
+            raise StorageUnavailable(
+                "The upload is missing from the folder of jobs. Send the lines again that have no result yet."
+            )
         with self._path.open("rb") as file:
             file.seek(self._offset)
             following = self.first
@@ -192,7 +194,10 @@ def _all_or_nothing(assignment: Assignment, context: JobContext, source: _InputL
         _write_results(results, _refusal_lines(lines, refusals))
         _count(assignment, lines, found[-1].following)
         assignment.report(written=results.tell(), refusals=refusals.state())
-        raise LinesRefused(f"Nothing was stored: {len(refused)} lines cannot be, and mode=all asks for all or none.")
+        raise LinesRefused(
+            f"Nothing was stored: {len(refused)} lines were refused, and mode=all stores all lines or none. Correct "
+            "them, or use mode=continue."
+        )
 
 
 def _check_size(assignment: Assignment, context: JobContext) -> None:
@@ -203,7 +208,7 @@ def _check_size(assignment: Assignment, context: JobContext) -> None:
         ("import_all_bytes", limits.import_all_bytes, path.stat().st_size if path.exists() else 0),
     ):
         if got > allowed:
-            raise TooLarge(name, allowed, got, "Send it in parts, or with mode=continue.")
+            raise TooLarge(name, allowed, got, "Send the upload in parts, or with mode=continue.")
 
 
 class _RolledBack(Exception):

@@ -39,7 +39,7 @@ def test_looking_at_keys_makes_no_database(urquhart: Urquhart, tmp_path: Path) -
         (["create", " ", "--scope", "read"], "name"),
         (["create", "x", "--scope", "read", "--collections", "a/*"], "pattern"),
         (["create", "x", "--scope", "read", "--expires", "soon"], "soon"),
-        (["create", "x", "--scope", "read", "--expires", "2020-01-01"], "over already"),
+        (["create", "x", "--scope", "read", "--expires", "2020-01-01"], "is in the past"),
         (["create", "x", "--scope", "read", "--expires", "9999999w"], "9999999w"),
         (["revoke", "nobody"], "nobody"),
     ],

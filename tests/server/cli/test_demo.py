@@ -187,7 +187,7 @@ def test_the_demo_without_its_data_says_where_it_is(
     assert run(["demo", "--data", "nowhere"]) == 2
     err = capfd.readouterr().err
     assert err.count("\n") == 1
-    assert "name their directory with --data" in err
+    assert "give their directory with --data" in err
     (tmp_path / "partly").mkdir()
     assert run(["demo", "--data", "partly"]) == 2
     assert "partly/lansing.csv: no such file" in capfd.readouterr().err

@@ -86,7 +86,9 @@ class AsyncJobCalls(AsyncConnection):
             if job.is_finished:
                 return job
             if left <= 0.0:
-                raise TimeoutError(f"job {job_id} is {job.state}, {job.done} of {job.total} done")
+                raise TimeoutError(
+                    f"job {job_id} has not ended after {timeout:g} s: {job.state}, {job.done} of {job.total} done"
+                )
 
     async def delete_job(self, job_id: str) -> Job | None:
         """Dismiss an unfinished job, which ends after what is at hand; or forget a finished one (None)."""
@@ -144,7 +146,9 @@ class AsyncJobCalls(AsyncConnection):
                     digest.update(piece)
                     file.write(piece)
             if digest.hexdigest() != about.sha256:
-                raise UnexpectedAnswer(f"snapshot {name} came damaged", 200, "")
+                raise UnexpectedAnswer(
+                    f"snapshot {name} was damaged on its way: its SHA-256 is wrong; download it again", 200, ""
+                )
             part.rename(target)
         finally:
             part.unlink(missing_ok=True)

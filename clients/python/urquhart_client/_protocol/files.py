@@ -131,7 +131,7 @@ class _Table:
             if key in self.columns and (text := fields[self.columns[key]].strip()):
                 found[key] = self._number(key, text, line)
             elif key in ("x", "y"):
-                raise self.refuse(f"needs a number in the column {self.header[self.columns[key]]}", line)
+                raise self.refuse(f"the column {self.header[self.columns[key]]} is empty: give a number", line)
         if "species" in self.columns and (name := fields[self.columns["species"]].strip()):
             found["species"] = name
         return found
@@ -173,7 +173,9 @@ class _Table:
         """Bring diameters into metres. Raises FileError for what the columns can hardly mean."""
         places = [(tree["x"], tree["y"]) for tree in landmarks]
         if len(places) >= 3 and 2 * len(set(places)) < len(places):
-            raise self.refuse(f"{len(places)} rows stand at {len(set(places))} positions: give each tree its own")
+            raise self.refuse(
+                f"{len(places)} trees have only {len(set(places))} different positions: give each tree its own"
+            )
         whole = self.separator == "," and all(float(value).is_integer() for place in places for value in place)
         if len(places) >= _FEW and whole:
             for values in zip(*places, strict=True):

@@ -196,7 +196,7 @@ def post_batch(
     def parse(response: httpx.Response) -> tuple[QueryResult | ProblemError, ...]:
         found = document(response).get("results")
         if not isinstance(found, list) or len(found) != len(queries):
-            raise UnexpectedAnswer("not an answer to each query", response.status_code, response.text[:500])
+            raise UnexpectedAnswer("there is not one answer for each query", response.status_code, response.text[:500])
         return tuple(
             ProblemError(int(one["problem"]["status"]), one["problem"])
             if "problem" in one
@@ -248,7 +248,7 @@ def segment(name: str, kind: str) -> str:
     """A name as part of a path. Raises ValueError for what cannot be one."""
     # "." and ".." are resolved as paths on the way, whatever their escape: the request would reach another resource.
     if name in ("", ".", ".."):
-        raise ValueError(f"{name!r} is not the id of a {kind}")
+        raise ValueError(f"{name!r} cannot be the id of a {kind}")
     return quote(name, safe="")
 
 
@@ -273,7 +273,7 @@ def with_body(
     try:
         content = json.dumps(body, allow_nan=False, separators=(",", ":")).encode()
     except ValueError as error:
-        raise ValueError("the request holds a number that is not finite") from error
+        raise ValueError("the request contains a number that is not finite") from error
     return Request(
         method, path, parse, headers={"Content-Type": JSON, "Accept": JSON, **(headers or {})}, content=content
     )
