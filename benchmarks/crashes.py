@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from server.checks.agreement import index_discrepancies
 from server.checks.integrity import discrepancies
 from server.collections import registry
-from server.config.settings import IndexSettings
+from server.config.settings_groups import IndexSettings
 from server.errors import NotFound
 from server.index.catalog import Catalog
 from server.index.maintenance import Maintenance

@@ -15,7 +15,8 @@ from server.commands.support.database import open_database, settings_with
 from server.commands.support.failure import CommandError
 from server.commands.support.options import DbhUnit, Ignored
 from server.commands.support.progress import progress_bar
-from server.config.settings import IndexSettings, Limits
+from server.config.settings import Limits
+from server.config.settings_groups import IndexSettings
 from server.errors import StorageError
 from server.index.catalog import Catalog
 from server.index.maintenance import Maintenance

@@ -1,21 +1,22 @@
-"""Everything that can be set, from a file and `URQUHART_*` in the environment; checked together, at construction."""
+"""The settings: from a file and from `URQUHART_*` in the environment, validated together when they are read."""
 
 from pathlib import Path
-from typing import Any, Final, Literal, Self
+from typing import Any, Final, Self
 from urllib.parse import unquote
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 from pydantic_settings import BaseSettings, InitSettingsSource, PydanticBaseSettingsSource, SettingsConfigDict
 
+from server.config.settings_groups import IndexSettings, JobSettings, LogSettings, SnapshotSettings
 from server.config.settings_sources import NESTED, PREFIX, check_environment, config_file, read_file
 
 _SQLITE_URL = "sqlite:///"
 STOP_SPARE: Final = 8.0
-"""Seconds after `drain_seconds` in which what is cut off ends, jobs are handed back and the database is closed."""
+"""Seconds after `drain_seconds` for ending requests that were cut off, handing back jobs and closing the database."""
 
 
 class Limits(BaseModel):
-    """Sizes that requests are held to; each is published by `GET /v1/limits` under the name it has here."""
+    """Limits of requests. `GET /v1/limits` publishes each under its name here."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -30,92 +31,130 @@ class Limits(BaseModel):
     answer_pairs: int = Field(
         100_000,
         ge=0,
-        description="Most landmark pairs (`inliers`) in the answer to a query or batch; further candidates have none.",
+        description="Most landmark pairs (`inliers`) in the answer to a query or batch. Candidates beyond have none.",
     )
     batch_queries: int = Field(200, ge=1, description="Most queries in one batch.")
     query_seconds: float = Field(
-        4.5, gt=0, le=3600, description="Seconds in which a query is worked on; it is answered with what was found."
+        4.5,
+        gt=0,
+        le=3600,
+        description="Longest time for one query, in seconds. At the deadline it is answered with what was found so "
+        "far.",
     )
     batch_seconds: float = Field(
-        4.5, gt=0, le=3600, description="Seconds in which a batch is worked on; the queries left then are not asked."
+        4.5,
+        gt=0,
+        le=3600,
+        description="Longest time for one batch, in seconds. Queries that have not begun by then are not answered.",
     )
     unfinished_jobs: int = Field(
-        20, ge=1, description="Most unfinished jobs of one key, or of all callers without one; more are answered 429."
+        20,
+        ge=1,
+        description="Most unfinished jobs of one key, or of all callers without a key. Another one is answered with "
+        "429.",
     )
-    import_bytes: int = Field(8 * 1024**3, ge=1024, description="Largest import, in bytes, unpacked.")
-    import_lines: int = Field(2_000_000, ge=1, description="Most lines of an import, blank ones among them.")
+    import_bytes: int = Field(8 * 1024**3, ge=1024, description="Largest import, in bytes when unpacked.")
+    import_lines: int = Field(2_000_000, ge=1, description="Most lines in an import, including blank ones.")
     import_line_seconds: float = Field(
-        30.0, gt=0, le=3600, description="Seconds that describing one line of an import may take; then it is refused."
+        30.0,
+        gt=0,
+        le=3600,
+        description="Longest time to describe one line of an import, in seconds. A line that takes longer is refused.",
     )
     import_refusal_bytes: int = Field(
         8 * 1024 * 1024,
         ge=0,
-        description="Bytes of an import's results that tell of refused lines one by one; further ones are counted.",
+        description="Bytes of an import's results for refused lines. Refused lines beyond are only counted.",
     )
-    import_all_lines: int = Field(20_000, ge=1, description="Most lines of an import that stores all or none.")
+    import_all_lines: int = Field(20_000, ge=1, description="Most lines in an import with `mode=all`.")
     import_all_bytes: int = Field(
-        256 * 1024 * 1024, ge=1024, description="Largest import that stores all or none, in bytes, unpacked."
+        256 * 1024 * 1024, ge=1024, description="Largest import with `mode=all`, in bytes when unpacked."
     )
-    page: int = Field(100, ge=1, description="Rows of a page when `limit` is not given.")
+    page: int = Field(100, ge=1, description="Rows on a page if the request has no `limit`.")
     page_max: int = Field(1000, ge=1, description="Largest `limit` of a page.")
     page_bytes: int = Field(
         4 * 1024 * 1024,
         ge=1024,
-        description="Bytes of a page of submaps, about; a larger one ends early, and `next` goes on.",
+        description="Approximate largest page of submaps, in bytes. A page that would be larger ends early, with "
+        "`next`.",
     )
-    stored_queries: int = Field(10_000, ge=0, description="Stored queries kept per collection; the oldest go first.")
+    stored_queries: int = Field(
+        10_000, ge=0, description="Stored queries that are kept in each collection. The oldest are deleted first."
+    )
     concurrent_requests: int = Field(
-        32, ge=1, le=100, description="Requests that a process works on at once; more wait in the queue."
+        32, ge=1, le=100, description="Most requests that a process works on at once. Further requests wait."
     )
     key_requests: int = Field(
         0,
         ge=0,
         le=100,
-        description="Requests of one key, or of one address without one, that a process works on at once while others "
-        "ask, too; 0: one fewer than there are cores, at least 1.",
+        description="Most requests of one key, or of one address without a key, that a process works on at once while "
+        "other callers wait. 0: one less than the number of cores, but at least 1.",
     )
-    queued_requests: int = Field(256, ge=0, description="Requests that wait in a process; more are answered 503.")
+    queued_requests: int = Field(
+        256, ge=0, description="Most requests that wait in a process. Further requests are answered with 503."
+    )
     queue_seconds: float = Field(
-        5.0, gt=0, le=600, description="Seconds that a request waits before it is answered 503."
+        5.0, gt=0, le=600, description="Longest time that a request waits, in seconds. Then it is answered with 503."
     )
     waits: int = Field(
-        500, ge=0, description="Requests that wait for the end of a job in a process; more are answered at once."
+        500,
+        ge=0,
+        description="Most requests that wait for the end of a job (`wait`) in a process. Further ones are answered at "
+        "once.",
     )
     key_waits: int = Field(
-        100, ge=0, description="Those of one key, or of one address without one; more are answered at once."
+        100,
+        ge=0,
+        description="Most requests of one key, or of one address without a key, that wait for the end of a job in a "
+        "process. Further ones are answered at once.",
     )
     unsent_bytes: int = Field(
         256 * 1024 * 1024,
         ge=1024,
-        description="Bytes of answers that a process holds until they are read; beyond, the callers that have read "
-        "nothing for longest are cut off.",
+        description="Most bytes of answers that a process keeps until callers have read them. Beyond, the callers that "
+        "have read nothing for longest are disconnected.",
     )
     requests_per_second: float = Field(
-        0.0, ge=0, description="Requests a second of one key, or of one address without a key, in a process; 0: any."
+        0.0,
+        ge=0,
+        description="Most requests per second of one key, or of one address without a key, in a process. 0: no limit.",
     )
     connections: int = Field(
-        1000, ge=2, description="Open connections of a process; for one more the longest idle one is closed."
+        1000,
+        ge=2,
+        description="Most open connections of a process. Another one replaces the connection that was idle for "
+        "longest.",
     )
     idle_seconds: float = Field(
         75.0,
         gt=0,
         le=3600,
-        description="Seconds for which a connection is kept after an answer; callers should keep theirs for less.",
+        description="Seconds that an idle connection stays open after an answer. Clients should close theirs sooner.",
     )
     header_seconds: float = Field(
-        10.0, gt=0, le=3600, description="Seconds within which the head of a request must arrive; then it is 408."
+        10.0,
+        gt=0,
+        le=3600,
+        description="Seconds within which the head of a request must arrive. Then it is answered with 408.",
     )
     body_seconds: float = Field(
         20.0,
         gt=0,
         le=3600,
-        description="Seconds within which a body must arrive, apart from `body_rate`; then it is 408.",
+        description="Seconds within which a body must arrive, plus the time that `body_rate` adds. Then it is answered "
+        "with 408.",
     )
     body_rate: int = Field(
-        16 * 1024, ge=1, description="Bytes a second: each that arrives gives the body 1 / `body_rate` seconds more."
+        16 * 1024,
+        ge=1,
+        description="Slowest rate of a body after `body_seconds`, in bytes per second: each byte that arrives adds 1 / "
+        "`body_rate` seconds.",
     )
     buffered_bytes: int = Field(
-        256 * 1024 * 1024, ge=1024, description="Bytes of bodies that a process holds at once; more are answered 503."
+        256 * 1024 * 1024,
+        ge=1024,
+        description="Most bytes of request bodies in the memory of a process. Further requests are answered with 503.",
     )
 
     @model_validator(mode="after")
@@ -125,119 +164,71 @@ class Limits(BaseModel):
         return self
 
 
-class IndexSettings(BaseModel):
-    """How the index is kept: what of it lies in memory, and when that is written to segments."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    cache_mb: int = Field(64, ge=0, description="Memory for features that were read lately, in MB; 0 keeps none.")
-    flush_submaps: int = Field(
-        2_000, ge=1, description="Submaps changed since the last segment that are left in memory; more are written."
-    )
-    memory_submaps: int = Field(
-        5_000, ge=1, description="Changed submaps that a query takes into memory; where there are more, it writes them."
-    )
-    block_submaps: int = Field(20_000, ge=1, description="Submaps of a segment when it is first written.")
-    maintenance_seconds: float = Field(
-        1.0, gt=0, le=3600, description="Seconds between two looks at what is to be written or merged."
-    )
-
-
-class JobSettings(BaseModel):
-    """How long work is done beside the requests."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    processes: int | None = Field(
-        None, ge=1, le=256, description="Processes that describe imported submaps, the service among them; one a core."
-    )
-    slice_seconds: float = Field(
-        5.0,
-        gt=0,
-        le=3600,
-        description="Seconds after which a job gives way while one of another key, or on another collection, waits.",
-    )
-    keep_days: float = Field(7.0, gt=0, le=3650, description="Days for which results of finished jobs are kept.")
-    keep_rows: int = Field(10_000, ge=1, description="Finished jobs that are listed; the oldest are forgotten first.")
-
-
-class LogSettings(BaseModel):
-    """What is written to standard error, and how."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    format: Literal["text", "json"] = Field("text", description="A line for people, or a JSON object in a line.")
-    level: Literal["debug", "info", "warning", "error"] = Field(
-        "info",
-        description="The least level that is written; the line of each request is `info`, or `warning` from 500 on.",
-    )
-
-
-class SnapshotSettings(BaseModel):
-    """How snapshots of the whole database are kept."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    keep: int = Field(5, ge=0, description="Snapshots that are kept; a new one removes the oldest beyond. 0 keeps all.")
-
-
 class Settings(BaseSettings):
-    """The service's settings. Nested ones use two underscores: `URQUHART_LIMITS__BODY_BYTES=1048576`.
+    """The service's settings. Names of nested ones have two underscores: `URQUHART_LIMITS__BODY_BYTES=1048576`.
 
-    Raises `sources.Misconfigured` for names that are no setting, besides what pydantic raises for values.
+    Raises `settings_sources.Misconfigured` for an unknown name, and what pydantic raises for an invalid value.
     """
 
     model_config = SettingsConfigDict(
         env_prefix=PREFIX, env_nested_delimiter=NESTED, frozen=True, extra="forbid", env_ignore_empty=True
     )
 
-    config: str = Field("", description="The settings file, TOML; empty: `urquhart.toml`, where it is there.")
+    config: str = Field(
+        "", description="The settings file, in TOML. Empty: `urquhart.toml` in the working folder, if it exists."
+    )
     database: str = Field(
-        "urquhart.db", description="Path of the SQLite file, or an URL `sqlite:///path[?mode=ro]`.", min_length=1
+        "urquhart.db", description="Path of the SQLite file, or a URL `sqlite:///path[?mode=ro]`.", min_length=1
     )
     busy_timeout: float = Field(
-        10.0, gt=0, le=600, description="Seconds that a write waits for another writer before it answers 503."
+        10.0, gt=0, le=600, description="Seconds that a write waits for another writer. Then it is answered with 503."
     )
     host: str = Field("127.0.0.1", description="Address to listen on.", min_length=1)
-    port: int = Field(8420, ge=0, le=65535, description="Port to listen on; 0 takes a free one.")
+    port: int = Field(8420, ge=0, le=65535, description="Port to listen on. 0: any free one.")
     allowed_hosts: str = Field(
         "",
-        description="Host names under which the service answers, and whose pages may call it, separated by commas; "
-        "`*` for any. Empty: localhost and the address it is reached at, and any name once it asks for keys.",
+        description="Host names under which the service may be called, and whose web pages may call it, separated by "
+        "commas. `*`: any. Empty: localhost and the service's own address, or any name if the service has keys.",
     )
     insecure: bool = Field(False, description="Serve without API keys on an address that other machines can reach.")
     idempotency_hours: float = Field(
-        24.0, gt=0, le=24 * 365, description="Hours for which the answer to a POST with Idempotency-Key is kept."
+        24.0,
+        gt=0,
+        le=24 * 365,
+        description="Hours for which the answer to a request with an `Idempotency-Key` is kept.",
     )
     docs_url: str = Field(
         "",
-        description="Where the documentation is served, linked from the landing page; empty: the service's own /docs.",
+        description="Address of the documentation that the landing page links to. Empty: the service's own /docs.",
     )
     notice_seconds: float = Field(
         1.0,
         ge=0,
         le=600,
-        description="Seconds after SIGTERM for which requests are still taken while /readyz says 503; "
-        "more than the interval of what watches it.",
+        description="Seconds after SIGTERM during which requests are still accepted while /readyz answers 503. It "
+        "should be longer than the interval at which a load balancer reads /readyz.",
     )
     drain_seconds: float = Field(
         15.0,
         ge=0,
         le=3600,
-        description="Seconds that requests in progress have to finish when the service ends; then they are cut off.",
+        description="Seconds that requests in progress have to finish when the service stops. Then they are cut off.",
     )
     metrics_collections: int = Field(
-        20, ge=0, le=1000, description="Collections that metrics tell by name, the largest; the rest is `other`."
+        20,
+        ge=0,
+        le=1000,
+        description="Number of collections that metrics list by name, the largest first. The rest is `other`.",
     )
     log: LogSettings = Field(default_factory=LogSettings, description="What is written to standard error, and how.")
-    limits: Limits = Field(default_factory=Limits, description="Sizes and times that requests are held to.")
-    index: IndexSettings = Field(default_factory=IndexSettings, description="How the index is kept.")
-    jobs: JobSettings = Field(default_factory=JobSettings, description="How long work is done beside the requests.")
-    snapshots: SnapshotSettings = Field(default_factory=SnapshotSettings, description="How snapshots are kept.")
+    limits: Limits = Field(default_factory=Limits, description="Limits of requests: sizes, times and numbers.")
+    index: IndexSettings = Field(default_factory=IndexSettings, description="The index.")
+    jobs: JobSettings = Field(default_factory=JobSettings, description="Jobs.")
+    snapshots: SnapshotSettings = Field(default_factory=SnapshotSettings, description="Snapshots.")
 
     @property
     def stop_seconds(self) -> float:
-        """Seconds after SIGTERM within which the service has ended, whatever is in progress."""
+        """Seconds after SIGTERM within which the service stops, whatever is in progress."""
         return self.notice_seconds + self.drain_seconds + STOP_SPARE
 
     @field_validator("database")
@@ -267,7 +258,7 @@ class Settings(BaseSettings):
         dotenv_settings: PydanticBaseSettingsSource,
         file_secret_settings: PydanticBaseSettingsSource,
     ) -> tuple[PydanticBaseSettingsSource, ...]:
-        """What is given goes before the environment, and that before the file. Raises Misconfigured."""
+        """Arguments take precedence over the environment, and the environment over the file. Raises Misconfigured."""
         check_environment(cls)
         given: dict[str, Any] = getattr(init_settings, "init_kwargs", {})
         path = config_file(given.get("config"))

@@ -15,7 +15,7 @@ from typing import Final, TypeVar
 
 from sqlalchemy.orm import Session
 
-from server.config.settings import IndexSettings
+from server.config.settings_groups import IndexSettings
 from server.errors import DomainError, NotFound, StorageError
 from server.index.feature_cache import FeatureCache, FeatureReader
 from server.index.flushing import FlushContext, Stopped, flush

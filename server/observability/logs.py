@@ -14,7 +14,7 @@ from typing import Any, Final, TextIO
 
 import orjson
 
-from server.config.settings import LogSettings
+from server.config.settings_groups import LogSettings
 
 ACCESS: Final = "access"
 _LEVELS: Final = {"debug": logging.DEBUG, "info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}

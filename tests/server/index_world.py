@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from server.checks.agreement import index_discrepancies
 from server.checks.integrity import discrepancies
-from server.config.settings import IndexSettings, Limits
+from server.config.settings import Limits
+from server.config.settings_groups import IndexSettings
 from server.index.catalog import Catalog
 from server.index.maintenance import Maintenance
 from server.observability.metrics import Metrics

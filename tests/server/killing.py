@@ -22,7 +22,8 @@ from sqlalchemy.orm import Session
 
 import urquhart
 from server.collections import registry
-from server.config.settings import JobSettings, Limits, Settings
+from server.config.settings import Limits, Settings
+from server.config.settings_groups import JobSettings
 from server.index.catalog import Catalog
 from server.jobs import folder as job_folder
 from server.jobs import queue

@@ -14,7 +14,8 @@ import pytest
 
 from server.app import create_app
 from server.checks.inspection import inspect
-from server.config.settings import IndexSettings, JobSettings, Limits, Settings
+from server.config.settings import Limits, Settings
+from server.config.settings_groups import IndexSettings, JobSettings
 from server.runtime import Service
 from server.security import api_keys
 from server.security.principal import Scope

@@ -12,7 +12,8 @@ from fastapi import FastAPI
 
 from server import cli
 from server.app import create_app
-from server.config.settings import JobSettings, Limits, Settings
+from server.config.settings import Limits, Settings
+from server.config.settings_groups import JobSettings
 from server.jobs import operator, queue
 from server.jobs.assignment import Assignment, JobContext
 from server.jobs.types import find_constraints

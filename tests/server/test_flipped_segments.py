@@ -13,7 +13,8 @@ import pytest
 
 from server.app import create_app
 from server.checks.agreement import index_discrepancies
-from server.config.settings import IndexSettings, Settings
+from server.config.settings import Settings
+from server.config.settings_groups import IndexSettings
 from server.index import maintenance
 from server.runtime import Service
 from tests.server.world import TestClient, forest, observed, points

@@ -14,7 +14,8 @@ import pytest
 from fastapi import FastAPI
 
 from server.app import create_app
-from server.config.settings import IndexSettings, Limits, Settings
+from server.config.settings import Limits, Settings
+from server.config.settings_groups import IndexSettings
 from server.errors import StorageBusy, StorageFull, WorkerLost
 from server.index.flushing import count_uncovered
 from server.jobs import assignment, queue, runner

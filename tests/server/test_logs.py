@@ -13,7 +13,7 @@ import httpx
 import pytest
 from fastapi import FastAPI
 
-from server.config.settings import LogSettings
+from server.config.settings_groups import LogSettings
 from server.observability import logs, request_log
 from server.runtime import Service
 from server.security import api_keys

@@ -18,7 +18,8 @@ from sqlalchemy import event
 
 from server.app import create_app
 from server.collections import registry
-from server.config.settings import IndexSettings, Settings
+from server.config.settings import Settings
+from server.config.settings_groups import IndexSettings
 from server.index import flushing, maintenance
 from server.index.flushing import Stopped
 from server.runtime import Service

@@ -11,7 +11,8 @@ import httpx
 import pytest
 
 from server.app import create_app
-from server.config.settings import JobSettings, Limits, Settings
+from server.config.settings import Limits, Settings
+from server.config.settings_groups import JobSettings
 from server.errors import WorkerLost
 from server.jobs.assignment import Assignment
 from server.platform.isolated_process import IsolatedProcess

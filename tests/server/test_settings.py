@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
-from server.config.settings import IndexSettings, Limits, Settings
+from server.config.settings import Limits, Settings
+from server.config.settings_groups import IndexSettings
 
 
 def test_defaults() -> None:

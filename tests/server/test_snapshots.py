@@ -19,7 +19,8 @@ from fastapi import FastAPI
 
 from server.app import create_app
 from server.collections import registry
-from server.config.settings import Limits, Settings, SnapshotSettings
+from server.config.settings import Limits, Settings
+from server.config.settings_groups import SnapshotSettings
 from server.errors import StorageFull
 from server.runtime import Service
 from server.schemas.collections import CollectionPut
