@@ -1,7 +1,7 @@
 """The command `urquhart`.
 
-Whatever is wrong with what the caller gave, from a missing file to a database of a newer version, ends as one line on
-standard error and exit code 2; a defect of ours ends as a traceback, so that it can be reported.
+Anything wrong with the input, from a missing file to a database of a newer version, ends as one line on standard error
+and exit code 2. A defect of the program ends as a traceback, so that it can be reported.
 """
 
 import sys
@@ -30,12 +30,30 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="markdown",
 )
-app.command()(serve.serve)
-app.command()(index.index)
-app.command()(locate.locate)
-app.command()(demo.demo)
-app.command("reference")(reference.reference_page)
-app.command()(config.config)
+
+
+def _examples(*lines: str) -> str:
+    """The end of a command's help, as Markdown."""
+    return "Examples:\n\n" + "\n".join(f"- `{line}`" for line in lines)
+
+
+app.command(
+    epilog=_examples(
+        "urquhart serve", "urquhart serve --host 0.0.0.0 --workers 2 --database /var/lib/urquhart/forest.db"
+    )
+)(serve.serve)
+app.command(epilog=_examples("urquhart index plots/*.csv --collection season-2026 --radius 30 --spacing 20"))(
+    index.index
+)
+app.command(
+    epilog=_examples(
+        "urquhart locate seen.csv --collection season-2026",
+        "urquhart locate seen.csv --collection season-2026 --svg match.svg --explain",
+    )
+)(locate.locate)
+app.command(epilog=_examples("urquhart demo --seed 5", "urquhart demo --keep"))(demo.demo)
+app.command("reference", epilog=_examples("urquhart reference > docs/api.md"))(reference.reference_page)
+app.command(epilog=_examples("urquhart config", "urquhart config --config /etc/urquhart.toml"))(config.config)
 app.add_typer(db.app, name="db")
 app.add_typer(keys.app, name="keys")
 app.add_typer(jobs.app, name="jobs")

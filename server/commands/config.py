@@ -1,4 +1,4 @@
-"""`urquhart config`: what is set, and where."""
+"""`urquhart config`: print the settings in force, and where each comes from."""
 
 from typing import Annotated
 
@@ -10,15 +10,15 @@ from server.config import settings_loading, settings_report
 
 def config(
     file: ConfigOption = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print a JSON array.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the settings as a JSON array.")] = False,
     as_markdown: Annotated[
-        bool, typer.Option("--markdown", help="Print the documentation of all settings, not what is set.")
+        bool, typer.Option("--markdown", help="Print the documentation of all settings instead of their values.")
     ] = False,
 ) -> None:
-    """Print every setting with its value, its default and where the value comes from.
+    """Print every setting with its value, its default and the source of the value.
 
-    An option goes before the environment, the environment before the file. What cannot be used is refused, so this
-    also checks a file before a service is started with it.
+    Options take precedence over the environment, and the environment over the file. Invalid settings are refused, so
+    this also checks a settings file.
     """
     if as_markdown:
         typer.echo(settings_report.as_markdown(), nl=False)

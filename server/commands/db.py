@@ -1,4 +1,4 @@
-"""`urquhart db`: the database file, apart from the service."""
+"""`urquhart db`: upgrade and check the database file, and rebuild its index."""
 
 from collections.abc import Iterator
 from functools import partial
@@ -28,14 +28,14 @@ from server.store.feature_backfill import backfill, bring_up_to_date
 from server.store.migrations_runner import expected_revision, upgrade
 from server.store.sqlite.database import Database
 
-app = typer.Typer(help="Look after the database file.")
+app = typer.Typer(help="Upgrade and check the database file, and rebuild its index.")
 
 
 @app.command("upgrade")
 def upgrade_database(database: DatabaseOption = None) -> None:
-    """Make the database, or bring it to the schema and features of this version. Nothing is lost.
+    """Create the database, or upgrade it to the schema and features of this version. Nothing is lost.
 
-    Ended half-way, it goes on where it was the next time.
+    If the upgrade is interrupted, the next one continues it.
     """
     store = _database(settings_with(database=database))
     try:
@@ -54,9 +54,9 @@ def upgrade_database(database: DatabaseOption = None) -> None:
 @app.command("check")
 def check_database(
     database: DatabaseOption = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Tell it as JSON.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the findings as JSON.")] = False,
 ) -> None:
-    """Prove that file, schema, rows, features and index agree. Exit code 1 when they do not; nothing is changed."""
+    """Prove that file, schema, rows, features and index agree. Exit code 1 if they do not. Nothing is changed."""
     store = unchanged_database(settings_with(database=database))
     try:
         if tell_findings(store, as_json=as_json):
@@ -66,7 +66,7 @@ def check_database(
 
 
 def tell_findings(store: Database, *, as_json: bool = False) -> int:
-    """Inspect a database and print what is found; how much that was. Raises StorageError."""
+    """Inspect a database and print the findings. Returns their number. Raises StorageError."""
     found = []
     for finding in _findings(store):
         found.append({"where": finding.where, "what": finding.what})
@@ -89,11 +89,11 @@ def _findings(store: Database) -> Iterator[Discrepancy]:
 @app.command("reindex")
 def reindex_database(
     collections: Annotated[
-        list[str] | None, typer.Argument(metavar="[COLLECTION]...", help="Collections; all when none is named.")
+        list[str] | None, typer.Argument(metavar="[COLLECTION]...", help="Collections to reindex. (default: all)")
     ] = None,
     database: DatabaseOption = None,
 ) -> None:
-    """Rewrite the index of collections, from what is stored. A service on the database goes on meanwhile."""
+    """Rebuild the index of collections from the stored landmarks. A running service continues to answer."""
     settings = settings_with(database=database)
     store = existing_database(settings)
     try:

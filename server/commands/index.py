@@ -1,4 +1,4 @@
-"""`urquhart index`: stem maps cut into overlapping submaps, straight into the database."""
+"""`urquhart index`: cut stem maps into overlapping submaps and store them, without a service."""
 
 from collections.abc import Callable
 from functools import partial
@@ -35,9 +35,9 @@ def index(
     files: Annotated[
         list[Path], typer.Argument(metavar="FILE...", help="Stem maps: CSV with the columns x_m and y_m.")
     ],
-    collection: Annotated[str, typer.Option(help="Collection to store in; made when it is not there.")],
-    radius: Annotated[float, typer.Option(help="Radius of a submap, metres.")],
-    spacing: Annotated[float, typer.Option(help="Distance between the centres of neighbouring submaps, metres.")],
+    collection: Annotated[str, typer.Option(help="Collection to store in. It is created if it does not exist.")],
+    radius: Annotated[float, typer.Option(help="Radius of a submap, in metres.")],
+    spacing: Annotated[float, typer.Option(help="Distance between the centres of neighbouring submaps, in metres.")],
     database: Annotated[
         Path | None,
         typer.Option(help="The SQLite file. (default: URQUHART_DATABASE or urquhart.db)", show_default=False),
@@ -47,7 +47,7 @@ def index(
         typer.Option(
             min=1,
             max=256,
-            help="Processes that describe submaps, this one among them. (default: one a core)",
+            help="Number of processes that describe submaps, including this one. (default: one for each core)",
             show_default=False,
         ),
     ] = None,
@@ -56,12 +56,13 @@ def index(
 ) -> None:
     """Cut stem maps into overlapping submaps and store them.
 
-    A stem map is a CSV file of trees: x_m and y_m in metres, and optionally tree_id, height_m, species, and diameters
-    in dbh_cm, dbh_mm, dbh_m or dbh_in. For each file, one line tells what was read as what, and what was not used.
+    A stem map is a CSV file with one tree on each line. The columns x_m and y_m (metres) are required; tree_id,
+    height_m, species and a diameter (dbh_cm, dbh_mm, dbh_m or dbh_in) are optional. For each file, the command says how
+    it understood the columns and which it did not use.
 
-    Each submap holds the trees within the radius of a point of a square grid, in a frame of its own, and its pose in
-    the map, whose name is that of the file. All that was stored under that name before is replaced in one step, so a
-    corrected file leaves nothing of the old one; done again, the same files change nothing.
+    Each submap contains the trees within the radius of a point of a square grid, in a frame of its own, and its pose in
+    the map, which has the name of the file. Indexing a corrected file with the same name replaces all its submaps in
+    one step. Indexing the same file again changes nothing.
     """
     settings = settings_with(database=database)
     stem_maps = [read_stem_map(path, dbh_unit=dbh_unit, ignore=ignore or ()) for path in files]
@@ -72,7 +73,7 @@ def index(
     reports = []
     try:
         ensure_collection(store, collection)
-        with console.status("loading the kernels"):  # compiled at the first use, which is no part of the rate
+        with console.status("loading the kernels"):  # compiled at the first use, so not counted in the rate
             urquhart.describe(np.random.default_rng(0).uniform(0.0, 50.0, (30, 2)), urquhart.Config())
         with describers(processes) as workers, progress_bar(console) as progress:
             options = LineOptions(limits=settings.limits, workers=workers)
@@ -109,17 +110,17 @@ def _cut_all(files: list[Path], stem_maps: list[StemMap], radius: float, spacing
 
 
 def _write_index(store: Database, settings: IndexSettings, collection: str, advance: Callable[[int], Any]) -> None:
-    """Write what was stored to segments where it is much: a service would have to do it before it answers."""
+    """Write the new submaps to segments if there are many, so that a service need not do it before it answers."""
     metrics = Metrics()
     maintenance = Maintenance(store, Catalog(store, metrics, settings), metrics)
     try:
         maintenance.flush_and_merge(collection, least=settings.flush_submaps + 1, progress=advance)
     except (OSError, StorageError) as error:
-        typer.echo(f"everything is stored, but the index is not written: {error}", err=True)
+        typer.echo(f"all submaps are stored, but the index is not written: {error}", err=True)
 
 
 def ensure_collection(database: Database, collection: str) -> None:
-    """Make the collection when it is not there.
+    """Create the collection if it does not exist.
 
     Raises:
         Failure: the name is not one that a collection can have.
@@ -132,16 +133,16 @@ def ensure_collection(database: Database, collection: str) -> None:
 
 
 def sentence(report: StandReport) -> str:
-    """What became of one stem map, in a line."""
+    """The outcome of one stem map, in one line."""
     stand, outcome = report.cut, report.outcome
     rate = f"{report.submaps / report.seconds:.0f} submaps/s" if report.seconds > 0 else ""
     parts = [
         f"{report.name}: {stand.trees} trees -> {report.submaps} submaps "
         f"({outcome.created} new, {outcome.replaced} replaced, {outcome.unchanged} unchanged) "
         f"in {report.seconds:.1f} s, {rate}",
-        f"{outcome.removed} removed, which the stand had before",
+        f"{outcome.removed} old ones removed",
         f"{stand.skipped} grid points skipped (fewer than {MINIMUM_TREES} trees)",
-        f"{stand.merged} trees merged with a neighbour closer than 1 cm, the thickest stays",
+        f"{stand.merged} trees merged with a thicker neighbour within 1 cm",
     ]
     if stand.uncovered:
         parts.append(f"{stand.uncovered} trees in no submap")
@@ -149,7 +150,7 @@ def sentence(report: StandReport) -> str:
         radius, spacing = outcome.before
         parts.append(f"before, the radius was {radius:g} m and the spacing {spacing:g} m")
     if outcome.adopted:
-        parts.append(f"{outcome.adopted} submaps of before belonged to no stand and looked like discs of this one")
+        parts.append(f"{outcome.adopted} stored submaps that belonged to no stand were taken for this one's")
     if outcome.alike:
         parts.append(f"the stand {outcome.alike[0]!r} has the same trees")
     if outcome.refused:

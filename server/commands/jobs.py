@@ -1,4 +1,4 @@
-"""`urquhart jobs`: what is under way in a database, and how the operator ends it; also while a service runs."""
+"""`urquhart jobs`: list and cancel the jobs of a database, also while a service runs."""
 
 from pathlib import Path
 from typing import Annotated
@@ -18,10 +18,10 @@ app = typer.Typer(help="List the jobs of a database, and cancel them.")
 
 @app.command("list")
 def list_jobs(
-    every: Annotated[bool, typer.Option("--all", help="Finished ones, too.")] = False,
+    every: Annotated[bool, typer.Option("--all", help="List finished jobs, too.")] = False,
     database: DatabaseOption = None,
 ) -> None:
-    """List unfinished jobs, oldest first: who began each, where, and how far it is."""
+    """List unfinished jobs, oldest first, with their collection, key and progress."""
     store = _existing(database)
     try:
         found = operator.listed(store, finished=every)
@@ -38,14 +38,16 @@ def list_jobs(
     wide_console().print(table)
 
 
-@app.command("cancel")
+@app.command("cancel", epilog="Example: `urquhart jobs cancel --key Ab3dE6gH`")
 def cancel(
-    ids: Annotated[list[str] | None, typer.Argument(help="Ids of jobs.", show_default=False)] = None,
-    key: Annotated[str | None, typer.Option(help="All unfinished jobs of this key.", show_default=False)] = None,
-    every: Annotated[bool, typer.Option("--all", help="All unfinished jobs.")] = False,
+    ids: Annotated[list[str] | None, typer.Argument(help="Ids of jobs to cancel.", show_default=False)] = None,
+    key: Annotated[
+        str | None, typer.Option(help="Cancel all unfinished jobs of the key with this id.", show_default=False)
+    ] = None,
+    every: Annotated[bool, typer.Option("--all", help="Cancel all unfinished jobs.")] = False,
     database: DatabaseOption = None,
 ) -> None:
-    """Cancel jobs: one that is running ends after what is in progress, and what it did stays."""
+    """Cancel jobs. A running job stops after the work in progress; what it has stored stays."""
     if sum((bool(ids), key is not None, every)) != 1:
         raise CommandError("no jobs are named: give their ids, --key KEY, or --all")
     store = _existing(database)

@@ -1,4 +1,4 @@
-"""`urquhart keys`: API keys are made, listed and revoked here, on the host, and nowhere else."""
+"""`urquhart keys`: create, list and revoke API keys. This is only possible on the host."""
 
 import re
 from datetime import UTC, datetime, timedelta
@@ -16,25 +16,36 @@ from server.security import api_keys
 from server.security.principal import Scope
 from server.store.sqlite.database import Database
 
-app = typer.Typer(help="Make, list and revoke API keys.")
+app = typer.Typer(help="Create, list and revoke API keys.")
 _UNITS = {"h": 1, "d": 24, "w": 24 * 7}
 
 
-@app.command("create")
+@app.command(
+    "create",
+    epilog="Example: `urquhart keys create robot-2 --scope read --scope write --collections 'north*' --expires 90d`",
+)
 def create(
-    name: Annotated[str, typer.Argument(help="Who or what will use it, for the list.")],
-    scope: Annotated[list[Scope], typer.Option(help="What it allows; may be repeated, none includes another.")],
+    name: Annotated[str, typer.Argument(help="Name of the key: who or what will use it.")],
+    scope: Annotated[
+        list[Scope],
+        typer.Option(help="A scope that the key has. Repeat the option for several: no scope includes another."),
+    ],
     collections: Annotated[
-        list[str], typer.Option(help="Collections it sees, by pattern: plots-*; may be repeated.", show_default="all")
+        list[str],
+        typer.Option(
+            help="Pattern of collections that the key may see, such as 'plots-*'. Repeat the option for several.",
+            show_default="all",
+        ),
     ] = ["*"],  # noqa: B006  as the library wants it
     expires: Annotated[
-        str | None, typer.Option(help="Until when: 12h, 90d or 52w from now, or a date.", show_default="never")
+        str | None,
+        typer.Option(help="When the key expires: after 12h, 90d or 52w, or at a date.", show_default="never"),
     ] = None,
     database: DatabaseOption = None,
 ) -> None:
-    """Make a key and print it, this once: only a hash of it is kept.
+    """Create a key and print it. It is printed only once: the service stores only its hash.
 
-    As soon as there is a key, the service asks every caller for one.
+    As soon as one key exists, every request needs a key.
     """
     if not name.strip() or len(name) > 128 or not name.isprintable():
         raise CommandError("the name of a key must have 1 to 128 printable characters")
@@ -44,7 +55,7 @@ def create(
     finally:
         store.dispose()
     typer.echo(secret)
-    typer.echo(f"key {info.id} made; it is not shown again", err=True)
+    typer.echo(f"key {info.id} created; it is not shown again", err=True)
 
 
 @app.command("list")
@@ -56,7 +67,7 @@ def list_keys(database: DatabaseOption = None) -> None:
     finally:
         store.dispose()
     if not found:
-        typer.echo("no keys: the service asks for none on this machine, and is not to be reached from others")
+        typer.echo("no keys: the service needs none, and accepts callers on this machine only")
         return
     table = Table("id", "name", "scopes", "collections", "created", "expires", "state", box=None)
     now = datetime.now(UTC)
@@ -69,10 +80,10 @@ def list_keys(database: DatabaseOption = None) -> None:
 
 @app.command("revoke")
 def revoke(
-    key: Annotated[str, typer.Argument(metavar="ID", help="The id of the key, as in the list.")],
+    key: Annotated[str, typer.Argument(metavar="ID", help="Id of the key, as in the list.")],
     database: DatabaseOption = None,
 ) -> None:
-    """Make a key useless, for running services within a second."""
+    """Revoke a key. Running services refuse it within a second."""
     store = _existing(database)
     try:
         api_keys.revoke(store, key)

@@ -1,4 +1,4 @@
-"""`urquhart locate`: one observation, looked up in the database without a service."""
+"""`urquhart locate`: look one observation up in the database, without a service."""
 
 import math
 from pathlib import Path
@@ -26,22 +26,29 @@ from urquhart.verify.distortion import WARNINGS
 
 
 def locate(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="The observation: CSV with the columns x_m and y_m.")],
-    collection: Annotated[str, typer.Option(help="Collection to look in.")],
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="The observed trees: a CSV file with the columns x_m and y_m.")
+    ],
+    collection: Annotated[str, typer.Option(help="Collection to search.")],
     svg: Annotated[
         Path | None, typer.Option(metavar="OUT", help="Write a drawing of the best candidate's match to this file.")
     ] = None,
     explain: Annotated[
-        bool, typer.Option("--explain", help="Tell what each stage took, and what each level found and why not more.")
+        bool,
+        typer.Option(
+            "--explain", help="Also say what each stage of the search did, what it found, and why it rejected it."
+        ),
     ] = False,
     explain_svg: Annotated[
         Path | None, typer.Option(metavar="OUT", help="Write a drawing of the explanation to this file.")
     ] = None,
     as_json: Annotated[
-        bool, typer.Option("--json", help="Print the whole answer as JSON, as the service gives it.")
+        bool, typer.Option("--json", help="Print the whole answer as JSON, as the service returns it.")
     ] = False,
-    limit: Annotated[int, typer.Option(min=1, help="Most candidates to tell.")] = 5,
-    seed: Annotated[int | None, typer.Option(min=0, help="Of the random choices, for the same answer again.")] = None,
+    limit: Annotated[int, typer.Option(min=1, help="Most candidates to print.")] = 5,
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="Seed of random choices. The same seed gives the same answer.")
+    ] = None,
     database: Annotated[
         Path | None,
         typer.Option(help="The SQLite file. (default: URQUHART_DATABASE or urquhart.db)", show_default=False),
@@ -49,11 +56,11 @@ def locate(
     dbh_unit: DbhUnit = None,
     ignore: Ignored = None,
 ) -> None:
-    """Say where an observation was made.
+    """Find where trees were observed.
 
-    The observation is a CSV file of trees, x_m and y_m in metres in any frame of the observer's, and optionally
-    tree_id and dbh_cm (or dbh_mm, dbh_m, dbh_in): diameters count where the collection has them too. The exit code is
-    0 for every verdict: matched, ambiguous and no_match.
+    The observation is a CSV file with one tree on each line: x_m and y_m in metres, in any frame, and optionally
+    tree_id and a diameter (dbh_cm, dbh_mm, dbh_m or dbh_in). Diameters count if the collection has them, too. The exit
+    code is 0 for every verdict: matched, ambiguous and no_match.
     """
     seen = read_stem_map(file, allow_empty=True, dbh_unit=dbh_unit, ignore=ignore or ())
     observation = without_twins(seen)
@@ -85,7 +92,7 @@ def locate(
 
 
 def _draw(look: LookupResult, name: str, svg: Path | None, explain_svg: Path | None) -> None:
-    """Write the drawings that are asked for: the best candidate, and why the answer is what it is."""
+    """Write the requested drawings: of the best candidate, and of the explanation."""
     answer = look.answer
     if svg is not None and answer.candidates:
         best = answer.candidates[0]
@@ -96,7 +103,7 @@ def _draw(look: LookupResult, name: str, svg: Path | None, explain_svg: Path | N
 
 def _left_out(seen: StemMap, used: StemMap) -> str:
     count = len(seen) - len(used)
-    return f"; {count} trees merged with a neighbour closer than 1 cm, the thickest stays" if count else ""
+    return f"; {count} trees merged with a thicker neighbour within 1 cm" if count else ""
 
 
 def _query(observation: StemMap, limit: int, seed: int | None, file: Path, *, explain: bool) -> QueryInput:
@@ -150,7 +157,7 @@ def _print(console: Console, answer: QueryAnswer) -> None:
         return
     table = Table(box=None)
     table.add_column("rank", justify="right")
-    table.add_column("submap", no_wrap=True)  # whole, however narrow it is: it is what was asked for
+    table.add_column("submap", no_wrap=True)  # never cut short: it is the answer
     for name in ("inliers", "ratio", "rms m", "overlap", "support", "level", "log odds", "confidence"):
         table.add_column(name, justify="right")
     table.add_column("refused")

@@ -1,4 +1,4 @@
-"""`urquhart reference`: every route of the service as a page to read."""
+"""`urquhart reference`: the API reference as a Markdown page."""
 
 import tempfile
 from pathlib import Path
@@ -11,7 +11,7 @@ from server.http.documentation.reference import reference
 
 
 def reference_page() -> None:
-    """Print the reference of the API, as Markdown."""
+    """Print the API reference as Markdown."""
     with tempfile.TemporaryDirectory() as folder:
         app = create_app(Settings(database=str(Path(folder) / "none.db")))
         typer.echo(reference(app.openapi()), nl=False)

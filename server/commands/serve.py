@@ -27,38 +27,40 @@ def serve(
         typer.Option(
             min=0,
             max=65535,
-            help="Port to listen on, 0 for a free one. (default: URQUHART_PORT or 8420)",
+            help="Port to listen on; 0: any free one. (default: URQUHART_PORT or 8420)",
             show_default=False,
         ),
     ] = None,
     database: Annotated[
         Path | None,
         typer.Option(
-            help="The SQLite file; made when it is not there. (default: URQUHART_DATABASE or urquhart.db)",
+            help="The SQLite file. It is created if it does not exist. (default: URQUHART_DATABASE or urquhart.db)",
             show_default=False,
         ),
     ] = None,
-    workers: Annotated[int, typer.Option(min=1, max=64, help="Processes that answer requests.")] = 1,
+    workers: Annotated[
+        int, typer.Option(min=1, max=64, help="Number of processes that answer requests; one for each core is best.")
+    ] = 1,
     insecure: Annotated[
         bool,
         typer.Option(
             "--insecure",
-            help="Listen on an address that other machines can reach, although there is no key to ask them for.",
+            help="Listen on an address that other machines can reach although there is no API key.",
         ),
     ] = False,
     config: ConfigOption = None,
 ) -> None:
     """Serve the REST API.
 
-    Settings come from a file (urquhart.toml) and from the environment (URQUHART_...); the environment goes before the
-    file, and an option given here before both: see urquhart config. The documentation of the API is served at /docs.
+    Settings come from a file (urquhart.toml) and from the environment (URQUHART_...). The environment takes precedence
+    over the file, and options over both; urquhart config lists all of them. The documentation of the API is at /docs.
 
-    SIGTERM and Ctrl-C let it finish the requests in progress; a second one ends it at once.
+    On SIGTERM or Ctrl-C the service finishes the requests in progress and stops. A second signal stops it at once.
     """
     settings = settings_with(host=host, port=port, database=database, insecure=insecure or None, config=config)
     logs.configure(settings.log)
     settings = settings.model_copy(update={"limits": reserve_files(settings.limits)})
-    # Refuses here, in one line, what would otherwise stop every worker.
+    # What would stop every worker process is refused here, in one line.
     store = open_database(settings)
     try:
         check_exposure(settings, store)
@@ -77,7 +79,7 @@ def serve(
 
 
 def bind(host: str, port: int) -> socket.socket:
-    """A socket bound to the address, before anything is started, so that a port in use is one line.
+    """A socket bound to the address. It is bound before anything starts, so that a port in use is reported in one line.
 
     Raises:
         Failure: the address cannot be bound.

@@ -1,4 +1,4 @@
-"""`urquhart snapshot`: copies of the whole database made, listed, proven, removed, and put back."""
+"""`urquhart snapshot`: create, list, verify, delete and restore copies of the whole database."""
 
 from datetime import UTC, datetime
 from typing import Annotated
@@ -16,23 +16,23 @@ from server.snapshots import restoring, snapshots
 from server.snapshots.snapshot_folder import SnapshotFolder
 from server.store import migrations_runner
 
-app = typer.Typer(help="Make, list, prove, remove and restore snapshots of the whole database.")
+app = typer.Typer(help="Create, list, verify, delete and restore snapshots of the whole database.")
 
 Wanted = Annotated[
     str, typer.Argument(metavar="NAME|FILE", help="Name of a snapshot beside the database, or a snapshot's file.")
 ]
 Checksum = Annotated[
     str | None,
-    typer.Option("--sha256", help="What the file's SHA-256 must be.", show_default="what its manifest says"),
+    typer.Option("--sha256", help="SHA-256 that the file must have.", show_default="what its manifest says"),
 ]
 
 
-@app.command("create")
+@app.command("create", epilog="Example: `urquhart snapshot create before-season`")
 def create(
-    name: Annotated[str | None, typer.Argument(help="Its name.", show_default="the time")] = None,
+    name: Annotated[str | None, typer.Argument(help="Name of the snapshot.", show_default="the time")] = None,
     database: DatabaseOption = None,
 ) -> None:
-    """Make a snapshot, also while a service is on the database. Hashes of API keys are in it."""
+    """Create a snapshot, also while a service runs. It contains the hashes of API keys."""
     settings = settings_with(database=database)
     store = existing_database(settings)
     try:
@@ -46,7 +46,7 @@ def create(
 @app.command("list")
 def list_snapshots(
     database: DatabaseOption = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Tell it as JSON.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the snapshots as JSON.")] = False,
 ) -> None:
     """List the snapshots beside the database, oldest first."""
     found = SnapshotFolder(settings_with(database=database).database_path).all()
@@ -56,7 +56,7 @@ def list_snapshots(
     if not found:
         typer.echo("no snapshots")
         return
-    # Whole, however narrow it is: it is there to be copied.
+    # Never cut short, so that it can be copied.
     table = Table(Column("name", no_wrap=True), "created", "bytes", "schema", "collections", "submaps", box=None)
     for snapshot in found:
         table.add_row(
@@ -72,7 +72,7 @@ def list_snapshots(
 
 @app.command("verify")
 def verify(wanted: Wanted, sha256: Checksum = None, database: DatabaseOption = None) -> None:
-    """Prove that a snapshot is what it was when it was made, sound, and of this service."""
+    """Verify that a snapshot has not changed since it was created, is not damaged, and is of this service."""
     source = restoring.find(settings_with(database=database).database_path, wanted, sha256)
     found = restoring.verify(source)
     proof = "as noted" if source.checksum else "which is noted nowhere"
@@ -81,50 +81,52 @@ def verify(wanted: Wanted, sha256: Checksum = None, database: DatabaseOption = N
 
 @app.command("delete")
 def delete(
-    name: Annotated[str, typer.Argument(help="Its name.")],
+    name: Annotated[str, typer.Argument(help="Name of the snapshot.")],
     database: DatabaseOption = None,
 ) -> None:
-    """Remove a snapshot, for good."""
+    """Delete a snapshot."""
     SnapshotFolder(settings_with(database=database).database_path).remove(name)
     typer.echo(f"{name}: deleted")
 
 
-@app.command("restore")
+@app.command("restore", epilog="Example: `urquhart snapshot restore before-season --force`")
 def restore(
     wanted: Wanted,
     database: DatabaseOption = None,
     force: Annotated[
         bool,
-        typer.Option("--force", help="Also where there is a database: it is put aside as FILE.before-restore-TIME."),
+        typer.Option(
+            "--force", help="Restore although there is a database, which is renamed to FILE.before-restore-TIME."
+        ),
     ] = False,
     discard: Annotated[
-        bool, typer.Option("--discard", help="With --force: do not keep the database that is there.")
+        bool, typer.Option("--discard", help="With --force: delete the present database instead of renaming it.")
     ] = False,
     sha256: Checksum = None,
 ) -> None:
-    """Put a snapshot in the place of the database, and prove that all of it agrees. Stop the service first.
+    """Replace the database by a snapshot, and check the result. Stop the service first.
 
-    API keys are those of the snapshot: what was revoked since can be used again. Exit code 1 when something does not
-    agree after all.
+    The API keys are those of the snapshot: keys that were revoked later are valid again. The exit code is 1 if the
+    check finds something.
     """
     settings = settings_with(database=database)
     path = settings.database_path
     restored = restoring.restore(restoring.find(path, wanted, sha256), path, force=force, discard=discard)
     typer.echo(f"{path}: restored from {wanted}")
     if restored.aside is not None:
-        typer.echo(f"the database that was there is {restored.aside}")
+        typer.echo(f"the former database is now {restored.aside}")
     if restored.jobs_ended:
-        typer.echo(f"{restored.jobs_ended} jobs that were under way do not go on")
+        typer.echo(f"{restored.jobs_ended} jobs that were not finished were ended")
     store = existing_database(settings)
     try:
         migrations_runner.claim(store)
         lost = restoring.forget_unusable(store)
         if lost:
-            typer.echo(f"{lost} segments of the index are not here and will be rewritten")
+            typer.echo(f"{lost} segments of the index are missing and will be rebuilt")
         now = datetime.now(UTC)
         usable = sum(key.state(now) == "usable" for key in api_keys.listed(store))
         if usable:
-            typer.echo(f"{usable} API keys can be used, as when the snapshot was made: revoke those that must not")
+            typer.echo(f"{usable} API keys are valid, as when the snapshot was created: revoke those that must not be")
         if tell_findings(store):
             raise typer.Exit(1)
     finally:

@@ -1,4 +1,4 @@
-"""`urquhart-client`: the service from a shell, on any machine that reaches it."""
+"""`urquhart-client`: use the service from a shell, on any machine that can reach it."""
 
 import argparse
 import os
@@ -24,16 +24,16 @@ _QUERY: Final = _OBSERVED | {"submap_id", "method", "seed", "store", "explain", 
 
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
-        """Refuse in one line, as everything else is refused."""
+        """Refuse in one line, like all other errors."""
         self.exit(2, f"urquhart-client: {message} (see {self.prog} --help)\n")
 
 
 def run(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; its exit code: 0, 1 where a job failed, 2 for what cannot be done."""
+    """Run one command. Returns its exit code: 0, 1 if a job failed, 2 if the command failed."""
     options = _parser().parse_args(arguments)
     url = options.url or os.environ.get("URQUHART_URL", "http://127.0.0.1:8420")
     try:
-        # Somebody waits who may have mistyped the address.
+        # Few attempts, because a person waits who may have mistyped the address.
         client = Client(url, api_key=os.environ.get("URQUHART_API_KEY") or None, retry=Retry(attempts=3))
     except httpx.InvalidURL as error:
         return _refuse(f"{url}: {error}")
@@ -66,7 +66,7 @@ def _collections(client: Client, options: argparse.Namespace) -> int:
 def _put(client: Client, options: argparse.Namespace) -> int:
     body = _read(options.file, _SUBMAP)
     if options.session is not None and "session" in body:
-        raise FileError(f"{options.file}: it has a session, and --session gives one, too: drop one")
+        raise FileError(f"{options.file}: it has a session, but --session is given, too: drop one")
     if options.session is not None:
         body["session"] = options.session
     client.put_collection(options.collection)
@@ -123,7 +123,7 @@ def _snapshot(client: Client, options: argparse.Namespace) -> int:
 
 
 def _read(path: Path, members: Collection[str]) -> dict[str, Any]:
-    """What a file holds, as arguments: CSV, or a JSON body that may have these members. Raises FileError."""
+    """The arguments in a file: CSV, or a JSON body with some of these members. Raises FileError."""
     return read_body(path, members) if path.suffix == ".json" else read_csv(path)
 
 
@@ -151,10 +151,11 @@ def _refuse(message: str) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = _Parser(
         prog="urquhart-client",
-        description="Urquhart from a shell. URQUHART_URL says where the service is, URQUHART_API_KEY holds the key.",
+        description="Use an Urquhart service from a shell. Set URQUHART_URL to its address and, if it needs one, "
+        "URQUHART_API_KEY to your key.",
     )
-    parser.add_argument("--url", help="where the service is (default: URQUHART_URL or http://127.0.0.1:8420)")
-    parser.add_argument("--json", action="store_true", help="a line of JSON for each answer")
+    parser.add_argument("--url", help="address of the service (default: URQUHART_URL or http://127.0.0.1:8420)")
+    parser.add_argument("--json", action="store_true", help="print each answer as a line of JSON")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
     def command(name: str, does: Any, about: str) -> argparse.ArgumentParser:
@@ -164,22 +165,40 @@ def _parser() -> argparse.ArgumentParser:
 
     command("collections", _collections, "List the collections.")
     put = command("put", _put, "Store a submap from a CSV or JSON file.")
-    put.add_argument("collection")
-    put.add_argument("submap")
-    put.add_argument("file", type=Path)
-    put.add_argument("--session")
-    query = command("query", _query, "Ask where what is in a CSV or JSON file was seen.")
-    query.add_argument("collection")
-    query.add_argument("file", type=Path)
-    query.add_argument("--limit", type=int, default=5)
-    upload = command("import", _import, "Store the submaps of an NDJSON file, packed or not; exit code 1 if not all.")
-    upload.add_argument("collection")
-    upload.add_argument("file", type=Path)
-    upload.add_argument("--on-conflict", choices=["replace", "skip", "fail"], default="replace")
-    upload.add_argument("--mode", choices=["continue", "all"], default="continue")
-    jobs = command("jobs", _jobs, "List the jobs, the newest first.")
-    jobs.add_argument("--state", choices=["accepted", "running", "successful", "failed", "dismissed"])
-    snapshot = command("snapshot", _snapshot, "Keep the whole database as it is now.")
-    snapshot.add_argument("name", nargs="?")
-    snapshot.add_argument("--download", type=Path, metavar="FILE", help="and write it to a file here")
+    put.add_argument("collection", help="id of the collection; it is created if it does not exist")
+    put.add_argument("submap", help="id of the submap; a submap with this id is replaced")
+    put.add_argument("file", type=Path, help="CSV with the columns x and y (metres), or the JSON body of a PUT")
+    put.add_argument("--session", help="the drive, flight or survey that the submap belongs to")
+    query = command("query", _query, "Find where the trees in a CSV or JSON file were observed.")
+    query.add_argument("collection", help="id of the collection to search")
+    query.add_argument("file", type=Path, help="CSV with the columns x and y (metres), or the JSON body of a query")
+    query.add_argument("--limit", type=int, default=5, help="most candidates to print (default: 5)")
+    upload = command(
+        "import",
+        _import,
+        "Store the submaps of an NDJSON file, compressed with gzip or not. The exit code is 1 if a line was refused.",
+    )
+    upload.add_argument("collection", help="id of the collection; it is created if it does not exist")
+    upload.add_argument("file", type=Path, help="NDJSON with one submap on each line, or the same as .gz")
+    upload.add_argument(
+        "--on-conflict",
+        choices=["replace", "skip", "fail"],
+        default="replace",
+        help="what to do with a line whose id is stored with other content (default: replace)",
+    )
+    upload.add_argument(
+        "--mode",
+        choices=["continue", "all"],
+        default="continue",
+        help="continue past refused lines, or store all lines or none (default: continue)",
+    )
+    jobs = command("jobs", _jobs, "List the jobs, newest first.")
+    jobs.add_argument(
+        "--state",
+        choices=["accepted", "running", "successful", "failed", "dismissed"],
+        help="only jobs in this state",
+    )
+    snapshot = command("snapshot", _snapshot, "Create a snapshot of the whole database.")
+    snapshot.add_argument("name", nargs="?", help="name of the snapshot (default: the time)")
+    snapshot.add_argument("--download", type=Path, metavar="FILE", help="also download the snapshot to this file")
     return parser

@@ -10,19 +10,19 @@ from server.store.sqlite.database import Database
 
 
 def settings_with(**given: Any) -> Settings:
-    """The settings, with those that are `given` (not None) before those of file and environment.
+    """The settings. Those that are `given` (not None) take precedence over file and environment.
 
     Raises:
-        Misconfigured: in a sentence, which cannot be used and why.
+        Misconfigured: says in one sentence which setting cannot be used and why.
     """
     return settings_loading.load(**given)
 
 
 def open_database(settings: Settings) -> Database:
-    """The database of `settings`, brought to this version's schema and features.
+    """The database of `settings`, upgraded to this version's schema and features.
 
     Raises:
-        DomainError: it is not a database of this service, of a newer version, cannot be read or written ...
+        DomainError: it is not a database of this service, is of a newer version, or cannot be read or written.
     """
     database = Database(
         settings.database_path, busy_timeout=settings.busy_timeout, read_only=settings.database_read_only
@@ -46,7 +46,7 @@ def existing_database(settings: Settings) -> Database:
 
 
 def unchanged_database(settings: Settings) -> Database:
-    """The database of `settings`, to look at: a log that lies beside it is read, and not written into it.
+    """The database of `settings` for inspection: a log beside it is read, but not written into it.
 
     Raises:
         Failure: there is no such file.
@@ -54,13 +54,13 @@ def unchanged_database(settings: Settings) -> Database:
     check_there(settings)
     file = settings.database_path.resolve()
     log = file.with_name(f"{file.name}-wal")
-    # Who only reads leaves an empty log, and is not needed where there is none.
+    # Read-only connections are only needed if there is a log to keep.
     left = log.exists() and log.stat().st_size > 0
     return _database(settings, read_only=left)
 
 
 def check_there(settings: Settings) -> None:
-    """A mistyped path is reported, and does not get an empty database. Raises Failure."""
+    """Raise CommandError unless the file exists, so that a mistyped path does not create an empty database."""
     if not settings.database_path.is_file():
         raise CommandError(
             f"{settings.database_path}: no such database; create one with urquhart index or urquhart serve"

@@ -1,4 +1,4 @@
-"""Options that several commands share: the database, the settings file, what the columns of a stem map mean."""
+"""Options that several commands share: the database, the settings file, the columns of a stem map."""
 
 from pathlib import Path
 from typing import Annotated, Literal
@@ -8,14 +8,14 @@ import typer
 DbhUnit = Annotated[
     Literal["cm", "mm", "m", "in"] | None,
     typer.Option(
-        help="Unit of a column that is called dbh. (default: cm, where the median can be that of a stand)",
+        help="Unit of a column that is named dbh. (default: cm, if the median is plausible for a stand)",
         show_default=False,
     ),
 ]
 Ignored = Annotated[
     list[str] | None,
     typer.Option(
-        "--ignore", metavar="COLUMN", help="A column that means nothing here; may be given again.", show_default=False
+        "--ignore", metavar="COLUMN", help="A column to ignore. Repeat the option for several.", show_default=False
     ),
 ]
 
@@ -30,7 +30,7 @@ ConfigOption = Annotated[
     Path | None,
     typer.Option(
         "--config",
-        help="The settings file, TOML. (default: URQUHART_CONFIG, or urquhart.toml where it is there)",
+        help="The settings file, in TOML. (default: URQUHART_CONFIG, or urquhart.toml if it exists)",
         show_default=False,
     ),
 ]

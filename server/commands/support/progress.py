@@ -12,7 +12,7 @@ class _Rate(ProgressColumn):
 
 
 def progress_bar(console: Console) -> Progress:
-    """A bar that counts submaps and tells the rate and the time left; it is gone when it is done."""
+    """A bar with the number of submaps, the rate and the time left. It disappears when it is done."""
     return Progress(
         TextColumn("{task.description}"),
         BarColumn(),
@@ -21,5 +21,5 @@ def progress_bar(console: Console) -> Progress:
         TimeRemainingColumn(),
         console=console,
         transient=True,
-        disable=not console.is_terminal,  # else it leaves an empty line in every log
+        disable=not console.is_terminal,  # otherwise it leaves an empty line in every log
     )

@@ -76,7 +76,7 @@ def test_index_stores_discs_and_counts_what_it_left_out(urquhart: Urquhart, tmp_
     assert said.code == 0
     assert "longleaf: 584 trees -> 30 submaps (30 new, 0 replaced, 0 unchanged)" in said.out
     assert "6 grid points skipped (fewer than 10 trees)" in said.out
-    assert "0 trees merged with a neighbour closer than 1 cm" in said.out
+    assert "0 trees merged with a thicker neighbour within 1 cm" in said.out
     assert "8 trees in no submap" in said.out
     assert "submaps/s" in said.out
     again = urquhart("index", LONGLEAF, *options)
@@ -214,7 +214,7 @@ def test_trees_at_one_place_are_one_tree_and_told(urquhart: Urquhart, indexed: P
     said = urquhart("locate", twice, "--collection", "stand", "--database", indexed)
     assert "no_match (" in said.out
     assert ", 3 trees" in said.out
-    assert "1 trees merged with a neighbour closer than 1 cm, the thickest stays" in said.out
+    assert "1 trees merged with a thicker neighbour within 1 cm" in said.out
 
 
 def test_locate_refuses_bad_input_in_one_line(

@@ -189,7 +189,7 @@ def test_everything_is_stored_where_the_index_cannot_be_written(
     (tmp_path / "stand.db.index").write_text("a file in the place of the folder")
     said = urquhart("index", LONGLEAF, "--collection", "stand", "--radius", 40, "--spacing", 40, "--database", path)
     assert said.code == 0
-    assert "everything is stored, but the index is not written" in said.err
+    assert "all submaps are stored, but the index is not written" in said.err
     assert urquhart("db", "check", "--database", path).out == f"{path}: clean\n"
 
 
