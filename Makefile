@@ -1,9 +1,9 @@
-# Every verb of the project. `make demo` and `make test` need nothing but Python >= 3.11 and make.
+# The commands of the project. `make demo` and `make test` need only Python >= 3.11 and make.
 
 VENV := .venv
 BIN := $(VENV)/bin
 UV ?= uv
-# Extra arguments for the verb's program, e.g. make demo ARGS="--keep"
+# Extra arguments for the program, such as make demo ARGS="--keep"
 ARGS ?=
 PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3.14 python3 python; do \
 	if "$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1; then echo "$$p"; break; fi; done)
@@ -20,7 +20,7 @@ SIDE_BY_SIDE = --numprocesses auto --dist worksteal
 .PHONY: help demo serve test test-unit kernels lint bench bench-paper bench-robust bench-levels bench-scale bench-reliability lock clean
 .DELETE_ON_ERROR:
 
-help: ## print every verb
+help: ## print the commands
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{ printf "  make %-18s %s\n", $$1, $$2 }'
 
 demo: $(VENV)/runtime.stamp ## recognise places in two real forests over HTTP and print how well it went
@@ -32,12 +32,12 @@ serve: $(VENV)/runtime.stamp ## start the service on 127.0.0.1:8420
 test: kernels ## run every test, with coverage
 	@$(BIN)/python -m pytest $(SIDE_BY_SIDE) --cov --cov-report=term $(ARGS)
 
-test-unit: kernels ## run the tests of the method alone, which takes less than a minute
+test-unit: kernels ## run the tests of the method alone, in less than a minute
 	@$(BIN)/python -m pytest $(SIDE_BY_SIDE) -m unit $(ARGS)
 
-# Before several processes need the same kernel at the same time, and each compiles its own.
-kernels: $(VENV)/dev.stamp ## compile the kernels, once
-	@$(BIN)/python -c "import urquhart; urquhart.warm_up(urquhart.Config())"
+# Compiled beforehand, because test processes that start at the same time would each compile them.
+kernels: $(VENV)/dev.stamp ## compile the kernels (once)
+	@$(BIN)/python -c "from server.platform.kernel_progress import warm_up; warm_up(print)"
 
 lint: $(VENV)/dev.stamp ## check format, style and types
 	@$(BIN)/ruff format --check .
@@ -50,41 +50,41 @@ bench: $(VENV)/dev.stamp ## measure describe, query and ingest on this machine
 bench-paper: $(VENV)/dev.stamp ## rerun the paper's experiments: tables, plots, docs/results.md
 	@$(BIN)/python -m benchmarks.paper $(ARGS)
 
-bench-robust: $(VENV)/dev.stamp ## how the default method holds: noise, plantations, real trees, its confidence
+bench-robust: $(VENV)/dev.stamp ## measure the default method: noise, plantations, real trees, its confidence
 	@$(BIN)/python -m benchmarks.robust $(ARGS)
 
-bench-levels: $(VENV)/dev.stamp ## what each level of the search adds in right answers and costs in time
+bench-levels: $(VENV)/dev.stamp ## measure what each level of the search adds in right answers and costs in time
 	@$(BIN)/python -m benchmarks.levels $(ARGS)
 
-bench-scale: $(VENV)/dev.stamp ## how the database grows to 100k submaps; ARGS="--max-n 1000000" for a million
+bench-scale: $(VENV)/dev.stamp ## measure up to 100,000 submaps; ARGS="--max-n 1000000" for a million
 	@$(BIN)/python -m benchmarks.scale $(ARGS)
 
-bench-reliability: $(VENV)/dev.stamp ## is the contract kept, under load and on bad days: docs/reliability.md
+bench-reliability: $(VENV)/dev.stamp ## test the service under load, attacks and crashes: docs/reliability.md
 	@$(BIN)/python -m benchmarks.reliability $(ARGS)
 
-lock: ## resolve the lock files anew (needs uv)
+lock: ## resolve the lock files again (needs uv)
 	@$(UV_COMPILE) pyproject.toml --output-file requirements.lock
 	@$(UV_COMPILE) --group build --constraint requirements.lock --output-file requirements-build.lock
 	@$(UV_COMPILE) pyproject.toml --extra dev --group build --constraint requirements.lock --output-file requirements-dev.lock
 
-clean: ## remove what the other verbs made
+clean: ## remove everything that the other commands created
 	@rm -rf $(VENV) build dist demo-output benchmark-output .coverage htmlcov .mypy_cache .pytest_cache .ruff_cache .hypothesis
 	@find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-# The environment: made once, filled from the lock files with hashes checked, and again only when they change.
+# The environment: created once, and filled from the lock files (hashes are checked) whenever they change.
 $(BIN)/pip:
 	@test -n "$(PYTHON)" || { echo "make: Python 3.11 or newer is needed and was not found: install it, or name it with make PYTHON=/path/to/python" >&2; exit 1; }
-	@echo "making $(VENV) with $(PYTHON)"
+	@echo "creating $(VENV) with $(PYTHON) (about 5 s, once)"
 	@$(PYTHON) -m venv --clear $(VENV)
 
 $(VENV)/runtime.stamp: requirements.lock requirements-build.lock pyproject.toml clients/python/pyproject.toml | $(BIN)/pip
-	@echo "installing what the service needs (once)"
+	@echo "installing the service and $$(grep -c == requirements.lock) pinned packages into $(VENV) (about 20 s, once)"
 	@$(PIP_INSTALL) --no-deps --require-hashes --requirement requirements.lock --requirement requirements-build.lock
 	@$(EDITABLE)
 	@touch $@
 
 $(VENV)/dev.stamp: requirements-dev.lock pyproject.toml clients/python/pyproject.toml | $(BIN)/pip
-	@echo "installing what the tests need (once)"
+	@echo "installing the tests' $$(grep -c == requirements-dev.lock) pinned packages into $(VENV) (about 30 s, once)"
 	@$(PIP_INSTALL) --no-deps --require-hashes --requirement requirements-dev.lock
 	@$(EDITABLE)
 	@touch $@

@@ -5,12 +5,12 @@ import logging
 import threading
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from functools import partial
 
 import anyio.to_thread
 from fastapi import FastAPI
 from fastapi.staticfiles import StaticFiles
 
-import urquhart
 from server.config import settings_loading
 from server.config.settings import Settings
 from server.errors import DomainError
@@ -37,6 +37,7 @@ from server.observability import logs
 from server.observability.metrics import Metrics
 from server.observability.metrics_exchange import MetricsExchange
 from server.parsing import strict_json
+from server.platform import kernel_progress
 from server.platform.threads import pin_threads
 from server.platform.version import service_version
 from server.routes import collections, imports, jobs, pages, queries, snapshots, submap_writes, submaps, system
@@ -220,12 +221,17 @@ def _clean_up_snapshots(service: Service) -> None:
         _log.warning("left-over snapshots cannot be removed: %s", error)
 
 
+def _report_kernels(service: Service, progress: str) -> None:
+    _log.info("%s", progress)
+    service.readiness.report("kernels", progress)
+
+
 def _warm_up(service: Service, stop: threading.Event, warm: threading.Event) -> None:
     """Compile the kernels and open the indexes while requests are answered already, if slowly."""
     try:
         pin_threads()
         service.readiness.report("kernels", "loading")
-        urquhart.warm_up(urquhart.Config())
+        kernel_progress.warm_up(partial(_report_kernels, service))
         service.readiness.passed("kernels")
         service.readiness.report("index", "catching up")
         for collection_id, done, total in service.catalog.warm_up():

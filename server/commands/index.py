@@ -13,7 +13,7 @@ import urquhart
 from server.collections.registry import ensure
 from server.commands.support.database import open_database, settings_with
 from server.commands.support.failure import CommandError
-from server.commands.support.options import DbhUnit, Ignored
+from server.commands.support.options import DatabaseOption, DbhUnit, Ignored
 from server.commands.support.progress import progress_bar
 from server.config.settings import Limits
 from server.config.settings_groups import IndexSettings
@@ -38,10 +38,7 @@ def index(
     collection: Annotated[str, typer.Option(help="Collection to store in. It is created if it does not exist.")],
     radius: Annotated[float, typer.Option(help="Radius of a submap, in metres.")],
     spacing: Annotated[float, typer.Option(help="Distance between the centres of neighbouring submaps, in metres.")],
-    database: Annotated[
-        Path | None,
-        typer.Option(help="The SQLite file. (default: URQUHART_DATABASE or urquhart.db)", show_default=False),
-    ] = None,
+    database: DatabaseOption = None,
     processes: Annotated[
         int | None,
         typer.Option(

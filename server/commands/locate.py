@@ -13,7 +13,7 @@ from server.commands.support.console import wide_console
 from server.commands.support.database import existing_database, settings_with
 from server.commands.support.explanation_tables import print_explanation
 from server.commands.support.failure import CommandError
-from server.commands.support.options import DbhUnit, Ignored
+from server.commands.support.options import DatabaseOption, DbhUnit, Ignored
 from server.index.catalog import Catalog
 from server.observability.metrics import Metrics
 from server.queries.lookup import LookupResult, QueryContext, look_up
@@ -34,10 +34,7 @@ def locate(
         Path | None, typer.Option(metavar="OUT", help="Write a drawing of the best candidate's match to this file.")
     ] = None,
     explain: Annotated[
-        bool,
-        typer.Option(
-            "--explain", help="Also say what each stage of the search did, what it found, and why it rejected it."
-        ),
+        bool, typer.Option("--explain", help="Also say what each stage found, and why it rejected it.")
     ] = False,
     explain_svg: Annotated[
         Path | None, typer.Option(metavar="OUT", help="Write a drawing of the explanation to this file.")
@@ -49,10 +46,7 @@ def locate(
     seed: Annotated[
         int | None, typer.Option(min=0, help="Seed of random choices. The same seed gives the same answer.")
     ] = None,
-    database: Annotated[
-        Path | None,
-        typer.Option(help="The SQLite file. (default: URQUHART_DATABASE or urquhart.db)", show_default=False),
-    ] = None,
+    database: DatabaseOption = None,
     dbh_unit: DbhUnit = None,
     ignore: Ignored = None,
 ) -> None:

@@ -1,4 +1,4 @@
-"""Who may pass: every route asks before it reads a body or looks at anything."""
+"""Authorization: every route checks the caller before it reads a body or anything else."""
 
 from collections.abc import Callable, Coroutine, Set
 from typing import Any
@@ -16,13 +16,13 @@ from server.security.scopes import ALSO, SCOPES
 
 
 class GuardedRoute(APIRoute):
-    """A route that lets callers in whose key has the scope of its operation and sees the collection in its path.
+    """A route that admits callers whose key has the scope of its operation and may see the collection in its path.
 
-    A collection that the key does not see is reported as missing.
+    A collection that the key may not see is answered like one that does not exist.
     """
 
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
-        """Let in first, then handle. Raises KeyError for an operation of which no scope is said."""
+        """Check the caller, then handle. Raises KeyError for an operation without an entry in the table of scopes."""
         handle = self.make_handler()
         scope = SCOPES[self.operation_id] if self.operation_id is not None else None
         also = ALSO.get(self.operation_id or "", frozenset())
@@ -31,7 +31,7 @@ class GuardedRoute(APIRoute):
 
         async def handle_whole(request: Request) -> Response:
             if not reads_body and not is_streamed(request.scope):
-                await request.body()  # for what comes with it: the request's turn
+                await request.body()  # also sets the caller of the request's admission
             return await handle(request)
 
         if scope is None:
@@ -51,12 +51,12 @@ class GuardedRoute(APIRoute):
         return handle_admitted
 
     def make_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
-        """What handles a request of a caller who was let in."""
+        """The handler for requests of admitted callers."""
         return super().get_route_handler()
 
 
 def _check_parameters(request: Request, known: Set[str]) -> None:
-    """A parameter that is misspelt, or said twice, must not be passed over: the answer would be to another question."""
+    """Refuse unknown and repeated query parameters, because ignoring one would answer another question."""
     if not request.url.query:
         return
     names = [name for name, _ in request.query_params.multi_items()]
@@ -75,7 +75,7 @@ async def authenticate(request: Request) -> Principal:
     authenticator: Authenticator = request.app.state.authenticator
     given = request.headers.getlist("authorization")
     if len(given) > 1:
-        # Whoever looks at it before us may have looked at the other one.
+        # A proxy before us may have checked the other one.
         raise Unauthorized("The header Authorization was sent more than once. Send one key.")
     authorization = given[0] if given else None
     remembered = authenticator.from_cache(authorization)
@@ -85,7 +85,7 @@ async def authenticate(request: Request) -> Principal:
 
 
 async def _authenticate_and_count(request: Request) -> Principal:
-    """The caller, counted: by key, or by address where there is none. Raises Unauthorized, TooManyRequests."""
+    """The caller, counted against its rate: by key, or by address without one. Raises Unauthorized, TooManyRequests."""
     rates: RateLimiter = request.app.state.service.rates
     address = request.client.host if request.client is not None else ""
     try:
@@ -106,13 +106,13 @@ def _count(request: Request, rates: RateLimiter, caller: str) -> None:
 
 
 async def get_principal(request: Request) -> Principal:
-    """The caller that a guarded route let in."""
+    """The caller that a guarded route admitted."""
     caller: Principal = getattr(request.state, "caller", ANONYMOUS)
     return caller
 
 
 async def get_visitor(request: Request) -> Principal:
-    """The caller of a page that is open to all, and shows each what they see."""
+    """The caller of a page that is open to everybody, which shows what the caller may see."""
     try:
         return await authenticate(request)
     except Unauthorized:

@@ -10,15 +10,15 @@ from server.errors import TooLarge
 from server.http.problems import domain_problem, problem
 from server.problem_types import OTHER
 
-# An answer that is sent while the caller still sends may be lost to a reset, so a body that is over the limit is read
-# on for a while.
+# The rest of a body over the limit is read for a while, because an answer that is sent while the caller still sends may
+# be lost to a reset.
 _PATIENCE = 4
 
 
 class BodyLimit:
-    """Refuses bodies over the limit, by Content-Length before a byte is read, and by count while they stream in.
+    """Refuses bodies over the limit: by Content-Length before reading, or by counting while they arrive.
 
-    And those that say twice where they end.
+    Also refuses requests that give the end of their body twice.
     """
 
     def __init__(self, app: ASGIApp, limit: int) -> None:
@@ -29,7 +29,7 @@ class BodyLimit:
         """ASGI."""
         headers = Headers(scope=scope) if scope["type"] == "http" else Headers()
         if "content-length" in headers and "transfer-encoding" in headers:
-            # A proxy may go by the other one, and then what is a body to it is the next caller's request to us.
+            # A proxy may believe the other header. Then the rest of this body would be another caller's request to us.
             detail = "Content-Length and Transfer-Encoding say both where the body ends; send one of them."
             await problem(OTHER, detail, scope, headers={"Connection": "close"})(scope, receive, send)
             return
@@ -71,11 +71,11 @@ _STREAMED = re.compile(r"/v1/collections/[^/]+/imports")
 
 
 def is_streamed(scope: Scope) -> bool:
-    """Whether the route reads its body piece by piece, and minds its size itself."""
+    """Whether the route reads its body piece by piece and checks its size itself."""
     return scope["type"] == "http" and _STREAMED.fullmatch(scope["path"]) is not None
 
 
 def declared_length(headers: Mapping[str, str]) -> int | None:
-    """What Content-Length says, None where it says nothing that can be read."""
+    """The value of Content-Length, None if it is missing or not a number."""
     length = headers.get("content-length", "")
     return int(length) if length.isascii() and length.isdigit() else None

@@ -1,8 +1,8 @@
-"""What keeps a web page from using the service through the browser of somebody who may reach it.
+"""Protection against web pages that use the service through the browser of somebody who can reach it.
 
-A page of another site can send requests to a service on the reader's own machine, and a page whose name is made to
-resolve to that machine (DNS rebinding) can read the answers as well. A key stops both, because the page does not have
-it. Without keys the names in Host and Origin do.
+A page of another site can send requests to a service on the reader's own machine. A page whose name is made to resolve
+to that machine (DNS rebinding) can read the answers, too. A key stops both, because the page does not have it. Without
+keys, the names in Host and Origin are checked.
 """
 
 import hashlib
@@ -26,15 +26,15 @@ _SCRIPT: Final = re.compile(r"<script>(.*?)</script>", re.DOTALL)
 _LOOPBACK: Final = frozenset({"localhost", "127.0.0.1", "::1"})
 _PORTS: Final = {"http": 80, "https": 443}
 NOTHING: Final = "default-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
-"""The policy of an answer that is no page: nothing in it runs, loads, or is framed."""
+"""Content security policy of an answer that is not a page: nothing in it runs, loads, or is framed."""
 DRAWING: Final = f"{NOTHING}; style-src 'unsafe-inline'; sandbox"
-"""The policy of an SVG drawing: its own styles apply, and a script in it does not run."""
+"""Content security policy of an SVG drawing: its own styles apply, and scripts in it do not run."""
 
 
 def page_policy(html: str) -> str:
-    """The policy of an HTML page of ours: its own inline styles and scripts, and files of this service."""
+    """Content security policy of our HTML pages: their own inline styles and scripts, and files of this service."""
     scripts = " ".join(f"'{_hash(text)}'" for text in _SCRIPT.findall(html))
-    # Swagger UI sets styles on elements, and its pictures are data: URLs; a hash allows neither.
+    # Swagger UI sets styles on elements, and its pictures are data: URLs. Hashes cannot allow either.
     return (
         f"default-src 'none'; script-src 'self' {scripts}; style-src 'self' 'unsafe-inline'; img-src 'self' data:; "
         "connect-src 'self'; font-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
@@ -48,7 +48,7 @@ def _hash(text: str) -> str:
 
 
 def safe_headers(media_type: str) -> dict[str, str]:
-    """The headers of an answer of this type that is no page: a browser does not guess its type, run or frame it."""
+    """The security headers of an answer that is not a page: a browser must not guess its type, run it or frame it."""
     return {
         "Content-Security-Policy": DRAWING if media_type.startswith("image/svg") else NOTHING,
         "X-Content-Type-Options": "nosniff",
@@ -58,9 +58,9 @@ def safe_headers(media_type: str) -> dict[str, str]:
 
 
 class SafeAnswers:
-    """Every answer tells the browser not to guess its type, not to frame it, and to run nothing that it does not name.
+    """Adds security headers to every answer: the browser must not guess its type, frame it, or run scripts in it.
 
-    A route that answers a page sets a policy of its own.
+    A route that answers with a page sets a policy of its own.
     """
 
     def __init__(self, app: ASGIApp) -> None:
@@ -80,11 +80,11 @@ class SafeAnswers:
 
 
 class KnownHosts:
-    """Refuses requests under a host name that is not the service's, and requests that pages of other origins send.
+    """Refuses requests under foreign host names, and requests that pages of other origins send.
 
-    `allowed` are further names. With some, every request is checked. Without, those of a service that asks for no key
-    are: it answers as localhost, as the address that the connection came to, and, where it listens on all addresses
-    (`everywhere`), under any IP address, which no foreign page can have as its name.
+    `allowed` are additional host names. If there are any, every request is checked against them. Otherwise only a
+    service without keys checks: it accepts localhost, the address that the connection came to and, if it listens on all
+    addresses (`everywhere`), any IP address, because no foreign page can have one as its name.
     """
 
     def __init__(self, app: ASGIApp, allowed: Sequence[str], authenticator: Authenticator, *, everywhere: bool) -> None:
@@ -126,7 +126,7 @@ class KnownHosts:
         return self._everywhere and not self._allowed and _is_address(name)
 
     def _is_ours(self, origin: str, hosts: Sequence[str]) -> bool:
-        """Whether a page at `origin` came from this service, under the name that the request has, or an allowed one."""
+        """Whether a page at `origin` is from this service, under the name in the request or an allowed one."""
         split = _split(origin)
         if split is None or not split.hostname or split.scheme not in _PORTS:
             return False
@@ -137,7 +137,7 @@ class KnownHosts:
 
 
 def _split(url: str) -> SplitResult | None:
-    """The parts of a URL whose port can be read, else None."""
+    """The parts of a URL, None if its port cannot be read."""
     try:
         split = urlsplit(url)
         _ = split.port

@@ -1,4 +1,4 @@
-"""gzip, in and out: a landmark list in JSON shrinks to a third, and a robot's link is thin."""
+"""gzip for requests and answers: it reduces a list of landmarks in JSON to a third, and robots' links are slow."""
 
 import zlib
 from functools import partial
@@ -15,16 +15,16 @@ from server.http.negotiation import accepts_coding
 from server.http.problems import domain_problem
 
 _LEAST: Final = 1024
-"""Bytes below which an answer is sent as it is,"""
+"""Bytes below which an answer is not compressed."""
 _LEVEL: Final = 4
-"""and how hard it is tried: beyond this time grows faster than size falls."""
+"""Compression level. Beyond it, time grows faster than size shrinks."""
 _LARGE: Final = 1 << 16
-"""Bytes from which it is done in a thread: a megabyte takes 16 ms, for which nobody else would be answered."""
+"""Bytes from which compression runs in a thread. A megabyte takes 16 ms, during which nobody else would be answered."""
 _WORDS: Final = ("json", "text/", "xml")
 
 
 class Inflater:
-    """A gzip stream that is inflated piece by piece, and never by more at once than a piece is long."""
+    """A gzip stream that is decompressed piece by piece, never more at once than one piece."""
 
     def __init__(self) -> None:
         self._inflater = zlib.decompressobj(wbits=31)
@@ -32,13 +32,15 @@ class Inflater:
         self._left = b""
 
     def feed(self, data: bytes, most: int) -> bytes:
-        """Up to `most` bytes more; what is left is taken up by the next call. Raises MalformedBody for no gzip."""
+        """Decompress at most `most` bytes. The rest is left for the next call. Raises MalformedBody if it is not
+        gzip.
+        """
         out = bytearray()
         data = self._left + data
         self._begun = self._begun or bool(data)
         try:
             while data and len(out) < most:
-                if self._inflater.eof:  # another member follows, as gzip allows
+                if self._inflater.eof:  # gzip allows several members, one after the other
                     self._inflater = zlib.decompressobj(wbits=31)
                 out += self._inflater.decompress(data, most - len(out))
                 data = self._inflater.unconsumed_tail or self._inflater.unused_data
@@ -50,15 +52,15 @@ class Inflater:
         return bytes(out)
 
     def finish(self) -> None:
-        """Raise MalformedBody where the stream ended before its end."""
+        """Raise MalformedBody if the stream is not complete."""
         if self._begun and not self._inflater.eof:
             raise MalformedBody("The body ends in the middle of its gzip stream. Send all of it.")
 
 
 class InflateRequests:
-    """Bodies with Content-Encoding: gzip reach the routes as what they hold, at most `limit` bytes of it.
+    """Decompresses bodies with Content-Encoding: gzip, up to `limit` bytes.
 
-    Another encoding is 415. Inflating ends at the limit, so a small body that would become a large one does not.
+    Another encoding is answered with 415. Decompression stops at the limit, so a small body cannot become a huge one.
     """
 
     def __init__(self, app: ASGIApp, limit: int) -> None:
@@ -98,15 +100,15 @@ class InflateRequests:
                 inflater.finish()
             return {**message, "body": body}
 
-        # Not a copy: what the router notes in the scope, the log and the metrics read there.
+        # Not a copy, because log and metrics read what the router writes into the scope.
         scope["headers"] = headers
         await self._app(scope, inflated, send)
 
 
 class DeflateAnswers:
-    """Answers of text, in one piece and worth it, are packed for callers that accept gzip.
+    """Compresses text answers that are complete and large enough, for callers that accept gzip.
 
-    Their entity tag turns into a weak one: it stands for the content, not for the bytes.
+    Their entity tag becomes a weak one, because it stands for the content and not for the bytes.
     """
 
     def __init__(self, app: ASGIApp) -> None:
@@ -137,7 +139,7 @@ class DeflateAnswers:
 
 async def _pack(start: Message, message: Message, *, wanted: bool) -> Message:
     headers, body = MutableHeaders(scope=start), message.get("body", b"")
-    if start["status"] == 304:  # says what the whole answer would say
+    if start["status"] == 304:  # the same as the complete answer would have
         headers.add_vary_header("Accept-Encoding")
         return message
     content_type = headers.get("content-type", "")

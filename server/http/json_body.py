@@ -1,4 +1,4 @@
-"""JSON bodies: the route that reads them strictly, and what callers are told of those that are not JSON."""
+"""JSON bodies: a route class that reads them strictly, and error messages for bodies that are not JSON."""
 
 from collections.abc import Callable, Coroutine
 from typing import Any, Final
@@ -12,14 +12,14 @@ from server.http.authorization import GuardedRoute
 from server.parsing.strict_json import read_json
 
 _LONG: Final = 1 << 14
-"""Bytes of a body that take longer to read and check than a thread takes to begin: about half a millisecond."""
+"""Bytes of a body that take longer to read and check, about half a millisecond, than a thread takes to start."""
 
 _Check = Callable[..., tuple[Any, Any]]
-"""Makes a model of JSON, and tells what is wrong where it cannot."""
+"""Validates JSON as a model, or raises what is wrong with it."""
 
 
 class _JsonRequest(Request):
-    """A request whose body is strict JSON. A long one is read and checked in a thread, by `prepare`."""
+    """A request whose body is strict JSON. `prepare` reads and checks a long body in a thread."""
 
     async def json(self) -> Any:
         if not hasattr(self, "_json"):
@@ -27,11 +27,13 @@ class _JsonRequest(Request):
         return self._json
 
     async def prepare(self, body: bytes, check: _Check) -> None:
-        """Read the body, and check it against the route's model, while others are answered."""
+        """Read the body and check it against the route's model, without blocking other requests."""
         self._json = await anyio.to_thread.run_sync(self._validated, body, check)
 
     def _validated(self, body: bytes, check: _Check) -> Any:
-        """The body as the route's model, which the framework takes as it is; else the content, which it refuses."""
+        """The body as the route's model, which the framework accepts as it is. An invalid body is returned unchanged,
+        and the framework refuses it.
+        """
         content = self._read(body)
         model, errors = check(content, {}, loc=("body",))
         return content if errors else model
@@ -46,7 +48,7 @@ class _JsonRequest(Request):
 
 
 class _Refused(Exception):
-    """Carries an error past the framework, which turns other errors of the body into its own."""
+    """Carries an error through the framework, which would replace other errors of the body by its own."""
 
     def __init__(self, error: DomainError) -> None:
         super().__init__(str(error))
@@ -54,7 +56,7 @@ class _Refused(Exception):
 
 
 class JsonRoute(GuardedRoute):
-    """A guarded route whose body is strict JSON: another content type is 415, what is not JSON 400."""
+    """A guarded route with a strict JSON body. Another content type is answered with 415, invalid JSON with 400."""
 
     def make_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
         """Wrap the framework's handler."""
@@ -65,7 +67,7 @@ class JsonRoute(GuardedRoute):
             if field is None:
                 return await handle(plain)
             request = _JsonRequest(plain.scope, plain.receive)
-            body = await request.body()  # here, not in the framework, which would hide the body limit's error
+            body = await request.body()  # Read here, because the framework would hide errors of the body limit.
             if body:
                 check_content_type(request.headers.get("content-type"))
             try:
@@ -83,7 +85,7 @@ class JsonRoute(GuardedRoute):
 
 
 def check_content_type(content_type: str | None) -> None:
-    """Raise UnsupportedMediaType for a body that is not sent as JSON in UTF-8."""
+    """Raise UnsupportedMediaType unless the body is sent as JSON in UTF-8."""
     name, *parameters = (part.strip().lower() for part in (content_type or "").split(";"))
     if name != "application/json":
         shown = "nothing" if not name else name[:100]
@@ -94,7 +96,7 @@ def check_content_type(content_type: str | None) -> None:
 
 
 def malformed_detail(error: orjson.JSONDecodeError, body: bytes) -> str:
-    """What is wrong with a body that is not JSON, in a sentence."""
+    """Why a body is not JSON, in one sentence."""
     where = f"line {error.lineno}, column {error.colno}"
     around = body[max(error.pos - 1, 0) : error.pos + 9].lstrip(b"-").lower()
     if around.startswith((b"nan", b"inf")) or b"nan" in around or b"infinity" in around:

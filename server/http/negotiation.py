@@ -1,4 +1,4 @@
-"""Which of the media types on offer the caller gets."""
+"""Content negotiation: the choice among the media types that a route offers."""
 
 from collections.abc import Sequence
 
@@ -32,7 +32,7 @@ def choose(accept: str | None, offered: Sequence[str]) -> str:
 
 
 def _quality(media_type: str, ranges: Sequence[tuple[str, float]]) -> float:
-    """By the most specific range that covers the type, as RFC 9110 wants it."""
+    """The quality given by the most specific range that covers the type, as in RFC 9110."""
     major = media_type.split("/")[0]
     for wanted in (media_type, f"{major}/*", "*/*"):
         for name, quality in ranges:
@@ -53,9 +53,9 @@ def _read(part: str) -> tuple[str, float]:
 
 
 def accepts_coding(header: str | None, coding: str) -> bool:
-    """Whether Accept-Encoding allows a coding, by its name or by *, and does not prefer the answer as it is.
+    """Whether Accept-Encoding allows a coding, by name or by *, and does not prefer the uncompressed answer.
 
-    Not named, the answer as it is comes last.
+    The uncompressed answer comes last if it is not named.
     """
     found = {name.removeprefix("x-"): quality for name, quality in map(_read, (header or "").split(","))}
     quality = found.get(coding, found.get("*", 0.0))

@@ -1,4 +1,4 @@
-"""What every request gets before it is routed: an id, a line of the log, a count and a time."""
+"""What every request gets before routing: an id, a log line, a count and a duration."""
 
 import logging
 import re
@@ -23,13 +23,13 @@ _GIVEN_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
 
 
 def new_request_id() -> str:
-    """The id of a request that has none, or none that can be used."""
+    """An id for a request without a usable one of its own."""
     return secrets.token_hex(8)
 
 
 @dataclass(slots=True)
 class _Seen:
-    """What was seen of a request and its answer: status, bytes of the bodies, and whether the answer has begun."""
+    """What is recorded of a request and its answer: status, sizes of the bodies, and whether the answer has begun."""
 
     status: int = 500
     bytes_in: int = 0
@@ -38,10 +38,10 @@ class _Seen:
 
 
 class RequestContext:
-    """Gives each request an id (the caller's X-Request-Id, if it is a plain one), counts it, and answers HEAD as GET.
+    """Gives each request an id (the caller's X-Request-Id if it is plain text), counts it, and answers HEAD like GET.
 
-    Each is a line of the log, without what was sent or answered. An exception that nothing handled is logged here with
-    the id and answered as a problem.
+    Each request is one line in the log, without its content. An unhandled exception is logged with the id and answered
+    as a problem.
     """
 
     def __init__(self, app: ASGIApp, metrics: Metrics) -> None:
@@ -56,7 +56,7 @@ class RequestContext:
         given = Headers(scope=scope).get("x-request-id", "")
         request_id = given if _GIVEN_ID.fullmatch(given) else new_request_id()
         method = scope["method"]
-        # A copy of the state: that of the lifespan is shared by all requests.
+        # A copy of the state, because all requests share that of the lifespan.
         state = {**scope.get("state", {}), "request_id": request_id}
         scope = {**scope, "headers": _folded(scope["headers"]), "state": state}
         if method == "HEAD":
@@ -83,7 +83,7 @@ class RequestContext:
         try:
             await self._app(scope, receive_counting, send_with_id)
         except ClientDisconnect:
-            seen.status = 499  # as others log a caller that went away; nobody is left to be answered
+            seen.status = 499  # logged as usual for a caller that has gone; nobody is left to answer
         except Exception:
             _log.exception("request %s: %s %s failed", request_id, quoted(method), quoted(scope["path"]))
             if seen.begun:
@@ -93,7 +93,7 @@ class RequestContext:
             self._record(scope, method, seen, time.perf_counter() - started, notes)
 
     def _record(self, scope: Scope, method: str, seen: _Seen, seconds: float, notes: RequestNotes) -> None:
-        """Count the request, and write its line of the log; `method` as it came."""
+        """Count the request and write its log line. `method` is that of the request."""
         route, parameters = _route(scope)
         labelled = method if method in _METHODS else "other"
         self._metrics.requests.labels(route, labelled, str(seen.status)).inc()
@@ -117,7 +117,7 @@ class RequestContext:
 
 
 def _route(scope: Scope) -> tuple[str, Mapping[str, str]]:
-    """Template and parameters of the request's path; `unmatched` where nothing is served there."""
+    """Template and parameters of the request's path; `unmatched` if no route serves it."""
     template = getattr(scope.get("route"), "path", None)
     if template is not None:
         return template, scope.get("path_params", {})
@@ -130,7 +130,7 @@ _LISTS = frozenset(
 
 
 def _folded(headers: list[tuple[bytes, bytes]]) -> list[tuple[bytes, bytes]]:
-    """Headers that are lists and came in several lines, in one: whoever reads the first would miss the others."""
+    """Join headers that are lists and came in several lines, so that nobody reads only the first line."""
     names = [name for name, _ in headers if name in _LISTS]
     if len(names) == len(set(names)):
         return headers

@@ -1,4 +1,4 @@
-"""Answers of routes: JSON with its headers, kept answers, 304, and the documentation of errors."""
+"""Answers of routes: JSON and its headers, stored answers, 304, and the documentation of errors."""
 
 import re
 from typing import Any
@@ -26,7 +26,7 @@ def json_response(
     media_type: str = "application/json",
     headers: dict[str, str] | None = None,
 ) -> Response:
-    """An answer as JSON, in which NaN and Infinity cannot occur; `next` and `query` are left out when there is none."""
+    """A JSON answer, without NaN and Infinity. The members `next` and `query` are left out if they are None."""
     match content:
         case BaseModel():
             body = to_json(content)
@@ -38,7 +38,7 @@ def json_response(
 
 
 def stored_response(response: StoredResponse) -> Response:
-    """An answer that was kept, or would be if it were asked for."""
+    """The answer to a write, which was stored if the request has an Idempotency-Key."""
     headers = response.headers | ({"Idempotency-Replayed": "true"} if response.replayed else {})
     return Response(
         response.body, response.status, headers=headers, media_type="application/json" if response.body else None
@@ -46,17 +46,17 @@ def stored_response(response: StoredResponse) -> Response:
 
 
 def etag_header(etag: str) -> dict[str, str]:
-    """The header that carries an entity tag."""
+    """The header with an entity tag."""
     return {"ETag": f'"{etag}"'}
 
 
 def next_link(path: str, request: Request, cursor: str) -> str:
-    """Value of the header Link for the next page of a listing."""
+    """Value of the header Link for the next page."""
     return f'<{path}?{urlencode({**request.query_params, "cursor": cursor})}>; rel="next"'
 
 
 def not_modified(if_none_match: str | None, etag: str, *, vary: str | None = None) -> Response | None:
-    """304 when the caller has what is current, else None; with the header Vary that the whole answer would have."""
+    """304 if the caller has the current version, else None. `vary`: the header Vary of the full answer."""
     tags = entity_tags(if_none_match)
     if tags is not None and (etag in tags or "*" in tags):
         return Response(status_code=304, headers=etag_header(etag) | ({} if vary is None else {"Vary": vary}))
@@ -64,7 +64,7 @@ def not_modified(if_none_match: str | None, etag: str, *, vary: str | None = Non
 
 
 def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
-    """Documentation of a route's error responses."""
+    """Documentation of the errors of a route."""
     described = {
         400: "The body is not JSON.",
         401: "No usable key, where keys are asked for.",
@@ -100,15 +100,15 @@ def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
 
 
 def lines_of(*models: type[BaseModel]) -> dict[str, Any]:
-    """The schema of NDJSON whose lines are of these models.
+    """The schema of NDJSON with a line of one of these models.
 
-    OpenAPI 3.1 has no word for the schema of a line, so a member of our own (`x-line`) names it.
+    OpenAPI 3.1 has no keyword for the schema of a line, so our own member `x-line` names it.
     """
     return {"type": "string", "x-line": [{"$ref": f"#/components/schemas/{model.__name__}"} for model in models]}
 
 
 def entity_tags(header: str | None) -> tuple[str, ...] | None:
-    """Tags of If-Match or If-None-Match, without quotes and W/; None where the header is missing."""
+    """The tags of If-Match or If-None-Match, without quotes and W/. None if the header is missing."""
     if header is None:
         return None
     if header.strip() == "*":

@@ -1,4 +1,4 @@
-"""Which route a path belongs to, whether or not the router was ever reached."""
+"""The route of a path, also before the router has run."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -7,9 +7,9 @@ from fastapi import FastAPI
 
 
 def matched(app: FastAPI, path: str) -> tuple[str, dict[str, str]] | None:
-    """Template of the route that serves the path, and the path's parameters as text; None where nothing is served.
+    """Template of the route that serves the path, and the path's parameters as text. None if no route does.
 
-    A request that is refused early (its body too large, its coding unknown, too much to do) has met no route yet.
+    Needed for requests that are refused before routing (body too large, unknown encoding, overload).
     """
     for route in _routes(app):
         if (found := route.path_regex.match(path)) is not None:
@@ -18,12 +18,12 @@ def matched(app: FastAPI, path: str) -> tuple[str, dict[str, str]] | None:
 
 
 def allowed_methods(app: FastAPI, path: str) -> set[str]:
-    """The methods that the path knows; every route answers HEAD as GET, and OPTIONS with this list."""
+    """The methods of the path. Every route answers HEAD like GET, and OPTIONS with this list."""
     methods = {
         method
         for route in _routes(app)
         if route.path_regex.match(path)
-        for method in getattr(route, "methods", None) or ("GET",)  # what is mounted are files
+        for method in getattr(route, "methods", None) or ("GET",)  # mounted apps serve files
     }
     return methods | {"OPTIONS"} | ({"HEAD"} if "GET" in methods else set())
 

@@ -1,8 +1,8 @@
-"""The live index of each collection: derived from the database, caught up before every use.
+"""The live index of each collection, derived from the database and caught up before every use.
 
-Every process has its own. The database's revision says what an index has to hold; the rows changed and the deletions
-noted since the revision it does hold say what is missing. Nothing here has to be told of a write, so several processes
-may write to one database.
+Every process has its own indexes. The database's revision says what an index must contain; the rows changed and deleted
+since its own revision say what is missing. No write has to notify an index, so several processes may write to one
+database.
 """
 
 import logging
@@ -31,16 +31,16 @@ from urquhart.index.collection_index import LiveSegment
 from urquhart.index.segment_file import SegmentDamaged
 
 _AGAIN: Final = 60.0
-"""Seconds after which a query tries again to write segments where that failed."""
+"""Seconds after a failure to write segments before a query tries again."""
 _TRIES: Final = 10
-"""Times that a look-up is tried again because another segment turned out to be damaged."""
+"""Times that a search is repeated because yet another segment is damaged."""
 _log = logging.getLogger(__name__)
 Result = TypeVar("Result")
 
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """A collection at one revision: the index and the rows agree for as long as the view is held."""
+    """A collection at one revision. Index and rows agree for as long as the view is held."""
 
     session: Session
     collection: CollectionRow
@@ -68,10 +68,10 @@ class Catalog:
 
     @contextmanager
     def view(self, collection_id: str) -> Iterator[View]:
-        """A collection with an index that holds every write committed before the call.
+        """A collection with an index that contains every write committed before the call.
 
-        The rows are read in the snapshot that the index was brought to, so that a candidate's landmarks cannot be
-        replaced between search and answer. Readers wait for nobody but the one who catches up to where they are.
+        Rows are read in the snapshot that the index was caught up to, so nobody can replace a candidate's landmarks
+        between search and answer. Readers wait only while another thread catches the index up.
 
         Raises:
             NotFound, StorageError.
@@ -88,20 +88,20 @@ class Catalog:
                 else:
                     yield view
                     return
-            # Outside of the snapshot: what is done about it is seen by the next one.
+            # Outside of the snapshot: the next one sees the result.
             exclusive = True
             if isinstance(obstacle, TooManyChanges):
-                # Once: where submaps are stored faster than segments are written, it takes what there is.
+                # Only once: if submaps are stored faster than segments are written, it reads all of them into memory.
                 most = self._most() if self._flush(collection_id) and not flushed else None
                 flushed = True
             elif isinstance(obstacle, UnusableSegment):
                 self._look_into(collection_id, obstacle, missed)
 
     def whatever_happens(self, collection_id: str, work: Callable[[], Result]) -> Result:
-        """Do `work`, which looks up in a collection; again where it failed because a segment is damaged.
+        """Run `work`, which searches a collection, and repeat it if it failed because a segment is damaged.
 
-        The kernels trust what they are given: bytes that change in a mapped file can make a look-up fail in any way.
-        Raises what `work` raises on sound segments.
+        Kernels trust their input, so changed bytes in a mapped file can make a search fail in any way. Raises what
+        `work` raises on intact segments.
         """
         for _ in range(_TRIES):
             before = self._distrusted
@@ -116,7 +116,9 @@ class Catalog:
         return work()
 
     def find_damage(self, collection_id: str) -> bool:
-        """Read the segments of a collection as a whole; whether one is damaged, which is used no more then."""
+        """Check all segments of a collection against their checksums. Returns whether one is damaged; it is no longer
+        used.
+        """
         live = self._indexes.get(collection_id)
         state = live.state if live is not None else None
         if live is None or state is None:
@@ -125,7 +127,9 @@ class Catalog:
         return not all(self.verify(live, listed, part) for listed, part in segments)
 
     def verify(self, live: LiveIndex, listed: SegmentRecord, part: LiveSegment) -> bool:
-        """Compare a mapped segment with its checksums; whether it is sound, else it is used no more."""
+        """Check a mapped segment against its checksums. Returns whether it is intact; a damaged one is no longer
+        used.
+        """
         try:
             if part.segment.file is not None:
                 part.segment.file.check()
@@ -135,8 +139,8 @@ class Catalog:
         return True
 
     def warm_up(self) -> Iterator[tuple[str, int, int]]:
-        """Open or catch up the index of every collection in which something was stored; yields its id, how many are
-        done and how many there are. An empty one is opened as fast by the first who asks.
+        """Open or catch up the index of every collection that is not empty. Yields the id of each, the number done and
+        the number of all. An empty one takes no time to open later.
         """
         with self._database.read() as session:
             ids = [collection_id for _, collection_id, _ in Collections(session).revisions(least=1)]
@@ -149,16 +153,16 @@ class Catalog:
             yield collection_id, done, len(ids)
 
     def live(self, collection_id: str) -> LiveIndex | None:
-        """The live index of a collection, if it was ever asked for."""
+        """The live index of a collection, None if it was never used."""
         return self._indexes.get(collection_id)
 
     def all_live(self) -> list[LiveIndex]:
-        """The live indexes of all collections that were ever asked for."""
+        """The live indexes of all collections that were used."""
         with self._guard:
             return list(self._indexes.values())
 
     def refresh(self, collection_id: str) -> None:
-        """Take over segments that were written or merged, here or by another process. Raises StorageError."""
+        """Start to use segments that this or another process has written or merged. Raises StorageError."""
         live = self._indexes.get(collection_id)
         if live is None:
             return
@@ -172,12 +176,12 @@ class Catalog:
             self._look_into(collection_id, obstacle, set())
 
     def quarantine(self, live: LiveIndex, obstacle: UnusableSegment) -> None:
-        """A segment turned out to be damaged, or gone: what it held is read from the rows until it is rebuilt."""
+        """Stop using a segment that is damaged or missing. Its submaps are read from the rows until it is rebuilt."""
         name, why = obstacle.listed.name, str(obstacle.error)
         self._distrusted += 1
         self._metrics.segments_damaged.inc()
         _log.warning("collection %s: segment %s cannot be used (%s); rebuilding it", live.id, name, why)
-        # One that cannot be read today may be sound: it is not given up for that.
+        # A segment that cannot be read now may be intact, so it is not rebuilt.
         lost = isinstance(obstacle.error, FileNotFoundError) or not isinstance(obstacle.error, OSError)
         try:
             if not lost or self._database.read_only:
@@ -191,7 +195,7 @@ class Catalog:
         live.drop()
 
     def forget(self, collection_id: str) -> None:
-        """Drop the index of a collection that is no more."""
+        """Drop the index of a collection that was deleted."""
         with self._guard:
             known = self._indexes.pop(collection_id, None)
         if known is not None:
@@ -202,7 +206,7 @@ class Catalog:
         live = self._indexes.get(collection_id)
         if live is None or not exclusive:
             return self._snapshot(stack, collection_id, live.state if live is not None else None, most)
-        # Nobody can go on while the snapshot is taken: this attempt is not overtaken like the one before.
+        # Other threads wait while the snapshot is taken, so no later state can overtake this attempt.
         with live.mutex:
             return self._snapshot(stack, collection_id, live.state, most)
 
@@ -222,7 +226,9 @@ class Catalog:
         return View(session, collection, Recognizer(live.config, state.index, source), state.revision)
 
     def _check_touched(self, state: IndexVersion) -> None:
-        """Compare segments whose files were written to, which nobody should, with their checksums. Raises Unusable."""
+        """Check segments whose files were written to, which must not happen, against their checksums. Raises
+        UnusableSegment.
+        """
         for listed, part in zip(state.chain, state.files, strict=False):
             file = part.segment.file
             if file is None:
@@ -238,7 +244,7 @@ class Catalog:
     def _live(self, collection: CollectionRow) -> LiveIndex:
         with self._guard:
             live = self._indexes.get(collection.id)
-            # A collection dropped and made again has another key, whichever process did it.
+            # A collection that was deleted and created again has another key, whichever process did it.
             if live is None or live.key != collection.key:
                 if live is not None:
                     live.drop()
@@ -246,7 +252,7 @@ class Catalog:
             return live
 
     def _most(self) -> int | None:
-        """Changed submaps that may be taken into memory; None where nothing can be done about more."""
+        """Most changed submaps that may be read into memory; None if they cannot be written to segments."""
         can_write = not self._database.read_only and time.monotonic() >= self._not_before
         return self.settings.memory_submaps if can_write else None
 
@@ -266,7 +272,7 @@ class Catalog:
     def _look_into(self, collection_id: str, obstacle: UnusableSegment, missed: set[str]) -> None:
         live, name = self._indexes.get(collection_id), obstacle.listed.name
         if isinstance(obstacle.error, FileNotFoundError) and name not in missed:
-            missed.add(name)  # merged away since the snapshot was taken, or so the next one will show
+            missed.add(name)  # it was merged after the snapshot was taken, as the next one shows
         elif live is not None:
             self.quarantine(live, obstacle)
 

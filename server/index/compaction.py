@@ -1,7 +1,7 @@
-"""Segments merged: small ones into larger ones, and those with much that is gone into what lives of them.
+"""Merge segments: small ones into larger ones, and those with many deleted submaps into their living ones.
 
-A search goes through every segment, so there are to be few; a merge writes all that it merges, so there are to be few
-of these, too. Sizes that grow by a factor from each segment to the one before it keep both to the logarithm.
+A search visits every segment, so there should be few. A merge rewrites everything it merges, so merges should be few,
+too. Segments whose sizes grow by a factor keep both numbers logarithmic.
 """
 
 from collections.abc import Sequence
@@ -15,13 +15,13 @@ from urquhart.index.quad_table import MOST_SLOTS
 from urquhart.index.segment_file import SegmentDamaged
 
 FANOUT: Final = 4
-"""A segment is merged with the next one while it is less than so many times as large."""
+"""A segment is merged with the next one if it is less than this many times as large."""
 _DEAD: Final = 0.25
-"""Share of a segment that may be gone."""
+"""Share of deleted submaps above which a segment is rewritten."""
 
 
 def plan(living: Sequence[int], sizes: Sequence[int]) -> list[range]:
-    """Runs of segments that are to be merged into one each, or rewritten without what is gone.
+    """Runs of segments that should each be merged into one, or rewritten without deleted submaps.
 
     Args:
         living, sizes: submaps that live, and that lie, in each segment, the oldest first.
@@ -36,14 +36,15 @@ def plan(living: Sequence[int], sizes: Sequence[int]) -> list[range]:
 
 
 def due(state: IndexVersion) -> list[range]:
-    """What is to be merged of an index."""
+    """The runs of an index that should be merged."""
     return plan([part.living for part in state.files], [len(part.segment) for part in state.files])
 
 
 def merge(flush_context: FlushContext, collection_key: int, state: IndexVersion, run: range) -> bool:
-    """Merge a run of a state's segments and list the result in their place; whether that was done.
+    """Merge a run of segments and list the result in their place. Returns whether that was done.
 
-    Not where another process merges. What is read is checked first: a sum over what is damaged would make it sound.
+    It is not done if another process merges. The input is checked first, because a new checksum over damaged data would
+    make it look intact.
 
     Raises:
         Unusable: a segment is not what was written.
@@ -59,11 +60,12 @@ def merge(flush_context: FlushContext, collection_key: int, state: IndexVersion,
             flush_context.check()
         revision = old[-1].revision
         if run.stop == len(state.chain) and not state.delta:
-            # Nothing changed since: it holds everything up to now, and what was deleted until now can be forgotten.
+            # Nothing has changed since, so the result contains everything, and the list of deleted submaps can be
+            # shortened.
             revision = state.revision
         new = write(flush_context, collection_key, parts, old[0].since, revision)
         if stamps != [_stamp(part) for part in parts]:
-            # Somebody wrote to what was being read, after it was checked.
+            # Somebody wrote to the input after it was checked.
             flush_context.folder.remove([new.name])
             raise UnusableSegment(old[0], SegmentDamaged("its file changed during the merge"))
         if not register(flush_context, collection_key, old, [new]):

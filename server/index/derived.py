@@ -1,4 +1,4 @@
-"""What is read from the store for the method: configurations, and features, rebuilt where they cannot be used."""
+"""Data for the method from the store: configurations, and features, which are rebuilt if they cannot be used."""
 
 import logging
 
@@ -12,7 +12,7 @@ _log = logging.getLogger(__name__)
 
 
 def config_of(collection: CollectionRow) -> Config:
-    """The configuration of a stored collection. Raises StorageUnavailable for one that this version cannot use."""
+    """The configuration of a stored collection. Raises StorageUnavailable if this version cannot use it."""
     try:
         return Config.from_dict(collection.config)
     except ConfigError as error:
@@ -23,10 +23,9 @@ def config_of(collection: CollectionRow) -> Config:
 
 
 def features_of(blob: bytes, landmarks: bytes, attributes: bytes | None, config: Config) -> Features:
-    """Features of a stored submap: unpacked, or described again when they are damaged or of another version.
+    """Features of a stored submap. If they are damaged or of another version, the landmarks are described again.
 
-    `landmarks`, `attributes`: what they were made of, as stored.
-    The second case is logged; `urquhart db check` finds the rows.
+    `landmarks`, `attributes`: as stored. The second case is logged; `urquhart db check` lists the rows.
     """
     try:
         features = Features.unpack(blob)

@@ -1,4 +1,4 @@
-"""Features of submaps, read in the snapshot of a view, and those read lately kept for the views that come."""
+"""Features of submaps, read in the snapshot of a view, with a cache of those read recently."""
 
 import threading
 from collections import OrderedDict
@@ -11,24 +11,24 @@ from server.store.repositories.feature_rows import FeatureRows
 from urquhart import Config, Features, FeaturesError
 
 _OVERHEAD = 2_000
-"""Bytes of the objects around a submap's arrays,"""
+"""Bytes of the objects around a submap's arrays."""
 _UNPACKED = 1.3
-"""and how much larger these are than the BLOB."""
+"""Size of the arrays relative to the BLOB."""
 
 Entry = tuple[int, Features, int]
 """Content revision, features, bytes."""
 
 
 class FeatureCache:
-    """Features by owner (a live index) and key, the least lately used going first.
+    """Features by owner (a live index) and key. The least recently used are dropped first.
 
-    An entry holds for every view of its owner whose revision is its content revision or a later one: a submap that is
-    changed is dropped before any view can be of a revision at which it is. What an older view reads may have changed
-    since, so that only a view of the owner's present revision may put something in.
+    An entry is valid for every view of its owner from its content revision on: a changed submap is dropped before any
+    view can have the revision of the change. What an older view reads may have changed since, so only a view at the
+    owner's present revision may add entries.
     """
 
     def __init__(self, most_bytes: int) -> None:
-        """Keep up to `most_bytes`."""
+        """Keep at most `most_bytes`."""
         self._most = most_bytes
         self._bytes = 0
         self._entries: OrderedDict[tuple[int, int], Entry] = OrderedDict()
@@ -40,11 +40,11 @@ class FeatureCache:
 
     @property
     def nbytes(self) -> int:
-        """Bytes of what is kept, about."""
+        """Approximate bytes of the entries."""
         return self._bytes
 
     def get(self, owner: int, keys: Iterable[int], revision: int) -> dict[int, Features]:
-        """Those of the features that are kept and were the submap's at `revision`."""
+        """The features that are cached and valid at `revision`."""
         found = {}
         with self._guard:
             for key in keys:
@@ -55,7 +55,7 @@ class FeatureCache:
         return found
 
     def put(self, owner: int, items: Mapping[int, Entry], revision: int) -> None:
-        """Keep features that were read at `revision`, if the owner has not gone on from there."""
+        """Add features that were read at `revision`, if that is still the owner's revision."""
         with self._guard:
             if self._revisions.get(owner) != revision:
                 return
@@ -67,7 +67,7 @@ class FeatureCache:
                 self._remove(next(iter(self._entries)))
 
     def advance(self, owner: int, revision: int, changed: Iterable[int] | None) -> None:
-        """The owner is about to go to a revision at which these submaps are changed or gone; None for any."""
+        """The owner is about to move to a revision at which these submaps are changed or deleted; None: all of them."""
         with self._guard:
             if changed is None:
                 self._clear(owner)
@@ -77,7 +77,7 @@ class FeatureCache:
             self._revisions[owner] = revision
 
     def forget(self, owner: int) -> None:
-        """Drop everything of an owner, and take nothing of it any more."""
+        """Drop all entries of an owner, and accept no more of it."""
         with self._guard:
             self._clear(owner)
             self._revisions.pop(owner, None)
@@ -93,18 +93,18 @@ class FeatureCache:
 
 
 class FeatureReader:
-    """The features of a collection as they are at a view's revision: a `urquhart.index.collection.FeatureSource`."""
+    """The features of a collection at a view's revision: a `urquhart.index.collection.FeatureSource`."""
 
     def __init__(
         self, session: Session, collection_key: int, config: Config, cache: FeatureCache, owner: int, revision: int
     ) -> None:
-        """`session` is on a snapshot at `revision`; `owner` is known to the cache."""
+        """`session` is on a snapshot at `revision`. `owner` is known to the cache."""
         self._described = FeatureRows(session, collection_key)
         self._config = config
         self._cache, self._owner, self._revision = cache, owner, revision
 
     def read(self, keys: Collection[int]) -> Mapping[int, Features]:
-        """Features of submaps by key, described again where what is stored cannot be used.
+        """Features of submaps by key. If stored ones cannot be used, the landmarks are described again.
 
         Raises:
             KeyError: a submap is not there.

@@ -1,7 +1,7 @@
-"""What changed since the last segment, written to new ones: from the rows, or from what a live index holds in memory.
+"""Write what changed since the last segment to new segments: from the rows, or from the memory of a live index.
 
-A file is complete and on the disk before a row lists it, and is removed where that fails. Whoever is ended in between
-leaves a file that nobody lists, which is removed later.
+A file is complete and on the disk before a row lists it, and is removed if that fails. A process that ends in between
+leaves an unlisted file, which is removed later.
 """
 
 import logging
@@ -27,15 +27,15 @@ from urquhart.index.collection_index import LiveSegment
 from urquhart.index.segment import Segment, merge_segments
 
 _BATCH: Final = 500
-"""Submaps whose features are in memory at a time."""
+"""Submaps whose features are in memory at the same time."""
 _log = logging.getLogger(__name__)
 
 Progress = Callable[[int], Any]
-"""Told how many submaps were written."""
+"""Called with the number of submaps that were written."""
 
 
 class Stopped(Exception):
-    """The work was given up because the process is about to end."""
+    """The work was stopped because the process is stopping."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,7 @@ class FlushContext:
     stopping: Callable[[], bool] = lambda: False
 
     def check(self) -> None:
-        """Raise Stopped when it is time to give up."""
+        """Raise Stopped if the process is stopping."""
         if self.stopping():
             raise Stopped
 
@@ -67,10 +67,10 @@ def flush(
     wait: bool = True,
     progress: Progress | None = None,
 ) -> int:
-    """Write the submaps that no segment holds, from their rows, block by block; how many.
+    """Write the submaps that are in no segment, from their rows, block by block. Returns their number.
 
-    Blocks are listed one by one: what is done stays done, and others get their turn in between. What is stored
-    meanwhile is not run after.
+    Each block is listed by itself, so what is done stays done, and others get their turn in between. Submaps stored in
+    the meantime are not included.
 
     Args:
         least: fewer than so many are left as they are.
@@ -85,21 +85,21 @@ def flush(
         with flush_context.folder.lock("flush", wait=lambda: wait and not flush_context.stopping()) as held:
             if not held:
                 break
-            # Another may have done it while this one waited.
+            # Another process may have done it while this one waited.
             if count_uncovered(flush_context.database, collection_id, least) < least:
                 break
             block, is_last = _write_block(flush_context, collection_id)
         if progress is not None:
             progress(block)
         written += block
-        if is_last or not block:  # none: others changed the list meanwhile
+        if is_last or not block:  # none: the list has changed in the meantime
             break
-        time.sleep(0.02)  # for those that wait for the lock, which they look at every now and then
+        time.sleep(0.02)  # gives way to those that wait for the lock, which they poll
     return written
 
 
 def flush_state(flush_context: FlushContext, collection_key: int, state: IndexVersion) -> int:
-    """Write what a live index holds in memory, which is its rows' features laid out already; how many submaps.
+    """Write the submaps in the memory of a live index to a segment. Returns their number.
 
     Raises OSError, StorageError, Stopped.
     """
@@ -111,9 +111,9 @@ def flush_state(flush_context: FlushContext, collection_key: int, state: IndexVe
 
 
 def rebuild(flush_context: FlushContext, collection_id: str, *, progress: Progress | None = None) -> int:
-    """Write all submaps of a collection to new segments, and list these in the place of all that are; how many.
+    """Write all submaps of a collection to new segments, and replace all its segments by these. Returns their number.
 
-    None are where the collection is gone, or goes meanwhile. Raises OSError, StorageError, Stopped.
+    Nothing is written if the collection is deleted in the meantime. Raises OSError, StorageError, Stopped.
     """
     made: list[SegmentRecord] = []
     key: int | None = None
@@ -123,7 +123,7 @@ def rebuild(flush_context: FlushContext, collection_id: str, *, progress: Progre
     ):
         try:
             while True:
-                flush_context.check()  # where it is set, the locks may not be held
+                flush_context.check()  # if set, the locks may not be held
                 with flush_context.database.read() as session:
                     collection = Collections(session).get(collection_id)
                     if collection is None or collection.key != (key := key or collection.key):
@@ -149,7 +149,9 @@ def rebuild(flush_context: FlushContext, collection_id: str, *, progress: Progre
 def write(
     flush_context: FlushContext, collection_key: int, parts: Sequence[LiveSegment], since: int, revision: int
 ) -> SegmentRecord:
-    """Write what lives of segments to a file that holds `since` to `revision`. Raises OSError, Stopped."""
+    """Write the living submaps of segments to a file for the revisions `since` to `revision`. Raises OSError,
+    Stopped.
+    """
     flush_context.check()
     name, path = flush_context.folder.new_file()
     alive: list[tuple[Segment, NDArray[np.uint8]]] = [(part.segment, part.alive) for part in parts]
@@ -160,9 +162,9 @@ def write(
 def register(
     flush_context: FlushContext, collection_key: int, old: Sequence[SegmentRecord] | None, new: Sequence[SegmentRecord]
 ) -> bool:
-    """List segments in the place of others (None: of all), if they fit there; whether they do.
+    """List segments in place of others (None: of all), if they still fit. Returns whether they do.
 
-    Their files are removed where not, and where it raises StorageError or Stopped.
+    If not, or if it raises StorageError or Stopped, their files are removed.
     """
     listed = False
     try:
@@ -178,7 +180,7 @@ def register(
 
 
 def count_uncovered(database: Database, collection_id: str, most: int) -> int:
-    """How many submaps of a collection no segment holds, counted up to `most`. Raises StorageError."""
+    """Number of submaps of a collection that are in no segment, counted up to `most`. Raises StorageError."""
     with database.read() as session:
         collection = Collections(session).get(collection_id)
         if collection is None:
@@ -188,7 +190,7 @@ def count_uncovered(database: Database, collection_id: str, most: int) -> int:
 
 
 def _write_block(flush_context: FlushContext, collection_id: str) -> tuple[int, bool]:
-    """Write and list the next block; how many submaps, and whether that was all there was when it was begun."""
+    """Write and list the next block. Returns its number of submaps, and whether it was the last one."""
     with flush_context.database.read() as session:
         collection = Collections(session).get(collection_id)
         if collection is None:
@@ -198,7 +200,7 @@ def _write_block(flush_context: FlushContext, collection_id: str) -> tuple[int, 
     if not parts:
         return 0, True
     listed = write(flush_context, collection.key, parts, _end(chain), end)
-    # What stands behind a gap is of no use to anyone.
+    # Segments after a gap are not usable.
     done = register(flush_context, collection.key, chain[trusted(chain) :], [listed])
     return listed.submaps if done else 0, end == collection.revision
 
@@ -206,7 +208,9 @@ def _write_block(flush_context: FlushContext, collection_id: str) -> tuple[int, 
 def _read_block(
     flush_context: FlushContext, session: Session, collection: CollectionRow, since: int
 ) -> tuple[list[LiveSegment], int]:
-    """Segments in memory of the submaps that changed first after `since`, and the revision up to which that is all."""
+    """The submaps that changed first after `since`, as segments in memory, and the revision up to which they are
+    complete.
+    """
     config, parts, count = config_of(collection), list[LiveSegment](), 0
     batch: list[tuple[int, Any]] = []
     last = since
@@ -220,7 +224,7 @@ def _read_block(
             parts.extend(_part(batch, config))
             batch = []
             flush_context.check()
-        time.sleep(0)  # lets other threads go first: a query must not wait for a whole batch
+        time.sleep(0)  # lets other threads run: a query must not wait for a whole batch
     parts.extend(_part(batch, config))
     return parts, collection.revision
 

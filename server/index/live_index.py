@@ -1,7 +1,7 @@
-"""The index of one collection in this process: segments that are mapped, and what changed since in memory.
+"""The index of one collection in this process: mapped segments, and recent changes in memory.
 
-A state is never changed. A catch-up makes another from the rows of a snapshot and puts it in the old one's place, so
-that readers of either are left alone and wait for nothing.
+A version of the index never changes. A catch-up builds another one from the rows of a snapshot and replaces the old
+one, so readers of either are not disturbed and wait for nothing.
 """
 
 import itertools
@@ -29,25 +29,25 @@ from urquhart.index.segment_file import SegmentDamaged
 
 _BATCH: Final = 500
 _MANY: Final = 10_000
-"""Changed submaps from which on all kept features of the collection are dropped, instead of these."""
+"""Number of changed submaps from which all cached features of the collection are dropped instead of these."""
 _owners = itertools.count(1)
 _log = logging.getLogger(__name__)
 
 
 class CatchUpError(Exception):
-    """Why an index cannot be brought to a snapshot as it is."""
+    """Why an index cannot be caught up to a snapshot."""
 
 
 class Superseded(CatchUpError):
-    """Another thread brought it to a later revision meanwhile: take a new snapshot."""
+    """Another thread has caught up to a later revision: take a new snapshot."""
 
 
 class TooManyChanges(CatchUpError):
-    """More submaps changed than are to be taken into memory: write them to segments first."""
+    """More submaps changed than may be read into memory: write them to segments first."""
 
 
 class UnusableSegment(CatchUpError):
-    """A listed segment cannot be trusted, or not be read: `listed`, and the error that tells why."""
+    """A listed segment cannot be trusted or read: `listed`, and the error."""
 
     def __init__(self, listed: SegmentRecord, error: Exception) -> None:
         super().__init__(str(error))
@@ -73,29 +73,29 @@ class IndexVersion:
 
     @property
     def files(self) -> tuple[LiveSegment, ...]:
-        """What is mapped from files."""
+        """The segments that are mapped from files."""
         return self.index.live_segments[: self.opened]
 
     @property
     def delta(self) -> tuple[LiveSegment, ...]:
-        """What is in memory: all that changed after `covered`."""
+        """The submaps in memory: all that changed after `covered`."""
         return self.index.live_segments[self.opened :]
 
     @property
     def covered(self) -> int:
-        """The revision up to which files hold everything."""
+        """The revision up to which files contain everything."""
         return self.chain[self.opened - 1].revision if self.opened else 0
 
     def is_of(self, collection: CollectionRow) -> bool:
-        """Whether this is the index of the collection as that row was read."""
+        """Whether this is the index of the collection in that row."""
         return self.revision == collection.revision and self.updated == collection.updated
 
 
 def assemble(segments: Sequence[Segment], gone: NDArray[np.int64]) -> list[LiveSegment]:
-    """Segments of a collection, the oldest first, with what lives in them.
+    """Segments of a collection, oldest first, with their living submaps.
 
-    Without `gone` (K,) int64, the keys of submaps that were deleted, or changed after the last segment; and without
-    what a later segment holds, too: it was replaced there.
+    Left out are `gone` (K,) int64, the keys of submaps that were deleted or changed after the last segment, and submaps
+    that a later segment replaces.
     """
     parts: list[LiveSegment] = []
     for segment in reversed(segments):
@@ -105,10 +105,10 @@ def assemble(segments: Sequence[Segment], gone: NDArray[np.int64]) -> list[LiveS
 
 
 class LiveIndex:
-    """The state of one collection and how it goes on to the next."""
+    """The index of one collection, and its changes from one version to the next."""
 
     def __init__(self, collection: CollectionRow, folder: SegmentFolder, cache: FeatureCache) -> None:
-        """Of a stored collection. Raises StorageUnavailable for a configuration that cannot be used."""
+        """The index of a stored collection. Raises StorageUnavailable if its configuration cannot be used."""
         self.key, self.id = collection.key, collection.id
         self.config: Config = config_of(collection)
         self.owner = next(_owners)
@@ -122,7 +122,7 @@ class LiveIndex:
     def catch_up(
         self, session: Session, collection: CollectionRow, seen: IndexVersion | None, most: int | None
     ) -> IndexVersion:
-        """The state at the revision of the session's snapshot, in which `collection` was read.
+        """The index at the revision of the session's snapshot, in which `collection` was read.
 
         Args:
             seen: the state before the snapshot was taken.
@@ -141,29 +141,29 @@ class LiveIndex:
             if state is not None and state.revision >= collection.revision:
                 if state is not seen:
                     raise Superseded
-                # The snapshot was taken after that state was made: the database was put back by a restored backup,
-                # and what the state holds may never have been.
+                # The snapshot was taken after that version was built, so the database was restored from a backup, and
+                # what the version contains may never have existed.
                 _log.warning("collection %s went back to revision %d", self.id, collection.revision)
                 self.drop()
                 state = None
             return self._go_on(session, collection, state, most)
 
     def refresh(self, session: Session, collection: CollectionRow) -> None:
-        """Take over segments that were written, merged or mended since the state was made.
+        """Use segments that were written, merged or repaired since this version was built.
 
-        Raises Unusable.
+        Raises UnusableSegment.
         """
         with self.mutex:
             state = self.state
             if state is None or collection.revision < state.revision:
-                return  # the next view makes one, or finds out what happened
+                return  # the next view builds one, or finds out what happened
             chain = Segments(session, self.key).chain()
             more = state.opened < len(chain) and chain[state.opened].name not in self.left_out
             if chain != state.chain or more:
                 self.state = self._assembled(session, collection, state, chain, None)
 
     def drop(self) -> None:
-        """Forget the state: the next view rebuilds it."""
+        """Drop the index. The next view rebuilds it."""
         with self.mutex:
             self.state = None
             self._cache.forget(self.owner)
@@ -203,11 +203,11 @@ class LiveIndex:
         chain: tuple[SegmentRecord, ...],
         most: int | None,
     ) -> IndexVersion:
-        """The state made of the segments that are listed, and of what `state` holds in memory and is still right."""
+        """A new version from the listed segments and from what `state` has in memory and is still valid."""
         described = FeatureRows(session, self.key)
         segments = self._opened(chain, state)
         covered = chain[len(segments) - 1].revision if segments else 0
-        # What a segment holds that must be left out is not to be written again: it has to be taken into memory.
+        # Submaps that must be left out of a segment must not be written again, so they are read into memory.
         if most is not None and len(segments) == len(chain) and described.count_changed(covered, most + 1) > most:
             raise TooManyChanges
         uncovered = described.content_revisions(covered)
@@ -227,7 +227,7 @@ class LiveIndex:
         return IndexVersion(collection.revision, collection.updated, chain, len(segments), index)
 
     def _opened(self, chain: tuple[SegmentRecord, ...], state: IndexVersion | None) -> list[Segment]:
-        """The segments that can be used, from the first one on. Raises Unusable."""
+        """The segments that can be used, from the first one on. Raises UnusableSegment."""
         mapped = {} if state is None else dict(zip(state.chain, (p.segment for p in state.files), strict=False))
         good, segments = trusted(chain), list[Segment]()
         self.left_out = {name: why for name, why in self.left_out.items() if name in {s.name for s in chain}}

@@ -1,7 +1,7 @@
-"""Looks after the segments of all collections, beside the requests: written, merged, checked, cleaned up.
+"""Maintenance of the segments of all collections in the background: flush, merge, check, clean up.
 
-Every process has such a thread. Each kind of work is done by one of them at a time; the others see by the list in the
-database what was done and take it over.
+Every process has such a thread. Each task is done by one process at a time; the others see the result in the database's
+list of segments and use it.
 """
 
 import logging
@@ -24,21 +24,23 @@ from server.store.sqlite.database import Database
 from urquhart.index.collection_index import LiveSegment
 
 _CLEAN_UP_SECONDS: Final = 60.0
-"""Seconds between two looks for files that are left over, and at segments that could not be read."""
+"""Seconds between two searches for left-over files and for segments that could not be read."""
 _REST: Final = 30.0
-"""Times as long as a look took until the next: with very many collections, to see that all is well is work."""
+"""Pause after a round, as a multiple of its duration: with very many collections, even a round without work is
+costly.
+"""
 _PATIENCE: Final = 300.0
-"""Seconds that something that failed waits at most before it is tried again."""
+"""Most seconds before a failed task is tried again."""
 _AGAIN: Final = 600.0
-"""Seconds from one comparison of a segment with its checksums to the next."""
+"""Seconds between two checks of a segment against its checksums."""
 _SHARE: Final = 100.0
-"""Times as long as such a comparison took until the next one of any segment."""
+"""Pause after such a check, as a multiple of its duration."""
 _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
 class _FailedTask:
-    """Of a task: what it was, how often in a row, and when to try again (`time.monotonic`)."""
+    """A failed task: how often in a row it failed, and when to try again (`time.monotonic`)."""
 
     cause: str
     times: int
@@ -46,7 +48,7 @@ class _FailedTask:
 
 
 class Maintenance:
-    """The work on the segments of one process's database; started as a thread, or done at once by `run`."""
+    """Maintenance of one database's segments, as a thread or at once with `run`."""
 
     def __init__(self, database: Database, catalog: Catalog, metrics: Metrics) -> None:
         self._database, self._catalog, self._metrics = database, catalog, metrics
@@ -61,21 +63,21 @@ class Maintenance:
         self._thread: threading.Thread | None = None
 
     def start(self, ready: threading.Event) -> None:
-        """Begin to look after the segments in the background, as soon as `ready` is set."""
+        """Start maintenance in the background as soon as `ready` is set."""
         self._catalog.stopping.clear()
         self._thread = threading.Thread(target=self._work, args=(ready,), name="maintenance", daemon=True)
         self._thread.start()
 
     def stop(self, patience: float = 1.0) -> None:
-        """End that, within about `patience` seconds: what is being merged is given up, and done again another time."""
+        """Stop maintenance within about `patience` seconds. A merge in progress is given up and done again later."""
         self._catalog.stopping.set()
         if self._thread is not None:
             self._thread.join(patience)
 
     def run(self) -> bool:
-        """Do what is to be done now; what fails is logged, and tried again by a later call. Whether nothing is left.
+        """Do all due work now. Returns whether nothing is left. Failures are logged and tried again by a later call.
 
-        Raises StorageError: it cannot even be seen what is to be done. Stopped.
+        Raises StorageError if due work cannot be determined. Raises Stopped.
         """
         began = time.monotonic()
         with self._database.read() as session:
@@ -97,7 +99,8 @@ class Maintenance:
         return len(self._up_to_date) == len(there)
 
     def flush_and_merge(self, collection_id: str, *, least: int = 1, progress: Progress | None = None) -> int:
-        """Write what no segment holds, `least` submaps or more, and merge what is to be merged; how many were written.
+        """Write the submaps that are in no segment if there are at least `least`, and do due merges. Returns how many
+        were written.
 
         Raises OSError, StorageError.
         """
@@ -107,7 +110,7 @@ class Maintenance:
         return written
 
     def merge_all(self, collection_id: str) -> None:
-        """Merge what is to be merged of a collection's segments. Raises NotFound, OSError, StorageError."""
+        """Do the due merges of a collection. Raises NotFound, OSError, StorageError."""
         with self._catalog.view(collection_id):
             pass
         self._merge(collection_id)
@@ -124,7 +127,7 @@ class Maintenance:
                 return
 
     def _try(self, task: str, work: Callable[[], bool]) -> bool:
-        """Do a task, unless it failed a short while ago; whether it is done."""
+        """Do a task unless it failed recently. Returns whether it is done."""
         failure = self._failures.get(task)
         if failure is not None and time.monotonic() < failure.again:
             return False
@@ -168,7 +171,7 @@ class Maintenance:
     def _merge(self, collection_id: str) -> bool:
         live = self._catalog.live(collection_id)
         if live is None or live.state is None:
-            return True  # nobody has asked for it here
+            return True  # nobody has used it in this process
         while (state := live.state) is not None and (runs := due(state)):
             try:
                 with self._metrics.maintenance("merge"):
@@ -183,16 +186,16 @@ class Maintenance:
         return True
 
     def _check(self, live: LiveIndex) -> None:
-        """Compare every segment that this process has mapped with its checksums, once."""
+        """Check every segment that this process has mapped against its checksums, once."""
         state = live.state
         for listed, part in zip(state.chain, state.files, strict=False) if state is not None else ():
             if listed.name not in self._checked and not self._verify(live, listed, part):
                 return
 
     def _check_again(self) -> bool:
-        """The same again and again for all of them, one at a time: bytes on a disk can change with nobody writing.
+        """Check one segment at a time again and again, because bytes on a disk can change without a write.
 
-        One that was checked last within `_AGAIN` seconds is left alone, and a check takes a hundredth of the time.
+        A segment that was checked within `_AGAIN` seconds is skipped, and checks take one hundredth of the time.
         """
         if time.monotonic() < self._next_check:
             return True

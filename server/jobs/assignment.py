@@ -1,4 +1,4 @@
-"""A job in the hands of who does it: how far it is, and when it has to stop or to give way."""
+"""A job as its runner sees it: its progress, and when it must stop or give way."""
 
 import threading
 import time
@@ -20,25 +20,26 @@ from server.store.tables import CollectionRow, JobRow
 from urquhart import Budget
 
 _CHANCES: Final = 2
-"""Times that a job is begun without getting on before it is taken for what ends the process. A service that is killed
-soon after its start says nothing of its jobs, and a process apart takes seconds to start."""
+"""Starts of a job without progress after which it is assumed to end its processes. A service that is killed soon after
+its start says nothing about its jobs, and an isolated process takes seconds to start.
+"""
 
 
 class Interrupted(Exception):
-    """The service stops: the job goes on another time."""
+    """The service stops. The job continues another time."""
 
 
 class Yielded(Exception):
-    """The job had its turn, and another one waits."""
+    """The job's turn is over, and another job waits."""
 
 
 class Dismissed(Exception):
-    """Somebody asked for the end of the job."""
+    """Somebody dismissed the job."""
 
 
 @dataclass(frozen=True, slots=True)
 class JobContext:
-    """What jobs work with."""
+    """What jobs need from the service."""
 
     settings: Settings
     database: Database
@@ -48,22 +49,22 @@ class JobContext:
 
 
 class JobFunction(Protocol):
-    """A kind of job: a function that does one from where it stands to its end.
+    """The function of a type of job: it does a job from where it stands to its end.
 
-    It calls `assignment.report` now and then, best in the transaction of what it reports; that raises when it is to
-    stop, and undoes that transaction. After that it calls `assignment.give_way`, where it can go on from there another
-    time. What it needs to go on after a restart it leaves in `progress`. What it raises
-    of `DomainError` is the reason given for the job's failure.
+    It calls `assignment.report` regularly, best in the transaction of what it reports. `report` raises if the job must
+    stop, which undoes that transaction. Where the job could continue another time, it then calls
+    `assignment.yield_turn`. It keeps what it needs after a restart in `progress`. A `DomainError` that it raises
+    becomes the reason why the job failed.
     """
 
     def __call__(self, assignment: "Assignment", context: JobContext) -> None: ...
 
 
 class Assignment:
-    """A job in the hands of who does it."""
+    """A job as its runner sees it."""
 
     def __init__(self, row: JobRow, database: Database, stopping: threading.Event, turn: float, budget: Budget) -> None:
-        """`budget` is abandoned when the service stops; work that takes long asks it, and may raise Abandoned."""
+        """`budget` is abandoned when the service stops. Long work checks it and may raise Abandoned."""
         self.budget = budget
         self._queue, self._turn = Queue(row.caller, row.collection_key), turn
         self.id, self.collection_id, self.collection_key = row.id, row.collection_id, row.collection_key
@@ -76,14 +77,14 @@ class Assignment:
         self._began, self._before = self._reported, float(row.progress.get("worked", 0.0))
 
     def collection(self, session: Session) -> CollectionRow:
-        """The collection that the job was accepted for. Raises NotFound, also where another has its name by now."""
+        """The collection of the job. Raises NotFound, also if another collection has its name by now."""
         collection = Collections(session).get(self.collection_id)
         if collection is None or collection.key != self.collection_key:
             raise NotFound("collection", self.collection_id)
         return collection
 
     def report(self, session: Session | None = None, **progress: Any) -> None:
-        """Note `done`, `total`, `counts` and where to go on. Raises Interrupted, Dismissed and StorageError."""
+        """Store `done`, `total`, `counts` and the progress. Raises Interrupted, Dismissed and StorageError."""
         if self._stopping.is_set():
             raise Interrupted
         self.progress.update(progress, starts=0, worked=self._before + time.monotonic() - self._began)
@@ -96,7 +97,7 @@ class Assignment:
 
     @property
     def is_suspect(self) -> bool:
-        """Whether several processes in a row ended that began the job, and none of them got on with it."""
+        """Whether several processes in a row ended that had started the job, without any progress."""
         return self._is_suspect
 
     @property
@@ -105,9 +106,9 @@ class Assignment:
         return time.monotonic() - self._reported
 
     def yield_turn(self) -> None:
-        """Raise GaveWay when the job's turn is over and a job of another key, or on another collection, waits.
+        """Raise Yielded if the job's turn is over and a job of another key or collection waits.
 
-        What was reported is where it goes on. Raises StorageError.
+        The job continues from its last report. Raises StorageError.
         """
         if time.monotonic() - self._began < self._turn:
             return
@@ -120,6 +121,6 @@ class Assignment:
         if jobs.is_dismissed(self.id):
             raise Dismissed
         if self.total is not None:
-            # Submaps that others store meanwhile are worked on, too: there is more to do than was counted at first.
+            # Submaps that are stored in the meantime are included, so there may be more than were counted first.
             self.total = max(self.total, self.done)
         jobs.change(self.id, done=self.done, total=self.total, counts=self.counts, progress=self.progress)

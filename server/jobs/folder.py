@@ -1,4 +1,4 @@
-"""The files of jobs, in a folder beside the database: what was sent, and what came of it."""
+"""The files of jobs, in a folder beside the database: uploads and results."""
 
 import os
 import time
@@ -17,50 +17,50 @@ INPUT: Final = ".input"
 RESULTS: Final = ".results"
 FOUND: Final = ".found"
 _GRACE: Final = 60.0
-"""Seconds for which a file is left alone, whatever it is: most are young, and not worth a closer look."""
+"""Seconds for which no file is removed, because most are young and need no closer look."""
 
 Unwanted = Callable[[Sequence[Path]], list[Path]]
-"""Which of some files nobody will ask for any more."""
+"""A function that says which of some files are no longer needed."""
 
 
 class JobFolder:
-    """The folder `<database file>.jobs`, made when something is first written to it."""
+    """The folder `<database file>.jobs`, created when something is first written to it."""
 
     def __init__(self, database: Database) -> None:
         file = database.path.resolve()
         self.path = file.with_name(f"{file.name}.jobs")
 
     def arriving(self, job_id: str) -> Path:
-        """Where an input lies while it comes in."""
+        """Path of an upload while it arrives."""
         return self.path / f"{job_id}{ARRIVING}"
 
     def input(self, job_id: str) -> Path:
-        """Where a job's input lies."""
+        """Path of a job's upload."""
         return self.path / f"{job_id}{INPUT}"
 
     def results(self, job_id: str) -> Path:
-        """Where what came of it lies."""
+        """Path of a job's results."""
         return self.path / f"{job_id}{RESULTS}"
 
     def found(self, job_id: str) -> Path:
-        """Where a job notes what it has found so far."""
+        """Path of what a job has found so far."""
         return self.path / f"{job_id}{FOUND}"
 
     def make(self) -> None:
-        """Make the folder. Raises OSError."""
+        """Create the folder. Raises OSError."""
         self.path.mkdir(exist_ok=True)
 
     def publish(self, written: Path, path: Path) -> None:
-        """Give a whole file its name, for good. Raises OSError."""
+        """Give a complete file its final name, durably. Raises OSError."""
         written.rename(path)
         self.sync()
 
     def sync(self) -> None:
-        """Put the names of the files onto the disk. Raises OSError."""
+        """Write the names of the files to the disk. Raises OSError."""
         sync(self.path)
 
     def clear(self, job_id: str) -> None:
-        """Remove what a job needs only until its end. Raises OSError."""
+        """Remove the files that a job needs only until it ends. Raises OSError."""
         for path in (self.input(job_id), self.found(job_id)):
             path.unlink(missing_ok=True)
 
@@ -71,12 +71,12 @@ class JobFolder:
 
     @contextmanager
     def turn(self, collection_key: int) -> Iterator[bool]:
-        """Be the only one, in this process or another, who works for a collection; whether it is so. Raises OSError."""
+        """Lock the work on a collection, across processes. Yields whether the lock was free. Raises OSError."""
         self.make()
         path = self.path / f"{collection_key}.lock"
-        # Held by the open file: it is free again when the process ends, however that comes.
+        # The open file holds the lock, so it is free when the process ends, however it ends.
         with path.open("a") as file:
-            # Who held it removes it: a lock on a file that is there no more keeps nobody out.
+            # The holder removes the file: a lock on a file that was removed excludes nobody.
             ours = try_lock(file) and _is_at(path, file)
             try:
                 yield ours
@@ -85,13 +85,15 @@ class JobFolder:
                     path.unlink(missing_ok=True)
 
     def clean_up(self, unwanted: Unwanted) -> int:
-        """Remove what is not wanted, and what nobody sends any more; how many files. Raises OSError."""
+        """Remove files that are not wanted, and uploads that nobody sends any more. Returns their number. Raises
+        OSError.
+        """
         removed = 0
         for path in unwanted([path for path in self.path.iterdir() if _is_old(path)] if self.path.is_dir() else []):
             try:
                 with path.open("rb") as file:
-                    # Whoever sends it, or works with it, holds it until its row tells of it: so the rows are looked at
-                    # once more when it is free.
+                    # Whoever writes to a file, or reads it, has it locked until its row exists. So the rows are read
+                    # again once the lock is free.
                     if try_lock(file) and unwanted([path]):
                         path.unlink(missing_ok=True)
                         removed += 1
@@ -115,7 +117,7 @@ def _is_at(path: Path, file: IO[Any]) -> bool:
 
 
 def cut(file: BinaryIO, written: int) -> None:
-    """Drop what was written and never committed. Raises StorageUnavailable where more is gone than that."""
+    """Cut off what was written but not committed. Raises StorageUnavailable if even committed data are missing."""
     if file.seek(0, os.SEEK_END) < written:
         raise StorageUnavailable(
             "The results of this job are missing from the folder of jobs. The submaps that it stored are still there."

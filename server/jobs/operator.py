@@ -1,4 +1,4 @@
-"""Jobs as the operator of the host sees them: all of them, whoever began them."""
+"""Jobs as the operator of the host sees them: those of all callers."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ _CANCELLED = plain(problem_type_of(Conflict("")), "The operator of the service c
 
 @dataclass(frozen=True, slots=True)
 class JobInfo:
-    """What the operator sees of a job; `key` is empty for one that was begun without a key."""
+    """A job as the operator sees it. `key` is empty if it was started without a key."""
 
     id: str
     kind: str
@@ -28,15 +28,15 @@ class JobInfo:
 
 
 def listed(database: Database, *, finished: bool = False) -> list[JobInfo]:
-    """Unfinished jobs, oldest first; with `finished`, those that are over, too. Raises StorageError."""
+    """Unfinished jobs, oldest first. With `finished`, finished ones as well. Raises StorageError."""
     with database.read() as session:
         return [_info(row) for row in Jobs(session).all(UNFINISHED if not finished else None)]
 
 
 def cancel(database: Database, *, ids: Sequence[str] = (), key: str | None = None, every: bool = False) -> list[str]:
-    """End the jobs with these `ids`, all of a `key`, or `every` one; the ids of those that were unfinished.
+    """Cancel the jobs with these `ids`, all of a `key`, or `every` one. Returns the ids of those that were unfinished.
 
-    All or none. Raises NotFound, Conflict (it is finished already) and StorageError.
+    All or none. Raises NotFound, Conflict (it has finished already) and StorageError.
     """
     with database.write() as session:
         jobs = Jobs(session)

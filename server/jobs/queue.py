@@ -61,7 +61,7 @@ def accept(
     idempotency_key: IdempotencyKey | None,
     limits: Limits,
 ) -> StoredResponse:
-    """Accept a job, unless the same was done before; the response.
+    """Accept a job, unless the same request was carried out before. Returns the response.
 
     Raises NotFound, Conflict, KeyReused, TooManyJobs, Unauthorized (the key was just revoked) and StorageError.
     """
@@ -93,7 +93,7 @@ def accept(
 
 
 def check(database: Database, collection_id: str) -> int:
-    """Refuse what could not be accepted, before all of it is sent; the collection's key.
+    """Refuse a job that could not be accepted before its upload is sent. Returns the collection's key.
 
     Raises NotFound and StorageError.
     """
@@ -119,7 +119,7 @@ def page(
     state: JobState | None,
     collection_id: str | None,
 ) -> JobPage:
-    """A page of the jobs on collections that the caller sees, the newest first. Raises InvalidField."""
+    """A page of the jobs on collections that the caller may see, newest first. Raises InvalidField."""
     size = page_size(asked.limit, limits)
     with database.read() as session:
         rows = Jobs(session).page(
@@ -138,7 +138,7 @@ def page(
 
 
 def unfinished(database: Database, job_ids: Collection[str]) -> set[str]:
-    """Which of these jobs are not finished. Raises StorageError."""
+    """Those of these jobs that are not finished. Raises StorageError."""
     with database.read() as session:
         return Jobs(session).unfinished_among(job_ids)
 
@@ -146,9 +146,9 @@ def unfinished(database: Database, job_ids: Collection[str]) -> set[str]:
 def dismiss(
     database: Database, folder: JobFolder, caller: Principal, job_id: str, idempotency_key: IdempotencyKey | None
 ) -> StoredResponse:
-    """End a job, at once or after the work in progress; or forget a finished one with its files. The response.
+    """End a job, at once or after the work in progress, or delete a finished one with its files. Returns the response.
 
-    Raises NotFound, Forbidden (another's job, and a key that may only read), KeyReused and StorageError.
+    Raises NotFound, Forbidden (the job of another key, and a key that may only read), KeyReused and StorageError.
     """
     operation = f"deleteJob {job_id}"
     with database.write() as session:
@@ -162,7 +162,7 @@ def dismiss(
         match row.state:
             case "running":
                 jobs.change(job_id, dismissed=True)
-            case "accepted":  # whoever begins it says so in a transaction: nobody is at it
+            case "accepted":  # a runner announces its start in a transaction, so none works on the job
                 jobs.change(job_id, dismissed=True, state="dismissed", finished=datetime.now(UTC))
             case _:
                 jobs.remove([job_id])
@@ -185,7 +185,7 @@ def dismiss(
 
 @dataclass(frozen=True, slots=True)
 class Results:
-    """What came of a job of a kind: an open file, how much of it counts, in bytes, and lines that follow."""
+    """The results of a job of a type: an open file, the number of bytes that are valid, and lines that follow."""
 
     kind: str
     collection_key: int
@@ -195,9 +195,9 @@ class Results:
 
 
 def results(database: Database, folder: JobFolder, caller: Principal, job_id: str) -> Results:
-    """A job's results, to be closed.
+    """The results of a job, to be closed by the caller.
 
-    Raises NotFound, Conflict (unfinished), Gone (kept long enough, or the collection is gone).
+    Raises NotFound, Conflict (unfinished), Gone (deleted after a time, or with the collection).
     """
     with database.read() as session:
         row = _row(session, caller, job_id)
@@ -207,7 +207,7 @@ def results(database: Database, folder: JobFolder, caller: Principal, job_id: st
     if orphaned:
         raise Gone(f"The results of the job {job_id} were deleted with its collection.")
     try:
-        # Open, they can be read to their end, whoever forgets the job meanwhile.
+        # Once open, they can be read to their end even if the job is deleted.
         file = folder.results(job_id).open("rb")
     except FileNotFoundError as error:
         raise Gone(
@@ -220,10 +220,10 @@ def results(database: Database, folder: JobFolder, caller: Principal, job_id: st
 def constraints(
     database: Database, left: Results, wanted: ConstraintFormat, frame_id: str | None = None
 ) -> tuple[bytes, int]:
-    """Constraints that a job left, in a format, and how many of them are stale by now; closes the results.
+    """The constraints that a job found, in a format, and the number of stale ones. Closes the results.
 
-    `frame_id`: of the map in which a g2o file begins; by default the one that most of its submaps are placed in.
-    Raises Conflict for results of other jobs, InvalidField where none of the submaps is placed in `frame_id`.
+    `frame_id`: the map frame in which the vertices of a g2o file start; by default the one of most submaps. Raises
+    Conflict for results of other jobs, InvalidField if no submap has a pose in `frame_id`.
     """
     with left.file as file:
         if left.kind != "constraints":
@@ -276,7 +276,7 @@ def _row(session: Session, caller: Principal, job_id: str) -> JobRow:
     row = jobs.get(job_id)
     if row is None or not caller.sees(row.collection_id):
         raise NotFound("job", job_id[:100])
-    # A name says who may see a collection, and this one belongs to others by now.
+    # The name decides who may see a collection, and this one belongs to another collection by now.
     if not (caller.sees_all or caller.id == row.caller) and jobs.is_superseded(row):
         raise NotFound("job", job_id[:100])
     return row

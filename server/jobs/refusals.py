@@ -1,7 +1,7 @@
-"""What an import tells of lines that it refuses: a limited number of bytes, however many there are.
+"""Results of refused lines: a limited number of bytes, however many lines are refused.
 
-A refused line may have three bytes, and its problem a hundred times as many. So the first refusals are reported
-in full, the next ones in short, and the rest are counted by kind. Each is reported or counted.
+A refused line may have three bytes, and its problem a hundred times as many. So the first refusals are reported in
+full, later ones are shortened, and the rest are counted by type. Each is reported or counted.
 """
 
 from collections.abc import Mapping
@@ -13,14 +13,14 @@ from server.problem_types import document
 from server.submaps.bulk import LineOutcome
 
 _IN_FULL: Final = 0.5
-"""Share of the bytes for refusals in full; the rest is for short ones."""
+"""Share of the bytes for full reports; the rest is for shortened ones."""
 _KINDS: Final = 200
-"""Kinds that are counted apart; there are about fifty."""
+"""Types that are counted separately; there are about fifty."""
 _OTHER: Final = "/problems/invalid-request"
 
 
 class Refusals:
-    """Lines of results for refused lines, and the state that a job keeps between two of its batches.
+    """The results of refused lines, and the state that a job keeps between two batches.
 
     Args:
         most: bytes of lines for them, about; the one that reaches the limit is still reported.
@@ -33,11 +33,11 @@ class Refusals:
         self._counted: dict[str, list[int]] = {kind: list(known) for kind, known in state["counted"]} if state else {}
 
     def state(self) -> dict[str, Any]:
-        """How much was reported, and what was counted, ready for JSON."""
+        """The number of bytes reported and the counts, ready for JSON."""
         return {"bytes": self._written, "counted": [[kind, known] for kind, known in self._counted.items()]}
 
     def describe(self, line: LineOutcome) -> bytes | None:
-        """A line of results for one that was refused, or None where it is only counted."""
+        """The result of a refused line, None if it is only counted."""
         assert line.error is not None
         problem = document(line.error)
         if self._written >= self._most:
@@ -59,7 +59,7 @@ class Refusals:
 
 
 def summary(state: Mapping[str, Any] | None) -> bytes:
-    """Lines of results for refusals that were only counted: `lines` of a kind, from `line` to `last_line`."""
+    """Results of refusals that were only counted: the number of `lines` of each type, from `line` to `last_line`."""
     told = []
     for kind, (count, first, last) in state["counted"] if state else ():
         slug, status, code = kind.split(" ", 2)
@@ -70,6 +70,6 @@ def summary(state: Mapping[str, Any] | None) -> bytes:
 
 
 def _code(problem: Mapping[str, Any]) -> str:
-    """The most telling word of a problem: the code of its first error, else the end of its type."""
+    """The most specific word of a problem: the code of its first error, else the end of its type."""
     errors = problem.get("errors")
     return str(errors[0]["code"]) if errors else str(problem["type"]).rsplit("/", 1)[-1]

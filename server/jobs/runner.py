@@ -1,9 +1,8 @@
-"""The thread that does the jobs: it takes them, whatever process left them, and sees them to their end.
+"""The thread that runs jobs: it takes them, whichever process left them, and runs them to their end.
 
-Jobs of one key on one collection are done one after the other, in the order they came; the keys, and the collections of
-a key, take turns. Who does a job holds the collection's lock,
-which the kernel frees when the process ends; so a job that is `running` while its lock is free was left by a process
-that is gone, and the process that gets the lock resumes it. The lock decides, not a timeout.
+Jobs of one key on one collection run in the order they came; keys, and collections of a key, take turns. The runner of
+a job holds the collection's file lock, which the kernel releases when the process ends. So if a job is `running` but
+its lock is free, its process has ended, and the process that gets the lock resumes it. The lock decides, not a timeout.
 """
 
 import logging
@@ -23,19 +22,19 @@ from server.store.repositories.jobs import Jobs, Queue
 from urquhart import Abandoned, Budget
 
 _LOOK: Final = 0.5
-"""Seconds between two looks at what other processes took on."""
+"""Seconds between two checks for jobs that other processes accepted."""
 _CLEAN_UP_SECONDS: Final = 600.0
 _PATIENCE: Final = 3.0
-"""Seconds that what is in progress may take when the service stops."""
+"""Seconds that the job in progress has to stop when the service stops."""
 _LONGEST_PAUSE: Final = 60.0
-"""Seconds between two looks, as long as these fail."""
+"""Seconds between two checks while they fail."""
 _STARTS: Final = 5
-"""Times that a job is begun and ends the process, or one that works for it, before it is given up."""
+"""Starts of a job that end its process, or a worker's, before the job is given up."""
 _log = logging.getLogger(__name__)
 
 
 class Runner:
-    """Does the jobs of a database, one at a time in this process."""
+    """Runs the jobs of a database, one at a time in this process."""
 
     def __init__(self, context: JobContext, job_types: Mapping[str, JobFunction]) -> None:
         self._context, self._job_types = context, job_types
@@ -47,7 +46,7 @@ class Runner:
         self._served: dict[Queue | str, int] = {}
 
     def start(self) -> None:
-        """Begin, in the background."""
+        """Start in the background."""
         if self._context.database.read_only:
             return
         self._stopping.clear()
@@ -56,20 +55,20 @@ class Runner:
         self._thread.start()
 
     def wake(self) -> None:
-        """There is news: a job was accepted, or dismissed."""
+        """Check at once: a job was accepted or dismissed."""
         self._news.set()
 
     def hand_back(self) -> None:
-        """Tell the job in progress to end soon; it goes on where it was when a service is started again.
+        """Tell the job in progress to stop soon. It continues when a service is started again.
 
-        A job that writes segments ends when the catalog's `stopping` is set, too: set that before.
+        A job that writes segments also stops when the catalog's `stopping` is set. Set that first.
         """
         self._stopping.set()
         self._budget.abandon()
         self._news.set()
 
     def stop(self) -> None:
-        """Hand the job in progress back, and wait until that is done, but not for long: else its lock does it."""
+        """Hand back the job in progress and wait until that is done, for a limited time; otherwise its lock does it."""
         self.hand_back()
         if self._thread is not None:
             self._thread.join(_PATIENCE)
@@ -91,10 +90,10 @@ class Runner:
                 self._news.clear()
 
     def run_once(self) -> bool:
-        """Give the next job its turn, of those that nobody else is at; whether one was brought forward.
+        """Give the next job that no other process runs its turn. Returns whether a job made progress.
 
-        Callers take turns, and so do the collections of one caller: however many jobs somebody has, a job of another
-        waits for one turn of each caller.
+        Callers take turns, and so do the collections of one caller: however many jobs a caller has, another's job waits
+        for one turn of each caller.
         """
         with self._context.database.read() as session:
             queues = Jobs(session).queues()
@@ -112,7 +111,7 @@ class Runner:
         return self._served.get(queue.caller, 0), self._served.get(queue, 0)
 
     def clean_up(self) -> None:
-        """Remove the files of jobs that were finished long ago, and rows beyond those that are kept.
+        """Delete the files of jobs that finished long ago, and rows beyond those that are kept.
 
         Raises OSError and StorageError.
         """
@@ -158,7 +157,7 @@ class Runner:
         return True
 
     def _do(self, kind: str, assignment: Assignment) -> bool:
-        """Bring a job to its end, or as far as possible now; whether it is at its end, or had its turn."""
+        """Run a job to its end, or as far as possible now. Returns whether it has ended or had its turn."""
         try:
             self._job_types[kind](assignment, self._context)
         except Yielded:
@@ -171,7 +170,7 @@ class Runner:
             self._finish(assignment.id, "dismissed")
         except (StorageBusy, WorkerLost) as error:
             _log.warning("job %s (%s) will be continued later: %s", assignment.id, kind, error)
-            # Who is busy will have done; what ended a process may do so again.
+            # A busy database will be free; what ended a process may end another one.
             self._put_back(assignment.id, starts=0 if isinstance(error, WorkerLost) else -1)
             return False
         except DomainError as error:
@@ -187,25 +186,26 @@ class Runner:
     def _finish(self, job_id: str, state: str, problem: dict[str, Any] | None = None) -> None:
         def note() -> None:
             with self._context.database.write() as session:
-                # Who dismissed it may have said why.
+                # Whoever dismissed it may have stored a reason.
                 why = {} if state == "dismissed" else {"problem": problem}
                 Jobs(session).change(job_id, state=state, finished=datetime.now(UTC), **why)
 
         def make_room() -> None:
             self._context.folder.clear(job_id)
 
-        # Until it is noted somebody may go on with the job. He finds that nothing is left to do, or fails for want of
-        # the input, which is as good; but on a full disk it may be the input that leaves no room for the note.
+        # Until the outcome is stored, another process may resume the job. It finds that nothing is left to do, or fails
+        # because the upload is missing, which does no harm. On a full disk, the upload may be what leaves no room for
+        # the outcome.
         if _persistently(note, self._stopping, make_room):
             make_room()
 
     def _put_back(self, job_id: str, starts: int) -> None:
-        """Leave a job to whoever takes it next, with so much more on the count of its starts."""
+        """Leave a job to the next runner, with this many more starts on its count."""
 
         def note() -> None:
             with self._context.database.write() as session:
                 jobs = Jobs(session)
-                # What the assignment says of its progress may be of a transaction that was undone.
+                # The assignment's progress may be from a transaction that was undone.
                 if (row := jobs.get(job_id)) is not None:
                     count = max(int(row.progress.get("starts", 0)) + starts, 0)
                     jobs.change(job_id, state="accepted", progress={**row.progress, "starts": count})
@@ -216,7 +216,7 @@ class Runner:
 def _persistently(
     note: Callable[[], None], stopping: threading.Event, make_room: Callable[[], None] | None = None
 ) -> bool:
-    """Note what became of a job, again and again where the database is full or busy; whether it is noted."""
+    """Store the outcome of a job, again and again while the database is full or busy. Returns whether it is stored."""
     while True:
         try:
             note()
@@ -225,7 +225,7 @@ def _persistently(
             if make_room is not None and isinstance(error, StorageFull):
                 make_room()
             if stopping.wait(1.0):
-                return False  # it is taken up again, finds nothing left to do, and ends
+                return False  # another runner takes it, finds nothing left to do, and ends it
         else:
             return True
 

@@ -1,4 +1,4 @@
-"""An upload on its way to the disk: never in memory as a whole, and there as a whole or not at all."""
+"""An upload on its way to the disk: never in memory as a whole, and stored completely or not at all."""
 
 import hashlib
 import os
@@ -16,22 +16,22 @@ from server.platform.file_locks import try_lock
 from server.store.sqlite.sqlite_errors import storage_errors
 
 _PIECE: Final = 1 << 20
-"""Bytes that are inflated and written at once."""
+"""Bytes that are decompressed and written at once."""
 
 
 class Inflating(Protocol):
-    """What turns packed bytes into those that were packed."""
+    """A decompressor."""
 
     def feed(self, data: bytes, most: int) -> bytes:
-        """Up to `most` bytes more."""
+        """Decompress at most `most` bytes."""
 
     def finish(self) -> None:
-        """Refuse a stream that ended before its end."""
+        """Raise if the stream is not complete."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReceivedUpload:
-    """What arrived: bytes and lines of it, and its SHA-256."""
+    """A received upload: its size in bytes and lines, and its SHA-256."""
 
     size: int
     lines: int
@@ -42,10 +42,10 @@ class ReceivedUpload:
 async def receive_upload(
     folder: JobFolder, job_id: str, pieces: AsyncIterator[bytes], limits: Limits, inflater: Inflating | None
 ) -> AsyncIterator[ReceivedUpload]:
-    """Write an upload to the job's input, and onto the disk; within the block its job is taken on.
+    """Write an upload to the job's input, durably. The caller accepts the job within the block.
 
-    Raises TooLarge, MalformedBody, StorageError, and what ends the pieces. Then, and where the block raises, nothing is
-    left of it.
+    Raises TooLarge, MalformedBody, StorageError, and what the stream raises. Then, or if the block raises, nothing of
+    the upload is left.
     """
     path = folder.arriving(job_id)
     try:
@@ -53,7 +53,7 @@ async def receive_upload(
             with storage_errors(folder.path):
                 folder.make()
                 file = held.enter_context(path.open("xb"))
-                try_lock(file)  # until its job is there, nobody takes it for a left-over
+                try_lock(file)  # until its job exists, so that it is not removed as a left-over
                 writer = _Writer(file, limits, inflater)
                 async for piece in pieces:
                     if piece:
@@ -65,7 +65,7 @@ async def receive_upload(
         folder.remove(job_id)
         raise
     except BaseException:
-        # Cut short, with the job perhaps there already: its input is removed if it is not.
+        # The block was interrupted, perhaps after the job was stored. If it was not, the input is removed later.
         path.unlink(missing_ok=True)
         raise
 

@@ -1,4 +1,4 @@
-"""What the operating system gives: processes, threads, file locks, random ids.
+"""What the operating system provides: processes, threads, file locks, random ids.
 
 Knows nothing of submaps, SQL or HTTP. Imports `errors` only.
 """

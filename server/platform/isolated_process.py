@@ -1,4 +1,4 @@
-"""One process for work that may end the process that does it, or never end itself."""
+"""A process for work that may end its process or never finish."""
 
 import time
 from collections.abc import Callable
@@ -11,16 +11,16 @@ from server.errors import WorkerLost
 from server.platform.worker_process import start_worker
 
 _LOOK: Final = 0.5
-"""Seconds between two looks at whether the process still has time."""
+"""Seconds between two checks whether the time is over."""
 _TO_START: Final = 120.0
-"""Seconds that a process may take to load; it cannot be the work's fault where it takes longer."""
+"""Seconds that a process may take to start. If it takes longer, the task is not to blame."""
 _MEMORY: Final = 2 * 1024**3
-"""Bytes of memory of its own that the process may take: several times what the largest submap needs."""
+"""Bytes of memory that the process may allocate: several times the need of the largest submap."""
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What came of a task: a result, an error to raise, or in `lost` why there is neither."""
+    """The outcome of a task: a result, an error to raise, or in `lost` why there is neither."""
 
     result: Any = None
     error: Exception | None = None
@@ -29,7 +29,7 @@ class Outcome:
 
 
 class IsolatedProcess:
-    """A process that does one task at a time; a new one takes its place when a task ends it or takes too long."""
+    """A process that does one task at a time. If a task ends it or takes too long, a new one replaces it."""
 
     def __init__(self, warm_up: Callable[[], object]) -> None:
         self._warm_up = warm_up
@@ -37,7 +37,7 @@ class IsolatedProcess:
         self._connection: Connection | None = None
 
     def attempt(self, function: Callable[[Any], Any], task: object, seconds: float) -> Outcome:
-        """Do a task in the process, within so many seconds. Raises WorkerLost where no process can be started."""
+        """Do a task in the process, within a number of seconds. Raises WorkerLost if no process can be started."""
         connection = self._started()
         connection.send((0, function, task))
         try:
@@ -49,12 +49,12 @@ class IsolatedProcess:
             return Outcome(lost=f"it took longer than {seconds:g} s", in_time=False)
         _, result, error = message
         if isinstance(error, MemoryError):
-            self.close()  # what it still holds is not worth finding out
+            self.close()  # its state is not worth finding out
             return Outcome(lost="it needed too much memory")
         return Outcome(result, error)
 
     def close(self) -> None:
-        """End the process, whatever it is at."""
+        """End the process, whatever it is doing."""
         process, connection = self._process, self._connection
         self._process = self._connection = None
         if connection is not None:
@@ -77,7 +77,7 @@ class IsolatedProcess:
         return self._connection
 
     def _ended(self) -> str:
-        """How the process ended, which is over then."""
+        """How the process ended. Cleans up after it."""
         assert self._process is not None
         self._process.join()
         code = self._process.exitcode or 0
@@ -86,7 +86,7 @@ class IsolatedProcess:
 
 
 def _receive(connection: Connection, seconds: float) -> Any:
-    """The next message, None where none came in time. Raises EOFError and OSError when the process is gone."""
+    """The next message, None if none came in time. Raises EOFError and OSError if the process has ended."""
     deadline = time.monotonic() + seconds
     while not connection.poll(min(_LOOK, max(deadline - time.monotonic(), 0.0))):
         if time.monotonic() >= deadline:

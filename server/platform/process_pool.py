@@ -1,8 +1,8 @@
-"""Processes that compute for this one: started when they are worth it, gone when it is.
+"""Worker processes for computations: started when they are worth it, and ended after use.
 
-Starting a process costs seconds, most of them to load what it computes with. So work begins in this process, and only
-when it has gone on for a while are others started beside it; what is short never waits for them. This process goes on
-computing whenever it has nothing else to do.
+Starting a process takes seconds, mostly to load the numerical libraries. So work begins in this process, and others are
+started only after it has gone on for a while: short work never waits for them. This process keeps computing whenever it
+has nothing else to do.
 """
 
 import os
@@ -23,16 +23,16 @@ _Given = TypeVar("_Given")
 _Task = TypeVar("_Task")
 _Result = TypeVar("_Result")
 _AHEAD: Final = 2
-"""Tasks at each process: one that is worked at, and one so that it need not wait for the next."""
+"""Tasks given to each process: one in progress, and one so that it need not wait for the next."""
 _LOOK: Final = 1.0
-"""Seconds between two looks at whether a process is at a task for too long."""
+"""Seconds between two checks whether a process has worked on a task for too long."""
 PATIENCE: Final = 1.0
 """Seconds of work before processes are started."""
 
 
 @dataclass(frozen=True, slots=True)
 class PoolTask(Generic[_Given, _Task, _Result]):
-    """How something that is given becomes a result, in this process or in another.
+    """How an input becomes a result, in this process or in another.
 
     Attributes:
         here: makes the result in this process.
@@ -49,7 +49,7 @@ class PoolTask(Generic[_Given, _Task, _Result]):
 
 @dataclass(frozen=True, slots=True)
 class IsolationPolicy(Generic[_Given, _Result]):
-    """How a task that is too much for a process is taken apart, so that only what is to blame is refused.
+    """How a task that is too much for a process is split, so that only the part at fault is refused.
 
     Attributes:
         is_light: whether it can do no harm, and may be done in this process.
@@ -74,16 +74,16 @@ class _Worker:
 
 
 class ProcessPool:
-    """A pool of processes, to be shared by all that needs one; closed, it can be used again.
+    """A pool of processes for all that needs one. It can be used again after it was closed.
 
-    Processes are spawned, not forked: a program that uses them must be importable, its work behind
-    `if __name__ == "__main__"`. They end with this process, even when it is killed.
+    Processes are spawned, not forked, so a program that uses them must be importable, with its work behind `if __name__
+    == "__main__"`. They end with this process, even if it is killed.
     """
 
     def __init__(
         self, processes: int | None = None, *, warm_up: Callable[[], object], patience: float = PATIENCE
     ) -> None:
-        """Start nothing yet.
+        """Nothing is started yet.
 
         Args:
             processes: how many compute, this one among them; None for one a core.
@@ -100,7 +100,7 @@ class ProcessPool:
         self._isolated = IsolatedProcess(warm_up)
 
     def __enter__(self) -> Self:
-        """The pool."""
+        """Return the pool."""
         return self
 
     def __exit__(
@@ -111,11 +111,11 @@ class ProcessPool:
 
     @property
     def pids(self) -> list[int]:
-        """Of the processes that were started."""
+        """Process ids of the workers."""
         return [worker.process.pid for worker in self._workers if worker.process.pid is not None]
 
     def close(self) -> None:
-        """End the processes, whatever they are at. Nothing may be under way in `map`."""
+        """End the processes, whatever they are doing. No `map` may be in progress."""
         workers, self._workers = self._workers, []
         self._isolated.close()
         for worker in workers:
@@ -126,12 +126,12 @@ class ProcessPool:
             worker.process.close()
 
     def map(self, work: PoolTask[_Given, _Task, _Result], given: Iterable[_Given]) -> Generator[_Result, None, None]:
-        """Results in the order of what is given, of which no more than a few are taken in advance.
+        """Results in the order of the inputs, of which only a few are taken in advance.
 
-        Where `given` ends with an exception, it is raised after the results of all before it. While another thread has
-        the processes, everything is done in this one.
+        If `given` ends with an exception, it is raised after the results of all inputs before it. While another thread
+        uses the processes, this one does everything itself.
 
-        Raises WorkerLost when a process ends before its time and `work` cannot be taken apart, and what `work` raises.
+        Raises WorkerLost if a process ends early and `work` cannot be split, and what `work` raises.
         """
         if not self._busy.acquire(blocking=False):
             yield from map(work.here, given)
@@ -193,7 +193,7 @@ class ProcessPool:
     def _apart(
         self, work: PoolTask[_Given, _Task, _Result], apart: IsolationPolicy[_Given, _Result], given: _Given
     ) -> list[tuple[Any, Exception | None]]:
-        """The results of a task that may be too much for a process: whole if possible, else part by part."""
+        """The results of a task that may be too much for a process: of the whole if possible, else part by part."""
         whole = self._isolated.attempt(work.there, work.pack(given), 2.0 * apart.seconds)
         if whole.lost is None:
             return [(whole.result, whole.error)]
@@ -201,7 +201,7 @@ class ProcessPool:
         for one in apart.singles(given):
             outcome = self._isolated.attempt(work.there, work.pack(one), apart.seconds)
             if outcome.lost is not None and outcome.in_time:
-                # Once may be bad luck: memory was short because of something else.
+                # The first failure may be bad luck: memory was short for another reason.
                 outcome = self._isolated.attempt(work.there, work.pack(one), apart.seconds)
             if outcome.lost is not None:
                 outcome = Outcome(apart.refuse(one, outcome.lost))
@@ -209,12 +209,14 @@ class ProcessPool:
         return results
 
     def _idle(self) -> _Worker | None:
-        """The process with the least to do, None where each has enough or none is ready."""
+        """The process with the fewest tasks; None if each has enough or none is ready."""
         free = [worker for worker in self._workers if worker.ready and len(worker.tasks) < _AHEAD]
         return min(free, key=lambda worker: len(worker.tasks), default=None)
 
     def _receive(self, work: PoolTask[_Given, _Task, _Result], done: dict[int, Any], timeout: float) -> None:
-        """Wait for processes and take what they have; results of before the first belong to a map that was given up."""
+        """Wait for processes and collect their results. Results of inputs before the first belong to a map that was
+        given up.
+        """
         by_connection = {worker.connection: worker for worker in self._workers}
         for connection in wait(list(by_connection), timeout):
             assert isinstance(connection, Connection)
@@ -234,12 +236,12 @@ class ProcessPool:
         if work.apart is not None:
             late = time.monotonic() - 2.0 * work.apart.seconds
             for worker in [one for one in self._workers if one.tasks and one.since < late]:
-                worker.process.kill()  # noticed as any other end
+                worker.process.kill()  # noticed like any other end of the process
 
     def _replace(
         self, worker: _Worker, work: PoolTask[_Given, _Task, _Result], done: dict[int, Any], gone: Exception
     ) -> None:
-        """Go on without a process that ended, and do apart what it was at. Raises WorkerLost where that cannot be."""
+        """Replace a process that ended, and do its tasks in isolation. Raises WorkerLost if that is not possible."""
         if work.apart is None or not worker.ready:
             raise self._lost(worker) from gone
         self._workers.remove(worker)
@@ -263,7 +265,7 @@ class ProcessPool:
 
 
 class _TaskSource(Generic[_Given]):
-    """An iterator whose exception is kept until what came before it is done."""
+    """An iterator whose exception is raised only after everything before it is done."""
 
     def __init__(self, given: Iterable[_Given]) -> None:
         self._iterator = iter(given)
@@ -271,7 +273,7 @@ class _TaskSource(Generic[_Given]):
         self._ended = False
 
     def take(self) -> tuple[_Given] | None:
-        """The next one, or None."""
+        """The next item, None at the end."""
         if self._ended:
             return None
         try:
@@ -284,7 +286,7 @@ class _TaskSource(Generic[_Given]):
         return None
 
     def check(self) -> None:
-        """Raise what ended the iterator before its time."""
+        """Raise the exception that ended the iterator."""
         if self._error is not None:
             raise self._error
 

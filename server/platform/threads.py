@@ -1,4 +1,4 @@
-"""One request, one core: thread pools of OpenMP (FAISS) and BLAS of one request only fight with those of others."""
+"""One thread for each request: thread pools of OpenMP (FAISS) and BLAS would only compete with other requests."""
 
 import threading
 from functools import cache
@@ -9,9 +9,10 @@ _pinned = threading.local()
 
 
 def pin_threads() -> None:
-    """Hold the calling thread's numerical libraries to one thread.
+    """Limit the numerical libraries to one thread in the calling thread.
 
-    OpenMP keeps its number per calling thread, so every thread that computes has to say so; later calls cost nothing.
+    OpenMP has a limit for each calling thread, so every thread that computes must call this. Repeated calls cost
+    nothing.
     """
     if not getattr(_pinned, "done", False):
         _controller().limit(limits=1)

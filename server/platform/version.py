@@ -6,7 +6,7 @@ from importlib import metadata
 
 @cache
 def service_version() -> str:
-    """Version of the installed distribution; `0+source` when run from a tree that is not installed."""
+    """Version of the installed distribution, or `0+source` if it runs from a source tree that is not installed."""
     try:
         return metadata.version("urquhart")
     except metadata.PackageNotFoundError:

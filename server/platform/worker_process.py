@@ -1,7 +1,7 @@
-"""One worker process: how it is started, what it does, and how it notices that nobody needs it any more.
+"""One worker process: its start, its work, and how it notices that its parent is gone.
 
-Between it and its parent is one pipe, of which each holds one end. Tasks are `(number, function, task)` and results
-`(number, result, error)`; the first message, all None, says that it is ready.
+One pipe connects it with its parent. Tasks are `(number, function, task)`, results `(number, result, error)`. The first
+message, all None, says that the worker is ready.
 """
 
 import contextlib
@@ -31,21 +31,21 @@ _THREADS: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS",
 def start_worker(
     name: str, warm_up: Callable[[], object], *, memory: int | None = None
 ) -> tuple[SpawnProcess, Connection]:
-    """A new process, which calls `warm_up` before anything else, and the pipe to it.
+    """A new process, which calls `warm_up` first, and the pipe to it.
 
-    `memory`: bytes of its own that it may take; beyond that its allocations fail.
+    `memory`: bytes that it may allocate; beyond that, allocations fail.
     """
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
     process = context.Process(target=_work, args=(theirs, warm_up, memory), name=name, daemon=True)
     with _one_thread_each(), _undisturbed():
         process.start()
-    theirs.close()  # the only other end is the worker's: when either is gone, the system tells the other
+    theirs.close()  # the worker has the only other end, so each side notices when the other one ends
     return process, ours
 
 
 def attempt(function: Callable[[_Task], _Result], task: _Task) -> tuple[_Result | None, Exception | None]:
-    """What the function returns, or what it raises, to be raised when its turn has come."""
+    """The result of the function, or the error that it raised, to be raised when its turn comes."""
     try:
         return function(task), None
     except Exception as error:  # noqa: BLE001  raised by who asked
@@ -53,7 +53,7 @@ def attempt(function: Callable[[_Task], _Result], task: _Task) -> tuple[_Result 
 
 
 def _work(connection: Connection, warm_up: Callable[[], object], memory: int | None) -> None:
-    """A worker's life. Threads read and send, so that neither side ever waits for the other to take something."""
+    """The main loop of a worker. Threads read and send, so that neither side ever blocks the other."""
     _give_way_to_the_service(memory)
     tasks: queue.SimpleQueue[Any] = queue.SimpleQueue()
     results: queue.SimpleQueue[Any] = queue.SimpleQueue()
@@ -69,10 +69,10 @@ def _work(connection: Connection, warm_up: Callable[[], object], memory: int | N
 
 
 def _give_way_to_the_service(memory: int | None) -> None:
-    """Where memory runs out, this process is to end, and not the one that answers requests."""
+    """Make this process the first to be killed if memory runs out, and not the service."""
     if memory is not None and resource is not None:
         resource.setrlimit(resource.RLIMIT_DATA, (memory, memory))
-    with contextlib.suppress(OSError):  # not every system has it, and without it the work is the same
+    with contextlib.suppress(OSError):  # optional: not every system has it
         Path("/proc/self/oom_score_adj").write_text("1000")
 
 
@@ -81,7 +81,7 @@ def _read(connection: Connection, tasks: "queue.SimpleQueue[Any]") -> None:
         while True:
             tasks.put(connection.recv())
     except (EOFError, OSError):
-        os._exit(0)  # the parent is gone: nobody wants the result that is being made
+        os._exit(0)  # the parent has ended, so nobody wants the result
 
 
 def _send(connection: Connection, results: "queue.SimpleQueue[Any]") -> None:
@@ -93,13 +93,15 @@ def _send(connection: Connection, results: "queue.SimpleQueue[Any]") -> None:
 
 
 def _fail(failed: threading.ExceptHookArgs) -> None:
-    """A thread that ends leaves the parent waiting; the end of the process is reported to it."""
+    """End the process if a thread fails: the parent would wait for ever for the thread, but notices the end of the
+    process.
+    """
     traceback.print_exception(failed.exc_value)
     os._exit(1)
 
 
 def _portable(error: Exception) -> Exception:
-    """The error, as one that arrives, with the place where it was raised."""
+    """The error in a form that can be sent, with the place where it was raised."""
     told = "in a worker process:\n" + "".join(traceback.format_exception(error))
     _, refused = attempt(lambda one: pickle.loads(pickle.dumps(one)), error)
     if refused is not None:
@@ -110,7 +112,7 @@ def _portable(error: Exception) -> Exception:
 
 @contextlib.contextmanager
 def _one_thread_each() -> Iterator[None]:
-    """Libraries size their thread pools when they are loaded: a new process must find the limit in place."""
+    """Limit thread pools to one thread by the environment, which libraries read when they are loaded."""
     before = {name: os.environ.get(name) for name in _THREADS}
     os.environ.update(dict.fromkeys(_THREADS, "1"))
     try:
@@ -125,7 +127,7 @@ def _one_thread_each() -> Iterator[None]:
 
 @contextlib.contextmanager
 def _undisturbed() -> Iterator[None]:
-    """Ctrl-C reaches all processes of a terminal. One that is started here never sees it: its parent ends it."""
+    """Ignore Ctrl-C, which reaches all processes of a terminal. The parent ends its workers."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return

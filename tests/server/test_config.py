@@ -87,7 +87,7 @@ def test_nothing_is_read_where_there_is_no_file() -> None:
         ("[limits.page]\nrows = 1\n", "there is no setting limits.page.rows"),
         ("colour = 'green'\n", "there is no setting colour"),
         ("limits = 5\n", r"limits is a table: write \[limits\]"),
-        ("config = 'other.toml'\n", "it cannot be set in it"),
+        ("config = 'other.toml'\n", "cannot be set in it"),
         ("port = \n", "not TOML"),
         ("port = 70000\n", "port: Input should be less than or equal to 65535"),
         ("[log]\nlevel = 'loud'\n", "log.level: Input should be 'debug', 'info'"),

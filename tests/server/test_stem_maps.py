@@ -226,7 +226,7 @@ def test_cuts_that_make_no_sense_say_what_to_change() -> None:
         cut(stand(crowd), 100.0, 1.0, maximum_trees=49)
     with pytest.raises(CuttingError, match="a tree far outside the stand"):
         cut(stand(np.concatenate([crowd, [(1e8, 1e8)]])), 30.0, 1e-6)
-    with pytest.raises(CuttingError, match="makes 1002001 discs"):
+    with pytest.raises(CuttingError, match="makes 1002001 submaps"):
         cut(stand([(0.0, 0.0), (1000.0, 1000.0)]), 30.0, 1.0)
 
 

@@ -27,6 +27,7 @@ from server.commands.index import ensure_collection, sentence
 from server.commands.support.failure import CommandError
 from server.commands.support.progress import progress_bar
 from server.config.settings import Limits
+from server.platform.kernel_progress import warm_up
 from server.stem_maps.reader import StemMap, read_stem_map
 from server.stem_maps.stands import cut_stand, store_stand
 from server.store.migrations_runner import upgrade
@@ -74,9 +75,9 @@ def run(out: Path, data: Path, *, seed: int, observations: int, keep: bool) -> b
     asked = [STANDS[i % 2] for i in range(observations)] + [FOREIGN] * FOREIGN_OBSERVATIONS
     questions = [ask(stand, stem_maps[stand.name], rng) for stand in asked]
 
-    with console.status("compiling the kernels (the first time only)"):
-        urquhart.warm_up(urquhart.Config())
+    warm_up(partial(console.print, highlight=False))
     _store(out / OUTPUT[0], stem_maps, console)
+    console.print("starting the service", highlight=False)
     with running_service(out / OUTPUT[0], out / "server.log", keep=keep) as (url, pid):
         console.print(f"service ready on {url}", highlight=False)
         with Client(url) as client:

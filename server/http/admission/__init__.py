@@ -1,4 +1,4 @@
-"""Which requests are worked on now: a fair queue, deadlines, waiting callers, readiness.
+"""Admission control: a fair queue, deadlines, waiting callers, readiness.
 
 Imports `http`, `jobs` and below.
 """

@@ -1,4 +1,4 @@
-"""One request on its way through the service: how it arrives, its turn, and for how long it is worked on."""
+"""One request on its way through the service: its arrival, its place in the queue, and its deadline."""
 
 import asyncio
 import time
@@ -21,18 +21,20 @@ from server.security.principal import Principal
 from urquhart import Budget
 
 ALWAYS_ANSWERED: Final = frozenset({"/livez", "/readyz", "/metrics"})
-"""Paths that take no place: who watches the service must see it all the more when it is overloaded."""
+"""Paths that need no place, because monitoring must work above all when the service is overloaded."""
 _RETRY: Final = 1.0
 ABORT: Final = "abort"
-"""Name in a request's state of what resets its connection."""
+"""Name of the entry in a request's state that resets its connection."""
 _PIECE: Final = 1 << 16
-"""Bytes of an answer that are handed over at once: the next ones when these are on their way."""
+"""Bytes of an answer that are sent at once. The next piece is sent when the last one is on its way."""
 _EMPTY: Final[Message] = {"type": "http.request", "body": b"", "more_body": False}
 
 
 @dataclass(slots=True)
 class AdmissionState:
-    """What the requests of a process share. `held`: bytes of bodies in memory; `requests`: those in progress."""
+    """The state that all requests of a process share. `held`: bytes of bodies in memory; `requests`: those in
+    progress.
+    """
 
     limits: Limits
     gate: Gate
@@ -46,7 +48,7 @@ class AdmissionState:
         self.unsent = UnreadAnswers(self.limits.unsent_bytes, lambda: self.count("unsent"))
 
     def hold(self, size: int) -> None:
-        """Count bytes of a body that are kept in memory. Raises Overloaded."""
+        """Count bytes of a body that is kept in memory. Raises Overloaded."""
         if self.held + size > self.limits.buffered_bytes:
             self.count("memory")
             raise Overloaded("The memory for incoming bodies is full. Try again in a moment.", _RETRY)
@@ -58,7 +60,7 @@ class AdmissionState:
 
 
 class UnreadAnswers:
-    """Answers that are held until their callers have read them; those that read nothing for longest are cut off."""
+    """Answers that are kept until their callers have read them. Callers that read nothing for longest are cut off."""
 
     def __init__(self, most: int, count: Callable[[], None]) -> None:
         self._most, self._count = most, count
@@ -66,11 +68,11 @@ class UnreadAnswers:
 
     @property
     def held(self) -> int:
-        """Bytes of the answers that are held."""
+        """Bytes of the answers that are kept."""
         return sum(self._sizes.values())
 
     def hold(self, request: "Admission", size: int) -> None:
-        """Keep an answer of so many bytes, and make room for it where that is needed."""
+        """Keep an answer of `size` bytes, and cut off other callers if there is no room for it."""
         held = self.held + size
         for other in sorted(self._sizes, key=lambda one: one.stalled):
             if held <= self._most:
@@ -81,15 +83,15 @@ class UnreadAnswers:
         self._sizes[request] = size
 
     def release(self, request: "Admission") -> None:
-        """It is sent, or dropped."""
+        """The answer was sent or dropped."""
         self._sizes.pop(request, None)
 
 
 class Admission:
-    """One request on its way in and its answer on the way out.
+    """One request on its way in, and its answer on its way out.
 
-    When the request is there as a whole, its budget begins, it waits for a place, and from then on somebody watches
-    whether the caller is still there: if not, the wait ends, and the budget is abandoned.
+    When the whole request has arrived, its budget begins and it waits for a place. From then on, the connection is
+    watched: if the caller goes away, the wait ends and the budget is abandoned.
     """
 
     def __init__(self, shared: AdmissionState, scope: Scope, receive: Receive, send: Send) -> None:
@@ -116,33 +118,33 @@ class Admission:
 
     @property
     def caller(self) -> Principal | None:
-        """Who asks, when that is known."""
+        """The caller, once it is known."""
         caller: Principal | None = self._scope["state"].get("caller")
         return caller
 
     @property
     def authorization(self) -> str | None:
-        """What the caller was let in for."""
+        """The header Authorization of the request, None if it is missing."""
         return Headers(scope=self._scope).get("authorization")
 
     @property
     def name(self) -> str:
-        """Whose share of the service it takes: that of a key, or of an address where there is none."""
+        """Name under which the use of the service is counted: that of the key, or of the address if there is no key."""
         caller = self.caller
         return f"key {caller.id}" if caller is not None and caller.id else f"address {self._address}"
 
     def step_aside(self) -> None:
-        """Give the place back and go on without one."""
+        """Give the place back and continue without one."""
         self._leave()
 
     def check(self) -> None:
-        """Raise what ends the request, if anything does: Abandoned where nobody waits, or the refusal."""
+        """Raise if the request must end: Abandoned if the caller is gone, or the refusal."""
         if self.refusal is not None:
             raise self.refusal
         self.budget.is_spent()
 
     def refuse(self, error: DomainError) -> None:
-        """End the work: the caller may not have the answer any more, and is told `error` where that is possible."""
+        """End the work. The caller may not have the answer any more, and gets `error` if that is still possible."""
         self.refusal = error
         self._give_up(error)
 
@@ -151,7 +153,7 @@ class Admission:
         await self._over.wait()
 
     def end(self) -> None:
-        """Give back what is taken."""
+        """Release everything that the request holds."""
         self._leave()
         self._shared.requests.discard(self)
         self._shared.held -= self._held
@@ -160,8 +162,8 @@ class Admission:
             self._watch.cancel()
 
     async def receive(self) -> Message:
-        """The next piece of the body, in time. With the last one a place is taken, or waited for; after it comes only
-        that the caller is gone, when it is.
+        """The next piece of the body, within the time limit. With the last piece the request waits for a place. Later
+        calls return only when the caller has gone.
         """
         if self._is_whole:
             await self._over.wait()
@@ -184,7 +186,9 @@ class Admission:
         return message
 
     async def send(self, message: Message) -> None:
-        """The answer; the place is free as soon as it begins, however slowly it is taken."""
+        """Send a part of the answer. The place is free as soon as the answer begins, however slowly the caller
+        reads.
+        """
         if message["type"] == "http.response.start":
             self.answered = True
             self._leave()
@@ -203,7 +207,7 @@ class Admission:
             self._shared.unsent.release(self)
 
     async def _send_piece(self, message: Message) -> None:
-        """A piece of the answer, in time; the time counts in which the caller takes nothing."""
+        """Send a piece of the answer. The time limit counts only while the caller reads nothing."""
         began = self.stalled = time.monotonic()
         patience = self._limits.body_seconds + self._sent / self._limits.body_rate - self._waited
         try:
@@ -217,7 +221,7 @@ class Admission:
         self._sent += len(message.get("body", b""))
 
     def abort(self) -> None:
-        """Cut the caller off: its connection is reset, and what was not sent of the answer is dropped."""
+        """Cut the caller off: reset its connection and drop the unsent part of the answer."""
         self._give_up(ClientDisconnect())
         abort = self._scope["state"].get(ABORT)
         if abort is not None:
@@ -257,7 +261,7 @@ class Admission:
         self._takes_place = False
 
     async def _watch_caller(self) -> None:
-        """What comes after the body: nothing, until the caller is gone or has the whole answer."""
+        """Wait for what comes after the body: nothing, until the caller has gone or has the whole answer."""
         while (await self._inner_receive())["type"] != "http.disconnect":
             continue
         self._give_up(ClientDisconnect())
@@ -270,13 +274,13 @@ class Admission:
 
 
 async def get_admission(request: Request) -> Admission:
-    """The request on its way through the service."""
+    """The request's way through the service."""
     admission: Admission = request.state.admission
     return admission
 
 
 async def get_budget(request: Request) -> Budget:
-    """Until when, and for whom, the request is worked on; it began when the request was there as a whole."""
+    """The request's budget, which began when the whole request had arrived."""
     return (await get_admission(request)).budget
 
 

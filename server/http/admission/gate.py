@@ -1,4 +1,4 @@
-"""Places for the requests that are worked on at once, and a queue before them that is fair to every caller."""
+"""Places for requests in progress, and a queue before them that is fair to all callers."""
 
 import asyncio
 import os
@@ -12,20 +12,20 @@ from server.config.settings import Limits
 from server.errors import Overloaded
 
 _RETRY: Final = 1.0
-"""Seconds after which one who was not let in may try again."""
+"""Seconds after which a refused caller may try again."""
 _RECENT: Final = 10.0
-"""Seconds for which a caller counts as one that others must leave room for, after its last request."""
+"""Seconds after its last request for which a caller counts as active, so that others must leave room for it."""
 _REMEMBERED: Final = 60.0
-"""Seconds after its last request for which it is remembered how much a caller has used."""
+"""Seconds after its last request for which the use of a caller is remembered."""
 _RESERVE: Final = 4
-"""A caller that is alone leaves one place in so many free, so that the next caller finds one."""
+"""A caller that is alone leaves one of this many places free, so that the next caller finds one."""
 _WEIGHT: Final = 0.2
-"""Weight of the latest request in the estimate of what a caller's requests take."""
+"""Weight of the latest request in the average duration of a caller's requests."""
 
 
 @dataclass(slots=True, eq=False)
 class _Caller:
-    """What is known of one caller: seconds that its requests took (`used`) and take on average (`mean`)."""
+    """The use of one caller: total (`used`) and average (`mean`) seconds of its requests."""
 
     running: int = 0
     waiting: deque[asyncio.Future[None]] = field(default_factory=deque)
@@ -39,13 +39,13 @@ class _Caller:
 
 
 class Gate:
-    """Places for requests that are worked on, and a queue before them.
+    """Places for requests in progress, and a queue before them.
 
-    Of those that wait, the caller that has used the fewest seconds of places is next. While several ask, each of them
-    holds at most `limits.key_requests` places, by default one fewer than there are cores, so that a core stays free.
-    Where the queue is full, the latest request of the caller with the most waiting requests is refused.
+    The next place goes to the waiting caller that has used the fewest seconds. While several callers are active, each
+    may hold at most `limits.key_requests` places, by default one less than the number of cores, so that a core stays
+    free. If the queue is full, the latest request of the caller with the most waiting requests is refused.
 
-    Belongs to one event loop; not thread-safe.
+    It belongs to one event loop and is not thread-safe.
     """
 
     def __init__(self, limits: Limits, clock: Callable[[], float] = time.monotonic) -> None:
@@ -60,28 +60,28 @@ class Gate:
 
     @property
     def places(self) -> int:
-        """Requests that can have a place."""
+        """Number of places."""
         return self._places
 
     @property
     def running(self) -> int:
-        """Requests that have a place."""
+        """Number of requests that have a place."""
         return self._places - self._free
 
     @property
     def waiting(self) -> int:
-        """Requests in the queue."""
+        """Number of requests in the queue."""
         return sum(len(caller.waiting) for caller in self._callers.values())
 
     @property
     def is_saturated(self) -> bool:
-        """Whether a caller that comes now would have to wait."""
+        """Whether another caller would have to wait now."""
         return not self._free
 
     async def enter(self, name: str, place: asyncio.Future[None]) -> None:
         """Take a place for the caller `name`, or wait for one in the queue.
 
-        `place` is done when it is given; who sets an exception there ends the wait with it.
+        `place` is done when the place is given. Setting an exception on it ends the wait with that exception.
 
         Raises:
             Overloaded: the queue is full, or the wait was too long.
@@ -98,7 +98,7 @@ class Gate:
             if place in caller.waiting:
                 caller.waiting.remove(place)
             elif place.done() and not place.cancelled() and place.exception() is None:
-                self.leave(name, 0.0)  # it was handed over just when the wait was given up
+                self.leave(name, 0.0)  # the place was given just when the wait ended
             if isinstance(error, TimeoutError):
                 raise Overloaded(
                     f"The service is busy: no place became free within {self._patience:g} s. Try again in a moment.",
@@ -107,7 +107,7 @@ class Gate:
             raise
 
     def leave(self, name: str, seconds: float) -> None:
-        """Give back a place that the caller `name` had for so long."""
+        """Return a place that the caller `name` had for `seconds`."""
         caller = self._callers[name]
         caller.running -= 1
         caller.used += seconds
@@ -123,12 +123,12 @@ class Gate:
                 del self._callers[known]
         caller = self._callers.setdefault(name, _Caller())
         if not caller.active:
-            caller.used = max(caller.used, self._least)  # time in which it asked for nothing is not saved up
+            caller.used = max(caller.used, self._least)  # idle time is not credited
         caller.seen = now
         return caller
 
     def _fill(self) -> None:
-        """Give free places to those that wait."""
+        """Give free places to waiting requests."""
         while self._free:
             able = [one for one in self._callers.values() if one.waiting and one.running < self._most_for(one)]
             if not able:
@@ -142,7 +142,7 @@ class Gate:
                 place.set_result(None)
 
     def _most_for(self, caller: _Caller) -> int:
-        """Places that a caller may hold now."""
+        """Most places that a caller may hold now."""
         since = self._clock() - _RECENT
         others = any(one is not caller and (one.active or one.seen >= since) for one in self._callers.values())
         return self._share if others else self._alone

@@ -1,4 +1,4 @@
-"""Callers that wait for the end of a job: so many at a time, and one look at the database for all of them."""
+"""Callers that wait for the end of a job: a limited number, with one database query for all of them."""
 
 import asyncio
 import logging
@@ -16,9 +16,9 @@ from server.jobs import queue
 from server.store.sqlite.database import Database
 
 _LOOK: Final = 0.2
-"""Seconds between two looks at the jobs that somebody waits for."""
+"""Seconds between two queries for the jobs that callers wait for."""
 _READERS: Final = 4
-"""Callers whose wait is over and whose job is read at once: they must not take all threads."""
+"""Number of callers whose job is read at the same time after their wait, so that they do not take all threads."""
 _log = logging.getLogger(__name__)
 
 
@@ -34,13 +34,13 @@ class JobWaits:
 
     @property
     def count(self) -> int:
-        """Callers that wait."""
+        """Number of callers that wait."""
         return self._callers.total()
 
     async def until_finished(self, job_id: str, seconds: float, request: Admission) -> None:
-        """Wait for the end of a job for at most so long, and only while somebody waits for the answer.
+        """Wait for the end of a job for at most `seconds`, and only while the caller is there.
 
-        Returns at once where `limits.waits` callers wait already, or `limits.key_waits` of the same one.
+        Returns at once if `limits.waits` callers wait already, or `limits.key_waits` of the same key or address.
         """
         name = request.name
         if self.count >= self._limits.waits or self._callers[name] >= self._limits.key_waits:
@@ -57,7 +57,7 @@ class JobWaits:
             over.cancel()
             ended.cancel()
             self._callers[name] -= 1
-            self._callers += Counter()  # forgets who waits for nothing any more
+            self._callers += Counter()  # drops jobs that nobody waits for any more
             waiting = self._waiting.get(job_id, set())
             waiting.discard(finished)
             if not waiting:
@@ -71,7 +71,7 @@ class JobWaits:
                 unfinished = await anyio.to_thread.run_sync(queue.unfinished, self._database, known)
             except StorageError as error:
                 _log.debug("jobs that are waited for cannot be looked at: %s", error)
-                unfinished = set()  # each caller reads its job, and is told what is wrong
+                unfinished = set()  # each caller reads its job and gets the error
             for job_id in known:
                 if job_id not in unfinished or self._is_stopping():
                     for finished in self._waiting.get(job_id, ()):

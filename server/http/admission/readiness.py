@@ -1,4 +1,4 @@
-"""What has to be done before the service is ready, and how far it is."""
+"""What must be done before the service is ready, and how far it is."""
 
 import threading
 from collections.abc import Callable, Mapping
@@ -11,27 +11,27 @@ DATABASE = "database"
 
 
 class ReadinessChecks:
-    """Named checks, each open with a sentence or passed. Thread-safe."""
+    """Named checks that are passed, or open with a sentence. Thread-safe."""
 
     def __init__(self, database: Callable[[], str | None] = lambda: None) -> None:
-        """Nothing is passed yet. `database` tells at any time why the database cannot be used, None if it can."""
+        """All checks are open. `database` returns why the database cannot be used, or None if it can."""
         self._database = database
         self._open = dict.fromkeys(CHECKS, "waiting")
         self._guard = threading.Lock()
 
     def report(self, check: str, state: str) -> None:
-        """Say how far an open check is."""
+        """Set the sentence of an open check."""
         with self._guard:
             self._open[check] = state
 
     def passed(self, check: str) -> None:
-        """The check is passed."""
+        """Mark the check as passed."""
         with self._guard:
             self._open.pop(check, None)
 
     @property
     def stopping(self) -> bool:
-        """Whether the service is about to end."""
+        """Whether the service is stopping."""
         with self._guard:
             return SHUTDOWN in self._open
 
@@ -42,11 +42,13 @@ class ReadinessChecks:
 
     @property
     def ready(self) -> bool:
-        """Whether nothing is open."""
+        """Whether all checks are passed."""
         return all(state == "ok" for state in self.states().values())
 
     def states(self) -> Mapping[str, str]:
-        """All checks with "ok" or what is open, in the order in which they are passed; "shutdown" first if any."""
+        """All checks in the order in which they are passed, each with "ok" or what is open. "shutdown" is first if
+        present.
+        """
         with self._guard:
             extra = {name: state for name, state in self._open.items() if name not in CHECKS}
             states = extra | {name: self._open.get(name, "ok") for name in CHECKS}

@@ -1,7 +1,7 @@
-"""A request that is sent again while its first attempt is at work waits for it, and is answered as it was.
+"""A repeated request waits for its first attempt and gets the same answer.
 
-What a write did is found by its Idempotency-Key in the database, whichever process did it. Until it is done there is
-nothing to find, and a search that takes long would be done twice at once.
+The Idempotency-Key of a finished write is found in the database, whichever process carried it out. While the first
+attempt is in progress there is nothing to find yet, and a long search would run twice.
 """
 
 import asyncio
@@ -12,11 +12,11 @@ from typing import Final
 from server.errors import StillRunning
 
 _PATIENCE: Final = 20.0
-"""Seconds for which a repetition waits: less than the 30 s that the Python client waits for an answer."""
+"""Seconds that a repetition waits: less than the 30 s that the Python client waits for an answer."""
 
 
 class RepeatedRequests:
-    """The requests with an Idempotency-Key that are at work in this process, on its event loop."""
+    """The requests with an Idempotency-Key that are in progress in this process, on its event loop."""
 
     def __init__(self, patience: float = _PATIENCE) -> None:
         self._patience = patience
@@ -24,7 +24,7 @@ class RepeatedRequests:
 
     @asynccontextmanager
     async def turn(self, name: Hashable) -> AsyncIterator[None]:
-        """Be the only one of that name at work. Raises StillRunning when the one before takes too long."""
+        """Wait until no other request of this name is in progress. Raises StillRunning if that takes too long."""
         try:
             async with asyncio.timeout(self._patience):
                 while (running := self._running.get(name)) is not None:

@@ -1,4 +1,4 @@
-"""Requests whose key is revoked while they are worked on: their work ends, and they are told so."""
+"""Requests in progress whose key is revoked end with a refusal."""
 
 import asyncio
 import logging
@@ -11,12 +11,12 @@ from server.http.admission.admission import Admission, AdmissionState
 from server.security.authenticator import Authenticator
 
 _LOOK: Final = 1.0
-"""Seconds between two looks at the keys of the requests in progress."""
+"""Seconds between two checks of the keys of requests in progress."""
 _log = logging.getLogger(__name__)
 
 
 async def watch_keys(shared: AdmissionState, authenticator: Authenticator) -> None:
-    """Refuse requests in progress whose key cannot be used any more, soon after it was revoked, until cancelled."""
+    """Refuse requests in progress whose key was revoked or has expired. Runs until cancelled."""
     while True:
         await asyncio.sleep(_LOOK)
         by_key: dict[str | None, list[Admission]] = {}

@@ -1,4 +1,4 @@
-"""What the service says of itself: OpenAPI document, API reference, HTML pages, published limits.
+"""Documentation that the service generates: OpenAPI document, API reference, HTML pages, published limits.
 
 Imports `http.admission`, `http` and below.
 """

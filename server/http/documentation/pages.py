@@ -1,4 +1,4 @@
-"""HTML for people: the landing page and the explanations of problems."""
+"""HTML pages for people: the landing page, and explanations of problems."""
 
 from html import escape
 from typing import Any
@@ -33,7 +33,7 @@ curl $B/v1/collections/plots/submaps"""
 
 
 def landing_html(page: CollectionPage, docs: str, base_url: str) -> str:
-    """The landing page; `base_url` is where the caller reached the service."""
+    """The landing page. `base_url` is the address under which the caller reached the service."""
     if page.collections:
         rows = "\n".join(_row(collection) for collection in page.collections)
         table = (
@@ -61,7 +61,7 @@ that prove it.</p>""",
 
 
 def landing_json(page: CollectionPage, docs: str) -> dict[str, Any]:
-    """The same for programs."""
+    """The landing page for programs."""
     return {
         "title": "Urquhart",
         "description": "Place recognition for forests: tree positions in, a verified pose out.",
@@ -72,7 +72,7 @@ def landing_json(page: CollectionPage, docs: str) -> dict[str, Any]:
 
 
 def problem_html(title: str, status: int, about: str) -> str:
-    """What a problem type means."""
+    """The explanation of a problem type."""
     body = f"<h1>{escape(title)}</h1><p class=lead>Status {status}</p><p>{escape(about)}</p>"
     return _document(title, f"{body}<p><a href='/'>Urquhart</a></p>")
 

@@ -1,4 +1,4 @@
-"""What the service says of itself: limits, retention, versions."""
+"""The limits, retention times and versions that the service publishes."""
 
 from server.config.settings import Settings
 from server.platform.version import service_version
@@ -7,7 +7,7 @@ from server.store.migrations_runner import expected_revision
 
 
 def limits(settings: Settings) -> LimitsAnswer:
-    """Sizes and times that requests are held to, under the names that a refusal gives."""
+    """The limits of requests, under the names that errors use."""
     sizes = settings.limits.model_dump()
     kept, often = sizes.pop("stored_queries"), sizes.pop("requests_per_second")
     return LimitsAnswer(

@@ -1,4 +1,4 @@
-"""Connections: how many there may be, how long one may take to say what it wants, and how they end."""
+"""Connections: their number, how long each may take to send a request, and how they end."""
 
 import asyncio
 import logging
@@ -21,21 +21,21 @@ from server.http.request_context import new_request_id
 from server.problem_types import OTHER, document, plain
 
 _LAST_WORD = 0.25
-"""Seconds that an idle connection has, when the service ends, to say what it was about to say."""
+"""Seconds that an idle connection has to send a request that is on its way when the service stops."""
 _FLUSH = 30.0
-"""Seconds that a caller has to take the rest of an answer after its connection was closed."""
+"""Seconds that a caller has to read the rest of an answer after its connection was closed."""
 
 _UNREAD: Final = 0.1
-"""Seconds between two looks whether a caller is gone from whom no more is read, because it sent the next request."""
+"""Seconds between two checks whether a caller has gone that sent its next request before it got the answer."""
 _log = logging.getLogger("server")
 _HUNG_UP: Final = getattr(select, "POLLRDHUP", 0) | select.POLLHUP | select.POLLERR
 
 
 class ServerConfig(Config):
-    """The web server's configuration, with what the connections are held to."""
+    """The web server's configuration, with the limits of connections."""
 
     def __init__(self, app: Any, limits: Limits, reject: Callable[[str], None], **options: Any) -> None:
-        """`reject` is told the reason when a connection is refused or closed to protect the others."""
+        """`reject` gets the reason when a connection is refused or closed to protect others."""
         self.limits, self.reject = limits, reject
         self.idle: dict[Connection, None] = {}
         """Connections without a request in progress, the one that is idle for longest first."""
@@ -45,7 +45,8 @@ class ServerConfig(Config):
 class Connection(H11Protocol):
     """A connection whose caller has `header_seconds` for the head of each request.
 
-    Where there are too many, the one that is idle for longest is closed; if none is, the new one is refused.
+    If there are too many connections, the one that was idle for longest is closed. If none is idle, the new one is
+    refused.
     """
 
     config: ServerConfig
@@ -63,7 +64,7 @@ class Connection(H11Protocol):
         self._unread_timer: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """A caller is here."""
+        """A caller has connected."""
         super().connection_made(transport)
         if len(self.connections) > self.config.limits.connections and not self._make_room():
             self.config.reject("connections")
@@ -74,13 +75,13 @@ class Connection(H11Protocol):
         self._await_head()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """The caller is gone."""
+        """The caller has gone."""
         self._head_arrived()
         self.config.idle.pop(self, None)
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
-        """Bytes of a request. Those of a body whose answer is given already are waited for no longer than a head."""
+        """Bytes of a request. The rest of a body that was answered already has as much time as a head."""
         if self.transport.is_closing():
             return
         super().data_received(data)
@@ -93,18 +94,20 @@ class Connection(H11Protocol):
                 self.cycle.keep_alive = False
 
     def handle_events(self) -> None:
-        """Requests in what came. Where the next one came before an answer, no more is read, and no end is seen."""
+        """Requests in the received bytes. If the next request came before the answer, no more is read, so the end of
+        the connection is not noticed here.
+        """
         super().handle_events()
         if self._is_unread and self._unread_timer is None:
             self._unread_timer = self.loop.call_later(_UNREAD, self._look_for_end)
 
     def on_response_complete(self) -> None:
-        """The answer is given."""
+        """The answer is complete."""
         super().on_response_complete()
         self._sort()
 
     def shutdown(self) -> None:
-        """The service ends: finish what is in progress. What is on its way while nothing is may still come."""
+        """The service stops: finish requests in progress. An idle connection has a moment for a request on its way."""
         if not self.is_idle:
             self.cycle.keep_alive = False
             return
@@ -112,22 +115,22 @@ class Connection(H11Protocol):
         self.loop.call_later(_LAST_WORD, self._close_if_idle)
 
     def abort(self) -> None:
-        """Reset the connection, and drop what was not sent."""
+        """Reset the connection and drop what was not sent."""
         self.transport.abort()
 
     def timeout_keep_alive_handler(self) -> None:
-        """Nothing came for long after an answer."""
+        """The connection was idle for too long after an answer."""
         super().timeout_keep_alive_handler()
         self._abort_later()
 
     @property
     def is_idle(self) -> bool:
-        """Whether no request is in progress: nothing was asked yet, or all is answered."""
+        """Whether no request is in progress."""
         return self.cycle is None or self.cycle.response_complete
 
     @property
     def _is_unread(self) -> bool:
-        """Whether a request is worked on while nothing more is read from its caller."""
+        """Whether a request is in progress while nothing more is read from its caller."""
         return self.flow.read_paused and not self.is_idle and not self.cycle.more_body
 
     def _look_for_end(self) -> None:
@@ -142,7 +145,9 @@ class Connection(H11Protocol):
             self._unread_timer = self.loop.call_later(_UNREAD, self._look_for_end)
 
     def _sort(self) -> None:
-        """Enter or leave the idle connections. One that sends the head of a request piece by piece keeps its place."""
+        """Update the list of idle connections. One that sends the head of a request piece by piece keeps its place in
+        it.
+        """
         if self.is_idle and not self.transport.is_closing():
             self.config.idle.setdefault(self)
         else:
@@ -176,14 +181,16 @@ class Connection(H11Protocol):
         self._refuse(document(TooSlow(f"The head of a request must arrive within {seconds:g} s (header_seconds).")))
 
     def send_400_response(self, msg: str) -> None:
-        """What came is no HTTP, or a body that is none: told as every other error is."""
+        """Answer what is not valid HTTP with a problem document, like all other errors."""
         self._refuse(plain(OTHER, msg))
 
     def _refuse(self, said: Mapping[str, Any]) -> None:
-        """Answer what was not asked, or not as a whole, where that is still possible, and close."""
+        """Answer a request that is incomplete or was never sent, if that is still possible, and close the
+        connection.
+        """
         if self.conn.our_state in (h11.IDLE, h11.SEND_RESPONSE):
             request_id = new_request_id()
-            if said["status"] < 500:  # refused connections are only counted: there may be very many
+            if said["status"] < 500:  # refused connections are only counted, because there may be very many
                 _log.info("request %s: %s", request_id, said["detail"])
             body = orjson.dumps({**said, "request_id": request_id})
             headers = safe_headers(MEDIA_TYPE) | {
@@ -199,7 +206,7 @@ class Connection(H11Protocol):
             )
             for event in (head, h11.Data(data=body), h11.EndOfMessage()):
                 self.transport.write(self.conn.send(event) or b"")
-        if not self.is_idle:  # a request whose rest is none: whoever works on it must not answer, too
+        if not self.is_idle:  # the rest of the request is invalid, and its handler must not answer, too
             self.cycle.disconnected = True
             self.cycle.message_event.set()
         self.transport.close()
@@ -211,5 +218,5 @@ class Connection(H11Protocol):
             self._abort_later()
 
     def _abort_later(self) -> None:
-        """One who does not take the rest of an answer must not hold the connection for ever."""
+        """Reset the connection later, because a caller that does not read the answer must not hold it for ever."""
         self.loop.call_later(_FLUSH, self.transport.abort)

@@ -1,4 +1,4 @@
-"""How many files the process may have open: enough for its connections, and for what they ask for."""
+"""The limit of open files: enough for the connections and what they need."""
 
 import asyncio
 import logging
@@ -10,19 +10,19 @@ from server.config.settings import Limits
 from server.errors import Conflict
 
 _RESERVE: Final = 256
-"""Descriptors kept for the database (three for each of its connections), segments, jobs, snapshots and the log."""
+"""Descriptors for the database (three for each of its connections), segments, jobs, snapshots and the log."""
 _EACH: Final = 2
-"""Descriptors of a connection: its socket, and a file that is sent or received over it."""
+"""Descriptors for a connection: its socket, and a file that is sent or received over it."""
 _LEAST: Final = 2
 _QUIET: Final = 60.0
-"""Seconds between two lines of the log that say that no connection can be accepted."""
+"""Seconds between two log lines that say that no connection can be accepted."""
 _log = logging.getLogger(__name__)
 
 
 def reserve_files(limits: Limits) -> Limits:
-    """Raise the number of files that may be open to what `limits.connections` need; the limits that can be held.
+    """Raise the limit of open files to what `limits.connections` need. Returns the limits that are possible.
 
-    Where the system allows fewer, there are fewer connections, and a line of the log says so.
+    If the system allows fewer files, the service accepts fewer connections and logs that in one line.
 
     Raises:
         Conflict: not even a few connections are possible.
@@ -52,13 +52,15 @@ def reserve_files(limits: Limits) -> Limits:
 
 
 class Complaints:
-    """The event loop's complaints: that no connection can be accepted is one line of the log in a while, not each."""
+    """The event loop's exception handler. If no connection can be accepted, it logs one line in a while, not one
+    each.
+    """
 
     def __init__(self) -> None:
         self._not_before = 0.0
 
     def __call__(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-        """As the loop calls its exception handler."""
+        """Handle an exception, as the event loop calls it."""
         if "socket.accept()" not in context.get("message", ""):
             loop.default_exception_handler(context)
             return

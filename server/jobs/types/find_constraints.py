@@ -1,4 +1,4 @@
-"""The job that looks up every submap of a collection in the others, and leaves what they tell of each other."""
+"""The job that looks up every submap of a collection in the others and stores the constraints that it finds."""
 
 import os
 from collections.abc import Iterator
@@ -20,17 +20,19 @@ from server.store.sqlite.sqlite_errors import storage_errors
 from server.store.tables import SubmapRow
 
 _PAGE: Final = 50
-"""Submaps that are looked up before the job notes how far it is."""
+"""Submaps that are looked up before the job reports progress."""
 _SILENCE: Final = 1.0
-"""Seconds after which it notes that although they are fewer."""
+"""Seconds after which it reports even if they are fewer."""
 CONTRADICTING: Final = "contradicting_maps"
-"""Count of submaps whose look-up came to nothing because the maps that it was found in contradict each other."""
+"""Number of submaps without a result because the maps that they were found in contradict each other."""
 
 
 def run_constraints(assignment: Assignment, context: JobContext) -> None:
-    """Look submaps up one by one; at the end keep one constraint for each pair. Raises NotFound, StorageError ..."""
+    """Look submaps up one by one. At the end, keep one constraint for each pair. Raises NotFound, StorageError and
+    others.
+    """
     if "written" in assignment.progress:
-        return  # only the end could not be noted
+        return  # only its end could not be stored
     try:
         body = ConstraintsInput.model_validate(assignment.parameters)
     except ValidationError as error:
@@ -53,7 +55,7 @@ def run_constraints(assignment: Assignment, context: JobContext) -> None:
                     contradicting += look.answer.reason == REASON
                     found.writelines(orjson.dumps(one) + b"\n" for one in from_look(row, look, body))
                 assignment.done += 1
-                # A look-up may take seconds, and somebody may wait for the end of the job, or for their turn.
+                # A search may take seconds, and somebody may wait for the end of the job, or for a turn.
                 if is_last or assignment.since_report > _SILENCE:
                     found.flush()
                     os.fsync(found.fileno())
@@ -67,7 +69,7 @@ def run_constraints(assignment: Assignment, context: JobContext) -> None:
             results.flush()
             os.fsync(results.fileno())
             size = results.tell()
-        assignment.total = assignment.done  # submaps came and went meanwhile
+        assignment.total = assignment.done  # submaps may have been stored or deleted in the meantime
         assignment.counts = {
             "constraints": len(kept),
             "inconsistent": contradictions,
@@ -77,7 +79,9 @@ def run_constraints(assignment: Assignment, context: JobContext) -> None:
 
 
 def _rows(assignment: Assignment, context: JobContext, body: ConstraintsInput) -> Iterator[tuple[SubmapRow, bool]]:
-    """Submaps to look up, in the order of their keys, from where the job stands; whether it is the last of a page."""
+    """Submaps to look up, in the order of their keys, from where the job stands, each with whether it is the last of a
+    page.
+    """
     after = int(assignment.progress.get("after", 0))
     while True:
         with context.database.read() as session:
@@ -111,4 +115,4 @@ def _look_up(
     try:
         return look_up(queries, assignment.collection_id, asked, budget=assignment.budget)
     except NotFound:
-        return None  # deleted meanwhile
+        return None  # deleted in the meantime

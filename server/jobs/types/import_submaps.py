@@ -1,8 +1,7 @@
-"""The job that stores an uploaded NDJSON file: a line of result for a line of input, whatever stops it in between.
+"""The job that stores an uploaded NDJSON file, with one result for each line, whatever interrupts it.
 
-What a batch did and what the row says of it are one transaction. The lines of its results are written before it is
-committed; where it is not, they stand beyond the length that the row knows: nobody reads them, and who goes on cuts
-them off.
+The effect of a batch and the job's progress are one transaction. Its results are written before the commit. If the
+commit fails, they lie beyond the length in the job's row: nobody reads them, and the next runner cuts them off.
 """
 
 import logging
@@ -33,14 +32,14 @@ _log = logging.getLogger(__name__)
 
 
 def run_import(assignment: Assignment, context: JobContext) -> None:
-    """Store what was sent; `parameters`: `on_conflict`, and `mode`: `continue` past what is refused, or `all` or none.
+    """Store the upload. `parameters`: `on_conflict`, and `mode`: `continue` past refused lines, or `all` lines or none.
 
-    Raises NotFound and Conflict (the collection is gone, or another), StorageError, Interrupted, Dismissed.
+    Raises NotFound and Conflict (the collection was deleted or replaced), StorageError, Interrupted, Dismissed.
     """
     with context.database.read() as session:
         assignment.collection(session)
     with storage_errors(context.folder.path), context.folder.results(assignment.id).open("a+b") as results:
-        context.folder.sync()  # the name of the file, without which its content is not there after a power cut
+        context.folder.sync()  # the name of the file, without which its content is lost after a power cut
         cut(results, assignment.progress.get("written", 0))
         source = _InputLines(context.folder.input(assignment.id), assignment, context.settings.limits.body_bytes)
         if assignment.parameters["mode"] == "all":
@@ -51,9 +50,9 @@ def run_import(assignment: Assignment, context: JobContext) -> None:
 
 
 def _write_index(assignment: Assignment, context: JobContext) -> None:
-    """Write what was stored to segments where it is much: else the first who asks would have to wait for that.
+    """Write the new submaps to segments if there are many, so that the next query need not.
 
-    Everything is stored, whatever comes of it: maintenance tries again. Raises Interrupted.
+    Everything is stored, whatever happens here: maintenance tries again. Raises Interrupted.
     """
     try:
         with context.metrics.maintenance("flush"):
@@ -67,7 +66,7 @@ def _write_index(assignment: Assignment, context: JobContext) -> None:
 
 
 class _InputLines:
-    """The lines from where the job stands, and where in the file it will stand after a batch of them."""
+    """The lines from where the job stands, and the position in the file after a batch of them."""
 
     def __init__(self, path: Path, assignment: Assignment, longest: int) -> None:
         self._path, self._longest, self._total = path, longest, assignment.total
@@ -76,12 +75,12 @@ class _InputLines:
         self._ends: deque[tuple[int, int]] = deque()
 
     def lines(self) -> Iterator[bytes | BlankLines]:
-        """Each as it was sent, blank ones together; of one that is too long only as much as shows that.
+        """Each line as it was sent; blank lines together; of a line that is too long, only enough to show that.
 
-        Raises StorageUnavailable where the upload is not there any more.
+        Raises StorageUnavailable if the upload is missing.
         """
         if self.first == self._total:
-            return  # it was read to its end, and only that could not be noted
+            return  # it was read to its end, and only that could not be stored
         if not self._path.exists():
             raise StorageUnavailable(
                 "The upload is missing from the folder of jobs. Send the lines again that have no result yet."
@@ -105,14 +104,14 @@ class _InputLines:
                 yield line.rstrip(b"\r\n")
 
     def after(self, following: int) -> int:
-        """The offset behind the line before that position."""
+        """Offset in the file after the line before that position."""
         while self._ends and self._ends[0][0] <= following:
             _, self._offset = self._ends.popleft()
         return self._offset
 
 
 def _skip_blank(file: BufferedReader) -> int:
-    """Skip the blank lines that come next, by the buffer and not by the line; how many."""
+    """Skip the blank lines that come next, buffer by buffer. Returns their number."""
     count = 0
     while (blank := _BLANK.match(file.peek())) is not None:
         count += file.read(blank.end()).count(b"\n")
@@ -158,8 +157,8 @@ def _one_by_one(assignment: Assignment, context: JobContext, source: _InputLines
 
 def _all_or_nothing(assignment: Assignment, context: JobContext, source: _InputLines, results: BinaryIO) -> None:
     if source.first:
-        return  # it was stored, and only that could not be noted
-    # What was refused may have been told of already, and only the job's end not.
+        return  # all lines were stored, and only that could not be reported
+    # Refused lines may have their results already, and only the end of the job was not stored.
     assignment.done, assignment.counts = 0, {}
     assignment.report(written=0)
     cut(results, 0)
@@ -201,7 +200,7 @@ def _all_or_nothing(assignment: Assignment, context: JobContext, source: _InputL
 
 
 def _check_size(assignment: Assignment, context: JobContext) -> None:
-    """All of it is in memory, and then in one transaction, so it may not be as large as others. Raises TooLarge."""
+    """Raise TooLarge if the upload is too large for one transaction, which needs all of it in memory."""
     limits, path = context.settings.limits, context.folder.input(assignment.id)
     for name, allowed, got in (
         ("import_all_lines", limits.import_all_lines, assignment.total or 0),
@@ -218,7 +217,7 @@ class _RolledBack(Exception):
 def _store_all(
     assignment: Assignment, context: JobContext, found: list[batches.DescribedBatch], results: BinaryIO
 ) -> list[LineOutcome]:
-    """Store everything in one transaction; where something is refused, nothing, and the lines that were."""
+    """Store all lines in one transaction. If one is refused, store nothing and return the refused ones."""
     stored: list[BatchResult] = []
     refused: list[LineOutcome] = []
     try:
@@ -249,7 +248,7 @@ def _write_results(results: BinaryIO, lines: list[bytes]) -> None:
 
 
 def _refusal_lines(lines: list[LineOutcome], refusals: Refusals) -> list[bytes]:
-    """A line of results for each line, apart from refused ones that are only counted."""
+    """The result of each line, apart from refused ones that are only counted."""
     told = (_line_of(line) if line.error is None else refusals.describe(line) for line in lines)
     return [line for line in told if line is not None]
 

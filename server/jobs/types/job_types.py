@@ -1,4 +1,4 @@
-"""Which work each kind of job is."""
+"""The function of each type of job."""
 
 from collections.abc import Mapping
 from typing import Final

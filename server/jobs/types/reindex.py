@@ -1,4 +1,4 @@
-"""The job that rewrites a collection's index; the old one serves until the new one takes its place."""
+"""The job that rewrites a collection's index. Queries use the old one until the new one is complete."""
 
 from server.index.flushing import Stopped, rebuild
 from server.index.maintenance import Maintenance
@@ -7,7 +7,7 @@ from server.store.sqlite.sqlite_errors import storage_errors
 
 
 def run_reindex(assignment: Assignment, context: JobContext) -> None:
-    """Write all submaps to new segments, and merge them. Begun again after a restart, where these are not listed yet.
+    """Write all submaps to new segments and merge them. After a restart it begins again if these are not listed yet.
 
     Raises NotFound, StorageError, Interrupted, Dismissed.
     """
