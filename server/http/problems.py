@@ -1,4 +1,4 @@
-"""Every error becomes application/problem+json (RFC 9457)."""
+"""Every error as application/problem+json (RFC 9457)."""
 
 import logging
 import math
@@ -38,7 +38,7 @@ _RETRY = {errors.StorageBusy, errors.NotReady}
 def problem(
     kind: ProblemType, detail: str, scope: Scope, *, headers: Mapping[str, str] | None = None, **members: Any
 ) -> Response:
-    """A problem response. Members that are None are left out."""
+    """A problem response; members that are None are left out."""
     return _response(plain(kind, detail) | members, scope, headers or {})
 
 
@@ -57,7 +57,7 @@ def domain_problem(error: errors.DomainError, scope: Scope) -> Response:
             headers = {"Connection": "close"}
     if type(error) in _RETRY:
         headers["Retry-After"] = "1"
-    # Overload and rate limits are only counted, because a log line for each would make them worse.
+    # What only says that it is too early or too much is counted; a line of the log for each would make it worse.
     if kind.status >= 500 and not isinstance(error, errors.NotReady | errors.Busy | errors.OutOfTime):
         _log.error(
             "request %s: %s", _request_id(scope), error, exc_info=error.__cause__ if kind.status == 500 else None
@@ -66,7 +66,7 @@ def domain_problem(error: errors.DomainError, scope: Scope) -> Response:
 
 
 def install(app: FastAPI) -> None:
-    """Answer every exception of the app with a problem document."""
+    """Answer every exception of the app with a problem."""
 
     @app.exception_handler(errors.DomainError)
     async def on_domain_error(request: Request, error: errors.DomainError) -> Response:
@@ -92,7 +92,7 @@ def install(app: FastAPI) -> None:
 
 
 def internal_problem(scope: Scope) -> Response:
-    """The answer to an unexpected exception. It says only where to find the cause."""
+    """What the caller is told of an unforeseen exception: nothing but where to look it up."""
     return problem(INTERNAL, "The service failed; its log has the cause under this request id.", scope)
 
 
