@@ -1,12 +1,15 @@
 """The small parts that HTTP is made of: negotiation, pointers, cursors, poses, pinned threads."""
 
+import gc
 import threading
+import weakref
 
 import faiss
 import pytest
 
 from server.errors import InvalidField, NotAcceptable
 from server.http.negotiation import choose
+from server.http.problems import domain_problem
 from server.parsing.field_errors import pointer
 from server.platform.threads import pin_threads
 from server.resources.paging import read_cursor, write_cursor
@@ -71,3 +74,38 @@ def test_threads_are_pinned_where_they_compute() -> None:
     thread.start()
     thread.join()
     assert counted == [1]
+
+
+class _Body:
+    """What a request holds."""
+
+
+def test_a_handled_error_holds_nothing_of_its_request() -> None:
+    """Also where the error and the functions that it passed hold each other, which only the collector would find."""
+    held = list["weakref.ref[_Body]"]()
+
+    def answer() -> None:
+        body = _Body()
+        held.append(weakref.ref(body))
+        try:
+            read(body)
+        except ValueError as error:
+            mistake = InvalidField("is not a tree", code="value", pointer="/xy")
+            raise mistake from error
+
+    def read(body: _Body) -> None:
+        held.append(weakref.ref(body))
+        error = ValueError("no tree")
+        raise error
+
+    def refusal() -> InvalidField:
+        with pytest.raises(InvalidField) as raised:
+            answer()
+        return raised.value
+
+    gc.disable()
+    try:
+        response = domain_problem(refusal(), {"type": "http"})
+        assert (response.status_code, [one() for one in held]) == (422, [None, None])
+    finally:
+        gc.enable()

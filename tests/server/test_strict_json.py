@@ -2,6 +2,7 @@
 
 import gzip
 import json
+from collections.abc import Callable
 from typing import Any
 
 import httpx
@@ -177,3 +178,48 @@ def test_lines_of_an_import_are_read_alike(client: httpx.Client) -> None:
     assert [one["outcome"] for one in told] == ["refused", "refused", "created"]
     pointers = [(one["problem"]["errors"][0]["pointer"], one["problem"]["errors"][0]["code"]) for one in told[:2]]
     assert pointers == [("/id", "duplicate_member"), ("/properties/a", "integer_range")]
+
+
+fillers = st.recursive(
+    st.sampled_from([1, -2.5, "a,b", "]", '{"', "\\", None, "é"]),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.sampled_from(["a", "b", "]"]), inner, max_size=3),
+    max_leaves=8,
+)
+CHANGES = [b"", b",", b"[", b"]", b"{", b"}", b'"', b"\\", b"  ", b",,", b"\xff"]
+
+
+def _read(read: Callable[[bytes], Any], raw: bytes) -> Any:
+    """The content with its order, or the complaint."""
+    try:
+        content = read(raw)
+    except orjson.JSONDecodeError as error:
+        return str(error)
+    return content, list(content) if isinstance(content, dict) else None
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    st.dictionaries(st.sampled_from(["xy", "queries", "", "["]), st.lists(fillers, min_size=1, max_size=3), max_size=3),
+    st.lists(st.tuples(st.floats(0.0, 1.0), st.sampled_from(CHANGES), st.integers(0, 1)), max_size=2),
+)
+def test_a_large_document_is_read_in_pieces_as_it_is_read_whole(
+    arrays: dict[str, list[Any]], changes: list[tuple[float, bytes, int]]
+) -> None:
+    """Well-formed or not: the same content in the same order, or the same complaint at the same place."""
+    long = {name: array * (80_000 // len(orjson.dumps(array))) for name, array in arrays.items()}
+    raw = bytearray(orjson.dumps(long))
+    for share, put, instead_of in changes:
+        at = int(share * len(raw))
+        raw[at : at + instead_of] = put
+    try:
+        got = _read(lambda text: read_json(text, 10**9), bytes(raw))
+    except InvalidField:
+        return  # a change made a member come twice, or a number too long, which the parser alone does not mind
+    assert got == _read(orjson.loads, bytes(raw))
+
+
+@pytest.mark.parametrize("end", [b",]", b",  ]", b",,1]", b"}", b"]]", b"", b"] 1"])
+def test_the_end_of_a_long_array_is_read_strictly(end: bytes) -> None:
+    raw = b'{"xy": [' + b",".join([b"[1.0, 2.0]"] * 10_000) + end + b"}"
+    with pytest.raises(orjson.JSONDecodeError):
+        read_json(raw, 10**9)

@@ -5,7 +5,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from server.errors import Overloaded, TooSlow
 from server.http.admission.admission import Admission, AdmissionState
-from server.http.problems import domain_problem
+from server.http.problems import domain_problem, forget_frames
 from urquhart import Abandoned
 
 
@@ -30,7 +30,8 @@ class AdmissionMiddleware:
         scope.setdefault("state", {})["admission"] = request
         try:
             await self._app(scope, request.receive, request.send)
-        except Abandoned:
+        except Abandoned as error:
+            forget_frames(error)
             if request.refusal is None or request.answered:
                 raise ClientDisconnect from None
             await domain_problem(request.refusal, scope)(scope, receive, request.send)

@@ -35,12 +35,16 @@ _LAST_CALL: Final = 1.0
 _TICK: Final = 0.1
 BACKLOG: Final = 2048
 """Connections that wait to be accepted,"""
-_ACCEPTED: Final = 8
+_ACCEPTED: Final = 2
 """and those that are accepted at once: who waits for an answer waits while the event loop greets them."""
 _SWITCH_SECONDS: Final = 0.0005
 """How long a thread that computes keeps the interpreter while others want it. A small query gives it back and asks for
 it again some ten times, so that with Python's 5 ms it waits for large ones most of its time: others' p99 beside large
 answers 113 -> 83 ms, beside abandoned batches 99 -> 76 ms (`python -m benchmarks.reliability --only exhaustion`)."""
+_COLLECTED: Final = (10_000, 10, 50)
+"""When the garbage collector runs: new objects before it looks through the young ones, and how many times that before
+it looks through the older ones. Nearly nothing is left to it, and one pass beside large answers holds everybody up for
+30 ms."""
 _ENDING: Final = "the service is stopping"
 _log = logging.getLogger("server")
 
@@ -174,3 +178,4 @@ def _freeze_loaded_objects() -> None:
     """
     gc.collect()
     gc.freeze()
+    gc.set_threshold(*_COLLECTED)
