@@ -1,4 +1,4 @@
-"""A little Markdown: paragraphs filled to the house's line length, tables, lists, pictures."""
+"""A little Markdown: paragraphs filled to the project's line length, tables, lists, pictures."""
 
 import textwrap
 from collections.abc import Iterable, Sequence

@@ -23,7 +23,7 @@ PATIENCE: Final = 180.0
 
 
 @dataclass(slots=True)
-class Served:
+class BenchmarkServer:
     """A running server.
 
     Attributes:
@@ -63,7 +63,7 @@ class Served:
         return told + [line[:300] for line in lines if told and _ERROR.match(line)]
 
 
-def start(database: Path, log: Path, program: Sequence[str] = _PROGRAM, **settings: str) -> Served:
+def start(database: Path, log: Path, program: Sequence[str] = _PROGRAM, **settings: str) -> BenchmarkServer:
     """Start a server over `database` and wait until it is ready; `settings` are URQUHART_... by their full names.
 
     `program`: what Python runs as the command line.
@@ -93,11 +93,11 @@ def start(database: Path, log: Path, program: Sequence[str] = _PROGRAM, **settin
         process.kill()
         process.wait()
         raise
-    return Served(process, said[0], log, time.perf_counter() - began)
+    return BenchmarkServer(process, said[0], log, time.perf_counter() - began)
 
 
 @contextmanager
-def served(database: Path, log: Path, program: Sequence[str] = _PROGRAM, **settings: str) -> Iterator[Served]:
+def served(database: Path, log: Path, program: Sequence[str] = _PROGRAM, **settings: str) -> Iterator[BenchmarkServer]:
     """A server for the block, ended after it, however that ends."""
     server = start(database, log, program, **settings)
     try:

@@ -116,7 +116,7 @@ def create_app(settings: Settings, exchange: MetricsExchange | None = None, *, c
 def _build_service(settings: Settings, exchange: MetricsExchange | None, *, create_database: bool) -> Service:
     database = Database(
         settings.database_path,
-        busy_timeout=settings.busy_timeout,
+        busy_timeout=settings.busy_timeout_seconds,
         read_only=settings.database_read_only,
         create=create_database,
     )
@@ -127,7 +127,7 @@ def _build_service(settings: Settings, exchange: MetricsExchange | None, *, crea
     metrics.in_flight.set_function(lambda: gate.running)
     metrics.queued.set_function(lambda: gate.waiting)
     waits = JobWaits(database, settings.limits, lambda: readiness.stopping)
-    metrics.waits.set_function(lambda: waits.count)
+    metrics.job_waits.set_function(lambda: waits.count)
     return Service(
         settings,
         database,

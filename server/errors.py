@@ -190,7 +190,7 @@ class TooSlow(DomainError):
     """The request did not arrive in time."""
 
 
-class OutOfTime(DomainError):
+class DeadlineExceeded(DomainError):
     """The work takes longer than one request may. `limit` is the name of that limit in `GET /v1/limits`."""
 
     def __init__(self, limit: str, seconds: float, advice: str) -> None:

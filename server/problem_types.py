@@ -20,7 +20,7 @@ class ProblemType:
 VALIDATION = ProblemType(
     422,
     "invalid-request",
-    "The request is not valid",
+    "Invalid request",
     "A member of the body or a parameter is missing, unknown or cannot be used. `errors` names each of them.",
 )
 INTERNAL = ProblemType(
@@ -38,7 +38,7 @@ METHOD = ProblemType(
 )
 
 OTHER = ProblemType(
-    400, "http-error", "The request failed", "The request could not be read as HTTP. `detail` says why."
+    400, "http-error", "HTTP error", "The request could not be read as HTTP. `detail` says why."
 )
 
 # An exception without an entry has the type of its nearest base class.
@@ -52,14 +52,14 @@ TABLE: Mapping[type[errors.DomainError], ProblemType] = {
     errors.Unauthorized: ProblemType(
         401,
         "unauthorized",
-        "No usable key",
+        "Unauthorized",
         "The service needs an API key: send Authorization: Bearer urq_... The operator creates keys with urquhart keys "
         "create.",
     ),
     errors.Forbidden: ProblemType(
         403,
         "forbidden",
-        "Not allowed",
+        "Forbidden",
         "The key is valid, but it lacks the scope for this, or it is bound to some collections.",
     ),
     errors.UnknownHost: ProblemType(
@@ -83,7 +83,7 @@ TABLE: Mapping[type[errors.DomainError], ProblemType] = {
     errors.KeyReused: ProblemType(
         422,
         "idempotency-key-reused",
-        "Idempotency-Key used twice",
+        "Idempotency-Key reused",
         "The Idempotency-Key was sent before with another request. Use a new key for each new request.",
     ),
     errors.PreconditionFailed: ProblemType(
@@ -126,7 +126,7 @@ TABLE: Mapping[type[errors.DomainError], ProblemType] = {
     errors.LinesRefused: ProblemType(
         422,
         "lines-refused",
-        "Lines were refused",
+        "Lines refused",
         "An import with mode=all stores all lines or none. Its results say which lines were refused, and why.",
     ),
     errors.InvalidField: VALIDATION,
@@ -134,7 +134,7 @@ TABLE: Mapping[type[errors.DomainError], ProblemType] = {
     errors.InvalidLandmarks: ProblemType(
         422,
         "invalid-landmarks",
-        "The landmarks cannot be used",
+        "Invalid landmarks",
         "A submap needs at least 3 landmarks that are not all on one line. Each must be given once, with finite "
         "coordinates.",
     ),
@@ -167,48 +167,48 @@ TABLE: Mapping[type[errors.DomainError], ProblemType] = {
     errors.TooSlow: ProblemType(
         408,
         "request-timeout",
-        "The request arrived too slowly",
+        "Request timeout",
         "The head or the body did not arrive within the time that GET /v1/limits allows. Nothing was stored, and the "
         "connection is closed. Send the request again.",
     ),
-    errors.OutOfTime: ProblemType(
+    errors.DeadlineExceeded: ProblemType(
         503,
-        "out-of-time",
-        "The request took too long",
+        "deadline-exceeded",
+        "Deadline exceeded",
         "The work takes longer than one request may. `limit` is the name of the limit in GET /v1/limits. Ask for less "
         "at a time.",
     ),
     errors.StorageFull: ProblemType(
-        507, "storage-full", "The disk is full", "Nothing was stored. What was stored before is intact."
+        507, "storage-full", "Storage full", "Nothing was stored. What was stored before is intact."
     ),
     errors.StorageReadOnly: ProblemType(
         503,
         "storage-read-only",
-        "The database cannot be written",
+        "Storage read-only",
         "Reading works. Writing needs write access to the file and its folder.",
     ),
     errors.StorageBusy: ProblemType(
         503,
         "storage-busy",
-        "The database is busy",
+        "Storage busy",
         "Another writer holds the database. Nothing was stored. Try again in a moment.",
     ),
     errors.StorageDamaged: ProblemType(
         500,
         "storage-damaged",
-        "The database is damaged",
+        "Storage damaged",
         "The operator must check the database and restore a snapshot.",
     ),
     errors.StorageAltered: ProblemType(
         503,
         "storage-altered",
-        "The database file is not the one that was opened",
+        "Storage altered",
         "Somebody moved, deleted, replaced or wrote to the file while the service was running. Nothing is read or "
         "stored until the operator repairs that; `detail` says how. A write in progress at that time may or may not be "
         "stored.",
     ),
     errors.StorageError: ProblemType(
-        503, "storage-unavailable", "The database cannot be used", "The operator must check the file and its disk."
+        503, "storage-unavailable", "Storage unavailable", "The operator must check the file and its disk."
     ),
 }
 
@@ -242,7 +242,7 @@ def _members(error: errors.DomainError) -> dict[str, Any]:
             members = {"limit": error.limit, "allowed": error.allowed}
         case errors.TooManyRequests():
             members = {"limit": "requests_per_second"}
-        case errors.OutOfTime():
+        case errors.DeadlineExceeded():
             members = {"limit": error.limit}
         case errors.TooManyJobs():
             members = {"limit": "unfinished_jobs", "allowed": error.allowed}

@@ -24,6 +24,7 @@ FLOORS = (
 """Rooms of the method (folders, and modules that stand alone) from the ground up: each may import from lower floors."""
 MOST_FLOORS = 8
 MOST_MODULES = 12
+MOST_TESTS = 25
 LONGEST_FUNCTION = 60
 MOST_PARAMETERS = 6
 
@@ -140,6 +141,15 @@ def test_no_folder_is_flat(package: str) -> None:
     counts = Counter(path.parent for path in sources(package) if path.stem != "__init__")
     assert counts
     assert not {folder: count for folder, count in counts.items() if count > MOST_MODULES}
+
+
+def test_tests_of_the_service_lie_as_its_rooms_do() -> None:
+    rooms = {path.name for path in (ROOT / "server").iterdir() if path.is_dir()}
+    counts = Counter(path.relative_to(ROOT / "tests/server").parts[0] for path in sources("tests/server"))
+    folders = {name: count for name, count in counts.items() if not name.endswith(".py")}
+    assert folders.keys() <= rooms
+    assert max(folders.values()) <= MOST_TESTS
+    assert not [name for name in counts if name.startswith("test_")]
 
 
 @pytest.mark.parametrize("folder", FORBIDDEN)

@@ -38,15 +38,19 @@ class Config:
     neighbours: int = _parameter(48, 1, 4096, "nearest polygons asked of the index for each polygon of a query")
     candidates: int = _parameter(24, 1, 10_000, "submaps taken from voting to verification")
     hypotheses: int = _parameter(32, 1, 10_000, "transforms tried for each of them")
-    survey: int = _parameter(400, 0, 100_000, "rotations of submaps a query is swept over where nothing else finds it")
-    sweeps: int = _parameter(64, 0, 10_000, "submaps of these that are verified")
+    survey: int = _parameter(400, 0, 100_000, "rotations of submaps tried where nothing else finds the query")
+    exhaustive_submaps: int = _parameter(64, 0, 10_000, "submaps of these that are verified")
     quad_hits: int = _parameter(200_000, 1_000, 100_000_000, "quad hits, beside four a submap, that are enough")
-    sigma: float = _parameter(0.25, 0.01, 0.25, "metres; usual error of one coordinate between two sightings of a tree")
+    sigma: float = _parameter(
+        0.25, 0.01, 0.25, "metres; usual error of a coordinate between two observations of a tree"
+    )
 
     gate: float = _parameter(
         6.9, 0.0, 100.0, "least log-odds of being right, for `matched` (6.9 is a confidence of 0.999)"
     )
-    margin: float = _parameter(0.25, 0.0, 5.0, "lead over the best distinct pose that says nothing, for each landmark")
+    lead_per_landmark: float = _parameter(
+        0.25, 0.0, 5.0, "lead over the best distinct pose that says nothing, for each landmark"
+    )
 
     covariance_scale: float = _parameter(1.0, 0.01, 1e6, "factor on the covariance of every pose")
     covariance_floor: float = _parameter(

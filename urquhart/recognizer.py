@@ -18,7 +18,7 @@ from urquhart.decide.ranking import NOTHING, rank
 from urquhart.decide.verdict import Recognition, decide, unsearched
 from urquhart.features.describe import Features
 from urquhart.features.description import describe_observation
-from urquhart.index.collection import Collection
+from urquhart.index.collection import SubmapCollection
 from urquhart.index.collection_index import CollectionIndex
 from urquhart.options import Method, SearchOptions
 from urquhart.propose.by_paper import propose_by_paper
@@ -28,7 +28,7 @@ from urquhart.se2 import SE2
 from urquhart.verify.refinement import verify
 
 
-class Recognizer(Collection):
+class Recognizer(SubmapCollection):
     """A collection that can be asked. Each look-up searches the collection as it was when the look-up began."""
 
     def recognize(
@@ -60,7 +60,7 @@ class Recognizer(Collection):
         index, source = self.snapshot
         chosen = index.narrowed(only, exclude)
         if not len(chosen):
-            return unsearched("nothing_left" if len(index) else "empty_collection")
+            return unsearched("all_filtered_out" if len(index) else "empty_collection")
         query = make_query(observation, self.config, source, len(chosen), budget)
         return _search(query, chosen, limit, method, rng)
 
@@ -114,7 +114,7 @@ def _search(
     for proposals in levels:
         ranking = rank(query, proposals, ranking)
         if ranking.is_certain(query):
-            return decide(query, ranking, limit, "settled")
+            return decide(query, ranking, limit, "decided")
         if query.budget.is_spent():
             return decide(query, ranking, limit, "deadline")
     return decide(query, ranking, limit, "exhausted" if ranking.is_lost(query) else "beats_chance")

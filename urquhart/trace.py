@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Literal
 
-StoppedBy = Literal["settled", "beats_chance", "exhausted", "deadline", "not_started"]
+StoppedBy = Literal["decided", "beats_chance", "exhausted", "deadline", "not_started"]
 Skipped = Literal["quad_hits", "common_quads", "exhaustive", "exhaustive_rest"]
 
 
@@ -15,7 +15,7 @@ class SearchEnd:
     """Why a search ended, and which of its limits left something out. The words are part of the API.
 
     Attributes:
-        stopped_by: `settled`: the first candidate is so certain that no further level could change the answer;
+        stopped_by: `decided`: the first candidate is so certain that no further level could change the answer;
             `beats_chance`: chance is ruled out for the first candidate, and more levels would only add weaker poses;
             `exhausted`: every level was tried; `deadline`: time ran out, and the verdict's reason is `deadline` too;
             `not_started`: there was nothing to search for, or nothing to search in.

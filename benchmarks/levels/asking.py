@@ -7,7 +7,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.robust.worlds import Question
+from benchmarks.robust.worlds import AskedQuery
 from urquhart import Features, Recognition, Recognizer
 from urquhart.decide.ranking import NOTHING, rank
 from urquhart.decide.verdict import decide
@@ -66,7 +66,7 @@ def search(recognizer: Recognizer, observation: Features, levels: Sequence[Level
         start = time.perf_counter()
 
 
-def ask(question: Question) -> NDArray[Any] | None:
+def ask(question: AskedQuery) -> NDArray[Any] | None:
     """A row of `ROW` about one question; None where too few trees are seen to search for."""
     world, row = question.world.recognizer, np.zeros((), ROW)
     described = describe_observation(question.xy, world.config, question.diameters)
@@ -91,7 +91,7 @@ def ask(question: Question) -> NDArray[Any] | None:
     return row
 
 
-def judge(question: Question, answer: Recognition) -> tuple[bool, bool]:
+def judge(question: AskedQuery, answer: Recognition) -> tuple[bool, bool]:
     """Whether an answer is `matched` and right, and whether it is `matched` and not right."""
     matched, right = answer.verdict == "matched", question.is_right(answer)
     return matched and right, matched and not right

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from benchmarks.levels.asking import ROW, ask
 from benchmarks.paper.drive import CELLS, ROTATIONS, SENSOR, drive
 from benchmarks.robust import edges, grid, rows, stands
-from benchmarks.robust.worlds import PAPER, STRICT, Place, Question, World
+from benchmarks.robust.worlds import PAPER, STRICT, AskedQuery, RobustWorld, TruePlace
 from benchmarks.scale.world import GOOD, MARGIN, POOR, RADIUS, Setting
 from benchmarks.scale.world import World as Forest
 from urquhart import SE2, Config, warm_up
@@ -33,7 +33,7 @@ class Kind:
     """
 
     parts: int
-    questions: Callable[[int, int, int], Iterator[Question]]
+    questions: Callable[[int, int, int], Iterator[AskedQuery]]
     count: tuple[int, int]
 
 
@@ -61,41 +61,41 @@ def jobs(name: str, seed: int, *, quick: bool) -> Sequence[Job]:
     return [Job(name, part, seed, count) for part in range(0, kind.parts, 10 if quick else 1) if count]
 
 
-def _drives(part: int, seed: int, count: int) -> Iterator[Question]:
+def _drives(part: int, seed: int, count: int) -> Iterator[AskedQuery]:
     """Pairs of observations of one drive in a cell of the paper's Table I; those surely near and surely far."""
     driven = drive(count, seed, *CELLS[part], ROTATIONS["full"])
-    worlds = [World([Place(o.xy, 0, o.pose)], Config(), PAPER) for o in driven.observations]
+    worlds = [RobustWorld([TruePlace(o.xy, 0, o.pose)], Config(), PAPER) for o in driven.observations]
     for i, j, apart in zip(driven.first.tolist(), driven.second.tolist(), driven.apart.tolist(), strict=True):
         if apart < SENSOR or apart > 2.0 * SENSOR:
             seen = driven.observations[j]
-            yield Question(worlds[i], seen.xy, 0 if apart < SENSOR else None, seen.pose)
+            yield AskedQuery(worlds[i], seen.xy, 0 if apart < SENSOR else None, seen.pose)
 
 
-def _grid(part: int, seed: int, count: int) -> Iterator[Question]:
+def _grid(part: int, seed: int, count: int) -> Iterator[AskedQuery]:
     return grid.questions(grid.Job(part, seed, count, count))
 
 
-def _rows(part: int, seed: int, count: int) -> Iterator[Question]:
+def _rows(part: int, seed: int, count: int) -> Iterator[AskedQuery]:
     return rows.questions(rows.Job(part, seed, count, count))
 
 
-def _edges(part: int, seed: int, count: int) -> Iterator[Question]:
+def _edges(part: int, seed: int, count: int) -> Iterator[AskedQuery]:
     return edges.questions(edges.Job(part, seed, count))
 
 
-def _stands(part: int, seed: int, count: int) -> Iterator[Question]:
+def _stands(part: int, seed: int, count: int) -> Iterator[AskedQuery]:
     return (question for _, question in stands.questions(stands.Job(stands.available()[part], seed, count)))
 
 
-def _plots(part: int, seed: int, _: int) -> Iterator[Question]:
+def _plots(part: int, seed: int, _: int) -> Iterator[AskedQuery]:
     group, with_diameters = list(stands.PLOTS)[part // 2], bool(part % 2)
     return stands.plot_questions(stands.Job("plots", seed, 0), group, with_diameters=with_diameters)
 
 
-def _forest(submaps: int) -> Callable[[int, int, int], Iterator[Question]]:
+def _forest(submaps: int) -> Callable[[int, int, int], Iterator[AskedQuery]]:
     """Questions about a forest with so many submaps: each part has a noise, and asks inside or from another forest."""
 
-    def questions(part: int, seed: int, count: int) -> Iterator[Question]:
+    def questions(part: int, seed: int, count: int) -> Iterator[AskedQuery]:
         forest, world = _stored(submaps, seed)
         setting, inside = SETTINGS[part // 2], part % 2 == 0
         east, north = forest.sides
@@ -105,16 +105,16 @@ def _forest(submaps: int) -> Callable[[int, int, int], Iterator[Question]]:
             pose = SE2(MARGIN + x, MARGIN + y, yaw)
             trees = forest.trees_near(pose.x, pose.y, 0 if inside else 1)
             seen = observe(trees, pose, RADIUS, rng, sigma=setting.sigma, detection=setting.detection)
-            yield Question(world, seen.xy, 0 if inside else None, pose)
+            yield AskedQuery(world, seen.xy, 0 if inside else None, pose)
 
     return questions
 
 
 @lru_cache(maxsize=1)
-def _stored(submaps: int, seed: int) -> tuple[Forest, World]:
+def _stored(submaps: int, seed: int) -> tuple[Forest, RobustWorld]:
     forest = Forest(submaps, seed)
     seen = [forest.submap(index) for index in range(submaps)]
-    return forest, World([Place(one.xy, 0, one.pose) for one in seen], Config(), STRICT)
+    return forest, RobustWorld([TruePlace(one.xy, 0, one.pose) for one in seen], Config(), STRICT)
 
 
 WORLDS: Final = {

@@ -36,7 +36,7 @@ def main(
     workers: Annotated[int, typer.Option(help="Processes, one thread each.")] = os.cpu_count() or 1,
     redraw: Annotated[
         bool,
-        typer.Option("--redraw", help="Run nothing: pictures and results.md anew from the figures that are there."),
+        typer.Option("--redraw", help="Run nothing: pictures and results.md again from the figures that are there."),
     ] = False,
 ) -> None:
     """Run the paper's experiments; write JSON, pictures and results.md, from these figures and those already there."""

@@ -1,4 +1,4 @@
-"""What the paper leaves open, each choice with tau found anew for it, because most of them change what tau means.
+"""What the paper leaves open, each choice with tau found again for it, because most of them change what tau means.
 
 Three figures a configuration, each over the 20 cells:
 

@@ -22,7 +22,7 @@ def section(figures: Figures) -> str:
         "## The choices behind the defaults",
         picture("ablation", "What tau does, and each choice at its best tau"),
         prose(
-            f"""Each choice with tau found anew, over the 20 cells: over pairs, as in Table I, and in a collection of
+            f"""Each choice with tau found again, over the 20 cells: over pairs, as in Table I, and in a collection of
             {plain["submaps"]} submaps of the same forest, asked {figures["queries"]} times. M is the number of samples,
             the letter's 1 / step. A default is chosen by the mean of *verified* and *collection*, one tau for both:
             observations are looked up one against one and in collections. All are asked the same; chance

@@ -29,7 +29,7 @@ def section(figures: Figures) -> str:
             """The letter merges the sub-maps of two flights through a pine plantation, which are not public. Here a
             track through a real stem map is cut into submaps that overlap, each with its own noise, missed trees and
             drift, and merged in the order they were made: the next submap is matched with the map so far, described
-            anew each time, and DBSCAN (0.5 m) makes one landmark of those that are one tree. Errors are taken over the
+            again each time, and DBSCAN (0.5 m) makes one landmark of those that are one tree. Errors are taken over the
             true pairs of trees in submaps in a row. In brackets is the alignment that these pairs themselves give, the
             letter's human associations; the method *true pairs* merges the whole track by them."""
         ),

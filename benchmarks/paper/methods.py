@@ -81,7 +81,7 @@ class Paper:
     def match(
         self, query: PaperDescription, submap: PaperDescription, rng: np.random.Generator
     ) -> Mapping[str, Correspondences]:
-        """As `urquhart.paper.matching.match_landmarks`, which describes the triangles anew at each call."""
+        """As `urquhart.paper.matching.match_landmarks`, which describes the triangles again at each call."""
         first, second = (self._polygons(side, rng) for side in (query, submap))
         claims = claim_landmarks(first, second, self.config.tau, self.config.vertex_window, self.config.eta)
         return {self.name: keep_one_to_one(claims, len(first.landmarks), len(second.landmarks))}
@@ -165,7 +165,7 @@ class Li:
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class MatcherAnswer:
     """What the robust method says of one pair: whether it reports it, and submap_T_query, frames as given."""
 
     matched: bool
@@ -184,7 +184,7 @@ class Robust:
         recognizer.add([(0, describe(xy, self.config))])
         return recognizer
 
-    def answer(self, xy: Points, submap: Recognizer) -> Answer:
+    def answer(self, xy: Points, submap: Recognizer) -> MatcherAnswer:
         """Look an observation (N, 2), metres, up in a collection of one submap."""
         found = submap.locate(xy, limit=1)
-        return Answer(found.verdict == "matched", found.candidates[0].transform if found.candidates else None)
+        return MatcherAnswer(found.verdict == "matched", found.candidates[0].transform if found.candidates else None)

@@ -22,7 +22,7 @@ def _head(results: Mapping[str, Figures]) -> str:
             """Nardari et al., *Place Recognition in Forests With Urquhart Tessellations*, RA-L 2020 (below: the
             letter), compares its method with GLAROT and with Li et al.'s Delaunay triangles. All of it that can be
             simulated or run on public data is run here again: the letter's method (`method="paper"`), both of its
-            rivals written anew from their papers, and beside them this project's own default (`robust`). `make
+            rivals rewritten from their papers, and beside them this project's own default (`robust`). `make
             bench-paper` writes everything from scratch, this page included; `make bench-paper ARGS=--quick` a smaller
             version in two minutes. One configuration throughout, the defaults of `urquhart/config.py`: nothing is
             tuned to a cell or a map, and no method is told the noise or the share of trees seen."""

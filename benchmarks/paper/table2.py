@@ -1,6 +1,6 @@
 """Table II: submaps of a track merged in the order they were made, on real stem maps.
 
-Each submap is matched with the map merged so far, whose description is made anew every time; submaps in a row are known
+Each submap is matched with the map merged so far, which is described again every time; submaps in a row are known
 to overlap, so no global gate is asked (as in the paper), and what RANSAC finds is taken. Measured are the true pairs of
 trees in consecutive submaps: the distance that the alignment leaves between them, and how far the transform is from the
 one that the true pairs themselves give.
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from benchmarks.paper.attempts import Verifier, agree
 from benchmarks.paper.methods import Glarot, Li, Method, Paper, Points, Robust
-from benchmarks.paper.tracks import LEVELS, MAPS, Submap, cut, read_maps, sensor_range
+from benchmarks.paper.tracks import LEVELS, MAPS, TrackSubmap, cut, read_maps, sensor_range
 from benchmarks.pool import Pool
 from urquhart import SE2, Config
 from urquhart.evaluation.scores import Alignment, alignment_errors
@@ -45,7 +45,7 @@ class Known:
     trees: NDArray[np.int64]
 
 
-Align = Callable[[Known, Submap], SE2 | None]
+Align = Callable[[Known, TrackSubmap], SE2 | None]
 """map_T_submap of the next submap, from the map so far."""
 
 
@@ -137,7 +137,7 @@ def aligner(method: str, verified: bool, config: Config, reach: float, rng: np.r
     """How a method joins a submap to the map so far; `reach` (metres) is GLARE's."""
     if method == "true pairs":
 
-        def cheat(known: Known, submap: Submap) -> SE2 | None:
+        def cheat(known: Known, submap: TrackSubmap) -> SE2 | None:
             _, first, second = np.intersect1d(known.trees, submap.trees, return_indices=True)
             return _fit(known.landmarks, submap.xy, first, second, config, rng)
 
@@ -145,7 +145,7 @@ def aligner(method: str, verified: bool, config: Config, reach: float, rng: np.r
     if method == "robust":
         robust = Robust(config)
 
-        def ask(known: Known, submap: Submap) -> SE2 | None:
+        def ask(known: Known, submap: TrackSubmap) -> SE2 | None:
             answer = robust.answer(submap.xy, robust.describe(known.landmarks))
             return answer.transform if answer.matched else None
 
@@ -154,7 +154,7 @@ def aligner(method: str, verified: bool, config: Config, reach: float, rng: np.r
     methods: dict[str, Method] = {"paper": Paper(config), "glarot-local": glarot, "li": Li((100.0,))}
     chosen = methods[method]
 
-    def match(known: Known, submap: Submap) -> SE2 | None:
+    def match(known: Known, submap: TrackSubmap) -> SE2 | None:
         second, first = chosen.match(chosen.describe(submap.xy), chosen.describe(known.landmarks), rng)[method]
         found = _fit(known.landmarks, submap.xy, first, second, config, rng)
         if found is None or not verified:
@@ -165,7 +165,7 @@ def aligner(method: str, verified: bool, config: Config, reach: float, rng: np.r
     return match
 
 
-def merge_track(submaps: Sequence[Submap], align: Align, rng: np.random.Generator) -> Merging:
+def merge_track(submaps: Sequence[TrackSubmap], align: Align, rng: np.random.Generator) -> Merging:
     """Join submaps one after the other; one without a transform is left out, and so is the step after it."""
     poses: list[SE2 | None] = [SE2.identity()]
     placed = [0]
@@ -185,7 +185,7 @@ def merge_track(submaps: Sequence[Submap], align: Align, rng: np.random.Generato
     return Merging(steps, _one_by_one(submaps, align, rng), trees, known.landmarks, pure)
 
 
-def _one_by_one(submaps: Sequence[Submap], align: Align, rng: np.random.Generator) -> tuple[int, int]:
+def _one_by_one(submaps: Sequence[TrackSubmap], align: Align, rng: np.random.Generator) -> tuple[int, int]:
     right = 0
     for before, after in pairwise(submaps):
         relative = align(Known(before.xy, before.trees), after)
@@ -193,7 +193,7 @@ def _one_by_one(submaps: Sequence[Submap], align: Align, rng: np.random.Generato
     return len(submaps) - 1, right
 
 
-def judge(first: Submap, second: Submap, first_T_second: SE2, rng: np.random.Generator) -> Step:
+def judge(first: TrackSubmap, second: TrackSubmap, first_T_second: SE2, rng: np.random.Generator) -> Step:
     """A transform between consecutive submaps against the one that their true pairs give by the same RANSAC.
 
     As in the paper, the pairs looked at are those that RANSAC calls inliers of the true transform.
@@ -252,7 +252,7 @@ def _fit(
     return None if consensus is None else consensus.transform
 
 
-def _merge(submaps: Sequence[Submap], poses: Sequence[SE2 | None], placed: Sequence[int]) -> tuple[Known, int]:
+def _merge(submaps: Sequence[TrackSubmap], poses: Sequence[SE2 | None], placed: Sequence[int]) -> tuple[Known, int]:
     """The map of the submaps placed so far, and how many of its landmarks hold one tree only."""
     known = [(submaps[k], pose) for k in placed if (pose := poses[k]) is not None]
     merged: MergedMap = merge([submap.xy for submap, _ in known], [pose for _, pose in known])

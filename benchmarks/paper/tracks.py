@@ -55,7 +55,7 @@ _POSES: Final = 12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Submap:
+class TrackSubmap:
     """A submap of a track.
 
     Attributes:
@@ -101,7 +101,7 @@ def track(trees: NDArray[np.float64], reach: float) -> NDArray[np.float64]:
     return np.array(corners)
 
 
-def cut(trees: NDArray[np.float64], sigma: float, detection: float, rng: np.random.Generator) -> list[Submap]:
+def cut(trees: NDArray[np.float64], sigma: float, detection: float, rng: np.random.Generator) -> list[TrackSubmap]:
     """Drive a track through trees (N, 2) once: submaps in the order they were made, with noise as in `LEVELS`."""
     reach = sensor_range(trees)
     corners = track(trees, reach)
@@ -116,11 +116,11 @@ def cut(trees: NDArray[np.float64], sigma: float, detection: float, rng: np.rand
         seen = np.unique(np.concatenate([np.asarray(found, np.int64) for found in in_view]))
         seen = rng.permutation(seen[rng.random(len(seen)) < detection])
         pose = SE2(float(poses[0, 0]), float(poses[0, 1]), float(rng.uniform(-np.pi, np.pi)))
-        submaps.append(Submap(pose.inverse().apply(_place(trees[seen], poses, sigma, rng)), seen, pose))
+        submaps.append(TrackSubmap(pose.inverse().apply(_place(trees[seen], poses, sigma, rng)), seen, pose))
     return _longest_run(submaps)
 
 
-def _longest_run(submaps: list[Submap]) -> list[Submap]:
+def _longest_run(submaps: list[TrackSubmap]) -> list[TrackSubmap]:
     """The longest part of a track in which submaps in a row share `LEAST` trees."""
     runs, run = [], submaps[:1]
     for before, after in pairwise(submaps):

@@ -38,7 +38,7 @@ def main(
         Path | None, typer.Option(help=f"Where {PAGE} and {FOLDER}/ go. [default: {FULL}; {QUICK} with --quick]")
     ] = None,
     seed: Annotated[int, typer.Option(help="Of all randomness.")] = 0,
-    redraw: Annotated[bool, typer.Option("--redraw", help="Run nothing: the page anew from the JSON.")] = False,
+    redraw: Annotated[bool, typer.Option("--redraw", help="Run nothing: the page again from the JSON.")] = False,
 ) -> None:
     """Run the parts one after the other; write the JSON of each and the page, from these and those already there."""
     folder = out or (QUICK if quick else FULL)

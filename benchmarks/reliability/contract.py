@@ -57,7 +57,7 @@ def _ndjson(context: schemathesis.SerializationContext, value: Any) -> bytes:
 
 
 @dataclass
-class Seen:
+class SeenCase:
     """What came of the cases.
 
     Attributes:
@@ -104,13 +104,13 @@ def run(*, quick: bool, seed: int) -> Figures:
     }
 
 
-def examine(url: str, *, rounds: int, each: int, seed: int) -> Seen:
+def examine(url: str, *, rounds: int, each: int, seed: int) -> SeenCase:
     """Ask the server at `url` for everything in its document: so many cases of each kind an operation and round."""
     schema = schema_of(url)
     operations = [result.ok() for result in schema.get_all_operations() if isinstance(result, Ok)]
     operations.sort(key=lambda operation: (_id(operation) in _LATE, not _id(operation).startswith("put")))
     templates = [(_pattern(operation.path), operation.path) for operation in operations]
-    seen = Seen()
+    seen = SeenCase()
     with httpx.Client(base_url=url, timeout=_TIMEOUT) as client, requests.Session() as session:
         for number in range(rounds):
             for operation in operations:
@@ -132,7 +132,7 @@ def _ask(
     operation: Any,
     mode: GenerationMode,
     session: requests.Session,
-    seen: Seen,
+    seen: SeenCase,
     templates: list[tuple[re.Pattern[str], str]],
     each: int,
     seed: int,
@@ -187,7 +187,7 @@ def _ask(
         seen.undrawn.append(f"{name}, {mode.value}")
 
 
-def _seed_bed(client: httpx.Client, seen: Seen, templates: list[tuple[re.Pattern[str], str]], number: int) -> None:
+def _seed_bed(client: httpx.Client, seen: SeenCase, templates: list[tuple[re.Pattern[str], str]], number: int) -> None:
     """Have a collection with submaps and a stored query again: others may have been deleted."""
     base = "/v1/collections/plots"
     client.put(base, json={}).raise_for_status()
@@ -221,7 +221,7 @@ def _shown(case: Any, what: str) -> str:
     return f"{case.as_curl_command()[:600]} -> {what[:600]}"
 
 
-def _by_status(seen: Seen) -> Figures:
+def _by_status(seen: SeenCase) -> Figures:
     totals: Counter[str] = Counter()
     for (_, status), count in seen.statuses.items():
         totals[str(status)] += count

@@ -14,11 +14,11 @@ import httpx
 
 from benchmarks.experiments import Figures
 from benchmarks.reliability.storing import lines_of, store
-from benchmarks.reliability.traffic import BASE, COLLECTION, Question, Told, drive, questions
+from benchmarks.reliability.traffic import BASE, COLLECTION, Told, TrafficQuery, drive, questions
 from benchmarks.reliability.trees import body, forest
 from benchmarks.scale.job import spread
 from benchmarks.scale.world import World
-from benchmarks.served import Served, served
+from benchmarks.served import BenchmarkServer, served
 
 _CLIENTS: Final = 32
 _CROWD: Final = 400
@@ -63,13 +63,13 @@ def run(*, quick: bool, seed: int) -> Figures:
     }
 
 
-def _probe(server: Served, asked: list[Question]) -> list[float]:
+def _probe(server: BenchmarkServer, asked: list[TrafficQuery]) -> list[float]:
     """Milliseconds of queries one after the other, with nobody else there."""
     with httpx.Client(base_url=server.url, timeout=120.0) as client:
         return [_ask(client, asked[number % len(asked)]) for number in range(2 * _PROBES)][_PROBES:]
 
 
-def _recovery(server: Served, asked: list[Question], before: list[float]) -> float | None:
+def _recovery(server: BenchmarkServer, asked: list[TrafficQuery], before: list[float]) -> float | None:
     """Seconds after the crowd has gone until queries take no longer than before; None when they do not."""
     normal = sorted(before)[len(before) // 2]
     began = time.perf_counter()
@@ -81,7 +81,7 @@ def _recovery(server: Served, asked: list[Question], before: list[float]) -> flo
     return None
 
 
-def _ask(client: httpx.Client, question: Question) -> float:
+def _ask(client: httpx.Client, question: TrafficQuery) -> float:
     began = time.perf_counter()
     response = client.post(f"{BASE}/queries", content=question.raw, headers={"Content-Type": "application/json"})
     spent = 1e3 * (time.perf_counter() - began)
@@ -89,7 +89,7 @@ def _ask(client: httpx.Client, question: Question) -> float:
     return spent if response.status_code == 200 else 1e3 * _LONGEST
 
 
-def _lost(server: Served, *all_told: Told) -> list[str]:
+def _lost(server: BenchmarkServer, *all_told: Told) -> list[str]:
     """Writes that were acknowledged, and are not there as they were sent or are not found."""
     lost = []
     with httpx.Client(base_url=server.url, timeout=120.0) as client:

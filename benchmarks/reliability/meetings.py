@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from benchmarks.experiments import Figures
 from benchmarks.reliability.trees import forest
-from benchmarks.served import Served, served
+from benchmarks.served import BenchmarkServer, served
 from urquhart import SE2, Config, Recognizer, describe
 from urquhart.evaluation.simulation import bridson, observe, paper_forest, plantation
 
@@ -103,5 +103,5 @@ def _meet(pool: ThreadPoolExecutor, robots: list[httpx.Client], place: int, seed
     return bool(candidates) and candidates[0]["submap_id"] == first["id"]
 
 
-def _logged(*servers: Served) -> list[str]:
+def _logged(*servers: BenchmarkServer) -> list[str]:
     return [line for server in servers for line in server.failures()][:20]

@@ -7,10 +7,10 @@ from typing import Any, Final
 import orjson
 
 NAMES: Final = (
-    "id", "xy", "ids", "landmarks", "x", "y", "yaw", "dbh", "height", "species", "frame_id", "stamp", "session",
+    "id", "xy", "ids", "landmarks", "x", "y", "yaw", "dbh_cm", "height_m", "species", "frame_id", "stamp", "session",
     "map_pose", "covariance", "properties", "submap_id", "limit", "method", "seed", "store", "exclude", "submap_ids",
     "within_seconds", "near", "radius", "title", "config", "crs", "origin", "gate", "explain", "query", "queries",
-    "per_session", "bbox", "datetime", "gates", "confidence", "inliers", "rms", "same_session", "per_submap",
+    "per_session", "bbox", "datetime", "gates", "confidence", "inlier_count", "rms", "same_session", "per_submap",
 )  # fmt: skip
 """Members of bodies, whichever."""
 _WORDS: Final = (

@@ -43,7 +43,7 @@ class Reader(NamedTuple):
     read: Callable[[Any], str | None]
 
 
-_TREE: Final[Any] = {"id": "t1", "x": 1.2, "y": 3.4, "dbh": 0.31, "height": 18.5, "species": "Picea abies"}
+_TREE: Final[Any] = {"id": "t1", "x": 1.2, "y": 3.4, "dbh_cm": 31.0, "height_m": 18.5, "species": "Picea abies"}
 _POSE: Final[Any] = {"frame_id": "map", "x": 120.5, "y": 88.25, "yaw": 0.31, "covariance": [1, 0, 0, 0, 1, 0, 0, 0, 1]}
 _GOOD: Final[list[Any]] = [
     {"id": "p1", **body(1)},

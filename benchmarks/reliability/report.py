@@ -184,7 +184,7 @@ def _fleet(figures: Figures) -> str:
         "## Who has been here, and when?",
         prose(
             f"""{figures["sessions"]} drives through one forest of {figures["places"]:,} places, each with
-            {100 * figures["share"]:.0f} % of them in {figures["submaps"]:,} submaps in all, every one seen anew at
+            {100 * figures["share"]:.0f} % of them in {figures["submaps"]:,} submaps in all, every one seen again at
             20 cm and 90 %. A query is asked as it is, and with `per_session`. A session was here when one of its
             submaps has its centre within {figures["reach"]:.0f} m; `touched` are right poses in submaps farther away. A
             session that is named with a pose more than 1 m or 3 degrees off, or from another forest, is wrong."""

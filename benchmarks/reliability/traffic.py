@@ -29,7 +29,7 @@ _LONGEST: Final = 2.0
 
 
 @dataclass(frozen=True, slots=True)
-class Question:
+class TrafficQuery:
     """A query: its body, and where it was made (`map_T_query`)."""
 
     raw: bytes
@@ -73,16 +73,18 @@ class Told:
         }
 
 
-def questions(world: World, count: int) -> list[Question]:
+def questions(world: World, count: int) -> list[TrafficQuery]:
     """So many queries from inside the world."""
     made = []
     for number in range(count):
         seen = world.query("inside-20", number)
-        made.append(Question(orjson.dumps({"xy": seen.xy.round(3).tolist()}), seen.pose))
+        made.append(TrafficQuery(orjson.dumps({"xy": seen.xy.round(3).tolist()}), seen.pose))
     return made
 
 
-async def drive(url: str, world: World, asked: Sequence[Question], *, clients: int, seconds: float, seed: int) -> Told:
+async def drive(
+    url: str, world: World, asked: Sequence[TrafficQuery], *, clients: int, seconds: float, seed: int
+) -> Told:
     """So many clients at a time for so long."""
     told = Told()
     limits = httpx.Limits(max_connections=clients, max_keepalive_connections=clients)
@@ -96,7 +98,7 @@ async def drive(url: str, world: World, asked: Sequence[Question], *, clients: i
 
 class _Client:
     def __init__(
-        self, http: httpx.AsyncClient, world: World, asked: Sequence[Question], told: Told, seed: tuple[int, int]
+        self, http: httpx.AsyncClient, world: World, asked: Sequence[TrafficQuery], told: Told, seed: tuple[int, int]
     ) -> None:
         self.http, self.world, self.asked, self.told, self.seed = http, world, asked, told, seed
         self.rng = random.Random(str(seed))
@@ -119,7 +121,7 @@ class _Client:
             self.told.matched += 1
             self.told.wrong += not self._is_right(answer["candidates"][0], question)
 
-    def _is_right(self, best: dict[str, Any], question: Question) -> bool:
+    def _is_right(self, best: dict[str, Any], question: TrafficQuery) -> bool:
         if not best["submap_id"].startswith("s"):
             return False  # what the clients store is from nowhere in this world
         pose = best["transform"]

@@ -42,7 +42,7 @@ def main(
     seed: Annotated[int, typer.Option(help="Of all randomness.")] = 0,
     workers: Annotated[int, typer.Option(help="Processes, one thread each.")] = os.cpu_count() or 1,
     redraw: Annotated[
-        bool, typer.Option("--redraw", help="Run nothing: pictures and page anew from the JSON.")
+        bool, typer.Option("--redraw", help="Run nothing: pictures and page again from the JSON.")
     ] = False,
 ) -> None:
     """Run the experiments; write JSON, pictures and the page, from these figures and those already there."""

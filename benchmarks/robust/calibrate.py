@@ -85,7 +85,7 @@ def _beyond(answers: NDArray[Any]) -> NDArray[np.float64]:
     """Leads (Q,) minus the part that says nothing; NaN where there is no rival."""
     known = {name: answers[name].astype(np.float64) for name in ("evidence", "lead", "overlap")}
     penalty = CONFIDENCE.rival_penalty * np.maximum(known["evidence"] - known["lead"], 0.0)
-    beyond: NDArray[np.float64] = known["lead"] - Config().margin * known["overlap"] - penalty
+    beyond: NDArray[np.float64] = known["lead"] - Config().lead_per_landmark * known["overlap"] - penalty
     return beyond
 
 
@@ -102,7 +102,7 @@ def dependencies() -> dict[str, str]:
     of two poses: it changes with the formulas.
     """
     config = Config()
-    found: dict[str, object] = {"config": (config.sigma, config.margin, config.reach), "worth": _worth()}
+    found: dict[str, object] = {"config": (config.sigma, config.lead_per_landmark, config.reach), "worth": _worth()}
     for room in ROOMS:
         for module in iter_modules(import_module(f"urquhart.{room}").__path__):
             name = f"urquhart.{room}.{module.name}"

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.pool import Pool
-from benchmarks.robust.worlds import STRICT, Place, Points, Question, World, gather, summarize
+from benchmarks.robust.worlds import STRICT, AskedQuery, Points, RobustWorld, TruePlace, gather, summarize
 from urquhart import SE2, Config, warm_up
 from urquhart.evaluation.simulation import observe, plantation
 
@@ -17,7 +17,7 @@ SURVIVAL: Final = 0.97
 
 
 @dataclass(frozen=True, slots=True)
-class Kind:
+class EdgeKind:
     """One kind of stand, and the place in it that is asked for.
 
     Attributes:
@@ -57,7 +57,7 @@ def run_kind(job: Job) -> NDArray[Any]:
     return gather(question.ask() for question in questions(job))
 
 
-def questions(job: Job) -> Iterator[Question]:
+def questions(job: Job) -> Iterator[AskedQuery]:
     """What is asked about one kind, one place or more in each stand."""
     warm_up(Config())
     kind = KINDS[job.kind]
@@ -65,17 +65,17 @@ def questions(job: Job) -> Iterator[Question]:
         yield from SCENES[kind.scene](kind, np.random.default_rng([job.seed, 8, job.kind, stand]))
 
 
-def _world(trees: Points, poses: Sequence[SE2], radius: float, rng: np.random.Generator) -> World:
+def _world(trees: Points, poses: Sequence[SE2], radius: float, rng: np.random.Generator) -> RobustWorld:
     """What is seen from the poses, stored."""
-    places = [Place(observe(trees, pose, radius, rng, sigma=0.03, detection=0.98).xy, 0, pose) for pose in poses]
-    return World(places, Config(), STRICT)
+    places = [TruePlace(observe(trees, pose, radius, rng, sigma=0.03, detection=0.98).xy, 0, pose) for pose in poses]
+    return RobustWorld(places, Config(), STRICT)
 
 
 def _turn(rng: np.random.Generator) -> float:
     return float(rng.uniform(-np.pi, np.pi))
 
 
-def _inside(kind: Kind, rng: np.random.Generator) -> Iterator[Question]:
+def _inside(kind: EdgeKind, rng: np.random.Generator) -> Iterator[AskedQuery]:
     """Amid the rows, with 36 submaps stored: a pose one row off explains nearly as much."""
     trees = plantation(90.0, 90.0, rng, spacing=kind.spacing, jitter=kind.jitter, survival=kind.survival)
     centres = range(20, 90, 12)
@@ -83,17 +83,17 @@ def _inside(kind: Kind, rng: np.random.Generator) -> Iterator[Question]:
     for _ in range(4):
         x, y = rng.uniform(20.0, 70.0, 2).tolist()
         pose = SE2(x, y, _turn(rng))
-        yield Question(world, observe(trees, pose, 20.0, rng, sigma=0.05, detection=0.95).xy, 0, pose)
+        yield AskedQuery(world, observe(trees, pose, 20.0, rng, sigma=0.05, detection=0.95).xy, 0, pose)
 
 
-def _corner(kind: Kind, rng: np.random.Generator) -> Iterator[Question]:
+def _corner(kind: EdgeKind, rng: np.random.Generator) -> Iterator[AskedQuery]:
     """The corner of an orchard, stored beside the opposite corner; then only the opposite one is stored."""
     trees = plantation(150.0, 150.0, rng, spacing=kind.spacing, jitter=kind.jitter, survival=kind.survival)
     poses = [SE2(0.0, 0.0, _turn(rng)), SE2(145.0, 145.0, _turn(rng))]
     yield from _known_and_not(trees, poses, SE2(0.0, 0.0, _turn(rng)), 40.0, rng)
 
 
-def _edge(kind: Kind, rng: np.random.Generator) -> Iterator[Question]:
+def _edge(kind: EdgeKind, rng: np.random.Generator) -> Iterator[AskedQuery]:
     """The middle of an edge, with three edges stored; then the edge that is not stored."""
     plant = hexagonal if kind.scene == "edge, hexagonal" else thinned
     trees = plant(70.0, rng, kind.spacing[0], kind.jitter, kind.survival)
@@ -102,10 +102,10 @@ def _edge(kind: Kind, rng: np.random.Generator) -> Iterator[Question]:
     world = _world(trees, [SE2(x, y, _turn(rng)) for x, y in edges], 24.0, rng)
     for x, y, ground in ((0.5 * far_x, 0.0, 0), (0.0, 0.5 * far_y, None)):
         pose = SE2(x, y, _turn(rng))
-        yield Question(world, observe(trees, pose, 24.0, rng, sigma=0.03, detection=0.98).xy, ground, pose)
+        yield AskedQuery(world, observe(trees, pose, 24.0, rng, sigma=0.03, detection=0.98).xy, ground, pose)
 
 
-def _twin(kind: Kind, rng: np.random.Generator) -> Iterator[Question]:
+def _twin(kind: EdgeKind, rng: np.random.Generator) -> Iterator[AskedQuery]:
     """One of two stands side by side, planted alike, both stored; then only the other one is."""
     one, two = (
         plantation(38.0, 38.0, rng, spacing=kind.spacing, jitter=kind.jitter, survival=kind.survival) + [x, 0.0]
@@ -116,7 +116,7 @@ def _twin(kind: Kind, rng: np.random.Generator) -> Iterator[Question]:
     yield from _known_and_not(np.concatenate([one, two]), poses, pose, 16.0, rng, known=4)
 
 
-def _lane(kind: Kind, rng: np.random.Generator) -> Iterator[Question]:
+def _lane(kind: EdgeKind, rng: np.random.Generator) -> Iterator[AskedQuery]:
     """The lane between two stands, with only their outer edges stored.
 
     Either stand's edge fits the stored one: those two poses claim different trees of the query, and rule each other
@@ -126,16 +126,16 @@ def _lane(kind: Kind, rng: np.random.Generator) -> Iterator[Question]:
     trees = np.concatenate(stands)
     world = _world(trees, [SE2(0.0, 23.5, _turn(rng)), SE2(102.0, 23.5, _turn(rng))], 21.4, rng)
     pose = SE2(51.0, 23.5, _turn(rng))
-    yield Question(world, observe(trees, pose, 21.4, rng, sigma=0.03, detection=0.98).xy, None, pose)
+    yield AskedQuery(world, observe(trees, pose, 21.4, rng, sigma=0.03, detection=0.98).xy, None, pose)
 
 
 def _known_and_not(
     trees: Points, poses: Sequence[SE2], pose: SE2, radius: float, rng: np.random.Generator, known: int = 1
-) -> Iterator[Question]:
+) -> Iterator[AskedQuery]:
     """Ask for `pose` with all poses stored, then without the first `known`, which are those near it."""
     seen = observe(trees, pose, radius, rng, sigma=0.03, detection=0.98).xy
-    yield Question(_world(trees, poses, radius, rng), seen, 0, pose)
-    yield Question(_world(trees, poses[known:], radius, rng), seen, None, pose)
+    yield AskedQuery(_world(trees, poses, radius, rng), seen, 0, pose)
+    yield AskedQuery(_world(trees, poses[known:], radius, rng), seen, None, pose)
 
 
 def hexagonal(side: float, rng: np.random.Generator, spacing: float, jitter: float, survival: float) -> Points:
@@ -156,7 +156,7 @@ def thinned(side: float, rng: np.random.Generator, spacing: float, jitter: float
     return trees
 
 
-SCENES: Final[dict[str, Callable[[Kind, np.random.Generator], Iterator[Question]]]] = {
+SCENES: Final[dict[str, Callable[[EdgeKind, np.random.Generator], Iterator[AskedQuery]]]] = {
     "inside": _inside,
     "corner": _corner,
     "edge, hexagonal": _edge,
@@ -165,15 +165,15 @@ SCENES: Final[dict[str, Callable[[Kind, np.random.Generator], Iterator[Question]
     "lane": _lane,
 }
 KINDS: Final = (
-    Kind("inside", (3.0, 3.0), 0.0, 1.0),
-    Kind("inside", (2.5, 3.5), 0.0),
-    Kind("inside", (3.0, 3.0), 0.03),
-    Kind("inside", (3.0, 3.0), 0.1),
-    Kind("inside", (2.5, 3.5), 0.15, 0.95),
-    Kind("inside", (2.0, 4.0), 0.2, 0.9),
-    *(Kind("corner", (5.0, 5.0), j, s) for j in (0.0, 0.03, 0.06, 0.1, 0.2, 0.3) for s in (1.0, 0.95)),
-    *(Kind(f"edge, {plant}", (4.0, 4.0), j) for plant in ("hexagonal", "thinned") for j in (0.0, 0.03, 0.06)),
-    *(Kind("twin stands", (3.0, 3.0), j) for j in (0.0, 0.03, 0.06, 0.1)),
-    *(Kind("lane", (4.0, 4.0), j, 0.95) for j in (0.03, 0.06, 0.1)),
+    EdgeKind("inside", (3.0, 3.0), 0.0, 1.0),
+    EdgeKind("inside", (2.5, 3.5), 0.0),
+    EdgeKind("inside", (3.0, 3.0), 0.03),
+    EdgeKind("inside", (3.0, 3.0), 0.1),
+    EdgeKind("inside", (2.5, 3.5), 0.15, 0.95),
+    EdgeKind("inside", (2.0, 4.0), 0.2, 0.9),
+    *(EdgeKind("corner", (5.0, 5.0), j, s) for j in (0.0, 0.03, 0.06, 0.1, 0.2, 0.3) for s in (1.0, 0.95)),
+    *(EdgeKind(f"edge, {plant}", (4.0, 4.0), j) for plant in ("hexagonal", "thinned") for j in (0.0, 0.03, 0.06)),
+    *(EdgeKind("twin stands", (3.0, 3.0), j) for j in (0.0, 0.03, 0.06, 0.1)),
+    *(EdgeKind("lane", (4.0, 4.0), j, 0.95) for j in (0.03, 0.06, 0.1)),
 )
 """What is planted to the centimetre tells one row from the next nowhere; ten centimetres of each tree are enough."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.pool import Pool
-from benchmarks.robust.worlds import PAPER, Place, Points, Question, World, gather, summarize
+from benchmarks.robust.worlds import PAPER, AskedQuery, Points, RobustWorld, TruePlace, gather, summarize
 from urquhart import SE2, Config, warm_up
 from urquhart.evaluation.simulation import observe, paper_forest
 
@@ -52,7 +52,7 @@ def run_cell(job: Job) -> NDArray[Any]:
     return gather(question.ask() for question in questions(job))
 
 
-def questions(job: Job) -> Iterator[Question]:
+def questions(job: Job) -> Iterator[AskedQuery]:
     """Every pair of one cell, each submap a collection of its own: those of the same place, then the others."""
     sigma, detection, clutter = CELLS[job.cell]
     config, trees = Config(), _forest(job.seed)
@@ -69,10 +69,10 @@ def questions(job: Job) -> Iterator[Question]:
         there = SE2(
             here.x + distance * np.cos(bearing), here.y + distance * np.sin(bearing), rng.uniform(0.0, 2.0 * np.pi)
         )
-        worlds.append(World([Place(look(here), 0, here)], config, PAPER))
+        worlds.append(RobustWorld([TruePlace(look(here), 0, here)], config, PAPER))
         queries.append((look(there), there))
     for world, (xy, pose) in zip(worlds, queries, strict=True):
-        yield Question(world, xy, 0, pose)
+        yield AskedQuery(world, xy, 0, pose)
     found = 0
     while found < job.negative:
         i, j = rng.integers(job.positive, size=2).tolist()
@@ -80,7 +80,7 @@ def questions(job: Job) -> Iterator[Question]:
         place = worlds[i].places[0].pose
         if np.hypot(place.x - pose.x, place.y - pose.y) > 2.0 * SENSOR:
             found += 1
-            yield Question(worlds[i], xy, None, pose)
+            yield AskedQuery(worlds[i], xy, None, pose)
 
 
 @lru_cache(maxsize=2)

@@ -120,7 +120,7 @@ def grid_section(figures: Figures) -> str:
             found: {
                 "none."
                 if not short
-                else "these. The true pose stands out too little there for the sweep to "
+                else "these. The true pose stands out too little there for the correlation to "
                 "propose it: of those refined, others had more landmarks together. Finer cells find more of them, at a "
                 "cost that every pair would pay."
             }"""

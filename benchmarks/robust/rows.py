@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.pool import Pool
-from benchmarks.robust.worlds import STRICT, Place, Points, Question, World, gather, summarize
+from benchmarks.robust.worlds import STRICT, AskedQuery, Points, RobustWorld, TruePlace, gather, summarize
 from urquhart import SE2, Config, warm_up
 from urquhart.evaluation.simulation import observe, plantation
 
@@ -55,7 +55,7 @@ def run_kind(job: Job) -> NDArray[Any]:
     return gather(question.ask() for question in questions(job))
 
 
-def questions(job: Job) -> Iterator[Question]:
+def questions(job: Job) -> Iterator[AskedQuery]:
     """What is asked about one kind: places in the database, then others.
 
     Half of the places that are not in the database lie further down the same rows, half in another stand that was
@@ -80,12 +80,12 @@ def questions(job: Job) -> Iterator[Question]:
     places = []
     for x, y in product(centres.tolist(), centres.tolist()):
         at = SE2(x, y, rng.uniform(-np.pi, np.pi))
-        places.append(Place(look(mapped, at), 0, at))
-    world = World(places, config, STRICT)
+        places.append(TruePlace(look(mapped, at), 0, at))
+    world = RobustWorld(places, config, STRICT)
     for _ in range(job.inside):
         at = pose(RADII[0], SIDE - RADII[0])
-        yield Question(world, look(mapped, at), 0, at)
+        yield AskedQuery(world, look(mapped, at), 0, at)
     for k in range(job.outside):
         # No tree of these was in view of any submap.
         at = pose(SIDE + 2.0 * RADII[1] - RADII[0], 2.0 * SIDE + 60.0 - RADII[1])
-        yield Question(world, look(mapped if k % 2 else other, at), None, at)
+        yield AskedQuery(world, look(mapped if k % 2 else other, at), None, at)

@@ -14,7 +14,7 @@ from scipy.spatial import ConvexHull, cKDTree
 
 from benchmarks.paper.tracks import BESIDE, SHIPPED
 from benchmarks.pool import Pool
-from benchmarks.robust.worlds import STRICT, Place, Points, Question, World, gather, summarize
+from benchmarks.robust.worlds import STRICT, AskedQuery, Points, RobustWorld, TruePlace, gather, summarize
 from server.stem_maps.reader import read_stem_map
 from urquhart import SE2, Config, warm_up
 from urquhart.evaluation.simulation import observe
@@ -88,7 +88,7 @@ def run_stand(job: Job) -> dict[str, NDArray[Any]]:
     return {noise: gather(rows) for noise, rows in answers.items()}
 
 
-def questions(job: Job) -> Iterator[tuple[str, Question]]:
+def questions(job: Job) -> Iterator[tuple[str, AskedQuery]]:
     """What is asked about one stand, with the name of its noise."""
     world, grounds = everything(job.seed)
     rng = np.random.default_rng([job.seed, 8, *job.name.encode()])
@@ -100,13 +100,13 @@ def questions(job: Job) -> Iterator[tuple[str, Question]]:
             pose = somewhere(trees, reach, rng)
             radius = reach * rng.uniform(0.6, 1.0)
             xy = observe(trees, pose, radius, rng, sigma=sigma, detection=detection, clutter=CLUTTER).xy
-            yield f"{sigma:g} m, {100 * detection:.0f} %", Question(world, xy, ground, pose)
+            yield f"{sigma:g} m, {100 * detection:.0f} %", AskedQuery(world, xy, ground, pose)
     if job.name in CENSUSES:
         later, _ = read(BESIDE / f"{job.name}__b.csv")
         for _ in range(job.queries * len(NOISE)):
             pose = somewhere(later, reach, rng)
             xy = observe(later, pose, reach, rng, sigma=0.1, detection=0.95, clutter=CLUTTER).xy
-            yield "counted again", Question(world, xy, ground, pose)
+            yield "counted again", AskedQuery(world, xy, ground, pose)
 
 
 def run_plots(job: Job, *, with_diameters: bool) -> dict[str, Any]:
@@ -120,22 +120,22 @@ def run_plots(job: Job, *, with_diameters: bool) -> dict[str, Any]:
     return found
 
 
-def plot_questions(job: Job, group: str, *, with_diameters: bool) -> Iterator[Question]:
+def plot_questions(job: Job, group: str, *, with_diameters: bool) -> Iterator[AskedQuery]:
     """The second survey of each plot of a group, as far as they are here."""
     world, grounds = everything(job.seed)
     for name in PLOTS[group]:
         if (BESIDE / f"{name}__b.csv").exists():
             second, diameters = read(BESIDE / f"{name}__b.csv")
-            yield Question(world, second, grounds[name], truth(name), diameters if with_diameters else None)
+            yield AskedQuery(world, second, grounds[name], truth(name), diameters if with_diameters else None)
 
 
 @lru_cache(maxsize=2)
-def everything(seed: int) -> tuple[World, dict[str, int]]:
+def everything(seed: int) -> tuple[RobustWorld, dict[str, int]]:
     """All stands cut into discs, and all plots, in one collection; the number of each one's ground."""
     config = Config()
     warm_up(config)
     rng = np.random.default_rng([seed, 7])
-    places, grounds = list[Place](), dict[str, int]()
+    places, grounds = list[TruePlace](), dict[str, int]()
     for ground, name in enumerate(available()):
         grounds[name] = ground
         if name in HELD_OUT:
@@ -150,15 +150,15 @@ def everything(seed: int) -> tuple[World, dict[str, int]]:
             pose = SE2(x, y, rng.uniform(-np.pi, np.pi))
             seen = observe(trees, pose, reach, rng, sigma=STORED[0], detection=STORED[1])
             if len(seen.xy) >= 12:
-                places.append(Place(seen.xy, ground, pose))
+                places.append(TruePlace(seen.xy, ground, pose))
     for names in PLOTS.values():
         for name in names:
             path = BESIDE / f"{name}__a.csv"
             if path.exists():
                 grounds[name] = 1000 + len(grounds)
                 first, diameters = read(path)
-                places.append(Place(first, grounds[name], SE2(0.0, 0.0, 0.0), diameters))
-    return World(places, config, STRICT), grounds
+                places.append(TruePlace(first, grounds[name], SE2(0.0, 0.0, 0.0), diameters))
+    return RobustWorld(places, config, STRICT), grounds
 
 
 @lru_cache(maxsize=32)

@@ -12,7 +12,7 @@ from benchmarks.paper.drive import CELLS, PER_LAP, ROTATIONS, Drive, drive
 from benchmarks.paper.methods import Glarot, Li, Method, Paper
 from benchmarks.paper.table1 import best_minimum, f1
 from benchmarks.pool import Pool
-from benchmarks.robust.worlds import MATCHED, PAPER, Place, World, gather
+from benchmarks.robust.worlds import MATCHED, PAPER, RobustWorld, TruePlace, gather
 from urquhart import SE2, Config, warm_up
 from urquhart.evaluation.scores import Outcomes, score
 
@@ -105,7 +105,7 @@ def run_cell(job: Job) -> Result:
 
 def ask_pairs(driven: Drive, config: Config) -> NDArray[Any]:
     """An answer (`worlds.ANSWER`) for each pair of a drive, each first observation a collection of its own."""
-    worlds = [World([Place(o.xy, 0, o.pose)], config, PAPER) for o in driven.observations]
+    worlds = [RobustWorld([TruePlace(o.xy, 0, o.pose)], config, PAPER) for o in driven.observations]
     rows = []
     for i, j, near in zip(driven.first.tolist(), driven.second.tolist(), driven.positive.tolist(), strict=True):
         seen = driven.observations[j]

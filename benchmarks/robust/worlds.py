@@ -54,7 +54,7 @@ STRICT: Final = Bounds(1.0, float(np.radians(3.0)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Place:
+class TruePlace:
     """A submap to be stored: landmarks (N, 2), metres, its own frame, and where that is.
 
     `ground`: which map it belongs to; poses in different maps have nothing to do with each other.
@@ -66,10 +66,10 @@ class Place:
     diameters: Points | None = None
 
 
-class World:
+class RobustWorld:
     """A collection of places, and the truth about what is asked."""
 
-    def __init__(self, places: Sequence[Place], config: Config, bounds: Bounds) -> None:
+    def __init__(self, places: Sequence[TruePlace], config: Config, bounds: Bounds) -> None:
         self.places, self.bounds = list(places), bounds
         self.recognizer = Recognizer(config)
         self.recognizer.add((key, describe(place.xy, config, place.diameters)) for key, place in enumerate(places))
@@ -146,16 +146,16 @@ class World:
         others = [(rival.key, rival.transform, rival.evidence) for rival in found.rivals]
         others += [(best.key, best.transform, best.evidence) for best in found.candidates]
         gates = Gates.of(self.recognizer.config)
-        needed = gates.lead + gates.lead_each * known.overlap_count
+        needed = gates.lead + gates.lead_per_landmark * known.overlap_count
         return any(
-            known.evidence - evidence < needed + gates.lead_share * max(evidence, 0.0)
+            known.evidence - evidence < needed + gates.lead_ratio * max(evidence, 0.0)
             and not self._is_there(key, transform, ground, pose)
             for key, transform, evidence in others
         )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Question:
+class AskedQuery:
     """An observation that a world is asked about, and where it was made.
 
     Attributes:
@@ -164,7 +164,7 @@ class Question:
         diameters: (N,), where they are known.
     """
 
-    world: World
+    world: RobustWorld
     xy: Points
     ground: int | None
     pose: SE2

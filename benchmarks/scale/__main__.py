@@ -37,10 +37,10 @@ def main(
     work: Annotated[Path, typer.Option(help="Where forests, databases and what is measured are kept.")] = WORK,
     seed: Annotated[int, typer.Option(help="Of all randomness.")] = 0,
     workers: Annotated[int, typer.Option(help="Processes where several work together.")] = os.cpu_count() or 1,
-    fresh: Annotated[bool, typer.Option("--fresh", help="Start anew; else what is measured already stays.")] = False,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Start over; else what is measured already stays.")] = False,
     again: Annotated[
         list[str] | None,
-        typer.Option(help=f"Measure this anew, and what comes after it; may be repeated. Of {', '.join(PARTS)}."),
+        typer.Option(help=f"Measure this again, and what comes after it; may be repeated. Of {', '.join(PARTS)}."),
     ] = None,
     redraw: Annotated[bool, typer.Option("--redraw", help="Measure nothing: pictures and page from the JSON.")] = False,
 ) -> None:

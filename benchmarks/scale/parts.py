@@ -39,7 +39,7 @@ PARTS: Final = {
     "http": Part("service", ("ingest",), asked=200),
     "rival-quads": Part("rivals.compare", ("simulate",), largest=100_000, asked=200),
     "rival-triangles": Part("rivals.compare", ("simulate",), largest=100_000, asked=200),
-    "rival-sweep": Part("rivals.compare", ("simulate",), largest=SIZES[0], asked=20),
+    "rival-exhaustive": Part("rivals.compare", ("simulate",), largest=SIZES[0], asked=20),
 }
 """In the order in which they are run."""
 

@@ -19,12 +19,12 @@ COLOURS: Final = {
     "outside-40": "#e69f00",
     "rival-quads": "#009e73",
     "rival-triangles": "#cc79a7",
-    "rival-sweep": "#999999",
+    "rival-exhaustive": "#999999",
 }
 RIVAL_NAMES: Final = {
     "rival-quads": "FAISS over quads",
     "rival-triangles": "hashed triangles",
-    "rival-sweep": "every submap swept",
+    "rival-exhaustive": "every submap tried",
 }
 _PLAIN: Final = FuncFormatter(lambda value, _: f"{value:g}")
 Read = Callable[[dict[str, Any]], float | None]

@@ -30,7 +30,7 @@ def list_jobs(
     if not found:
         typer.echo("no jobs" if every else "no unfinished jobs")
         return
-    table = Table("id", "kind", "collection", "key", "state", "done", "total", "created", box=None)
+    table = Table("id", "type", "collection", "key", "state", "done", "total", "created", box=None)
     for job in found:
         total = "" if job.total is None else str(job.total)
         moment = f"{job.created:%Y-%m-%d %H:%M}"

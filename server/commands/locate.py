@@ -111,7 +111,7 @@ def _query(observation: StemMap, limit: int, seed: int | None, file: Path, *, ex
 
 
 def _print(console: Console, answer: QueryAnswer) -> None:
-    console.print(f"[bold]{answer.verdict}[/bold] ({answer.reason}), {answer.landmarks} trees", highlight=False)
+    console.print(f"[bold]{answer.verdict}[/bold] ({answer.reason}), {answer.landmark_count} trees", highlight=False)
     if answer.verdict == "matched":
         best = answer.candidates[0]
         pose, frame = (best.map_pose, best.map_pose.frame_id) if best.map_pose else (best.transform, best.submap_id)
@@ -132,7 +132,7 @@ def _print(console: Console, answer: QueryAnswer) -> None:
                 soft_wrap=True,
             )
         console.print(
-            f"inliers: {best.inlier_count} of {answer.landmarks} trees, rms {best.rms:.3f} m", highlight=False
+            f"inliers: {best.inlier_count} of {answer.landmark_count} trees, rms {best.rms:.3f} m", highlight=False
         )
     best_warnings = answer.candidates[0].warnings if answer.verdict == "matched" else []
     for word in (*answer.warnings, *best_warnings):

@@ -70,7 +70,7 @@ class Limits(BaseModel):
     import_all_bytes: int = Field(
         256 * 1024 * 1024, ge=1024, description="Largest import with `mode=all`, in bytes when unpacked."
     )
-    page: int = Field(100, ge=1, description="Rows on a page if the request has no `limit`.")
+    page_default: int = Field(100, ge=1, description="Rows on a page if the request has no `limit`.")
     page_max: int = Field(1000, ge=1, description="Largest `limit` of a page.")
     page_bytes: int = Field(
         4 * 1024 * 1024,
@@ -97,13 +97,13 @@ class Limits(BaseModel):
     queue_seconds: float = Field(
         5.0, gt=0, le=600, description="Longest time that a request waits, in seconds. Then it is answered with 503."
     )
-    waits: int = Field(
+    job_waits: int = Field(
         500,
         ge=0,
         description="Most requests that wait for the end of a job (`wait`) in a process. Further ones are answered at "
         "once.",
     )
-    key_waits: int = Field(
+    key_job_waits: int = Field(
         100,
         ge=0,
         description="Most requests of one key, or of one address without a key, that wait for the end of a job in a "
@@ -159,8 +159,10 @@ class Limits(BaseModel):
 
     @model_validator(mode="after")
     def _pages_agree(self) -> Self:
-        if self.page > self.page_max:
-            raise ValueError(f"limits.page ({self.page}) must not exceed limits.page_max ({self.page_max})")
+        if self.page_default > self.page_max:
+            raise ValueError(
+                f"limits.page_default ({self.page_default}) must not exceed limits.page_max ({self.page_max})"
+            )
         return self
 
 
@@ -180,7 +182,7 @@ class Settings(BaseSettings):
     database: str = Field(
         "urquhart.db", description="Path of the SQLite file, or a URL `sqlite:///path[?mode=ro]`.", min_length=1
     )
-    busy_timeout: float = Field(
+    busy_timeout_seconds: float = Field(
         10.0, gt=0, le=600, description="Seconds that a write waits for another writer. Then it is answered with 503."
     )
     host: str = Field("127.0.0.1", description="Address to listen on.", min_length=1)
@@ -201,7 +203,7 @@ class Settings(BaseSettings):
         "",
         description="Address of the documentation that the landing page links to. Empty: the service's own /docs.",
     )
-    notice_seconds: float = Field(
+    shutdown_delay_seconds: float = Field(
         1.0,
         ge=0,
         le=600,
@@ -229,7 +231,7 @@ class Settings(BaseSettings):
     @property
     def stop_seconds(self) -> float:
         """Seconds after SIGTERM within which the service stops, whatever is in progress."""
-        return self.notice_seconds + self.drain_seconds + STOP_SPARE
+        return self.shutdown_delay_seconds + self.drain_seconds + STOP_SPARE
 
     @field_validator("database")
     @classmethod

@@ -48,7 +48,7 @@ class JobSettings(BaseModel):
         description="Seconds after which a job gives way to a waiting job of another key or collection.",
     )
     keep_days: float = Field(7.0, gt=0, le=3650, description="Days for which the results of finished jobs are kept.")
-    keep_rows: int = Field(
+    keep_jobs: int = Field(
         10_000, ge=1, description="Finished jobs that stay in the list. The oldest are deleted first."
     )
 

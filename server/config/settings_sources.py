@@ -22,7 +22,7 @@ class Misconfigured(Exception):
 
 
 def fields(model: type[BaseModel], above: tuple[str, ...] = ()) -> Iterator[tuple[str, FieldInfo]]:
-    """Every setting of a model that is not itself a group of settings, by dotted name: `limits.page`."""
+    """Every setting of a model that is not itself a group of settings, by dotted name: `limits.page_default`."""
     for name, field in model.model_fields.items():
         group = field.annotation
         if isinstance(group, type) and issubclass(group, BaseModel):
@@ -37,7 +37,7 @@ def groups(model: type[BaseModel]) -> list[str]:
 
 
 def variable(name: str) -> str:
-    """The environment variable of a setting: `limits.page` -> `URQUHART_LIMITS__PAGE`."""
+    """The environment variable of a setting: `limits.page_default` -> `URQUHART_LIMITS__PAGE`."""
     return PREFIX + name.replace(".", NESTED).upper()
 
 

@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from typing import Any, Final
 
 import numpy as np
+import orjson
 
 from server.collections.registry import get_collection
 from server.errors import InvalidField
@@ -74,7 +75,7 @@ def from_look(row: SubmapRow, look: LookupResult, body: ConstraintsInput) -> lis
             "from": one.submap_id,
             "to": row.id,
             **measured(found),
-            "inliers": one.inlier_count,
+            "inlier_count": one.inlier_count,
             "rms": one.rms,
             "confidence": one.confidence,
             "from_session": one.session,
@@ -86,7 +87,7 @@ def from_look(row: SubmapRow, look: LookupResult, body: ConstraintsInput) -> lis
         for one, found in zip(look.answer.candidates, look.candidates, strict=True)
         if one.refused is None
         and one.confidence >= gates.confidence
-        and one.inlier_count >= gates.inliers
+        and one.inlier_count >= gates.inlier_count
         and (gates.rms is None or one.rms <= gates.rms)
     ]
 
@@ -101,6 +102,14 @@ def measured(found: Candidate) -> dict[str, Any]:
     }
 
 
+def read_found(line: bytes) -> Found:
+    """A constraint as a job wrote it to its results, whichever version it was."""
+    one: Found = orjson.loads(line)
+    if "inliers" in one:  # its name before 0.2.0
+        one["inlier_count"] = one.pop("inliers")
+    return one
+
+
 def agree(found: Iterable[Found]) -> tuple[list[Found], int]:
     """One constraint for each pair, the one with more inliers; and how many pairs contradict themselves, left out."""
     pairs: dict[tuple[str, str], Found | None] = {}
@@ -113,7 +122,7 @@ def agree(found: Iterable[Found]) -> tuple[list[Found], int]:
         elif other is not None:
             if _contradict(one, other):
                 pairs[pair], contradictions = None, contradictions + 1
-            elif one["inliers"] > other["inliers"]:
+            elif one["inlier_count"] > other["inlier_count"]:
                 pairs[pair] = one
     return [one for one in pairs.values() if one is not None], contradictions
 

@@ -59,7 +59,7 @@ def domain_problem(error: errors.DomainError, scope: Scope) -> Response:
     if type(error) in _RETRY:
         headers["Retry-After"] = "1"
     # What only says that it is too early or too much is counted; a line of the log for each would make it worse.
-    if kind.status >= 500 and not isinstance(error, errors.NotReady | errors.Busy | errors.OutOfTime):
+    if kind.status >= 500 and not isinstance(error, errors.NotReady | errors.Busy | errors.DeadlineExceeded):
         _log.error(
             "request %s: %s", _request_id(scope), error, exc_info=error.__cause__ if kind.status == 500 else None
         )

@@ -5,11 +5,11 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any, BinaryIO, Literal
 
-import orjson
 from sqlalchemy.orm import Session
 
 from server.collections.registry import get_collection
 from server.config.settings import Limits
+from server.constraints.extraction import read_found
 from server.constraints.formats import StoredSubmap, is_stale, write_out
 from server.errors import Conflict, Forbidden, Gone, NotFound, StorageReadOnly
 from server.jobs.folder import JobFolder
@@ -230,7 +230,7 @@ def constraints(
             raise Conflict(
                 f"The job is of the type {left.kind}. Only jobs of the type constraints have results in other formats."
             )
-        found = [orjson.loads(line) for line in file.read(left.size).splitlines()]
+        found = [read_found(line) for line in file.read(left.size).splitlines()]
     names = {name for one in found for name in (one["from"], one["to"])}
     with database.read() as session:
         submaps = Submaps(session, left.collection_key)
@@ -250,7 +250,7 @@ def describe(row: JobRow) -> JobAnswer:
         eta = round(max(row.total - row.done, 0) * worked / row.done, 1)
     return JobAnswer(
         id=row.id,
-        kind=row.kind,
+        type=row.kind,
         collection=row.collection_id,
         state=row.state,
         total=row.total,

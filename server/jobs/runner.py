@@ -116,7 +116,7 @@ class Runner:
         Raises OSError and StorageError.
         """
         with self._context.database.read() as session:
-            surplus = Jobs(session).surplus(self._context.settings.jobs.keep_rows)
+            surplus = Jobs(session).surplus(self._context.settings.jobs.keep_jobs)
         if surplus:
             with self._context.database.write() as session:
                 Jobs(session).remove(surplus)

@@ -48,7 +48,7 @@ class Metrics:
         )
         self.in_flight = self._gauge("requests_in_flight", "Requests that are worked on.")
         self.queued = self._gauge("requests_queued", "Requests that wait for a place.")
-        self.waits = self._gauge("waits", "Requests that wait for the end of a job.")
+        self.job_waits = self._gauge("job_waits", "Requests that wait for the end of a job.")
         self.open_connections = self._gauge("connections", "Open connections.")
         self.processes = self._gauge("processes", "Processes that answer requests.")
         self.processes.set(1)

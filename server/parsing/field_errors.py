@@ -25,6 +25,12 @@ _SENTENCES: Mapping[str, str] = {
     "string_pattern_mismatch": "must be of visible ASCII characters, without spaces",  # the only pattern there is
 }
 
+_RENAMED: Mapping[str, str] = {
+    "dbh": "dbh is given in centimetres as dbh_cm: 0.31 m is 31",
+    "height": "height is given in metres as height_m: 18.5 m is 18.5",
+}
+"""Members of a landmark as versions before 0.2.0 called them."""
+
 
 def pointer(parts: Sequence[str | int]) -> str:
     """JSON pointer of a path into a document."""
@@ -63,6 +69,8 @@ def _sentence(error: Mapping[str, Any]) -> str:
     kind, context = error["type"], error.get("ctx") or {}
     if kind == "missing" and tuple(error["loc"]) == ("body",):
         return "a body is required: send a JSON object"
+    if kind == "extra_forbidden" and "landmarks" in error["loc"][-3:-2] and error["loc"][-1] in _RENAMED:
+        return _RENAMED[error["loc"][-1]]
     if kind in _SENTENCES:
         return _SENTENCES[kind]
     if kind in ("too_short", "string_too_short") and context["min_length"] == 1:

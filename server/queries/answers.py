@@ -13,7 +13,7 @@ from server.schemas.candidates import (
     CandidateAnswer,
     CandidateLinks,
     FindingAnswer,
-    Gates,
+    GatesAnswer,
     Inlier,
     RivalAnswer,
     RivalLinks,
@@ -80,10 +80,10 @@ class Shares:
 
 
 @lru_cache(maxsize=64)
-def gates_answer(config: Config) -> Gates:
+def gates_answer(config: Config) -> GatesAnswer:
     """The gates that a configuration puts in force."""
     gates = urquhart.Gates.of(config)
-    return Gates(**asdict(gates))
+    return GatesAnswer(**asdict(gates))
 
 
 def stage_answers(stages: Sequence[Stage]) -> list[StageAnswer]:
@@ -141,7 +141,7 @@ def finding_answers(findings: Sequence[Finding], ids: Mapping[int, str]) -> list
             level=found.level,
             submap_id=ids[found.key],
             support=found.support,
-            inliers=found.inliers,
+            inlier_count=found.inliers,
             overlap_count=found.overlap_count,
             evidence=found.evidence,
             log_odds=found.log_odds,

@@ -6,7 +6,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from server.collections.registry import get_collection
-from server.errors import DomainError, KeyReused, OutOfTime, TooLarge
+from server.errors import DeadlineExceeded, DomainError, KeyReused, TooLarge
 from server.parsing.field_errors import invalid_body
 from server.problem_types import document
 from server.queries.answers import Shares, carried
@@ -29,7 +29,7 @@ def answer_batch(
     """Look queries up one after the other; what is wrong with one stands in its place.
 
     Each query has its own deadline, and the batch one for all, `limits.batch_seconds` or `timeout_ms` after the budget
-    began. A query that is not begun by then has the problem `OutOfTime` in its place.
+    began. A query that is not begun by then has the problem `DeadlineExceeded` in its place.
 
     Each answer that is to be stored is stored under the idempotency key and its position: a batch that is sent again
     resumes where the first attempt ended.
@@ -44,7 +44,7 @@ def answer_batch(
         get_collection(session, collection_id)
     seconds = limits.batch_seconds if body.timeout_ms is None else min(limits.batch_seconds, body.timeout_ms / 1000.0)
     whole = budget.within(seconds - budget.elapsed)
-    late = document(OutOfTime("batch_seconds", seconds, "Send fewer queries at a time."))
+    late = document(DeadlineExceeded("batch_seconds", seconds, "Send fewer queries at a time."))
     results: list[QueryAnswer | BatchProblem] = []
     pairs = Shares(limits.answer_pairs, len(body.queries))
     for position, members in enumerate(body.queries, start=1):

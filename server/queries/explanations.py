@@ -37,7 +37,7 @@ class QueryExplanation:
         answer = self.answer
         query_id = answer.id or ""
         return ExplanationAnswer(
-            query=query_id,
+            query_id=query_id,
             collection=answer.collection,
             verdict=answer.verdict,
             reason=answer.reason,
@@ -58,15 +58,17 @@ class QueryExplanation:
         """The explanation as a drawing. Raises urquhart.budget.OutOfTime and Abandoned."""
         answer = self.answer
         total = sum(stage.milliseconds for stage in answer.stages)
-        subtitles = [f"{answer.landmarks} landmarks; {answer.collection} at revision {answer.revision}; {total:.1f} ms"]
+        subtitles = [
+            f"{answer.landmark_count} landmarks; {answer.collection} at revision {answer.revision}; {total:.1f} ms"
+        ]
         if answer.search is not None:
             subtitles.append(f"{answer.search.sentence.capitalize()}.")
         if answer.lead is not None:
             gates = answer.gates
             subtitles.append(
                 f"It leads the best other pose by {answer.lead:.1f}; asked are {gates.lead:.1f} and "
-                f"{gates.lead_each:g} more for each tree of the overlap, and {gates.lead_share:.0%} of the other's "
-                "evidence."
+                f"{gates.lead_per_landmark:g} more for each tree of the overlap, and {gates.lead_ratio:.0%} of the "
+                "other's evidence."
             )
         findings = None
         if answer.findings is not None:
@@ -75,7 +77,7 @@ class QueryExplanation:
                     one.level,
                     one.submap_id,
                     one.support,
-                    one.inliers,
+                    one.inlier_count,
                     one.overlap_count,
                     one.evidence,
                     one.log_odds,

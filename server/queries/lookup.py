@@ -33,7 +33,7 @@ from server.queries.stored import NO_KEY, AnswerKey, NewAnswer, keep
 from server.resources import links
 from server.schemas.candidates import CandidateAnswer
 from server.schemas.queries import QueryAnswer, QueryInput, QueryLinks
-from server.store.codec import position_names, unpack_diameters, unpack_ids, unpack_positions
+from server.store.codec import diameters_of, position_names, unpack_diameters, unpack_ids, unpack_positions
 from server.store.repositories.candidate_rows import found_submaps
 from server.store.repositories.submaps import Submaps
 from server.store.sqlite.database import Database
@@ -222,7 +222,7 @@ def look_up(
 def _asked(submaps: Submaps, body: QueryInput) -> tuple[QueryLandmarks, SubmapRow | None]:
     """The landmarks of the query, and the stored submap that they are of, if it names one. Raises NotFound."""
     if body.submap_id is None:
-        xy, diameters, ids = body.positions(), body.diameters(), body.landmark_ids()
+        xy, diameters, ids = body.positions(), diameters_of(body.attributes()), body.landmark_ids()
         return QueryLandmarks(xy, diameters, ids, body.frame_id, body.stamp), None
     row = submaps.get_whole(body.submap_id)
     if row is None:
@@ -278,7 +278,7 @@ def _answer(
         stamp=asked.stamp,
         method=body.method,
         revision=view.revision,
-        landmarks=len(asked.xy),
+        landmark_count=len(asked.xy),
         lead=found.lead,
         warnings=list(warnings),
         gates=gates_answer(view.recognizer.config),

@@ -16,7 +16,7 @@ from server.store.repositories.sessions import Sessions
 from server.submaps.preparation import invalid_landmarks
 from urquhart import Budget, Description, Features, LandmarkError, Recognition, Stage, describe, describe_observation
 
-_UNFOUND = frozenset({"below_gate", "verification_failed", "no_votes"})
+_UNFOUND = frozenset({"below_gate", "verification_failed", "no_proposal"})
 """Reasons that a mirror image of a place has, too."""
 
 

@@ -19,7 +19,7 @@ from server.queries.explanations import QueryExplanation
 from server.queries.older_answers import completed, gone, read_older
 from server.resources import idempotency, links
 from server.resources.idempotency import IdempotencyKey, StoredResponse, find_response
-from server.schemas.candidates import CandidateAnswer, CandidateLinks
+from server.schemas.candidates import CandidateAnswer, CandidateLinks, GatesAnswer
 from server.schemas.queries import MatchAnswer, QueryAnswer, QueryLinks
 from server.store.codec import pack_json, pack_positions, unpack_positions
 from server.store.repositories.candidate_rows import found_submaps
@@ -150,7 +150,7 @@ class Match:
     def to_answer(self) -> MatchAnswer:
         """The match as data."""
         return MatchAnswer(
-            query=self.query_id,
+            query_id=self.query_id,
             candidate=self.answer,
             query_landmarks=[(float(x), float(y)) for x, y in self.query_xy],
             submap_landmarks=[(float(x), float(y)) for x, y in self.submap_xy],
@@ -217,8 +217,10 @@ def _answer_of(stored: QueryRow, collection: CollectionRow) -> dict[str, Any]:
         collection=links.collection(collection.id),
         explanation=links.explanation(collection.id, stored.number),
     )
-    gates = gates_answer(config_of(collection)).model_dump() | (members.get("gates") or {})
-    members = {"landmarks": len(stored.landmarks) // 16} | members
+    gates = gates_answer(config_of(collection)).model_dump()
+    gates |= completed(GatesAnswer, members.get("gates") or {}, known_only=True)
+    if "landmarks" not in members:
+        members = {"landmark_count": len(stored.landmarks) // 16} | members
     members |= {"id": number, "collection": collection.id, "gates": gates, "links": own.model_dump()}
     for rank, shown in enumerate(members.get("candidates", ()), start=1):
         if isinstance(shown.get("submap_id"), str):

@@ -58,7 +58,7 @@ def _read(listing: Listing, cursor: str, kind: type[_Place]) -> _Place:
 def page_size(limit: int | None, limits: Limits) -> int:
     """How many rows a page has. Raises InvalidField beyond the limit."""
     if limit is None:
-        return limits.page
+        return limits.page_default
     if not 1 <= limit <= limits.page_max:
         detail = f"must be from 1 to {limits.page_max}, the limit page_max"
         raise InvalidField(detail, code="out_of_range", parameter="limit")

@@ -8,7 +8,7 @@ from typing import Annotated
 from fastapi import Depends, Header, Path, Query, Request
 from pydantic import BeforeValidator
 
-from server.errors import OutOfTime
+from server.errors import DeadlineExceeded
 from server.http.authorization import get_principal, get_visitor
 from server.http.responses import entity_tags
 from server.resources.idempotency import IdempotencyKey
@@ -17,7 +17,7 @@ from server.runtime import Service
 from server.schemas.common import ResourceId, check_digits
 from server.security.principal import Principal
 from urquhart import Budget
-from urquhart.budget import OutOfTime as DeadlinePassed
+from urquhart.budget import OutOfTime
 
 
 # Not `async` for what they wait for: the framework would send a plain function to a thread and back.
@@ -82,13 +82,13 @@ async def get_idempotency_key(
 def in_time(service: Service, budget: Budget) -> Iterator[Budget]:
     """What a request may use of its budget for a picture, or for other work whose answer is all or nothing.
 
-    Raises OutOfTime where the work is left because the limit `query_seconds` has passed.
+    Raises DeadlineExceeded where the work is left because the limit `query_seconds` has passed.
     """
     seconds = service.limits.query_seconds
     try:
         yield budget.within(seconds - budget.elapsed)
-    except DeadlinePassed:
-        raise OutOfTime(
+    except OutOfTime:
+        raise DeadlineExceeded(
             "query_seconds", seconds, "Ask for application/json, or try again when the service is less busy."
         ) from None
 

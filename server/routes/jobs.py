@@ -156,7 +156,7 @@ async def get_job(
     ] = 0.0,
 ) -> Response:
     """Returns the progress of a job. Until it is finished, `Retry-After` says when to ask again. If too many callers
-    wait already (`waits`, `key_waits` in GET /v1/limits), the answer comes at once.
+    wait already (`job_waits`, `key_job_waits` in GET /v1/limits), the answer comes at once.
     """
     found = await anyio.to_thread.run_sync(queue.read, service.database, caller, job)
     if wait and found.finished is None and not service.readiness.stopping:

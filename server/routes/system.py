@@ -46,7 +46,7 @@ async def readyz(service: ServiceDep) -> Response:
     """
     service.readiness.require()
     gate = service.gate
-    load = Load(running=gate.running, places=gate.places, waiting=gate.waiting, saturated=gate.is_saturated)
+    load = Load(in_flight=gate.running, capacity=gate.places, queued=gate.waiting, saturated=gate.is_saturated)
     return json_response(Readiness(status="ok", checks=dict(service.readiness.states()), load=load))
 
 

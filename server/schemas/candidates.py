@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from pydantic import Field, PlainSerializer
 
-from server.schemas.common import Answer, Formerly, write_stamp
+from server.schemas.common import RENAMED_REASONS, Answer, Formerly, write_stamp
 from server.schemas.poses import CandidateTransform, MapPoseAnswer, Transform
 from urquhart.propose.query import LevelName
 from urquhart.report.explanation import SKIPS, STOPS
@@ -56,6 +56,7 @@ _LEVEL = (
     "rotations and shifts, or the `paper`'s method."
 )
 _Support = Annotated[int, Formerly("votes")]
+_Refused = Annotated[str | None, RENAMED_REASONS]
 _Level = Annotated[LevelName, Formerly(words={"sweep": "exhaustive"})]
 
 
@@ -105,7 +106,7 @@ class CandidateAnswer(Answer):
     evidence: float = Field(description=_EVIDENCE)
     log_odds: float = Field(description=_LOG_ODDS)
     confidence: float = Field(ge=0, le=1, description="Calibrated probability that `transform` is right.")
-    refused: str | None = Field(
+    refused: _Refused = Field(
         description="Why this candidate is not accepted, as a stable word: one of those of `reason`. Null if it is "
         "accepted."
     )
@@ -137,36 +138,36 @@ class FindingAnswer(Answer):
     level: _Level = Field(description=_LEVEL)
     submap_id: str = Field(description="Id of the submap.")
     support: _Support = Field(description=_SUPPORT)
-    inliers: int = Field(description=_INLIER_COUNT)
+    inlier_count: Annotated[int, Formerly("inliers")] = Field(description=_INLIER_COUNT)
     overlap_count: Annotated[int, Formerly("overlap")] = Field(
         description="How many landmarks lie inside the overlap of both footprints, of the side that has more there."
     )
     evidence: float = Field(description=_EVIDENCE)
     log_odds: float = Field(description=_LOG_ODDS)
-    refused: str | None = Field(
+    refused: _Refused = Field(
         description="Why this finding is not accepted, as a stable word: one of those of `reason`. Null if only a "
         "rival could refuse it."
     )
 
 
-class Gates(Answer):
+class GatesAnswer(Answer):
     """What a pose must pass to be `matched`, from the collection's configuration.
 
-    Against a rival, the lead must be at least `lead` + `lead_each` * (landmarks of the overlap) + `lead_share` *
-    (evidence of the rival).
+    Against a rival, the lead must be at least `lead` + `lead_per_landmark` * (landmarks of the overlap) +
+    `lead_ratio` * (evidence of the rival).
     """
 
     confidence: float = Field(description="Least confidence that is `matched`.")
     log_odds: float = Field(description="Least `log_odds` with which a pose without rivals reaches that confidence.")
     lead: float = Field(
-        description="Constant part of the lead in evidence that a pose needs over its strongest rival. `lead_each` and "
-        "`lead_share` are added to it."
+        description="Constant part of the lead in evidence that a pose needs over its strongest rival. `lead_per_landmark` and "
+        "`lead_ratio` are added to it."
     )
-    lead_each: float = Field(
-        description="Lead in evidence needed for each landmark of the overlap, added to `lead`. It is `margin` of the "
-        "collection's `config`."
+    lead_per_landmark: Annotated[float, Formerly("lead_each")] = Field(
+        description="Lead in evidence needed for each landmark of the overlap, added to `lead`. It is the parameter of the "
+        "same name in the collection's `config`."
     )
-    lead_share: float = Field(
+    lead_ratio: Annotated[float, Formerly("lead_share")] = Field(
         description="Lead in evidence needed as a share of the rival's evidence, added to `lead`."
     )
 
@@ -174,7 +175,9 @@ class Gates(Answer):
 class SearchAnswer(Answer):
     """How the search ended and what its limits left out, so whether a longer search could have found more."""
 
-    stopped_by: StoppedBy = Field(description=f"Why the search ended, as a stable word. {_words(STOPS)}")
+    stopped_by: Annotated[StoppedBy, Formerly(words={"settled": "decided"})] = Field(
+        description=f"Why the search ended, as a stable word. {_words(STOPS)}"
+    )
     skipped: list[Skipped] = Field(
         description=f"Limits that left something out, as stable words. Empty if none did. {_words(SKIPS)}"
     )

@@ -30,6 +30,14 @@ class Formerly:
     words: Mapping[str, str] = field(default_factory=dict)
 
 
+RENAMED_REASONS: Final = Formerly(
+    words={
+        "runner_up_too_close": "rival_too_close",
+        "no_votes": "no_proposal",
+        "nothing_left": "all_filtered_out",
+    }
+)
+"""Reasons of verdicts and refusals that have another name since."""
 _RFC3339 = re.compile(r"\d{4}-\d{2}-\d{2}[Tt ]\d{2}:\d{2}:\d{2}(\.\d+)?([Zz]|[+-]\d{2}:\d{2})")
 _DEPTH = 32
 _POINTS_AT_ONCE = 1_000

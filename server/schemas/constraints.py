@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field
 
 from server.schemas.candidates import WARNED
-from server.schemas.common import Answer, Body, Label, Metres, ResourceId
+from server.schemas.common import Answer, Body, Formerly, Label, Metres, ResourceId
 from server.schemas.poses import PoseWithCovariance, TreesMiddle
 
 ConstraintFormat = Literal["ndjson", "json", "g2o", "g2o_middle", "matrices"]
@@ -17,7 +17,7 @@ class ConstraintGates(Body):
     confidence: Annotated[float, Field(ge=0, le=1)] = Field(
         0.0, description="Least confidence that a match must have to become a constraint."
     )
-    inliers: Annotated[int, Field(ge=0, strict=True)] = Field(
+    inlier_count: Annotated[int, Field(ge=0, strict=True), Formerly("inliers")] = Field(
         0, description="Fewest inliers that a match must have to become a constraint."
     )
     rms: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = Field(
@@ -101,7 +101,7 @@ class Constraint(Answer):
     information_frame: Literal["to"] = Field(
         "to", description="Axes of `information`: those of the frame of the submap `to`."
     )
-    inliers: int = Field(description="Number of pairs of landmarks that agree.")
+    inlier_count: int = Field(description="Number of pairs of landmarks that agree.")
     rms: float = Field(description="Root mean square of the inliers' residuals, in metres.")
     confidence: float = Field(description="Calibrated probability that `transform` is right.")
     from_session: str | None = Field(description="Session of the submap `from`. Null if it has none.")
@@ -144,7 +144,7 @@ CONSTRAINT_EXAMPLE: dict[str, Any] = {
     },
     "information": [1000, 0, 0, 0, 1000, 0, 0, 0, 1e6],
     "information_frame": "to",
-    "inliers": 41,
+    "inlier_count": 41,
     "rms": 0.12,
     "confidence": 0.9999,
     "from_session": "monday",

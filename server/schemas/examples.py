@@ -53,11 +53,11 @@ SUBMAP_SUMMARY: dict[str, Any] = {
 }
 
 SUBMAP: dict[str, Any] = SUBMAP_SUMMARY | {
-    "landmarks": [{"id": "t1", "x": 1.2, "y": 3.4, "dbh": 0.31}, {"id": "t2", "x": 4.9, "y": -2.2}]
+    "landmarks": [{"id": "t1", "x": 1.2, "y": 3.4, "dbh_cm": 31.0}, {"id": "t2", "x": 4.9, "y": -2.2}]
 }
 
 TESSELLATION: dict[str, Any] = {
-    "submap": "p7",
+    "submap_id": "p7",
     "fingerprint": "5e2f0c9a41d7",
     "counts": _COUNTS,
     "landmarks": [{"id": "0", "x": 0.0, "y": 0.0}, {"id": "1", "x": 2.0, "y": 0.1}, {"id": "2", "x": 1.1, "y": 1.9}],
@@ -69,7 +69,7 @@ _FINDING: dict[str, Any] = {
     "level": "polygons",
     "submap_id": "p7",
     "support": 212,
-    "inliers": 71,
+    "inlier_count": 71,
     "overlap_count": 80,
     "evidence": 95.1,
     "log_odds": 74.8,
@@ -85,10 +85,10 @@ QUERY_ANSWER: dict[str, Any] = {
     "stamp": "2026-05-05T07:12:03Z",
     "method": "robust",
     "revision": 12,
-    "landmarks": 88,
+    "landmark_count": 88,
     "lead": 61.2,
     "warnings": [],
-    "gates": {"confidence": 0.999, "log_odds": 8.4, "lead": 20.6, "lead_each": 0.25, "lead_share": 0.1},
+    "gates": {"confidence": 0.999, "log_odds": 8.4, "lead": 20.6, "lead_per_landmark": 0.25, "lead_ratio": 0.1},
     "candidates": [
         {
             "rank": 1,
@@ -143,9 +143,9 @@ QUERY_ANSWER: dict[str, Any] = {
     ],
     "rivals": [],
     "search": {
-        "stopped_by": "settled",
+        "stopped_by": "decided",
         "skipped": [],
-        "sentence": STOPS["settled"],
+        "sentence": STOPS["decided"],
     },
     "stages": [{"name": "describe", "milliseconds": 0.8, "counts": {"triangles": 168, "polygons": 24}}],
     "findings": [_FINDING],
@@ -161,7 +161,7 @@ EXPLANATION: dict[str, Any] = {
     "query": "17",
     "collection": "plots",
     "verdict": "ambiguous",
-    "reason": "runner_up_too_close",
+    "reason": "rival_too_close",
     "lead": 2.4,
     "gates": QUERY_ANSWER["gates"],
     "search": {
@@ -181,7 +181,7 @@ EXPLANATION: dict[str, Any] = {
             "links": {"submap": "/v1/collections/plots/submaps/p7"},
         }
     ],
-    "sentences": {"runner_up_too_close": REASONS["runner_up_too_close"]},
+    "sentences": {"rival_too_close": REASONS["rival_too_close"]},
     "links": {
         "self": "/v1/collections/plots/queries/17/explanation",
         "query": "/v1/collections/plots/queries/17",

@@ -24,7 +24,7 @@ class JobAnswer(Answer):
     """A job: long work that goes on after the request that asked for it."""
 
     id: str = Field(description="Id of the job.")
-    kind: str = Field(description="What the job does: `import`, `reindex` or `constraints`.")
+    type: str = Field(description="What the job does: `import`, `reindex` or `constraints`.")
     collection: str = Field(description="Id of the collection that the job works on.")
     state: str = Field(
         description="How far the job is. `accepted`: it waits for a turn, its first or its next one. `running`: it "
@@ -76,7 +76,7 @@ class JobPage(Answer):
 
 JOB_EXAMPLE: dict[str, Any] = {
     "id": "01jz9k3v8xq7m2n4p5r6s7t8v9",
-    "kind": "import",
+    "type": "import",
     "collection": "plots",
     "state": "running",
     "total": 12000,

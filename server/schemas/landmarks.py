@@ -1,7 +1,7 @@
 """Landmarks in the bodies of submaps and queries."""
 
 from itertools import chain
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,27 +13,35 @@ from server.schemas.common import Body, Label, Number, Points
 _XY: Any = [[1.2, 3.4], [4.9, -2.2], [-3.1, 0.7], [2.2, -6.5], [-5.8, -4.1], [7.4, 5.3]]
 
 
-THINNEST, THICKEST, TALLEST = 0.005, 5.0, 150.0
-"""Metres. Plausible diameters at breast height and heights. A value beyond them is in another unit."""
+STEMS_CM: Final = (1.0, 500.0)
+"""Centimetres. Plausible diameters at breast height. A value beyond them is in another unit."""
+TALLEST_M: Final = 150.0
+"""Metres. No tree is taller."""
 
 
 def _check_diameter(value: float) -> float:
-    if not THINNEST <= value <= THICKEST:
+    thinnest, thickest = STEMS_CM
+    if not thinnest <= value <= thickest:
         raise PydanticCustomError(
             "diameter_range",
-            "a diameter is given in metres, from {thinnest} to {thickest}, and {value} is not: is it in centimetres "
-            "or millimetres?",
-            {"thinnest": THINNEST, "thickest": THICKEST, "value": value},
+            "dbh_cm is a diameter in centimetres, from {thinnest} to {thickest}, and {value} is not: is it in "
+            "{other}? Leave dbh_cm out for trees that are thinner.",
+            {
+                "thinnest": f"{thinnest:g}",
+                "thickest": f"{thickest:g}",
+                "value": f"{value:g}",
+                "other": "metres" if value < thinnest else "millimetres",
+            },
         )
     return value
 
 
 def _check_height(value: float) -> float:
-    if value > TALLEST:
+    if value > TALLEST_M:
         raise PydanticCustomError(
             "height_range",
-            "a height is given in metres, up to {tallest}, and {value} is not: is it in centimetres or feet?",
-            {"tallest": TALLEST, "value": value},
+            "height_m is a height in metres, up to {tallest}, and {value} is not: is it in centimetres or feet?",
+            {"tallest": f"{TALLEST_M:g}", "value": f"{value:g}"},
         )
     return value
 
@@ -48,12 +56,12 @@ class Landmark(Body):
     )
     x: Number = Field(description="Position along x, in metres, in the frame of the submap or query.")
     y: Number = Field(description="Position along y, in metres, in the frame of the submap or query.")
-    dbh: Annotated[Number, Field(gt=0), AfterValidator(_check_diameter)] | None = Field(
+    dbh_cm: Annotated[Number, Field(gt=0), AfterValidator(_check_diameter)] | None = Field(
         None,
-        description="Diameter at breast height, in metres: 0.31 for a stem of 31 cm; from 0.005 to 5. "
-        "Evidence where both sides have it; never a condition.",
+        description="Diameter at breast height, in centimetres, from 1 to 500. It counts as evidence where both sides "
+        "have it, and is never required.",
     )
-    height: Annotated[Number, Field(gt=0), AfterValidator(_check_height)] | None = Field(
+    height_m: Annotated[Number, Field(gt=0), AfterValidator(_check_height)] | None = Field(
         None, description="Height of the tree, in metres, up to 150."
     )
     species: Label | None = Field(None, description="Species of the tree: any name or code.")
@@ -127,11 +135,6 @@ class LandmarkBody(Body):
         points = self.xy if self.xy is not None else [(tree.x, tree.y) for tree in self.landmarks or []]
         return np.fromiter(chain.from_iterable(points), np.float64, 2 * len(points)).reshape(-1, 2)
 
-    def diameters(self) -> NDArray[np.float64] | None:
-        """Stem diameters (N,) float64, metres; NaN for a tree without one, None if no tree has one."""
-        known = [tree.dbh for tree in self.landmarks or []]
-        return np.array(known, dtype=np.float64) if any(dbh is not None for dbh in known) else None
-
     def landmark_ids(self) -> list[str] | None:
         """Ids in order of the landmarks; None if each is the default, the landmark's position."""
         ids = _ids_of(self.landmarks) if self.landmarks is not None else self.ids or []
@@ -140,6 +143,6 @@ class LandmarkBody(Body):
     def attributes(self) -> dict[str, list[Any]] | None:
         """Diameters, heights and species, a list for each that any tree has; None if no tree has any."""
         columns = {
-            name: [getattr(tree, name) for tree in self.landmarks or []] for name in ("dbh", "height", "species")
+            name: [getattr(tree, name) for tree in self.landmarks or []] for name in ("dbh_cm", "height_m", "species")
         }
         return {name: values for name, values in columns.items() if any(v is not None for v in values)} or None

@@ -6,9 +6,17 @@ from typing import Annotated, Any
 from pydantic import ConfigDict, Field, PlainSerializer, model_validator
 from pydantic_core import PydanticCustomError
 
-from server.schemas.candidates import CandidateAnswer, FindingAnswer, Gates, RivalAnswer, SearchAnswer, StageAnswer
+from server.schemas.candidates import (
+    CandidateAnswer,
+    FindingAnswer,
+    GatesAnswer,
+    RivalAnswer,
+    SearchAnswer,
+    StageAnswer,
+)
 from server.schemas.common import (
     FRAME_NAME,
+    RENAMED_REASONS,
     STAMPED,
     Answer,
     Body,
@@ -32,7 +40,7 @@ _REASON = (
 FINDINGS = 64
 """Most findings in an answer. The default configuration produces no more."""
 _XY: Any = [[0.4, 2.9], [5.1, -1.7], [-2.6, 1.3], [1.8, -6.0], [-6.2, -3.8], [7.0, 5.9]]
-_DBH: Any = [0.31, 0.22, 0.45, 0.28, 0.19, 0.37]
+_DBH_CM: Any = [31.0, 22.0, 45.0, 28.0, 19.0, 37.0]
 
 
 class Exclude(Body):
@@ -113,7 +121,7 @@ class QueryInput(LandmarkBody, QueryOptions):
             "examples": [
                 {"xy": _XY, "limit": 5},
                 {
-                    "landmarks": [{"x": x, "y": y, "dbh": d} for (x, y), d in zip(_XY, _DBH, strict=True)],
+                    "landmarks": [{"x": x, "y": y, "dbh_cm": d} for (x, y), d in zip(_XY, _DBH_CM, strict=True)],
                     "explain": True,
                 },
                 {
@@ -174,19 +182,19 @@ class QueryAnswer(Answer):
     id: str | None = Field(description="Id of the stored query. Null if it is not stored.")
     collection: str = Field(description="Id of the collection.")
     verdict: Verdict = Field(description=_VERDICT)
-    reason: str = Field(description=_REASON)
+    reason: Annotated[str, RENAMED_REASONS] = Field(description=_REASON)
     frame_id: str | None = Field(description="Name of the query's frame, as it was sent.")
     stamp: _Written | None = Field(description="When the query's trees were observed, as it was sent.")
     method: Method = Field(description="The method that was asked for.")
     revision: int = Field(description="Revision of the collection that was searched.")
-    landmarks: int = Field(description="Number of landmarks in the query.")
+    landmark_count: Annotated[int, Formerly("landmarks")] = Field(description="Number of landmarks in the query.")
     lead: Annotated[float | None, Formerly("margin")] = Field(description=_LEAD)
     warnings: list[str] = Field(
         default_factory=list,
         description="What is wrong with the query as a whole, as stable words. Always empty without `explain`. "
         f"`mirrored`: {WARNINGS['mirrored']}.",
     )
-    gates: Gates = Field(description=_GATES)
+    gates: GatesAnswer = Field(description=_GATES)
     candidates: list[CandidateAnswer] = Field(description="Submaps that may be the query's place, best first.")
     rivals: list[RivalAnswer] = Field(description=_RIVALS)
     search: SearchAnswer | None = Field(None, description=_SEARCH)
@@ -209,7 +217,7 @@ class QueryAnswer(Answer):
 class MatchAnswer(Answer):
     """A candidate of a stored query, with the landmarks of both sides."""
 
-    query: str = Field(description="Id of the stored query.")
+    query_id: str = Field(description="Id of the stored query.")
     candidate: CandidateAnswer = Field(description="The candidate, as in the answer.")
     query_landmarks: list[Point] = Field(
         description="Positions of the query's landmarks as [x, y], in metres, in the query's frame."
@@ -229,12 +237,12 @@ class ExplanationLinks(Answer):
 class ExplanationAnswer(Answer):
     """Why a stored answer has its verdict."""
 
-    query: str = Field(description="Id of the stored query.")
+    query_id: str = Field(description="Id of the stored query.")
     collection: str = Field(description="Id of the collection.")
     verdict: Verdict = Field(description=_VERDICT)
-    reason: str = Field(description=_REASON)
+    reason: Annotated[str, RENAMED_REASONS] = Field(description=_REASON)
     lead: float | None = Field(description=_LEAD)
-    gates: Gates = Field(description=_GATES)
+    gates: GatesAnswer = Field(description=_GATES)
     search: SearchAnswer | None = Field(None, description=_SEARCH)
     stages: list[StageAnswer] = Field(description=_STAGES)
     findings: list[FindingAnswer] | None = Field(
@@ -266,7 +274,7 @@ class BatchInput(Body):
     timeout_ms: Annotated[int, Field(ge=1, le=3_600_000, strict=True)] | None = Field(
         None,
         description="Milliseconds within which you need the whole batch. The limit `batch_seconds` is the maximum and "
-        "the default. A query that has not begun by then gets the problem `out-of-time`.",
+        "the default. A query that has not begun by then gets the problem `deadline-exceeded`.",
     )
 
 

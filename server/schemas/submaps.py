@@ -42,8 +42,8 @@ class SubmapInput(LandmarkBody):
                     "stamp": "2026-05-04T09:30:00Z",
                     "session": "2026-05-04-robot-2",
                     "landmarks": [
-                        {"id": "t1", "x": 1.2, "y": 3.4, "dbh": 0.31, "height": 18.5, "species": "Picea abies"},
-                        {"id": "t2", "x": 4.9, "y": -2.2, "dbh": 0.22},
+                        {"id": "t1", "x": 1.2, "y": 3.4, "dbh_cm": 31.0, "height_m": 18.5, "species": "Picea abies"},
+                        {"id": "t2", "x": 4.9, "y": -2.2, "dbh_cm": 22.0},
                         {"id": "t3", "x": -3.1, "y": 0.7},
                     ],
                     "map_pose": _POSE,
@@ -132,8 +132,8 @@ class StoredLandmark(Answer):
     id: str = Field(description="Id of the tree, unique in the submap.")
     x: float = Field(description="Position along x, in metres, in the submap's frame.")
     y: float = Field(description="Position along y, in metres, in the submap's frame.")
-    dbh: float | None = Field(None, description="Diameter at breast height, in metres.")
-    height: float | None = Field(None, description="Height of the tree, in metres.")
+    dbh_cm: float | None = Field(None, description="Diameter at breast height, in centimetres.")
+    height_m: float | None = Field(None, description="Height of the tree, in metres.")
     species: str | None = Field(None, description="Species of the tree, as it was sent.")
 
 
@@ -182,7 +182,7 @@ class TessellationPolygon(Answer):
 class TessellationAnswer(Answer):
     """The triangles and polygons of a submap."""
 
-    submap: str = Field(description="Id of the submap.")
+    submap_id: str = Field(description="Id of the submap.")
     fingerprint: str = Field(description="Hash of the parameters that the features were computed with.")
     counts: dict[str, int] = Field(description=_COUNTS)
     landmarks: list[StoredLandmark] = Field(description="The submap's landmarks, in the order they were sent.")
@@ -248,7 +248,7 @@ class SubmapReceipt(Answer):
     cleared: list[str] = Field(
         default_factory=list,
         description="Optional members that the submap had before and that this PUT removed, such as `session`, "
-        "`map_pose`, or `dbh` of its landmarks. PUT replaces the whole submap; PATCH keeps members that it does not "
+        "`map_pose`, or `dbh_cm` of its landmarks. PUT replaces the whole submap; PATCH keeps members that it does not "
         "name.",
     )
     links: SubmapLinks | None = Field(

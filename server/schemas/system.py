@@ -16,9 +16,9 @@ class Liveness(Answer):
 class Load(Answer):
     """How busy the answering process is."""
 
-    running: int = Field(description="Number of requests in progress.")
-    places: int = Field(description="Number of requests that can be in progress at once.")
-    waiting: int = Field(description="Number of requests that wait for a place.")
+    in_flight: int = Field(description="Number of requests in progress.")
+    capacity: int = Field(description="Number of requests that can be in progress at once.")
+    queued: int = Field(description="Number of requests that wait for a place.")
     saturated: bool = Field(description="Whether all places are taken, so that another caller's request has to wait.")
 
 
@@ -72,15 +72,15 @@ LIMITS_EXAMPLE: dict[str, Any] = {
         "excluded_submaps": 10000,
         "query_seconds": 4.5,
         "batch_seconds": 4.5,
-        "page": 100,
+        "page_default": 100,
         "page_max": 1000,
         "page_bytes": 4194304,
         "concurrent_requests": 32,
         "key_requests": 0,
         "queued_requests": 256,
         "queue_seconds": 5.0,
-        "waits": 500,
-        "key_waits": 100,
+        "job_waits": 500,
+        "key_job_waits": 100,
         "unsent_bytes": 268435456,
         "connections": 1000,
         "idle_seconds": 75.0,
@@ -97,5 +97,5 @@ LIMITS_EXAMPLE: dict[str, Any] = {
 READINESS_EXAMPLE: dict[str, Any] = {
     "status": "ok",
     "checks": {"migrations": "ok", "kernels": "ok", "index": "ok", "database": "ok"},
-    "load": {"running": 3, "places": 32, "waiting": 0, "saturated": False},
+    "load": {"in_flight": 3, "capacity": 32, "queued": 0, "saturated": False},
 }

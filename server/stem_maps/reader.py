@@ -23,6 +23,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from server.schemas.landmarks import STEMS_CM, TALLEST_M
 from server.stem_maps.columns import DBH_UNITS, Columns, find_columns
 from server.stem_maps.plausibility import check_centres, check_cut_decimals, check_diameters, check_plots
 from server.stem_maps.rows import SEPARATORS, Rows, StemMapError, decode, read_bytes
@@ -32,10 +33,6 @@ __all__ = ["StemMap", "StemMapError", "read_stem_map"]
 
 COORDINATE_LIMIT: Final = 1e8
 """Metres. No projected coordinate on Earth is larger; what is larger is in other units."""
-STEMS_CM: Final = (0.5, 500.0)
-"""Centimetres. A diameter beyond is in another unit."""
-TALLEST_M: Final = 150.0
-"""Metres. No tree is taller."""
 SAME_PLACE: Final = 0.01
 """Metres. Stems of one tree that stand closer than this have one position."""
 

@@ -55,7 +55,7 @@ class ReplacementReport:
 
 
 @contextmanager
-def spool_to_disk(batches: Iterable[DescribedBatch], folder: Path) -> Iterator[Iterator[DescribedBatch]]:
+def keep_on_disk(batches: Iterable[DescribedBatch], folder: Path) -> Iterator[Iterator[DescribedBatch]]:
     """Take in all batches first, then hand them out again: the transaction that stores them need not wait for one.
 
     What does not fit into memory waits in a file of `folder` that has no name, so a killed process leaves nothing.

@@ -16,7 +16,7 @@ from server.schemas.common import check_id
 from server.schemas.landmarks import Landmark
 from server.schemas.poses import MapPose
 from server.stem_maps.reader import StemMap
-from server.stem_maps.replacement import ReplacementReport, StandError, replace_stand, spool_to_disk
+from server.stem_maps.replacement import ReplacementReport, StandError, keep_on_disk, replace_stand
 from server.stem_maps.tiling import Cut, cut
 from server.store.codec import digest, pack_positions
 from server.store.repositories.stands import StandRecord
@@ -65,7 +65,7 @@ def store_stand(
     began = time.perf_counter()
     lines = lines_of(stem_map, stand)
     describing = describe_lines(database, collection, lines, replace(options, batch_size=BATCH))
-    with closing(describing), spool_to_disk(_counted(describing, advance), database.path.parent) as batches:
+    with closing(describing), keep_on_disk(_counted(describing, advance), database.path.parent) as batches:
         ids = [disc.submap_id for disc in stand.discs]
         outcome = replace_stand(database, collection, _record(stem_map, stand), ids, batches)
     return StandReport(stem_map.name, stand, outcome, time.perf_counter() - began)
@@ -151,9 +151,9 @@ def landmarks_of(stem_map: StemMap) -> list[Landmark]:
 def _landmark(stem_map: StemMap, tree: int, x: float, y: float) -> Landmark:
     known: dict[str, Any] = {}
     if stem_map.dbh_cm is not None and np.isfinite(stem_map.dbh_cm[tree]):
-        known["dbh"] = float(stem_map.dbh_cm[tree]) / 100.0  # the API is in metres
+        known["dbh_cm"] = float(stem_map.dbh_cm[tree])
     if stem_map.height_m is not None and np.isfinite(stem_map.height_m[tree]):
-        known["height"] = float(stem_map.height_m[tree])
+        known["height_m"] = float(stem_map.height_m[tree])
     if stem_map.species is not None and stem_map.species[tree]:
         known["species"] = stem_map.species[tree]
     return Landmark(id=stem_map.ids[tree], x=x, y=y, **known)

@@ -79,7 +79,7 @@ def cut(
     for name, value in (("radius", radius), ("spacing", spacing)):
         if not (np.isfinite(value) and value > 0):
             raise CuttingError(f"the {name} must be a positive number of metres, not {value:g}")
-    kept = merge(stem_map.xy, dbh=stem_map.dbh_cm)
+    kept = merge(stem_map.xy, diameters=stem_map.dbh_cm)
     xy = stem_map.xy[kept]
     xs, ys = (_centres(xy[:, axis], spacing) for axis in (0, 1))
     if len(xs) * len(ys) > MAXIMUM_DISCS:
@@ -123,21 +123,21 @@ def cut(
 
 
 def merge(
-    xy: NDArray[np.float64], distance: float = MERGE_DISTANCE, dbh: NDArray[np.float64] | None = None
+    xy: NDArray[np.float64], distance: float = MERGE_DISTANCE, diameters: NDArray[np.float64] | None = None
 ) -> NDArray[np.int64]:
     """Thin `xy` (N, 2), metres: each tree gives way to a thicker one within `distance` metres.
 
-    `dbh` (N,) float64 are diameters in any unit, NaN where unknown. Of equally thick trees, and without `dbh` of all,
+    `diameters` (N,) float64 are in any unit, NaN where unknown. Of equally thick trees, and without diameters of all,
     the earlier one stays. Returns the positions of those that stay, (K,) int64, ascending.
     """
-    thickness = np.zeros(len(xy)) if dbh is None else np.nan_to_num(dbh)
+    thickness = np.zeros(len(xy)) if diameters is None else np.nan_to_num(diameters)
     order = np.argsort(-thickness, kind="stable")
     return np.sort(order[np.flatnonzero(thin(xy[order], distance) < 0)])
 
 
 def without_twins(stem_map: StemMap) -> StemMap:
     """The map without trees that stand within `MERGE_DISTANCE` of a thicker one: stems of one tree."""
-    kept = merge(stem_map.xy, dbh=stem_map.dbh_cm) if len(stem_map) else np.zeros(0, dtype=np.int64)
+    kept = merge(stem_map.xy, diameters=stem_map.dbh_cm) if len(stem_map) else np.zeros(0, dtype=np.int64)
     if len(kept) == len(stem_map):
         return stem_map
     return replace(

@@ -1,20 +1,21 @@
 """How landmarks lie in their columns: positions as float64, ids and attributes as JSON, left out when default."""
 
 import hashlib
+from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
 import orjson
 from numpy.typing import NDArray
 
-_STEMS: Final = (1e-4, 1e4)
+_STEMS_M: Final = (1e-4, 1e4)
 """Metres. Stems beyond, which an older version let in, count as not known: float32 may not hold them."""
 
 _NAMES: Final = [str(i) for i in range(1000)]
 """Made once: each answer names landmarks of several submaps."""
 
 
-MEMBERS: Final = ("frame_id", "session", "stamp", "map_pose", "properties", "ids", "dbh", "height", "species")
+MEMBERS: Final = ("frame_id", "session", "stamp", "map_pose", "properties", "ids", "dbh_cm", "height_m", "species")
 """What a submap may have or not, as the API names it: the last four of its landmarks."""
 
 
@@ -50,13 +51,21 @@ def unpack_attributes(blob: bytes | None) -> dict[str, list[Any]]:
     return {} if blob is None else dict(orjson.loads(blob))
 
 
-def unpack_diameters(blob: bytes | None) -> NDArray[np.float64] | None:
-    """Stem diameters (N,) float64, metres, of packed attributes, NaN where one is not known; None where none is."""
-    known = unpack_attributes(blob).get("dbh")
+def diameters_of(attributes: Mapping[str, list[Any]] | None) -> NDArray[np.float64] | None:
+    """Stem diameters (N,) float64, metres, NaN where one is not known; None where none is.
+
+    `attributes` are lists by position, by name. Centimetres become metres here and nowhere else.
+    """
+    known = (attributes or {}).get("dbh_cm")
     if known is None:
         return None
-    diameters = np.array(known, dtype=np.float64)  # null becomes NaN
-    return np.where((diameters > _STEMS[0]) & (diameters < _STEMS[1]), diameters, np.nan)
+    diameters = np.array(known, dtype=np.float64) / 100.0  # null becomes NaN
+    return np.where((diameters > _STEMS_M[0]) & (diameters < _STEMS_M[1]), diameters, np.nan)
+
+
+def unpack_diameters(blob: bytes | None) -> NDArray[np.float64] | None:
+    """Stem diameters of packed attributes, as `diameters_of` gives them."""
+    return diameters_of(unpack_attributes(blob))
 
 
 def digest(*parts: bytes | None) -> str:

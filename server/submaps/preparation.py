@@ -49,7 +49,7 @@ class Trees:
         """Features of the landmarks, made once. Raises InvalidLandmarks."""
         if self._features is None or self._features.fingerprint != config.fingerprint():
             try:
-                self._features = urquhart.describe(self.xy, config, self._body.diameters())
+                self._features = urquhart.describe(self.xy, config, unpack_diameters(self.attributes))
             except LandmarkError as error:
                 raise invalid_landmarks(error, self._body) from error
         return self._features
@@ -161,7 +161,7 @@ def _same_trees(known: Identity, landmarks_hash: str, attributes: bytes | None) 
     if known.landmarks_hash != landmarks_hash:
         return False
     return known.attributes == attributes or (
-        unpack_attributes(known.attributes).get("dbh") == unpack_attributes(attributes).get("dbh")
+        unpack_attributes(known.attributes).get("dbh_cm") == unpack_attributes(attributes).get("dbh_cm")
     )
 
 

@@ -130,7 +130,7 @@ class Tessellated:
         """As data, landmarks by position."""
         tessellation = self._features.tessellation
         return TessellationAnswer(
-            submap=self._row.id,
+            submap_id=self._row.id,
             fingerprint=self._features.fingerprint,
             counts=self._features.counts(),
             landmarks=_landmarks(self._row),

@@ -16,7 +16,7 @@ from benchmarks.robust.__main__ import EXPERIMENTS, FULL, RELIABILITY, main
 from benchmarks.robust.plots import PICTURES
 from benchmarks.robust.reliability import LEAST, bins, expected_error
 from benchmarks.robust.report import SECTIONS
-from benchmarks.robust.worlds import ANSWER, MATCHED, STRICT, Place, World, gather, summarize
+from benchmarks.robust.worlds import ANSWER, MATCHED, STRICT, RobustWorld, TruePlace, gather, summarize
 from urquhart import SE2, Config
 from urquhart.evaluation.simulation import observe, paper_forest
 
@@ -101,7 +101,7 @@ def test_a_world_knows_right_from_wrong() -> None:
     rng = np.random.default_rng(3)
     forest = paper_forest(rng, 300.0)
     here, there = SE2(120.0, 140.0, 0.4), SE2(126.0, 133.0, -2.0)
-    world = World([Place(observe(forest, here, 40.0, rng, sigma=0.1).xy, 0, here)], Config(), STRICT)
+    world = RobustWorld([TruePlace(observe(forest, here, 40.0, rng, sigma=0.1).xy, 0, here)], Config(), STRICT)
     seen = observe(forest, there, 40.0, rng, sigma=0.1).xy
     right = world.ask(seen, 0, there)
     assert [int(right[name]) for name in ("verdict", "right", "oracle", "alone")] == [MATCHED, 1, 1, 1]

@@ -40,7 +40,7 @@ RESULT: dict[str, Any] = {
 }
 
 
-class Service:
+class FakeService:
     """Answers every request with what the test says, and keeps what came in."""
 
     def __init__(self, *answers: httpx.Response) -> None:
@@ -60,13 +60,13 @@ class Service:
         return json.loads(self.last.content)
 
 
-def service(document: object, status: int = 200, **headers: str) -> Service:
-    return Service(httpx.Response(status, json=document, headers=headers))
+def service(document: object, status: int = 200, **headers: str) -> FakeService:
+    return FakeService(httpx.Response(status, json=document, headers=headers))
 
 
 def client(answering: Callable[[httpx.Request], httpx.Response], base_url: str = "http://service") -> Client:
     return Client(base_url, transport=httpx.MockTransport(answering))
 
 
-def sent(answering: Service) -> tuple[str, str]:
+def sent(answering: FakeService) -> tuple[str, str]:
     return answering.last.method, answering.last.url.raw_path.decode()

@@ -61,12 +61,12 @@ def test_queries_can_be_kept_and_drawn(client: Client) -> None:
 
 def test_answers_can_be_explained(client: Client) -> None:
     client.put_collection("plots")
-    stems = np.random.default_rng(9).lognormal(-1.4, 0.4, len(TREES))
-    client.put_submap("plots", "p7", xy=TREES, dbh=stems)
+    stems = 100.0 * np.random.default_rng(9).lognormal(-1.4, 0.4, len(TREES))
+    client.put_submap("plots", "p7", xy=TREES, dbh_cm=stems)
     plain = client.query("plots", SEEN.xy)
     assert (plain.findings, plain.rivals) == (None, ())
     measured = [float(stems[tree]) if i else None for i, tree in enumerate(SEEN.trees)]
-    result = client.query("plots", SEEN.xy, dbh=measured, store=True, explain=True)
+    result = client.query("plots", SEEN.xy, dbh_cm=measured, store=True, explain=True)
     assert result.best is not None
     assert plain.best is not None
     assert (result.best.evidence or 0.0) > (plain.best.evidence or 0.0) + 5.0
@@ -131,7 +131,7 @@ def test_collections_from_first_to_last(client: Client) -> None:
 def test_submaps_from_first_to_last(client: Client) -> None:
     client.put_collection("plots")
     stamp = datetime(2026, 5, 4, 9, 30, tzinfo=UTC)
-    landmarks = [{"id": f"t{i}", "x": x, "y": y, "dbh": 0.3} for i, (x, y) in enumerate(TREES.tolist())]
+    landmarks = [{"id": f"t{i}", "x": x, "y": y, "dbh_cm": 30.0} for i, (x, y) in enumerate(TREES.tolist())]
     first = client.put_submap("plots", "p1", landmarks=landmarks, stamp=stamp, session="s1", properties={"by": "us"})
     assert first.outcome == "created"
     assert first.counts["landmarks"] == len(TREES)
@@ -146,7 +146,7 @@ def test_submaps_from_first_to_last(client: Client) -> None:
 
     stored = client.get_submap("plots", "p1")
     assert stored.landmarks is not None
-    assert (stored.landmarks[5].id, stored.landmarks[5].dbh) == ("t5", 0.3)
+    assert (stored.landmarks[5].id, stored.landmarks[5].dbh_cm) == ("t5", 30.0)
     assert (stored.landmarks[5].x, stored.landmarks[5].y) == tuple(TREES[5])
     assert (stored.stamp, stored.session, stored.properties) == (stamp, "s1", {"by": "us"})
 

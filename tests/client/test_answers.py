@@ -5,7 +5,7 @@ import json
 import httpx
 import pytest
 
-from tests.client.fake import Service, client, service
+from tests.client.fake import CANDIDATE, RESULT, SUBMAP, FakeService, client, service
 from urquhart_client import ConnectionFailed, ProblemError, UnexpectedAnswer
 
 
@@ -18,7 +18,7 @@ def test_a_problem_document_is_raised_whole() -> None:
         "errors": [{"pointer": "/xy/3", "code": "not_finite", "detail": "is not a number"}],
         "request_id": "0c5f",
     }
-    fake = Service(
+    fake = FakeService(
         httpx.Response(
             422, content=json.dumps(problem), headers={"content-type": "application/problem+json", "retry-after": "2.5"}
         )
@@ -61,7 +61,7 @@ def test_a_retry_after_that_is_no_delay_is_none(retry_after: str) -> None:
 )
 def test_answers_of_something_else_are_named(answered: httpx.Response, status: int) -> None:
     with pytest.raises(UnexpectedAnswer) as caught:
-        client(Service(answered)).get_collection("plots")
+        client(FakeService(answered)).get_collection("plots")
     assert caught.value.status == status
     assert "http://service/v1/collections/plots" in str(caught.value)
 
@@ -77,3 +77,25 @@ def test_a_connection_that_fails_is_named() -> None:
 
     with pytest.raises(ConnectionFailed, match=r"GET http://service/livez: connection refused"):
         client(refuse).live()
+
+
+def test_an_answer_prints_on_one_line() -> None:
+    pairs = [{"query": str(i), "submap": f"t{i}", "residual": 0.1} for i in range(200)]
+    candidate = CANDIDATE | {"inliers": pairs, "inlier_count": 200}
+    result = client(service(RESULT | {"id": "7", "candidates": [candidate] * 3})).query("plots", [[0, 0]])
+    told = str(result)
+    assert told == repr(result)
+    assert told.startswith(
+        "QueryResult(id='7', collection='plots', verdict='matched', reason='verified', best=Candidate("
+    )
+    assert "submap_id='p7', transform=Transform(x 1.000 m, y 2.000 m, yaw 90.00 deg)" in told
+    assert "inlier_count=200" in told
+    assert "candidates=<3>" in told
+    assert len(told) < 400
+    assert "\n" not in told
+    landmarks = [{"id": str(i), "x": 1.0, "y": 2.0} for i in range(500)]
+    submap = client(service(SUBMAP | {"landmarks": landmarks, "properties": {"a": "b" * 1000}})).get_submap(
+        "plots", "p7"
+    )
+    assert "landmarks=<500>" in str(submap)
+    assert len(str(submap)) < 200

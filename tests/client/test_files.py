@@ -128,7 +128,8 @@ class Sent:
         monkeypatch.setattr(cli, "Client", lambda url, **_: Client(url, transport=httpx.MockTransport(self)))
 
     def __call__(self, request: httpx.Request) -> httpx.Response:
-        self.bodies.append(json.loads(request.content))
+        if request.content:
+            self.bodies.append(json.loads(request.content))
         if "queries" in request.url.path:
             return httpx.Response(200, json=RESULT)
         known = {"id": "plots", "fingerprint": "f", "revision": 0}
@@ -140,7 +141,7 @@ def test_all_that_a_file_holds_is_sent(
 ) -> None:
     sent = Sent(monkeypatch)
     body = {
-        "landmarks": [{"id": "a", "x": 1.5, "y": 2.5, "dbh": 0.3, "height": 12.0, "species": "oak"}],
+        "landmarks": [{"id": "a", "x": 1.5, "y": 2.5, "dbh_cm": 30.0, "height_m": 12.0, "species": "oak"}],
         "frame_id": "plot",
         "stamp": "2026-05-04T09:30:00Z",
         "session": "monday",
@@ -158,7 +159,7 @@ def test_all_that_a_file_holds_is_sent(
     assert cli.run(["put", "plots", "p7", str(table), "--session", "monday"]) == 0
     assert sent.bodies[-1] == {
         "landmarks": [
-            {"id": "t7", "x": 1.5, "y": 2.5, "dbh": 0.3, "species": "oak"},
+            {"id": "t7", "x": 1.5, "y": 2.5, "dbh_cm": 30.0, "species": "oak"},
             {"id": "t8", "x": 3.5, "y": 4.5},
         ],
         "session": "monday",

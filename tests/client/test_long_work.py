@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.server.world import forest, observed, points
+from tests.server.factories import forest, observed, points
 from urquhart_client import Client, ProblemError, Progress
 from urquhart_client._protocol.files import read_csv
 from urquhart_client.cli import run

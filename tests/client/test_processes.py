@@ -13,8 +13,8 @@ import httpx
 import pytest
 
 from tests.client.fake import COLLECTION
+from tests.server.factories import forest, observed
 from tests.server.processes import Server
-from tests.server.world import forest, observed
 from urquhart_client import AsyncClient, Client, Retry, UnexpectedAnswer
 
 WORKERS = 4

@@ -6,7 +6,7 @@ import httpx
 import numpy as np
 import pytest
 
-from tests.client.fake import CANDIDATE, COLLECTION, RECEIPT, RESULT, SUBMAP, Service, client, sent, service
+from tests.client.fake import CANDIDATE, COLLECTION, RECEIPT, RESULT, SUBMAP, FakeService, client, sent, service
 from urquhart_client import UNSET, Landmark, MapPose, QueryResult, Transform
 
 
@@ -52,36 +52,40 @@ def test_landmarks_alone_are_patched() -> None:
     fake = service(SUBMAP)
     client(fake).patch_submap("plots", "p7", xy=[[1, 2]], ids=["a"])
     assert fake.body == {"xy": [[1.0, 2.0]], "ids": ["a"]}
-    client(fake).patch_submap("plots", "p7", xy=[[1, 2]], dbh=[0.3], session=None, stamp=None)
-    assert fake.body == {"landmarks": [{"x": 1.0, "y": 2.0, "dbh": 0.3}], "session": None, "stamp": None}
+    client(fake).patch_submap("plots", "p7", xy=[[1, 2]], dbh_cm=[30.0], session=None, stamp=None)
+    assert fake.body == {"landmarks": [{"x": 1.0, "y": 2.0, "dbh_cm": 30.0}], "session": None, "stamp": None}
     with pytest.raises(ValueError, match="go with xy"):
         client(fake).patch_submap("plots", "p7", ids=["a"])
 
 
-@pytest.mark.parametrize(("point", "count"), [([1.0, 2.0, 3.0], 3), ([1.0], 1)])
-def test_positions_of_other_than_two_numbers_are_named(point: list[float], count: int) -> None:
-    with pytest.raises(ValueError, match=rf"positions are \[x, y\]; the one at 1 has {count} numbers"):
+@pytest.mark.parametrize(
+    ("point", "told"), [([1.0, 2.0, 3.0], "3 numbers: leave out what follows x and y"), ([1.0], "1 numbers$")]
+)
+def test_positions_of_other_than_two_numbers_are_named(point: list[float], told: str) -> None:
+    with pytest.raises(ValueError, match=rf"positions are \[x, y\]; the one at 1 has {told}"):
         client(service(RESULT)).query("plots", xy=[[0.0, 0.0], point])
 
 
 def test_diameters_make_landmarks_of_points() -> None:
     fake = service(RESULT)
-    client(fake).query("plots", [[1, 2], [3, 4]], dbh=[0.31, None], explain=True)
+    client(fake).query("plots", [[1, 2], [3, 4]], dbh_cm=[31.0, None], explain=True)
     assert fake.body == {
-        "landmarks": [{"x": 1.0, "y": 2.0, "dbh": 0.31}, {"x": 3.0, "y": 4.0}],
+        "landmarks": [{"x": 1.0, "y": 2.0, "dbh_cm": 31.0}, {"x": 3.0, "y": 4.0}],
         "limit": 5,
         "explain": True,
     }
     fake = service(RECEIPT, 201)
-    client(fake).put_submap("plots", "p7", xy=np.eye(2), ids=["a", "b"], dbh=np.array([np.nan, 0.2]))
-    assert fake.body == {"landmarks": [{"id": "a", "x": 1.0, "y": 0.0}, {"id": "b", "x": 0.0, "y": 1.0, "dbh": 0.2}]}
-    for wrong in ({"xy": [[1, 2]], "dbh": []}, {"xy": [[1, 2]], "ids": ["a", "b"], "dbh": [0.1]}):
+    client(fake).put_submap("plots", "p7", xy=np.eye(2), ids=["a", "b"], dbh_cm=np.array([np.nan, 20.0]))
+    assert fake.body == {
+        "landmarks": [{"id": "a", "x": 1.0, "y": 0.0}, {"id": "b", "x": 0.0, "y": 1.0, "dbh_cm": 20.0}]
+    }
+    for wrong in ({"xy": [[1, 2]], "dbh_cm": []}, {"xy": [[1, 2]], "ids": ["a", "b"], "dbh_cm": [10.0]}):
         with pytest.raises(ValueError, match="as many"):
             client(fake).put_submap("plots", "p7", **wrong)
     with pytest.raises(ValueError, match="carry their own"):
-        client(fake).query("plots", landmarks=[{"x": 1, "y": 2}], dbh=[0.3])
+        client(fake).query("plots", landmarks=[{"x": 1, "y": 2}], dbh_cm=[30.0])
     with pytest.raises(ValueError, match="not both"):
-        client(fake).query("plots", submap_id="p7", dbh=[0.3])
+        client(fake).query("plots", submap_id="p7", dbh_cm=[30.0])
 
 
 def test_best_is_nothing_unless_matched() -> None:
@@ -108,7 +112,7 @@ def test_put_submap_sends_pose_stamp_and_conditions() -> None:
     receipt = client(fake).put_submap(
         "plots",
         "p7",
-        landmarks=[Landmark(id="t1", x=1, y=2, dbh=0.3), {"id": "t2", "x": 3.0, "y": 4.0}],
+        landmarks=[Landmark(id="t1", x=1, y=2, dbh_cm=30.0), {"id": "t2", "x": 3.0, "y": 4.0}],
         frame_id="plot_7",
         stamp=datetime(2026, 5, 4, 11, 30, tzinfo=east),
         session="s1",
@@ -119,7 +123,7 @@ def test_put_submap_sends_pose_stamp_and_conditions() -> None:
     )
     assert sent(fake) == ("PUT", "/v1/collections/plots/submaps/p7")
     assert fake.body == {
-        "landmarks": [{"id": "t1", "x": 1.0, "y": 2.0, "dbh": 0.3}, {"id": "t2", "x": 3.0, "y": 4.0}],
+        "landmarks": [{"id": "t1", "x": 1.0, "y": 2.0, "dbh_cm": 30.0}, {"id": "t2", "x": 3.0, "y": 4.0}],
         "frame_id": "plot_7",
         "stamp": "2026-05-04T11:30:00+02:00",
         "session": "s1",
@@ -172,9 +176,9 @@ def test_every_resource_has_its_request() -> None:
     assert client(fake).get_submap("plots", "p7").landmarks is None
     fake = service({"limits": {"landmarks": 20000}})
     assert client(fake).limits().limits["landmarks"] == 20000
-    fake = service({"submap": "p7", "fingerprint": "5e2f", "triangles": [[0, 1, 2]], "polygons": []})
+    fake = service({"submap_id": "p7", "fingerprint": "5e2f", "triangles": [[0, 1, 2]], "polygons": []})
     assert client(fake).tessellation("plots", "p7").triangles == ((0, 1, 2),)
-    fake = Service(httpx.Response(200, text="<svg/>"))
+    fake = FakeService(httpx.Response(200, text="<svg/>"))
     assert client(fake).tessellation_svg("plots", "p7") == "<svg/>"
     assert fake.last.headers["accept"] == "image/svg+xml"
     assert client(fake).match_svg("plots", "17", rank=2) == "<svg/>"
@@ -199,7 +203,7 @@ def test_listing_fetches_pages_when_they_are_needed() -> None:
         httpx.Response(200, json={"submaps": [SUBMAP | {"id": "a"}, SUBMAP | {"id": "b"}], "next": "c1"}),
         httpx.Response(200, json={"submaps": [SUBMAP | {"id": "c"}]}),
     ]
-    fake = Service(*pages)
+    fake = FakeService(*pages)
     rows = client(fake).submaps(
         "plots", bbox=(0, 0, 10, 20.5), session="s", interval="../2026-01-01T00:00:00Z", page_size=2
     )

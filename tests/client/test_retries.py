@@ -16,7 +16,7 @@ LOST = httpx.ReadError("the link is gone")
 FAST = Retry(attempts=4, first=0.001, most=0.002, deadline=5.0)
 
 
-class Service:
+class FlakyService:
     """Answers in turn, the last for ever; keeps what came in."""
 
     def __init__(self, *answers: Answer) -> None:
@@ -31,7 +31,7 @@ class Service:
         return answer
 
 
-def client(service: Service, retry: Retry = FAST) -> Client:
+def client(service: FlakyService, retry: Retry = FAST) -> Client:
     return Client("http://service", transport=httpx.MockTransport(service), retry=retry)
 
 
@@ -55,7 +55,7 @@ CALLS: list[tuple[str, Callable[[Client], object], httpx.Response]] = [
 def test_what_is_harmless_is_sent_again(
     name: str, call: Callable[[Client], object], answer: httpx.Response, trouble: Answer
 ) -> None:
-    service = Service(trouble, trouble, answer)
+    service = FlakyService(trouble, trouble, answer)
     call(client(service))
     assert len(service.requests) == 3
     first, *others = service.requests
@@ -74,7 +74,7 @@ LATE = httpx.ReadTimeout("no answer in time")
 @pytest.mark.parametrize("name", ["query", "batch"])
 def test_a_search_that_took_too_long_is_not_begun_again(name: str, late: Answer) -> None:
     call = next(call for known, call, _ in CALLS if known == name)
-    service = Service(late)
+    service = FlakyService(late)
     with pytest.raises((ConnectionFailed, ProblemError)):
         call(client(service))
     assert len(service.requests) == 1
@@ -82,7 +82,7 @@ def test_a_search_that_took_too_long_is_not_begun_again(name: str, late: Answer)
 
 def test_a_write_that_took_too_long_joins_its_first_attempt() -> None:
     running = httpx.Response(409, json={"title": "still running", "status": 409}, headers={"Retry-After": "0"})
-    service = Service(LATE, running, ok(RECEIPT, 201))
+    service = FlakyService(LATE, running, ok(RECEIPT, 201))
     assert client(service).post_submap("plots", xy=[(0, 0)], query={}).id == "p7"
     assert len({request.headers["Idempotency-Key"] for request in service.requests}) == 1
     assert len({request.headers["X-Request-Id"] for request in service.requests}) == 3
@@ -109,7 +109,7 @@ WRITES: list[Callable[[Client], object]] = [
 
 @pytest.mark.parametrize("call", WRITES)
 def test_every_write_carries_a_key_of_its_own_for_all_its_attempts(call: Callable[[Client], object]) -> None:
-    service = Service(LOST)
+    service = FlakyService(LOST)
     for calls in (1, 2):
         with pytest.raises(ConnectionFailed):
             call(client(service))
@@ -119,7 +119,7 @@ def test_every_write_carries_a_key_of_its_own_for_all_its_attempts(call: Callabl
 
 @pytest.mark.parametrize("status", [400, 401, 403, 404, 409, 412, 413, 422, 500, 507])
 def test_a_refusal_is_final(status: int) -> None:
-    service = Service(httpx.Response(status, json={"title": "no", "status": status}))
+    service = FlakyService(httpx.Response(status, json={"title": "no", "status": status}))
     with pytest.raises(ProblemError) as refused:
         client(service).get_collection("plots")
     assert (refused.value.status, len(service.requests)) == (status, 1)
@@ -127,21 +127,21 @@ def test_a_refusal_is_final(status: int) -> None:
 
 @pytest.mark.parametrize("status", [408, 429, 502, 503, 504])
 def test_it_gives_up_in_the_end(status: int) -> None:
-    service = Service(httpx.Response(status, json={"title": "later", "status": status}))
+    service = FlakyService(httpx.Response(status, json={"title": "later", "status": status}))
     with pytest.raises(ProblemError):
         client(service).get_collection("plots")
     assert len(service.requests) == 4
     with pytest.raises(ProblemError):
-        client(Service(BUSY), Retry(attempts=1)).get_collection("plots")
+        client(FlakyService(BUSY), Retry(attempts=1)).get_collection("plots")
 
 
 def test_a_delete_that_was_lost_and_done_is_done() -> None:
     gone = httpx.Response(404, json={"title": "not found", "status": 404})
-    client(Service(LOST, gone)).delete_submap("plots", "p7")
+    client(FlakyService(LOST, gone)).delete_submap("plots", "p7")
     with pytest.raises(ProblemError):
-        client(Service(gone)).delete_submap("plots", "p7")
+        client(FlakyService(gone)).delete_submap("plots", "p7")
     with pytest.raises(ProblemError):
-        client(Service(BUSY, gone)).delete_submap("plots", "p7")
+        client(FlakyService(BUSY, gone)).delete_submap("plots", "p7")
 
 
 def test_pauses_grow_and_end() -> None:
@@ -163,8 +163,8 @@ def test_an_upload_is_sent_whole_each_time(tmp_path: Path) -> None:
 
     content = b'{"id": "a"}\n' * 100_000
     (tmp_path / "season.ndjson").write_bytes(content)
-    job = {"id": "j", "kind": "import", "collection": "plots", "state": "accepted", "created": "2026-05-04T09:30:00Z"}
-    service, told = Service(LOST, BUSY, ok(job, 202)), list[int]()
+    job = {"id": "j", "type": "import", "collection": "plots", "state": "accepted", "created": "2026-05-04T09:30:00Z"}
+    service, told = FlakyService(LOST, BUSY, ok(job, 202)), list[int]()
     client(service).import_file(
         "plots", tmp_path / "season.ndjson", wait=False, progress=lambda progress: told.append(progress.done)
     )
@@ -174,7 +174,7 @@ def test_an_upload_is_sent_whole_each_time(tmp_path: Path) -> None:
 
 
 def test_keys_are_sent_and_not_shown() -> None:
-    service = Service(LOST)
+    service = FlakyService(LOST)
     keyed = Client("http://service", api_key="urq_secret", transport=httpx.MockTransport(service), retry=FAST)
     with pytest.raises(ConnectionFailed) as failed:
         keyed.get_collection("plots")
@@ -191,7 +191,7 @@ def test_keys_that_no_service_gave_are_refused_and_not_shown(key: str) -> None:
 
 
 def test_large_bodies_are_packed() -> None:
-    service = Service(ok(RECEIPT))
+    service = FlakyService(ok(RECEIPT))
     client(service).put_submap("plots", "p7", xy=[(float(i), 0.5) for i in range(3000)])
     assert service.requests[0].headers["Content-Encoding"] == "gzip"
     plain = Client("http://service", compress=False, transport=httpx.MockTransport(service))
@@ -202,7 +202,7 @@ def test_large_bodies_are_packed() -> None:
 @pytest.mark.anyio
 async def test_the_awaiting_client_does_the_same() -> None:
     busy = httpx.Response(503, content=b'{"title": "busy"}', headers={"Content-Type": "application/json"})
-    service = Service(LOST, busy, ok(RECEIPT, 201))
+    service = FlakyService(LOST, busy, ok(RECEIPT, 201))
     async with AsyncClient("http://service", transport=httpx.MockTransport(service), retry=FAST) as awaiting:
         receipt = await awaiting.post_submap("plots", xy=[(0, 0)])
     assert receipt.id == "p7"

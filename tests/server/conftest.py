@@ -12,13 +12,13 @@ from server.config.settings import Limits, Settings
 from server.runtime import Service
 from server.store import migrations_runner
 from server.store.sqlite.database import Database
+from tests.server.factories import TestClient
 from tests.server.processes import Server
-from tests.server.world import TestClient
 
 
 def settings_in(folder: Path) -> Settings:
     """Settings over a database that is not there yet, with small pages, and time enough on a machine that is busy."""
-    limits = Limits(page=50, page_max=50, query_seconds=600, batch_seconds=600)
+    limits = Limits(page_default=50, page_max=50, query_seconds=600, batch_seconds=600)
     return Settings(database=str(folder / "urquhart.db"), limits=limits)
 
 

@@ -1,7 +1,7 @@
 """Servers forked from a process that has loaded everything, because loading takes longer than most tests.
 
 Each is a process of its own with its own environment, and is signalled and killed as any other; what it shares is that
-modules and kernels are in memory already. The commands as a shell starts them are run in `tests/server/cli`.
+modules and kernels are in memory already. The commands as a shell starts them are run in `tests/server/commands`.
 """
 
 import contextlib

@@ -18,7 +18,7 @@ from uvicorn.server import Server
 from server.app import create_app
 from server.commands.serve import bind
 from server.config.settings import Limits, Settings
-from server.http.serving.connections import Connection, ServerConfig
+from server.http.serving.connections import ServerConfig, TimedConnection
 from server.runtime import Service
 from tests.server.forked import Forked
 from tests.server.processes import spawned
@@ -139,9 +139,9 @@ class Threaded:
         return socket.create_connection(("127.0.0.1", self.port), timeout=PATIENCE)
 
     @property
-    def connections(self) -> list[Connection]:
+    def connections(self) -> list[TimedConnection]:
         """Those that are open."""
-        return [one for one in self._server.server_state.connections if isinstance(one, Connection)]
+        return [one for one in self._server.server_state.connections if isinstance(one, TimedConnection)]
 
     @property
     def busy(self) -> int:

@@ -17,13 +17,13 @@ FOREST = paper_forest(np.random.default_rng(3), 300.0)
 
 
 def place(key: int, seed: int = 0) -> Features:
-    """One of 36 overlapping submaps of a forest by key, seen anew with every seed."""
+    """One of 36 overlapping submaps of a forest by key, seen again with every seed."""
     pose = SE2(60.0 + 36.0 * (key % 6), 60.0 + 36.0 * (key // 6 % 6), 0.4 * key)
     rng = np.random.default_rng([key, seed])
     return describe(observe(FOREST, pose, 36.0, rng, sigma=0.05, detection=0.95).xy, CONFIG)
 
 
-def sightings(count: int) -> list[np.ndarray[tuple[int, ...], np.dtype[np.float64]]]:
+def observations(count: int) -> list[np.ndarray[tuple[int, ...], np.dtype[np.float64]]]:
     """What is seen from somewhere in that forest; the last two from outside of it."""
     seen = []
     for seed in range(count):

@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.urquhart.contents import CONFIG, answers, conclusions, contents, of_segments, over, place, sightings
+from tests.urquhart.contents import CONFIG, answers, conclusions, contents, observations, of_segments, over, place
 from urquhart import Config, Features, describe
 from urquhart.index.collection_index import CollectionIndex, LiveSegment
 from urquhart.index.segment import Segment
 
 PLACES = {key: place(key) for key in range(36)}
-SEEN = sightings(6)
+SEEN = observations(6)
 
 
 def fresh(features: dict[int, Features]) -> CollectionIndex:

@@ -25,6 +25,7 @@ from urquhart.verify.landmark_grid import LandmarkGrid, landmark_grid
 from urquhart.verify.refinement import verify
 
 CONFIG = Config()
+MARGIN = CONFIG.lead_per_landmark
 REACH = 0.75
 FAR_BELOW, ODDS = -8.0, np.linspace(-7.9, 40.0, 60)
 
@@ -60,20 +61,20 @@ def test_a_lead_counts_by_what_it_is_more_than_the_overlap_lets_expect() -> None
     verified = pose_with(overlap=40)
     # A rival with evidence of its own is discounted; one without is not.
     alone = replace(verified, evidence=5.0)
-    gates, told = Gates.of(CONFIG), CONFIG.margin * 40
-    assert rival_logit(alone, told + gates.lead, CONFIG.margin) == pytest.approx(CONFIG.gate)
-    assert rival_logit(pose_with(overlap=50), told + gates.lead, CONFIG.margin) < CONFIG.gate
-    assert rival_logit(replace(verified, evidence=90.0), 20.0, CONFIG.margin) < rival_logit(alone, 20.0, CONFIG.margin)
-    worth = [rival_logit(verified, lead, CONFIG.margin) for lead in (-20.0, 0.0, 10.0, 20.0, 60.0)]
+    gates, told = Gates.of(CONFIG), MARGIN * 40
+    assert rival_logit(alone, told + gates.lead, MARGIN) == pytest.approx(CONFIG.gate)
+    assert rival_logit(pose_with(overlap=50), told + gates.lead, MARGIN) < CONFIG.gate
+    assert rival_logit(replace(verified, evidence=90.0), 20.0, MARGIN) < rival_logit(alone, 20.0, MARGIN)
+    worth = [rival_logit(verified, lead, MARGIN) for lead in (-20.0, 0.0, 10.0, 20.0, 60.0)]
     assert worth == sorted(set(worth))
     # More trees in the overlap, of either side, and the same lead says less.
-    assert rival_logit(pose_with(overlap=80), 20.0, CONFIG.margin) < rival_logit(verified, 20.0, CONFIG.margin)
+    assert rival_logit(pose_with(overlap=80), 20.0, MARGIN) < rival_logit(verified, 20.0, MARGIN)
     swapped = replace(verified, query_overlap=verified.submap_overlap, submap_overlap=verified.query_overlap)
-    assert rival_logit(swapped, 20.0, CONFIG.margin) == rival_logit(verified, 20.0, CONFIG.margin)
+    assert rival_logit(swapped, 20.0, MARGIN) == rival_logit(verified, 20.0, MARGIN)
 
 
 def test_without_a_rival_nothing_stands_against_it() -> None:
-    assert rival_logit(pose_with(), None, CONFIG.margin) == math.inf
+    assert rival_logit(pose_with(), None, MARGIN) == math.inf
     assert combine(3.0, math.inf) == pytest.approx(3.0)
 
 
@@ -97,7 +98,9 @@ def test_evidence_surely_behind_leaves_just_those_odds(odds: float, margin: floa
     assert rival_logit(best, best.evidence - behind - 1.0, margin) < odds
 
 
-@pytest.mark.parametrize("config", [Config(), Config(gate=3.0, margin=0.0), Config(gate=10.0, margin=1.0)])
+@pytest.mark.parametrize(
+    "config", [Config(), Config(gate=3.0, lead_per_landmark=0.0), Config(gate=10.0, lead_per_landmark=1.0)]
+)
 def test_the_gates_named_are_the_gates_in_force(config: Config) -> None:
     gates, verified, little = Gates.of(config), pose_with(overlap=40), 1e-6
     assert refusal(verified, gates.log_odds + little, None, config) is None
@@ -105,12 +108,12 @@ def test_the_gates_named_are_the_gates_in_force(config: Config) -> None:
     assert probability(verified, gates.log_odds, None, config) == pytest.approx(gates.confidence)
     # Far beyond chance the lead alone decides.
     sure = gates.log_odds + 1000.0
-    needed = gates.lead + 40 * gates.lead_each
-    lead = needed + gates.lead_share * max(verified.evidence - needed, 0.0) / (1.0 + gates.lead_share)
+    needed = gates.lead + 40 * gates.lead_per_landmark
+    lead = needed + gates.lead_ratio * max(verified.evidence - needed, 0.0) / (1.0 + gates.lead_ratio)
     assert refusal(verified, sure, lead + little, config) is None
     assert refusal(verified, sure, lead - little, config) is not None
     close = replace(verified, evidence=lead + 50.0)
-    assert refusal(close, sure, lead - little, config) == "runner_up_too_close"
+    assert refusal(close, sure, lead - little, config) == "rival_too_close"
     assert probability(verified, sure, lead, config) == pytest.approx(gates.confidence)
     # Neither is enough where both are just reached: one may be wrong in either way.
     assert refusal(verified, gates.log_odds, lead, config) is not None
@@ -124,9 +127,9 @@ def test_what_speaks_against_itself_is_refused_whatever_the_odds() -> None:
 def test_a_rival_that_explains_nothing_itself_makes_nothing_ambiguous() -> None:
     weak = pose_with(evidence=20.0)
     lead = 5.0 + weak.evidence
-    assert rival_logit(weak, lead, CONFIG.margin) < CONFIG.gate
+    assert rival_logit(weak, lead, MARGIN) < CONFIG.gate
     assert refusal(weak, 40.0, lead, CONFIG) == "below_gate"
-    assert refusal(weak, 40.0, weak.evidence - 5.0, CONFIG) == "runner_up_too_close"
+    assert refusal(weak, 40.0, weak.evidence - 5.0, CONFIG) == "rival_too_close"
 
 
 def test_confidence_is_a_probability_that_grows_with_odds_and_lead() -> None:
@@ -191,7 +194,7 @@ def test_rivals_in_rows_are_distinct_places_that_explain_much() -> None:
     assert strongest.evidence > 0.5 * best.evidence
 
 
-def test_what_overlaps_less_is_credited_at_the_rate_of_what_is_seen() -> None:
+def test_what_overlaps_less_is_extrapolated_at_the_rate_of_what_is_seen() -> None:
     evidence, overlap = np.array([30.0, 30.0, 30.0, 30.0]), np.array([10.0, 20.0, 40.0, 80.0])
     np.testing.assert_allclose(extrapolated(evidence, overlap, 40), [120.0, 60.0, 30.0, 30.0])
 
@@ -217,7 +220,7 @@ def test_rivals_are_the_strongest_first_and_none_is_surely_behind() -> None:
         best, rivals = hill_climb(stand, stand, start, odds, CONFIG)
         evidence = [counted for _, counted in rivals]
         assert evidence == sorted(evidence, reverse=True)
-        assert all(counted > rival_threshold(best, odds, CONFIG.margin) for counted in evidence)
+        assert all(counted > rival_threshold(best, odds, MARGIN) for counted in evidence)
         assert all(counted >= rival.evidence for rival, counted in rivals)
         assert all(
             distinct(pose_row(rival.transform), pose_row(best.transform), stand.spacing, REACH) for rival, _ in rivals
@@ -227,7 +230,7 @@ def test_rivals_are_the_strongest_first_and_none_is_surely_behind() -> None:
     assert found[-1] > 0
 
 
-def test_in_one_submap_a_rival_that_claims_other_trees_is_one_too_but_is_not_credited() -> None:
+def test_in_one_submap_a_rival_that_claims_other_trees_is_one_too_but_is_not_extrapolated() -> None:
     """The query has two edges of stands in it, the submap one: it fits either, turned about."""
     rng = np.random.default_rng(6)
     half = plantation(24.0, 48.0, rng, spacing=(4.0, 4.0), jitter=0.02, survival=1.0)

@@ -22,7 +22,7 @@ def measured(seen: Observation, diameters: NDArray[np.float64], rng: np.random.G
     return diameters[seen.trees] * np.exp(rng.normal(0.0, 0.08, len(seen.trees)))
 
 
-def sightings(
+def observations(
     forest: NDArray[np.float64], seed: int, sigma: float = 0.1
 ) -> tuple[Observation, Observation, NDArray[np.float64], NDArray[np.float64]]:
     rng = np.random.default_rng(seed)
@@ -44,7 +44,7 @@ def forest() -> NDArray[np.float64]:
 
 
 def test_true_diameters_add_evidence_in_any_unit(forest: NDArray[np.float64]) -> None:
-    stored, asked, there, here = sightings(forest, 1)
+    stored, asked, there, here = observations(forest, 1)
     without = collection(stored, None).locate(asked.xy)
     metres = collection(stored, there).locate(asked.xy, diameters=here)
     inches = collection(stored, there).locate(asked.xy, diameters=here / 0.0254)
@@ -54,7 +54,7 @@ def test_true_diameters_add_evidence_in_any_unit(forest: NDArray[np.float64]) ->
 
 
 def test_diameters_on_one_side_or_of_a_few_trees_change_nothing(forest: NDArray[np.float64]) -> None:
-    stored, asked, there, here = sightings(forest, 2)
+    stored, asked, there, here = observations(forest, 2)
     few = np.full(len(here), np.nan)
     few[:5] = here[:5]
     evidence = collection(stored, None).locate(asked.xy).candidates[0].evidence
@@ -69,7 +69,7 @@ def test_diameters_on_one_side_or_of_a_few_trees_change_nothing(forest: NDArray[
 
 def test_shuffled_diameters_cost_a_right_pose_almost_nothing(forest: NDArray[np.float64]) -> None:
     for seed in range(5):
-        stored, asked, there, here = sightings(forest, seed)
+        stored, asked, there, here = observations(forest, seed)
         mixed = np.random.default_rng(seed).permutation(here)
         without = collection(stored, None).locate(asked.xy)
         shuffled = collection(stored, there).locate(asked.xy, diameters=mixed)
@@ -96,7 +96,7 @@ def test_diameters_tell_the_rows_of_a_plantation_apart() -> None:
     rows = plantation(120.0, 110.0, rng, jitter=0.05, survival=0.97)
     ambiguous = matched = 0
     for seed in range(8):
-        stored, asked, there, here = sightings(rows, seed, sigma=0.1)
+        stored, asked, there, here = observations(rows, seed, sigma=0.1)
         without = collection(stored, None).locate(asked.xy)
         found = collection(stored, there).locate(asked.xy, diameters=here)
         truth = POSE.inverse() @ ELSEWHERE
@@ -125,7 +125,7 @@ def test_evidence_from_unrelated_diameters_is_a_fair_bet() -> None:
 
 
 def test_diameters_survive_packing_and_bad_ones_are_refused(forest: NDArray[np.float64]) -> None:
-    stored, _, there, _ = sightings(forest, 6)
+    stored, _, there, _ = observations(forest, 6)
     there[3] = np.nan
     features = describe(stored.xy, CONFIG, there)
     np.testing.assert_array_equal(Features.unpack(features.pack()).diameters, features.diameters)

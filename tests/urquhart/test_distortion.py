@@ -1,4 +1,4 @@
-"""Distortions of one side are told, and undistorted sightings hardly ever are."""
+"""Distortions of one side are told, and undistorted observations hardly ever are."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -34,7 +34,7 @@ def same(xy: Matrix) -> Matrix:
 
 
 def matches(shape: Shape, count: int, sigma: float = 0.05) -> list[tuple[Candidate, SE2]]:
-    """What a recognizer finds of distorted sightings, each of a forest of its own, and the true submap_T_query."""
+    """What a recognizer finds of distorted observations, each of a forest of its own, and the true submap_T_query."""
     rng, config, found = np.random.default_rng(5), Config(), []
     for _ in range(count):
         trees = rng.uniform(-25.0, 25.0, (70, 2))
@@ -81,7 +81,7 @@ def test_what_is_not_distorted_is_hardly_ever_called_so() -> None:
     ("shape", "word"),
     [(tilted, "tilted"), (lambda xy: 1.01 * xy, "scaled"), (lambda xy: 0.98 * xy, "scaled"), (bent, "bent")],
 )
-def test_a_distorted_sighting_is_told_and_less_is_claimed(shape: Shape, word: str) -> None:
+def test_a_distorted_observation_is_told_and_less_is_claimed(shape: Shape, word: str) -> None:
     found = matches(shape, 60)
     words = Counter(warning for best, _ in found for warning in best.warnings)
     assert words[word] >= 0.95 * len(found)

@@ -44,7 +44,7 @@ def explanation(
     return Explanation(
         "query 1: ambiguous",
         ("a <b> & c",),
-        "runner_up_too_close",
+        "rival_too_close",
         6.9,
         STAGES,
         findings,
@@ -82,7 +82,7 @@ def test_the_picture_tells_verdict_stages_and_findings() -> None:
     said = texts(svg)
     for words in (
         "query 1: ambiguous",
-        REASONS["runner_up_too_close"].capitalize() + ".",
+        REASONS["rival_too_close"].capitalize() + ".",
         "a <b> & c",
         "0.80 ms",
         "landmarks\xa040, hull\xa0polygons\xa03",

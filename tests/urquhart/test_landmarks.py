@@ -33,7 +33,7 @@ BAD: dict[str, tuple[ArrayLike, str, tuple[int, ...]]] = {
     "make", [np.asfortranarray, lambda xy: xy[::2], lambda xy: np.frombuffer(xy.tobytes()).reshape(-1, 2)]
 )
 def test_what_is_checked_is_of_one_type_to_the_compiler(make: Callable[[NDArray[np.float64]], ArrayLike]) -> None:
-    """A kernel is compiled anew, which takes seconds, for an array that cannot be written or lies otherwise."""
+    """A kernel is compiled again, which takes seconds, for an array that cannot be written or lies otherwise."""
     xy = np.random.default_rng(0).uniform(0.0, 10.0, (10, 2))
     checked = check_landmarks(make(xy))
     assert checked.flags.c_contiguous

@@ -91,7 +91,7 @@ def test_there_are_no_more_candidates_than_submaps_in_which_anything_was_found()
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("count", [20, 72])
 def test_for_a_place_that_is_not_there_every_level_is_tried_once_and_none_without_bounds(seed: int, count: int) -> None:
-    config = Config(survey=200, sweeps=16, candidates=10)
+    config = Config(survey=200, exhaustive_submaps=16, candidates=10)
     found = recognizer(config, count).locate(nowhere(seed))
     assert found.verdict == "no_match"
     assert names(found) == ["describe", *QUADS, *QUADS, *POLYGONS, *QUADS, *QUADS, *EXHAUSTIVE]
@@ -108,7 +108,7 @@ def test_for_a_place_that_is_not_there_every_level_is_tried_once_and_none_withou
     assert total["verify exhaustive: candidates"] <= 16
 
 
-def test_where_every_submap_can_be_swept_quads_are_not_measured_loosely() -> None:
+def test_where_every_submap_can_be_tried_quads_are_not_measured_loosely() -> None:
     found = recognizer(count=20).locate(nowhere(0))
     assert names(found) == ["describe", *QUADS, *QUADS, *POLYGONS, *EXHAUSTIVE]
     assert [stage.counts for stage in found.stages if stage.name == "survey"] == [{"places": 20}]
@@ -141,7 +141,7 @@ def test_in_a_collection_that_a_survey_hardly_reaches_there_is_none() -> None:
     assert found.verdict == "no_match"
 
 
-def test_a_single_submap_is_swept_at_once() -> None:
+def test_a_single_submap_is_tried_at_once() -> None:
     found = recognizer(count=36).locate(here(sigma=0.1), only=[14])
     assert names(found) == ["describe", *EXHAUSTIVE]
     assert [candidate.key for candidate in found.candidates] == [14]
@@ -175,7 +175,7 @@ def test_where_nothing_is_left_to_look_at_that_is_the_reason(
     only: list[int] | range | None, exclude: list[int] | range
 ) -> None:
     found = recognizer().locate(here(), only=only, exclude=exclude)
-    assert (found.verdict, found.reason) == ("no_match", "nothing_left")
+    assert (found.verdict, found.reason) == ("no_match", "all_filtered_out")
     assert names(found) == ["describe"]
 
 
@@ -234,7 +234,7 @@ def test_a_budget_that_is_not_reached_changes_nothing(which: int) -> None:
 
 
 @pytest.mark.parametrize("which", range(5))
-def test_wherever_the_deadline_falls_it_answers_what_it_has_and_never_a_match_in_doubt(which: int) -> None:
+def test_wherever_the_deadline_falls_it_answers_what_it_has_and_never_an_unsure_match(which: int) -> None:
     asked, seen, method = searches()[which]
     counter = Countdown(10**9)
     whole = asked.locate(seen, method=method, budget=counter)
@@ -283,13 +283,13 @@ def test_a_search_that_nobody_waits_for_ends() -> None:
 
 def test_how_a_search_ended_is_told() -> None:
     seen = here(sigma=0.1, detection=0.9)
-    assert recognizer().locate(seen).search == SearchEnd("settled")
+    assert recognizer().locate(seen).search == SearchEnd("decided")
     assert recognizer().locate(nowhere(0)).search.stopped_by == "exhausted"
     assert recognizer().locate(nowhere(3), budget=Budget(0.0)).search == SearchEnd("deadline")
     assert recognizer().locate(seen, only=[]).search == SearchEnd("not_started")
     assert Recognizer(CONFIG).locate(seen).search == SearchEnd("not_started")
     assert recognizer().locate(seen[:2]).search == SearchEnd("not_started")
-    assert recognizer().locate(seen, method="paper").search == SearchEnd("settled")
+    assert recognizer().locate(seen, method="paper").search == SearchEnd("decided")
     found = recognizer(Config(gate=60.0)).locate(seen)
     assert found.verdict != "matched"
     assert found.search == SearchEnd("beats_chance")

@@ -1,4 +1,4 @@
-"""Partitions of several segments merged into one: what stays, what goes, what is coded anew."""
+"""Partitions of several segments merged into one: what stays, what goes, what is coded again."""
 
 import numpy as np
 import pytest
@@ -79,7 +79,7 @@ def test_merging_again_changes_no_code_and_takes_over_centroids(inverted: Partit
     assert off[-2] < 0.6
 
 
-def test_centroids_are_trained_anew_once_lists_have_grown_too_long(inverted: Partition) -> None:
+def test_centroids_are_trained_again_once_lists_have_grown_too_long(inverted: Partition) -> None:
     many = [({5: inverted}, whole(1_000)), *(({5: inverted}, whole(1_000)) for _ in range(5))]
     merged = merge_partitions(many, exact_below=1_000)[5]
     assert len(merged) == 6 * len(inverted)

@@ -82,7 +82,7 @@ def test_neither_the_order_of_landmarks_nor_the_end_a_quad_is_read_from_matters(
     assert (turned != quads).any()
     assert decode(build_table([(landmarks, turned[rng.permutation(len(quads))], scale)])).rows() == plain
 
-    # Described anew from another order, the triangles are the same and so are the quads.
+    # Described again from another order, the triangles are the same and so are the quads.
     again = decode(table_of([describe(xy[order], Config())]))
     assert sorted(again.steps.tolist()) == sorted(row[5:10] for row in map(list, plain))
 

@@ -170,7 +170,7 @@ def test_excluded_submaps_are_not_considered() -> None:
     best = RECOGNIZER.locate(observation.xy).candidates[0].key
     assert best not in {c.key for c in RECOGNIZER.locate(observation.xy, exclude=[best], limit=99).candidates}
     everything = RECOGNIZER.locate(observation.xy, exclude=range(len(SUBMAPS)))
-    assert (everything.verdict, everything.reason) == ("no_match", "nothing_left")
+    assert (everything.verdict, everything.reason) == ("no_match", "all_filtered_out")
 
 
 @pytest.mark.parametrize(

@@ -44,7 +44,7 @@ def test_in_rows_what_is_matched_is_right(jitter: float, least: int, most: int) 
             assert found.rivals == ()
             right += 1
         else:
-            assert found.reason in ("runner_up_too_close", "below_gate")
+            assert found.reason in ("rival_too_close", "below_gate")
     assert least <= right <= most
 
 

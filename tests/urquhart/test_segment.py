@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tests.urquhart import contents
-from tests.urquhart.contents import CONFIG, answers, of_segments, over, place, sightings
+from tests.urquhart.contents import CONFIG, answers, observations, of_segments, over, place
 from tests.urquhart.tables import decode
 from urquhart import Config, SegmentDamaged, describe
 from urquhart.index import segment
@@ -16,7 +16,7 @@ from urquhart.index.segment import FORMAT, Segment, merge_segments
 from urquhart.index.segment_file import SegmentFile, writing
 
 PLACES = {key: place(key) for key in range(36)}
-SEEN = sightings(8)
+SEEN = observations(8)
 
 
 def build(*keys: int) -> Segment:

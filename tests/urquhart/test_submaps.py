@@ -5,7 +5,7 @@ from collections.abc import Collection, Mapping
 import numpy as np
 import pytest
 
-from tests.urquhart.contents import CONFIG, answers, contents, over, place, sightings
+from tests.urquhart.contents import CONFIG, answers, contents, observations, over, place
 from urquhart import Features, Recognizer
 from urquhart.index.collection import FeatureMemory
 from urquhart.index.collection_index import CollectionIndex
@@ -13,7 +13,7 @@ from urquhart.propose.submap_cache import SubmapCache
 
 PLACES = {key: place(key) for key in range(36)}
 INDEX = CollectionIndex(CONFIG).with_changes(PLACES.items())
-SEEN = sightings(8)
+SEEN = observations(8)
 
 
 class Counted:

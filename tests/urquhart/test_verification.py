@@ -164,7 +164,7 @@ def test_rows_of_trees_have_strong_rivals_and_natural_forests_weak_ones() -> Non
         assert all(distinct(pose_row(rival.transform), place, stand.spacing, REACH) for rival, _ in rivals)
 
 
-def test_climbing_finds_the_pose_one_planting_distance_away() -> None:
+def test_hill_climbing_finds_the_pose_one_planting_distance_away() -> None:
     rows = plantation(80.0, 80.0, np.random.default_rng(2), jitter=0.25, survival=0.9)
     stand = landmark_grid(
         describe(observe(rows, SE2(40.0, 40.0, 0.0), 20.0, np.random.default_rng(3)).xy, Config()), REACH

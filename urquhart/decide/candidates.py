@@ -134,7 +134,7 @@ def make_rivals(
     Args:
         rivals: the submap, the pose between centred frames, and the extrapolated evidence of each.
     """
-    behind = rival_threshold(best, query.config.gate, query.config.margin)
+    behind = rival_threshold(best, query.config.gate, query.config.lead_per_landmark)
     close = [(key, rival, evidence) for key, rival, evidence in rivals if evidence > max(behind, 0.0)]
     close.sort(key=lambda found: -found[2])
     return tuple(

@@ -8,10 +8,10 @@ Rivals. A forest that repeats itself, such as rows of a plantation, gives wrong 
 independent trees predicts. So the evidence that a wrong pose can reach is measured in the data at hand: it is that of
 the best distinct pose among all hypotheses, and among the poses that shifting the match along the pattern brings up,
 with its own rotation or turned by quarters. In a natural forest these rivals explain nothing. In rows they come close,
-and the closer, the fewer trees tell them apart, so a lead counts only as far as it exceeds `Config.margin` for each
-landmark of the overlap. Under a pose that is one row off, fewer trees overlap, and the rival would have less evidence
-however alike the rows are. Its evidence is therefore extrapolated to the overlap of the match; otherwise the corner of
-one orchard would pass for the corner of another.
+and the closer, the fewer trees tell them apart, so a lead counts only as far as it exceeds `Config.lead_per_landmark`
+for each landmark of the overlap. Under a pose that is one row off, fewer trees overlap, and the rival would have less
+evidence however alike the rows are. Its evidence is therefore extrapolated to the overlap of the match; otherwise the
+corner of one orchard would pass for the corner of another.
 
 Confidence. Neither number is a probability yet: trees are not independent, and every level keeps its best of many
 poses. Two straight lines turn them into log-odds of being right, one against chance and one against a rival. They are
@@ -32,7 +32,7 @@ from urquhart.config import Config
 from urquhart.verify.evidence import PoseEvidence
 from urquhart.verify.landmark_grid import LandmarkGrid
 
-Refusal = Literal["verification_failed", "runner_up_too_close", "below_gate", "deadline", "contradicting_maps"]
+Refusal = Literal["verification_failed", "rival_too_close", "below_gate", "deadline", "contradicting_maps"]
 """Why a pose is not reported as matched. The words are part of the API."""
 
 
@@ -115,7 +115,7 @@ def rival_logit(verified: PoseEvidence, lead: float | None, margin: float) -> fl
 
     Args:
         lead: evidence minus that of the rival; None if there is no rival, and then the log-odds are infinite.
-        margin: `Config.margin`.
+        margin: `Config.lead_per_landmark`.
     """
     if lead is None:
         return math.inf
@@ -130,7 +130,10 @@ def rival_logit_from(evidence: float, lead: float, overlap: int, margin: float) 
 
 
 def rival_threshold(verified: PoseEvidence, odds: float, margin: float) -> float:
-    """The largest evidence of a rival with which `rival_logit` is still at least `odds`; `margin`: `Config.margin`."""
+    """The largest evidence of a rival with which `rival_logit` is still at least `odds`.
+
+    `margin`: `Config.lead_per_landmark`.
+    """
     slope, even = CALIBRATION.rival
     behind = verified.evidence - margin * verified.overlap - even - odds / slope
     return behind / (1.0 + CONFIDENCE.rival_penalty) if behind > 0.0 else behind
@@ -144,15 +147,15 @@ class Gates:
         confidence: the least confidence.
         log_odds: the least log-odds that give this confidence to a pose without rivals.
         lead: the least evidence over the best rival that gives it where chance is ruled out. Added to it are:
-        lead_each: evidence for each landmark of the overlap.
-        lead_share: share of the rival's evidence, where that is above zero.
+        lead_per_landmark: evidence for each landmark of the overlap.
+        lead_ratio: share of the rival's evidence, where that is above zero.
     """
 
     confidence: float
     log_odds: float
     lead: float
-    lead_each: float
-    lead_share: float
+    lead_per_landmark: float
+    lead_ratio: float
 
     @staticmethod
     def of(config: Config) -> "Gates":
@@ -161,7 +164,7 @@ class Gates:
         sure = 1.0 / (1.0 + math.exp(-config.gate))
         steep, level = CALIBRATION.rival
         odds, lead = config.gate / slope + even, config.gate / steep + level
-        return Gates(sure, odds, lead, config.margin, CONFIDENCE.rival_penalty)
+        return Gates(sure, odds, lead, config.lead_per_landmark, CONFIDENCE.rival_penalty)
 
 
 def combine(chance: float, rival: float) -> float:
@@ -178,17 +181,17 @@ def refusal(verified: PoseEvidence, odds: float, lead: float | None, config: Con
     """
     if verified.evidence <= 0.0:
         return "verification_failed"
-    chance, rival = chance_logit(odds), rival_logit(verified, lead, config.margin)
+    chance, rival = chance_logit(odds), rival_logit(verified, lead, config.lead_per_landmark)
     if combine(chance, rival) >= config.gate:
         return None
     # A rival without evidence of its own is no rival: then the match itself is too weak.
     close = lead is not None and lead < verified.evidence
-    return "runner_up_too_close" if close and chance >= config.gate else "below_gate"
+    return "rival_too_close" if close and chance >= config.gate else "below_gate"
 
 
 def probability(verified: PoseEvidence, odds: float, lead: float | None, config: Config) -> float:
     """Probability that a pose is right; `odds` and `lead` as in `refusal`."""
-    return 1.0 / (1.0 + math.exp(-combine(chance_logit(odds), rival_logit(verified, lead, config.margin))))
+    return 1.0 / (1.0 + math.exp(-combine(chance_logit(odds), rival_logit(verified, lead, config.lead_per_landmark))))
 
 
 def extrapolated(evidence: NDArray[np.float64], overlap: NDArray[np.float64], wanted: int) -> NDArray[np.float64]:

@@ -120,7 +120,7 @@ def _against_rivals(query: Query, ranked: list[Proposal]) -> Ranking:
     alike = set[int]()
     # Only rivals that could change the verdict are compared, because many submaps may overlap at one place.
     for other, evidence in _comparable(ranked[1:], best):
-        if evidence <= max(strongest, rival_threshold(best, sure, config.margin)):
+        if evidence <= max(strongest, rival_threshold(best, sure, config.lead_per_landmark)):
             break
         budget.check()
         there = query.submaps.grid(other.key)

@@ -80,7 +80,7 @@ def same_place(
     Raises:
         OutOfTime: the deadline passed first.
     """
-    margin = config.margin
+    margin = config.lead_per_landmark
     chained = verify(second, first, first_pose @ second_pose.inverse(), config.reach, budget)
     if chained.evidence <= 0.0:
         return False
@@ -114,7 +114,7 @@ def hill_climb(
     Raises:
         OutOfTime: the deadline passed before all rivals were compared.
     """
-    reach, margin = config.reach, config.margin
+    reach, margin = config.reach, config.lead_per_landmark
     seen = [np.empty((0, 6))]
     while True:
         place = pose_row(best.transform)

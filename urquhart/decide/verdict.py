@@ -14,9 +14,9 @@ from urquhart.trace import SearchEnd, Stage, StoppedBy
 Verdict = Literal["matched", "ambiguous", "no_match"]
 Reason = Literal[
     "verified",
-    "no_votes",
+    "no_proposal",
     "empty_collection",
-    "nothing_left",
+    "all_filtered_out",
     Obstacle,
     Refusal,
 ]
@@ -59,7 +59,7 @@ def decide(query: Query, ranking: Ranking, limit: int, stopped_by: StoppedBy) ->
     )
     verdict, reason = _judge(candidates)
     if not ranking.findings:
-        reason = "no_votes"
+        reason = "no_proposal"
     if stopped_by == "deadline":
         verdict, reason = "no_match", "deadline"
         candidates = tuple(replace(one, refused=one.refused or "deadline") for one in candidates)
@@ -81,4 +81,4 @@ def _judge(candidates: Sequence[Candidate]) -> tuple[Verdict, Reason]:
     reason = candidates[0].refused
     if reason is None:
         return "matched", "verified"
-    return ("ambiguous" if reason == "runner_up_too_close" else "no_match"), reason
+    return ("ambiguous" if reason == "rival_too_close" else "no_match"), reason

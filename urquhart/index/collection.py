@@ -33,7 +33,7 @@ class FeatureMemory:
         return FeatureMemory({key: known for key, known in self._features.items() if key not in gone} | dict(added))
 
 
-class Collection:
+class SubmapCollection:
     """Submaps by key: an index and a feature source. Both are immutable, and a change replaces both at once."""
 
     def __init__(

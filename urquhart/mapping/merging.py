@@ -119,7 +119,7 @@ def dbscan(points: NDArray[np.float64], distance: float, least: int = 1) -> NDAr
 def _part(
     points: NDArray[np.float64], owner: NDArray[np.int64], labels: NDArray[np.int64], distance: float
 ) -> NDArray[np.int64]:
-    """Labels (N,) anew, so that no cluster holds two points of one owner (N,)."""
+    """Labels (N,) again, so that no cluster holds two points of one owner (N,)."""
     known = np.flatnonzero(labels >= 0)
     _, first, times = np.unique(
         np.column_stack([labels[known], owner[known]]), axis=0, return_index=True, return_counts=True

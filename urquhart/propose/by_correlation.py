@@ -73,7 +73,7 @@ def propose_by_correlation(query: Query, index: CollectionIndex, quads: QuadCons
     with query.trace.timed("verify exhaustive") as counts:
         proposals = []
         with suppress(OutOfTime):
-            for key, peaks in found[: query.config.sweeps]:
+            for key, peaks in found[: query.config.exhaustive_submaps]:
                 verified = verify_rough(query, key, np.ascontiguousarray(peaks[:, :3]))
                 proposals.append(Proposal(key, "exhaustive", len(peaks), verified))
         counts["candidates"] = len(proposals)

@@ -20,7 +20,16 @@ from urquhart.budget import Budget
 from urquhart.index.quad_search import QuadShard, WantedQuads, count_neighbourhoods, gather
 from urquhart.index.quad_table import TURNS, measure_quads
 from urquhart.propose.hit_buffer import HitBuffer
-from urquhart.propose.quad_votes import AGREEMENT, SLOT_VOTES, Hits, fit_poses, order_by_slots, rank_turns, tally, vote
+from urquhart.propose.quad_votes import (
+    AGREEMENT,
+    SLOT_VOTES,
+    QuadHits,
+    fit_poses,
+    order_by_slots,
+    rank_turns,
+    tally,
+    vote,
+)
 
 
 class ConsensusNumbers(NamedTuple):
@@ -183,5 +192,5 @@ class QuadConsensus:
             chunk = order[begin : begin + CONSENSUS.compared]
             self._listed = vote(chunk, self._hits(), self._slot_votes, self._listed_slots, self._listed)
 
-    def _hits(self) -> Hits:
-        return Hits(self._buffer.hits, self._buffer.totals, self._centres, self._weights)
+    def _hits(self) -> QuadHits:
+        return QuadHits(self._buffer.hits, self._buffer.totals, self._centres, self._weights)

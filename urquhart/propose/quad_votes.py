@@ -40,7 +40,7 @@ SLOT_VOTES: Final = np.dtype([("latest", np.int32), ("best", np.int32), ("score"
 total weight of that hit and those that agree with it."""
 
 
-class Hits(NamedTuple):
+class QuadHits(NamedTuple):
     """The hits of a search and the query's quads, as a plain tuple for kernels.
 
     Attributes:
@@ -87,7 +87,7 @@ def order_by_slots(before: int, count: int, hits: NDArray[Any], slots: int) -> N
 @kernel
 def vote(
     order: NDArray[np.int32],
-    found: Hits,
+    found: QuadHits,
     slot_votes: NDArray[Any],
     listed_slots: NDArray[np.int32],
     listed: int,
@@ -160,7 +160,7 @@ def agree(
 
 @kernel
 def fit_poses(
-    chosen: NDArray[np.int32], count: int, slot_votes: NDArray[Any], found: Hits
+    chosen: NDArray[np.int32], count: int, slot_votes: NDArray[Any], found: QuadHits
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Up to `count` distinct poses for each of the slots `chosen` (K,).
 

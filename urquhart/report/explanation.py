@@ -23,19 +23,19 @@ from urquhart.trace import SearchEnd, Skipped, Stage, StoppedBy
 REASONS: Final[Mapping[str, str]] = {
     "verified": "chance and every rival pose are ruled out",
     "below_gate": "too little to rule out chance or trees in rows",
-    "runner_up_too_close": "another pose explains the trees about as well",
+    "rival_too_close": "another pose explains the trees about as well",
     "contradicting_maps": "submaps that fit have contradicting map poses",
     "verification_failed": "more trees speak against the pose than for it",
-    "no_votes": "no submap has anything like these trees",
+    "no_proposal": "no submap has anything like these trees",
     "empty_collection": "there is no submap to look in",
-    "nothing_left": "all submaps are excluded, or none is near",
+    "all_filtered_out": "all submaps are excluded, or none is near",
     "too_few_landmarks": "fewer than three trees fix no pose",
     "collinear_landmarks": "trees on one line fix no pose",
     "deadline": "the time ran out before the search was complete",
 }
 """What each reason of a verdict or a refusal means."""
 STOPS: Final[Mapping[StoppedBy, str]] = {
-    "settled": "the first candidate is so sure that searching on could not change the answer",
+    "decided": "the first candidate is so sure that searching on could not change the answer",
     "beats_chance": "chance is ruled out for the first candidate; searching on would only add weaker poses",
     "exhausted": "every kind of search was tried",
     "deadline": "the time ran out: what was not searched by then may hold the place",

@@ -6,10 +6,10 @@ from typing import Final
 
 from benchmarks.reliability.exhaustion import connections, requests
 from benchmarks.reliability.exhaustion.site import Site
-from benchmarks.reliability.exhaustion.strike import Outcome
+from benchmarks.reliability.exhaustion.strike import AttackOutcome
 
 Prepare = Callable[..., None]
-Strike = Callable[..., Outcome]
+Strike = Callable[..., AttackOutcome]
 
 
 def _nothing(site: Site, *, quick: bool) -> None:

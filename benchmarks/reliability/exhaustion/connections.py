@@ -14,7 +14,7 @@ import orjson
 
 from benchmarks.reliability.exhaustion.requests import BASE, slow_query
 from benchmarks.reliability.exhaustion.site import ATTACKER, Site
-from benchmarks.reliability.exhaustion.strike import Outcome, at_once
+from benchmarks.reliability.exhaustion.strike import AttackOutcome, at_once
 
 _READERS: Final = 150
 _CONNECTIONS: Final = 1_100
@@ -22,28 +22,28 @@ _WAITS: Final = 4_000
 _BATCH: Final = 200
 
 
-def unread(site: Site, least: float, *, quick: bool) -> Outcome:
+def unread(site: Site, least: float, *, quick: bool) -> AttackOutcome:
     """Answers are asked for and left where they are."""
     one = {"submap_id": "large0", "limit": 10}
     asked = _post(site, f"{BASE}/queries/batch", orjson.dumps({"queries": [one] * 20}))
     return _hold(site, [asked] * (30 if quick else _READERS), least)
 
 
-def waits(site: Site, least: float, *, quick: bool) -> Outcome:
+def waits(site: Site, least: float, *, quick: bool) -> AttackOutcome:
     """For a job that goes on; each connection waits for its end."""
     job = site.client(ATTACKER).get("/v1/jobs").json()["jobs"][0]["id"]
     asked = _head(site, "GET", f"/v1/jobs/{job}?wait=60") + b"\r\n"
     return _hold(site, [asked] * (200 if quick else _WAITS), least)
 
 
-def many(site: Site, least: float, *, quick: bool) -> Outcome:
+def many(site: Site, least: float, *, quick: bool) -> AttackOutcome:
     """Connections that are opened and say nothing; who is sent away comes again."""
     return _hold(site, [b""] * _CONNECTIONS, least)
 
 
-def abandoned(site: Site, least: float, *, quick: bool) -> Outcome:
+def abandoned(site: Site, least: float, *, quick: bool) -> AttackOutcome:
     """How busy the service is half a second after the last caller has gone counts; the robot is busy with it, too."""
-    outcome, until = Outcome(), time.monotonic() + least
+    outcome, until = AttackOutcome(), time.monotonic() + least
     raw = orjson.dumps({"queries": [slow_query(number) for number in range(_BATCH)]})
     client = site.client(ATTACKER)
 
@@ -60,9 +60,9 @@ def abandoned(site: Site, least: float, *, quick: bool) -> Outcome:
     return outcome
 
 
-def _hold(site: Site, asked: list[bytes], least: float) -> Outcome:
+def _hold(site: Site, asked: list[bytes], least: float) -> AttackOutcome:
     """Open a connection for each request, send it, and read nothing; one that is closed is opened again, in turn."""
-    outcome = Outcome()
+    outcome = AttackOutcome()
     address = urlsplit(site.server.url)
     with _descriptors(len(asked) + 200):
         until, refused = time.monotonic() + least, 0

@@ -10,7 +10,7 @@ import orjson
 from numpy.typing import NDArray
 
 from benchmarks.reliability.exhaustion.site import ATTACKER, HONEST, Site
-from benchmarks.reliability.exhaustion.strike import Outcome, at_once
+from benchmarks.reliability.exhaustion.strike import AttackOutcome, at_once
 from benchmarks.reliability.hostile.jobs import finished
 from benchmarks.reliability.trees import body
 
@@ -51,30 +51,30 @@ def store_jobs(site: Site, *, quick: bool) -> None:
     site.client(ATTACKER).post(f"{BASE}/constraints", json={}).raise_for_status()
 
 
-def equal_points(site: Site, least: float, *, quick: bool) -> Outcome:
+def equal_points(site: Site, least: float, *, quick: bool) -> AttackOutcome:
     """One caller after the other."""
-    raw, outcome = gzip.compress(orjson.dumps({"xy": [[1.0, 2.0]] * MOST}), 9, mtime=0), Outcome()
+    raw, outcome = gzip.compress(orjson.dumps({"xy": [[1.0, 2.0]] * MOST}), 9, mtime=0), AttackOutcome()
     client, until = site.client(ATTACKER), time.monotonic() + least
     at_once(2, until, lambda _: outcome.send(lambda: client.put(f"{BASE}/submaps/e", content=raw, headers=_PACKED)))
     outcome.more["bytes"] = len(raw)
     return outcome
 
 
-def poisoned_line(site: Site, least: float, *, quick: bool) -> Outcome:
+def poisoned_line(site: Site, least: float, *, quick: bool) -> AttackOutcome:
     """The other lines are stored."""
     lines = [orjson.dumps({"id": f"s{i}", **body(3, i)}) for i in range(99)]
     lines.insert(50, orjson.dumps({"id": "bad", "xy": [[1.0, 2.0]] * MOST}))
     return _import(site, lines, least)
 
 
-def empty_lines(site: Site, least: float, *, quick: bool) -> Outcome:
+def empty_lines(site: Site, least: float, *, quick: bool) -> AttackOutcome:
     """Each is refused, and the results say so."""
     return _import(site, [b"{}"] * (1_300 if quick else 13_000), least)
 
 
-def shapes(site: Site, least: float, *, quick: bool) -> Outcome:
+def shapes(site: Site, least: float, *, quick: bool) -> AttackOutcome:
     """Each stored first, then asked for."""
-    outcome, seconds = Outcome(), dict[str, float]()
+    outcome, seconds = AttackOutcome(), dict[str, float]()
     client = site.client(ATTACKER)
     for name, xy in _shapes(1_000 if quick else MOST):
         raw = _pack({"xy": xy.tolist()})
@@ -89,9 +89,9 @@ def shapes(site: Site, least: float, *, quick: bool) -> Outcome:
     return outcome
 
 
-def large_answers(site: Site, least: float, *, quick: bool) -> Outcome:
+def large_answers(site: Site, least: float, *, quick: bool) -> AttackOutcome:
     """The largest answer counts, in bytes."""
-    outcome, client, until = Outcome(), site.client(ATTACKER), time.monotonic() + least
+    outcome, client, until = AttackOutcome(), site.client(ATTACKER), time.monotonic() + least
     one = {"submap_id": "large0", "limit": 20, "explain": True}
     raw, largest = orjson.dumps({"queries": [one] * _BATCH}), [0]
 
@@ -106,16 +106,16 @@ def large_answers(site: Site, least: float, *, quick: bool) -> Outcome:
     return outcome
 
 
-def crowd(site: Site, least: float, *, quick: bool) -> Outcome:
+def crowd(site: Site, least: float, *, quick: bool) -> AttackOutcome:
     """All with one key; each again and again."""
-    outcome, client = Outcome(), site.client(ATTACKER)
+    outcome, client = AttackOutcome(), site.client(ATTACKER)
     at_once(_CROWD, time.monotonic() + least, lambda number: _slow(client, outcome, number))
     return outcome
 
 
-def revoked(site: Site, least: float, *, quick: bool) -> Outcome:
+def revoked(site: Site, least: float, *, quick: bool) -> AttackOutcome:
     """How long the service still works for the key afterwards counts, in seconds."""
-    outcome, client = Outcome(), site.client(ATTACKER)
+    outcome, client = AttackOutcome(), site.client(ATTACKER)
     started = time.monotonic()
     last, gone = [0.0], [float("inf")]
 
@@ -132,9 +132,9 @@ def revoked(site: Site, least: float, *, quick: bool) -> Outcome:
     return outcome
 
 
-def jobs(site: Site, least: float, *, quick: bool) -> Outcome:
+def jobs(site: Site, least: float, *, quick: bool) -> AttackOutcome:
     """How long an import of the robot's takes, which is one submap, counts."""
-    outcome, client = Outcome(), site.client(ATTACKER)
+    outcome, client = AttackOutcome(), site.client(ATTACKER)
     lines = b"".join(orjson.dumps({"id": f"s{i}", **body(4, i)}) + b"\n" for i in range(50 if quick else 500))
     posted = client.post(f"{BASE}/imports", content=lines, headers=_LINES).raise_for_status()
     finished(client, posted.headers["Location"], _PATIENCE)
@@ -156,15 +156,15 @@ def slow_query(number: int) -> dict[str, Any]:
     return {"xy": (_lattice(400) + rng.normal(0.0, 0.4, (400, 2))).round(3).tolist(), "limit": 20}
 
 
-def _slow(client: httpx.Client, outcome: Outcome, number: int) -> httpx.Response | None:
+def _slow(client: httpx.Client, outcome: AttackOutcome, number: int) -> httpx.Response | None:
     answer = outcome.send(lambda: client.post(f"{BASE}/queries", json=slow_query(number)))
     if answer is not None and answer.status_code in (401, 429, 503):
         time.sleep(0.05)
     return answer
 
 
-def _import(site: Site, lines: list[bytes], least: float) -> Outcome:
-    outcome, client = Outcome(), site.client(ATTACKER)
+def _import(site: Site, lines: list[bytes], least: float) -> AttackOutcome:
+    outcome, client = AttackOutcome(), site.client(ATTACKER)
     raw, until = b"".join(line + b"\n" for line in lines), time.monotonic() + least
     while True:
         posted = outcome.send(lambda: client.post(f"{BASE}/imports", content=raw, headers=_LINES))

@@ -10,7 +10,7 @@ from typing import Final
 import httpx
 
 from benchmarks.reliability.exhaustion.strike import give_way
-from benchmarks.served import Served, served
+from benchmarks.served import BenchmarkServer, served
 from server.security import api_keys
 from server.security.principal import Scope
 from server.store import migrations_runner
@@ -61,7 +61,9 @@ class Site:
         settings = dict(self._limits)
         descriptors = settings.pop("descriptors", None)
         program = ("-m", "server.cli") if descriptors is None else ("-c", _START.format(descriptors))
-        self.server: Served = self._stack.enter_context(served(self.database, self.folder / "log", program, **settings))
+        self.server: BenchmarkServer = self._stack.enter_context(
+            served(self.database, self.folder / "log", program, **settings)
+        )
         return self
 
     def __exit__(self, *_: object) -> None:

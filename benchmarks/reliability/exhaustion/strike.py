@@ -14,7 +14,7 @@ from benchmarks.experiments import Figures
 
 
 @dataclass
-class Outcome:
+class AttackOutcome:
     """What the attacker was answered.
 
     Attributes:

@@ -10,7 +10,7 @@ import httpx
 
 from benchmarks.experiments import Figures
 from benchmarks.reliability.trees import body
-from benchmarks.served import Served, served
+from benchmarks.served import BenchmarkServer, served
 
 _YEAR: Final = 365 * 86_400.0
 _HOUR: Final = 3_600.0
@@ -98,7 +98,7 @@ def _found(client: httpx.Client, *seed: int) -> str | None:
     return str(answer["candidates"][0]["submap_id"]) if answer["verdict"] == "matched" else None
 
 
-def _pages(server: Served, problems: list[str], expected: int) -> None:
+def _pages(server: BenchmarkServer, problems: list[str], expected: int) -> None:
     """Listing page by page shows each once, in the order in which they came."""
     with httpx.Client(base_url=server.url, timeout=60.0) as client:
         ids: list[str] = []

@@ -10,7 +10,7 @@ import httpx
 
 from benchmarks.experiments import Figures
 from benchmarks.reliability.trees import body
-from benchmarks.served import Served, served
+from benchmarks.served import BenchmarkServer, served
 from server.collections import registry
 from server.schemas.collections import CollectionPut
 from server.store import migrations_runner
@@ -96,7 +96,7 @@ def run(*, quick: bool, seed: int) -> Figures:
     }
 
 
-def _cpu_seconds(server: Served) -> float:
+def _cpu_seconds(server: BenchmarkServer) -> float:
     """Processor time that the server has used."""
     fields = Path(f"/proc/{server.process.pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")

@@ -43,7 +43,7 @@ def finished(client: httpx.Client, path: str, patience: float = _PATIENCE) -> di
 
 
 @dataclass
-class Interrupted:
+class JobInterrupted:
     """Jobs that were under way when the server ended.
 
     Args:

@@ -11,9 +11,9 @@ from typing import Final
 import httpx
 
 from benchmarks.experiments import Figures
-from benchmarks.reliability.hostile.jobs import Interrupted, has_jobs
+from benchmarks.reliability.hostile.jobs import JobInterrupted, has_jobs
 from benchmarks.reliability.trees import body
-from benchmarks.served import Served, served
+from benchmarks.served import BenchmarkServer, served
 
 _BASE: Final = "/v1/collections/plots"
 _WRITERS: Final = 4
@@ -39,7 +39,7 @@ def run(*, quick: bool, seed: int) -> Figures:
     stops: list[float] = []
     with tempfile.TemporaryDirectory() as folder:
         path, log = Path(folder) / "kills.db", Path(folder) / "log"
-        jobs = Interrupted(seed, lines=400 if quick else 3_000)
+        jobs = JobInterrupted(seed, lines=400 if quick else 3_000)
         for number in range(rounds):
             with served(path, log, **_SMALL) as server, httpx.Client(base_url=server.url, timeout=60.0) as client:
                 client.put(_BASE, json={}).raise_for_status()
@@ -76,7 +76,7 @@ def run(*, quick: bool, seed: int) -> Figures:
     }
 
 
-def _end(server: Served, number: int, stops: list[float], problems: list[str]) -> None:
+def _end(server: BenchmarkServer, number: int, stops: list[float], problems: list[str]) -> None:
     """Every other round as an operator does it, every other as a power cut does."""
     if number % 2:
         server.kill()
@@ -144,7 +144,7 @@ def _twice(client: httpx.Client, journal: _Journal) -> list[str]:
         replayed = "Idempotency-Replayed" in response.headers
         new += not replayed
         if response.status_code != 201 or (name is not None and (not replayed or response.json()["id"] != name)):
-            wrong.append(f"{key}: sent again it is {response.status_code}, {'as before' if replayed else 'anew'}")
+            wrong.append(f"{key}: sent again it is {response.status_code}, {'as before' if replayed else 'done again'}")
     if client.get(_BASE).json()["counts"]["submaps"] != before + new:
         wrong.append("a POST that was sent again was done twice")
     return wrong

@@ -13,7 +13,7 @@ import httpx
 from benchmarks.experiments import Figures
 from benchmarks.reliability.trees import body
 from benchmarks.scale.job import spread
-from benchmarks.served import Served, served
+from benchmarks.served import BenchmarkServer, served
 
 _HEAD: Final = (
     b"POST /v1/collections/plots/queries HTTP/1.1\r\nHost: here\r\nContent-Type: application/json\r\n"
@@ -73,7 +73,7 @@ class _Crowd:
         longest: seconds that one was there at most.
     """
 
-    def __init__(self, server: Served, count: int) -> None:
+    def __init__(self, server: BenchmarkServer, count: int) -> None:
         self.held, self.sent_away, self.longest = 0.0, 0, 0.0
         address = urlsplit(server.url)
         self._address = (address.hostname, address.port or 80)

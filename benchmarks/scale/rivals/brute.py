@@ -1,9 +1,9 @@
-"""No search at all: the query swept over every submap, under every rotation and shift."""
+"""No search at all: the query tried on every submap, under every rotation and shift."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.scale.rivals.rival import REACHED, Described, Ranking
+from benchmarks.scale.rivals.rival import REACHED, Described, RivalRanking
 from urquhart import Features
 from urquhart.propose.correlation import correlate_all
 from urquhart.verify.landmark_grid import GRID, LandmarkGrid
@@ -12,8 +12,8 @@ from urquhart.verify.pairing import refine
 _PEAKS = 8
 
 
-class SweepRival:
-    """Every submap, ready to be swept over."""
+class ExhaustiveRival:
+    """Every submap, ready to be tried."""
 
     refined = 2
 
@@ -31,14 +31,14 @@ class SweepRival:
         """Nothing is kept beside the submaps."""
         return 0
 
-    def rank(self, query: Described, count: int) -> Ranking:
+    def rank(self, query: Described, count: int) -> RivalRanking:
         """By what stands out most in each."""
         peaks = [correlate_all(query.grid, submap, _PEAKS) for submap in self._grids]
         scores = np.array([found[0, 3] if len(found) else 0.0 for found in peaks])
         chosen = np.argsort(-scores, kind="stable")[:count].astype(np.int64)
-        return Ranking(chosen, [peaks[k] for k in chosen.tolist()])
+        return RivalRanking(chosen, [peaks[k] for k in chosen.tolist()])
 
-    def poses(self, query: Described, ranking: Ranking, at: int, submap: Described) -> NDArray[np.float64]:
+    def poses(self, query: Described, ranking: RivalRanking, at: int, submap: Described) -> NDArray[np.float64]:
         """The peaks, refined with partners farther away."""
         found: NDArray[np.float64] = ranking.evidence[at]
         landmarks = query.features.landmarks

@@ -9,9 +9,9 @@ import numpy as np
 from benchmarks.scale.asking import is_right
 from benchmarks.scale.job import Figures, Job, Steps, memory, spread
 from benchmarks.scale.observations import Observations
-from benchmarks.scale.rivals.brute import SweepRival
+from benchmarks.scale.rivals.brute import ExhaustiveRival
 from benchmarks.scale.rivals.quads import QuadRival
-from benchmarks.scale.rivals.rival import CONFIG, REACHED, Described, Ranking, Rival
+from benchmarks.scale.rivals.rival import CONFIG, REACHED, Described, RivalMethod, RivalRanking
 from benchmarks.scale.rivals.triangles import TriangleRival
 from benchmarks.scale.simulate import SUBMAPS
 from benchmarks.scale.world import KINDS, World
@@ -20,10 +20,10 @@ from urquhart import SE2, describe, warm_up
 from urquhart.verify.evidence import PoseEvidence
 from urquhart.verify.refinement import best_hypotheses, verify_best
 
-_MADE: Final[dict[str, Callable[[], Rival]]] = {
+_MADE: Final[dict[str, Callable[[], RivalMethod]]] = {
     "rival-quads": QuadRival,
     "rival-triangles": TriangleRival,
-    "rival-sweep": SweepRival,
+    "rival-exhaustive": ExhaustiveRival,
 }
 
 
@@ -49,7 +49,7 @@ def run(job: Job) -> Figures:
     }
 
 
-def _ask_all(job: Job, rival: Rival, submaps: Observations, kind: str) -> Figures:
+def _ask_all(job: Job, rival: RivalMethod, submaps: Observations, kind: str) -> Figures:
     queries, world = Observations.load(job.room, kind), World(job.submaps, job.seed)
     listed, right = 0, 0
     search, verification, whole = list[float](), list[float](), list[float]()
@@ -88,7 +88,7 @@ def _ask_all(job: Job, rival: Rival, submaps: Observations, kind: str) -> Figure
 
 
 def _verify(
-    rival: Rival, query: Described, ranking: Ranking, there: list[Described]
+    rival: RivalMethod, query: Described, ranking: RivalRanking, there: list[Described]
 ) -> tuple[int, PoseEvidence] | None:
     """The pose with most evidence in any of the submaps of a ranking, and which of them that is."""
     best: tuple[int, PoseEvidence] | None = None

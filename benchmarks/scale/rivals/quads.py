@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.scale.parts import EXACT_UP_TO
-from benchmarks.scale.rivals.rival import CONFIG, TOLERANCE, Described, Ranking, most
+from benchmarks.scale.rivals.rival import CONFIG, TOLERANCE, Described, RivalRanking, most
 from urquhart import Features
 from urquhart._kernel import kernel
 from urquhart.se2 import fit
@@ -71,7 +71,7 @@ class QuadRival:
         each = 20 + (8 if isinstance(self._index, faiss.IndexIVFFlat) else 0)
         return each * int(self._index.ntotal) + self._owner.nbytes + self._starts.nbytes
 
-    def rank(self, query: Described, count: int) -> Ranking:
+    def rank(self, query: Described, count: int) -> RivalRanking:
         """Votes of all hits, both readings of each quad of the query."""
         features = query.features
         lengths = measure(features.landmarks, features.tessellation.quads)[0]
@@ -80,9 +80,9 @@ class QuadRival:
         asker = np.repeat(np.arange(len(asked)), np.diff(limits.astype(np.int64)))
         owner = self._owner[found]
         votes = np.bincount(owner, minlength=len(self._counts))
-        return Ranking(most(votes, count), (asker, found, owner))
+        return RivalRanking(most(votes, count), (asker, found, owner))
 
-    def poses(self, query: Described, ranking: Ranking, at: int, submap: Described) -> NDArray[np.float64]:
+    def poses(self, query: Described, ranking: RivalRanking, at: int, submap: Described) -> NDArray[np.float64]:
         """Each hit turns the query's quad onto the submap's; those that fit best."""
         asker, found, owner = ranking.evidence
         key = int(ranking.submaps[at])

@@ -13,7 +13,7 @@ _WHAT: Final = (
     hit.""",
     """Hashed triangles: the sorted sides of Delaunay triangles, after the Stable Triangle Descriptor (Yuan et
     al., 2023); a vote for each triangle with all three sides within our tolerance, mirror images left out.""",
-    """Every submap swept: our last resort over the whole database. Its time is that of one submap times their number:
+    """Every submap tried: our last resort over the whole database. Its time is that of one submap times their number:
     what it takes at a thousand, it takes a thousand times at a million.""",
 )
 _STOPS: Final = """The first two stop at 100k: their tables are made in memory in one piece. A million submaps have

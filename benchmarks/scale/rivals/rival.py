@@ -30,14 +30,14 @@ class Described:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Ranking:
+class RivalRanking:
     """The best submaps, the best first, and what the rival needs to propose poses in them."""
 
     submaps: NDArray[np.int64]
     evidence: Any
 
 
-class Rival(Protocol):
+class RivalMethod(Protocol):
     """A way to find submaps."""
 
     refined: int
@@ -52,10 +52,10 @@ class Rival(Protocol):
     def nbytes(self) -> int:
         """Bytes of what is searched, the submaps' own features left out."""
 
-    def rank(self, query: Described, count: int) -> Ranking:
+    def rank(self, query: Described, count: int) -> RivalRanking:
         """The best `count` submaps."""
 
-    def poses(self, query: Described, ranking: Ranking, at: int, submap: Described) -> NDArray[np.float64]:
+    def poses(self, query: Described, ranking: RivalRanking, at: int, submap: Described) -> NDArray[np.float64]:
         """Poses (H, 3), x, y, yaw of `submap_T_query` between centred frames, in the submap at a place of a ranking."""
 
 

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.scale.rivals.rival import CONFIG, TOLERANCE, Described, Ranking, most
+from benchmarks.scale.rivals.rival import CONFIG, TOLERANCE, Described, RivalRanking, most
 from urquhart import Features
 from urquhart._kernel import kernel
 from urquhart.se2 import fit
@@ -58,7 +58,7 @@ class TriangleRival:
         """All arrays of the table."""
         return sum(a.nbytes for a in (self._codes, self._starts, self._table, self._vertices, self._owner))
 
-    def rank(self, query: Described, count: int) -> Ranking:
+    def rank(self, query: Described, count: int) -> RivalRanking:
         """Votes of all triangles that are alike."""
         sides, corners = sorted_triangles(query.features.landmarks, query.features.tessellation.triangles)
         everyone = np.empty(0, np.bool_)
@@ -71,9 +71,9 @@ class TriangleRival:
         _, asker, entry = find(
             sides, self._codes, self._starts, self._table, self._owner, TOLERANCE, self._submaps, wanted
         )
-        return Ranking(chosen, (corners, asker, entry))
+        return RivalRanking(chosen, (corners, asker, entry))
 
-    def poses(self, query: Described, ranking: Ranking, at: int, submap: Described) -> NDArray[np.float64]:
+    def poses(self, query: Described, ranking: RivalRanking, at: int, submap: Described) -> NDArray[np.float64]:
         """Each pair of triangles that are alike, laid over each other; those whose sides agree best."""
         corners, asker, entry = ranking.evidence
         hits = np.flatnonzero(self._owner[entry] == ranking.submaps[at])

@@ -14,7 +14,7 @@ from pydantic import BaseModel
 from urquhart_client._protocol.files import FileError, read_body, read_csv
 from urquhart_client._protocol.retry import Retry
 from urquhart_client.client import Client
-from urquhart_client.errors import UrquhartError
+from urquhart_client.errors import ProblemError, UrquhartError
 from urquhart_client.work import Job, Progress
 
 _OBSERVED: Final = frozenset({"xy", "ids", "landmarks", "frame_id", "stamp"})
@@ -69,12 +69,23 @@ def _put(client: Client, options: argparse.Namespace) -> int:
         raise FileError(f"{options.file}: it has a session, but --session is given, too: drop one")
     if options.session is not None:
         body["session"] = options.session
-    client.put_collection(options.collection)
+    _ensure_collection(client, options.collection)
     receipt = client.put_submap(options.collection, options.submap, **body)
     cleared = f", cleared {', '.join(receipt.cleared)}" if receipt.cleared else ""
     why = f" ({receipt.detail})" if receipt.detail else ""
     _tell(options, receipt, f"{options.submap}: {receipt.outcome}{why}, revision {receipt.revision}{cleared}")
     return 0
+
+
+def _ensure_collection(client: Client, name: str) -> None:
+    """Create the collection where it is missing: that needs the scope admin, which a robot's key does not have."""
+    try:
+        client.get_collection(name)
+    except ProblemError as error:
+        if error.status == 404:
+            client.put_collection(name)
+        elif error.status != 403:  # a key that may only write: the write itself tells what is missing
+            raise
 
 
 def _query(client: Client, options: argparse.Namespace) -> int:
@@ -83,7 +94,7 @@ def _query(client: Client, options: argparse.Namespace) -> int:
     for one in result.candidates:
         at = one.transform
         lines.append(
-            f"  {one.submap_id}: x {at.x:.2f} m, y {at.y:.2f} m, yaw {degrees(at.yaw):.2f} deg, "
+            f"  {one.submap_id}: x {at.x:.3f} m, y {at.y:.3f} m, yaw {degrees(at.yaw):.2f} deg, "
             f"{one.inlier_count} inliers, confidence {one.confidence:.4f}"
         )
     _tell(options, result, "\n".join(lines))
@@ -91,7 +102,7 @@ def _query(client: Client, options: argparse.Namespace) -> int:
 
 
 def _import(client: Client, options: argparse.Namespace) -> int:
-    client.put_collection(options.collection)
+    _ensure_collection(client, options.collection)
     job = client.import_file(
         options.collection,
         options.file,
@@ -136,7 +147,7 @@ def _show(progress: Progress) -> None:
 def _tell_job(options: argparse.Namespace, job: Job) -> None:
     counts = ", ".join(f"{count} {outcome}" for outcome, count in job.counts.items())
     why = f": {job.problem['detail']}" if job.problem else ""
-    _tell(options, job, f"{job.id} {job.kind} on {job.collection}: {job.state}{why} ({counts or 'nothing yet'})")
+    _tell(options, job, f"{job.id} {job.type} on {job.collection}: {job.state}{why} ({counts or 'nothing yet'})")
 
 
 def _tell(options: argparse.Namespace, model: BaseModel, line: str) -> None:

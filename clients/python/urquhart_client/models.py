@@ -18,7 +18,8 @@ Item = TypeVar("Item", bound=BaseModel)
 
 
 class Landmark(BaseModel):
-    """A tree: `x` and `y` in metres, in the frame of its document; `dbh` (breast height) and `height` in metres.
+    """A tree: `x` and `y` in metres, in the frame of its document; `dbh_cm` (diameter at breast height) in
+    centimetres, `height_m` in metres.
 
     Further members are kept.
     """
@@ -28,8 +29,8 @@ class Landmark(BaseModel):
     id: str
     x: float
     y: float
-    dbh: float | None = None
-    height: float | None = None
+    dbh_cm: float | None = None
+    height_m: float | None = None
     species: str | None = None
 
 
@@ -49,6 +50,8 @@ class Candidate(Model):
     from is taken off, `level` which search proposed the pose and `support` how much did, `rms` in metres; `refused`
     says why this candidate alone is not accepted, `warnings` what is wrong with the coordinates of one side.
     """
+
+    shown = ("submap_id", "session", "transform", "map_pose", "inlier_count", "rms", "confidence", "refused")
 
     rank: int
     submap_id: str
@@ -96,7 +99,7 @@ class Finding(Model):
     level: str
     submap_id: str
     support: int
-    inliers: int
+    inlier_count: int
     overlap_count: int
     evidence: float
     log_odds: float
@@ -105,13 +108,13 @@ class Finding(Model):
 
 class Gates(Model):
     """What a pose must pass: the least confidence; the log-odds, and the lead over a rival (`lead` and
-    `lead_each` for each landmark of the overlap, and `lead_share` of the rival's evidence), that reach it."""
+    `lead_per_landmark` for each landmark of the overlap, and `lead_ratio` of the rival's evidence), that reach it."""
 
     confidence: float
     log_odds: float
     lead: float
-    lead_each: float
-    lead_share: float
+    lead_per_landmark: float
+    lead_ratio: float
 
 
 class QueryResult(Model):
@@ -119,6 +122,8 @@ class QueryResult(Model):
 
     `rivals` are what makes it ambiguous; `findings` are there when asked for with `explain`, and in stored answers.
     """
+
+    shown = ("id", "collection", "verdict", "reason", "best", "candidates", "rivals", "revision")
 
     id: str | None = None
     collection: str
@@ -128,7 +133,7 @@ class QueryResult(Model):
     stamp: datetime | None = None
     method: str
     revision: int
-    landmarks: int | None = None
+    landmark_count: int | None = None
     lead: float | None = None
     warnings: tuple[str, ...] = ()
     gates: Gates | None = None
@@ -151,7 +156,9 @@ class Explanation(Model):
     `findings` is None for an answer stored by a version that kept none.
     """
 
-    query: str
+    shown = ("query_id", "collection", "verdict", "reason", "lead", "findings", "rivals", "sentences")
+
+    query_id: str
     collection: str
     verdict: Verdict
     reason: str
@@ -251,7 +258,7 @@ class Polygon(Model):
 class Tessellation(Model):
     """What the method sees in a submap; triangles are positions in `landmarks`, counter-clockwise."""
 
-    submap: str
+    submap_id: str
     fingerprint: str
     counts: dict[str, int] = Field(default_factory=dict)
     landmarks: tuple[Landmark, ...] = ()

@@ -1,17 +1,53 @@
 """Transforms and poses, and how sure they are. Metres and radians, counter-clockwise."""
 
-from collections.abc import Iterable
-from math import cos, sin
+from collections.abc import Collection, Iterable, Mapping
+from datetime import datetime
+from math import cos, degrees, sin
+from typing import Any, ClassVar, Final
 
 from pydantic import BaseModel, ConfigDict
 
 Covariance = tuple[float, float, float, float, float, float, float, float, float]
 
 
+_LONGEST: Final = 60
+"""Characters of a text in a `repr`."""
+
+
 class Model(BaseModel):
-    """Base of all documents: immutable, and blind to fields it does not know."""
+    """Base of all documents: immutable, and blind to fields it does not know.
+
+    `repr` and `print` give one line: of what is long only the length, and only the fields that `shown` names, if any.
+    """
 
     model_config = ConfigDict(frozen=True, extra="ignore")
+    shown: ClassVar[tuple[str, ...]] = ()
+
+    def __repr__(self) -> str:
+        names = self.shown or tuple(type(self).model_fields)
+        values = {name: getattr(self, name) for name in names}
+        told = [f"{name}={_short(value)}" for name, value in values.items() if value not in (None, (), {})]
+        return f"{type(self).__name__}({', '.join(told)})"
+
+    __str__ = __repr__
+
+
+def _short(value: Any) -> str:
+    match value:
+        case BaseModel():
+            return repr(value)
+        case float():
+            return f"{value:.6g}"
+        case datetime():
+            return value.isoformat()
+        case str():
+            return repr(value if len(value) <= _LONGEST else f"{value[:_LONGEST]}...")
+        case Mapping() if all(isinstance(one, int) for one in value.values()):
+            return f"{{{', '.join(f'{name}: {one}' for name, one in value.items())}}}"
+        case Collection():
+            return f"<{len(value)}>"
+        case _:
+            return repr(value)
 
 
 class TreesMiddle(Model):
@@ -43,6 +79,11 @@ class Transform(Model):
     about: str | None = None
     middle: TreesMiddle | None = None
 
+    def __repr__(self) -> str:
+        return f"Transform({_pose(self.x, self.y, self.yaw)})"
+
+    __str__ = __repr__
+
     def apply(self, xy: Iterable[tuple[float, float]]) -> list[tuple[float, float]]:
         """Points of the query's frame, in the submap's frame; metres."""
         c, s = cos(self.yaw), sin(self.yaw)
@@ -64,3 +105,12 @@ class MapPose(Model):
     covariance_frame: str = "map"
     about: str = "submap_origin"
     middle: TreesMiddle | None = None
+
+    def __repr__(self) -> str:
+        return f"MapPose({self.frame_id!r}: {_pose(self.x, self.y, self.yaw)})"
+
+    __str__ = __repr__
+
+
+def _pose(x: float, y: float, yaw: float) -> str:
+    return f"x {x:.3f} m, y {y:.3f} m, yaw {degrees(yaw):.2f} deg"

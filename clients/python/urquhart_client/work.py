@@ -22,7 +22,7 @@ class Job(Model):
     """Long work. `state` is accepted, running, successful, failed or dismissed; `problem` tells why it failed."""
 
     id: str
-    kind: str
+    type: str
     collection: str
     state: str
     total: int | None = None

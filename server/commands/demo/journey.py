@@ -16,8 +16,8 @@ from server.commands.demo.observations import (
     HARD,
     RIGHT_DEGREES,
     RIGHT_METRES,
+    DemoQuestion,
     JudgedAnswer,
-    Question,
     Stand,
     ask,
     judge,
@@ -137,7 +137,7 @@ def _store(path: Path, stem_maps: dict[str, StemMap], console: Console) -> None:
         database.dispose()
 
 
-def _ask_all(client: Client, questions: Sequence[Question], seed: int, console: Console) -> list[JudgedAnswer]:
+def _ask_all(client: Client, questions: Sequence[DemoQuestion], seed: int, console: Console) -> list[JudgedAnswer]:
     answers = []
     with progress_bar(console) as progress:
         task = progress.add_task("asking", total=len(questions))
@@ -180,7 +180,7 @@ def _draw_motion(client: Client, answer: JudgedAnswer, found: Candidate, out: Pa
     return path
 
 
-def _compare(client: Client, hard: Sequence[Question], seed: int, out: Path, console: Console) -> list[Path]:
+def _compare(client: Client, hard: Sequence[DemoQuestion], seed: int, out: Path, console: Console) -> list[Path]:
     """Ask hard questions of the paper's method and of the default; explain one that only the default answers."""
     lost = []
     found: dict[urquhart.Method, int] = {"paper": 0, "robust": 0}

@@ -33,7 +33,7 @@ class Stand:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Question:
+class DemoQuestion:
     """An observation and the truth: `xy` (N, 2) float64, metres, observer's frame; `pose` is `map_T_observer`."""
 
     stand: Stand
@@ -48,7 +48,7 @@ class JudgedAnswer:
     For a stand in the database, right is `matched` within 1 m and 3 degrees; for another, anything but `matched`.
     """
 
-    question: Question
+    question: DemoQuestion
     result: QueryResult
     milliseconds: float
     metres: float | None
@@ -70,7 +70,7 @@ HARD: Final = Noise((0.3, 0.35), (0.75, 0.8))
 """A polygon of the paper's needs each of its trees: here hardly one is whole."""
 
 
-def ask(stand: Stand, stem_map: StemMap, rng: np.random.Generator, noise: Noise = USUAL) -> Question:
+def ask(stand: Stand, stem_map: StemMap, rng: np.random.Generator, noise: Noise = USUAL) -> DemoQuestion:
     """An observation from a place in the stand that has trees around it: uniform position and heading."""
     low, high = stem_map.xy.min(axis=0), stem_map.xy.max(axis=0)
     for _ in range(ATTEMPTS):
@@ -86,11 +86,11 @@ def ask(stand: Stand, stem_map: StemMap, rng: np.random.Generator, noise: Noise 
                 sigma=float(rng.uniform(*noise.sigma)),
                 detection=float(rng.uniform(*noise.detection)),
             )
-            return Question(stand, seen.xy, pose)
+            return DemoQuestion(stand, seen.xy, pose)
     raise RuntimeError(f"{stand.name} has no place with {stand.minimum_trees} trees within {stand.sensor_range:g} m")
 
 
-def judge(question: Question, result: QueryResult, milliseconds: float) -> JudgedAnswer:
+def judge(question: DemoQuestion, result: QueryResult, milliseconds: float) -> JudgedAnswer:
     """Compare an answer with the truth."""
     known = question.stand.radius is not None
     matched = result.verdict == "matched"

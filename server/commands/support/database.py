@@ -25,7 +25,7 @@ def open_database(settings: Settings) -> Database:
         DomainError: it is not a database of this service, is of a newer version, or cannot be read or written.
     """
     database = Database(
-        settings.database_path, busy_timeout=settings.busy_timeout, read_only=settings.database_read_only
+        settings.database_path, busy_timeout=settings.busy_timeout_seconds, read_only=settings.database_read_only
     )
     try:
         bring_up_to_date(database)
@@ -70,6 +70,6 @@ def check_there(settings: Settings) -> None:
 def _database(settings: Settings, *, read_only: bool = False) -> Database:
     return Database(
         settings.database_path,
-        busy_timeout=settings.busy_timeout,
+        busy_timeout=settings.busy_timeout_seconds,
         read_only=read_only or settings.database_read_only,
     )

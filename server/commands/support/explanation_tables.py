@@ -15,8 +15,9 @@ def print_explanation(console: Console, answer: QueryAnswer) -> None:
     console.print(f"why: {sentence(answer.reason)}", highlight=False)
     if answer.lead is not None:
         console.print(
-            f"lead over the best other pose: {answer.lead:.1f}; asked are {gates.lead:.1f}, {gates.lead_each:g} "
-            f"more for each tree of the overlap, and {gates.lead_share:.0%} of the other's evidence",
+            f"lead over the best other pose: {answer.lead:.1f}; asked are {gates.lead:.1f}, "
+            f"{gates.lead_per_landmark:g} more for each tree of the overlap, and {gates.lead_ratio:.0%} of the "
+            "other's evidence",
             highlight=False,
             soft_wrap=True,
         )
@@ -52,7 +53,7 @@ def _findings(answer: QueryAnswer) -> Table:
             one.level,
             one.submap_id,
             str(one.support),
-            f"{one.inliers}/{one.overlap_count}",
+            f"{one.inlier_count}/{one.overlap_count}",
             f"{one.log_odds:.1f}",
             f"{one.evidence / max(one.overlap_count, 1):.2f}",
             sentence(one.refused),

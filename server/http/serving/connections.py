@@ -37,12 +37,12 @@ class ServerConfig(Config):
     def __init__(self, app: Any, limits: Limits, reject: Callable[[str], None], **options: Any) -> None:
         """`reject` gets the reason when a connection is refused or closed to protect others."""
         self.limits, self.reject = limits, reject
-        self.idle: dict[Connection, None] = {}
+        self.idle: dict[TimedConnection, None] = {}
         """Connections without a request in progress, the one that is idle for longest first."""
-        super().__init__(app, http=Connection, timeout_keep_alive=limits.idle_seconds, **options)  # type: ignore[arg-type]
+        super().__init__(app, http=TimedConnection, timeout_keep_alive=limits.idle_seconds, **options)  # type: ignore[arg-type]
 
 
-class Connection(H11Protocol):
+class TimedConnection(H11Protocol):
     """A connection whose caller has `header_seconds` for the head of each request.
 
     If there are too many connections, the one that was idle for longest is closed. If none is idle, the new one is

@@ -22,7 +22,7 @@ from uvicorn.server import Server
 from server.errors import NotReady
 from server.http.admission.admission import AdmissionState
 from server.http.admission.readiness import SHUTDOWN
-from server.http.serving.connections import Connection, ServerConfig
+from server.http.serving.connections import ServerConfig, TimedConnection
 from server.http.serving.file_descriptors import Complaints
 from server.runtime import Service
 
@@ -125,7 +125,7 @@ class _GracefulServer(Server):
             _freeze_loaded_objects()
         if self._signal is not None and self._until is None:
             # Who presses Ctrl-C looks at no probe.
-            notice = self._service.settings.notice_seconds if self._signal == signal.SIGTERM else 0.0
+            notice = self._service.settings.shutdown_delay_seconds if self._signal == signal.SIGTERM else 0.0
             self._service.readiness.report(SHUTDOWN, _ENDING)
             self._until = time.monotonic() + notice
         return ended or (self._until is not None and time.monotonic() >= self._until)
@@ -148,7 +148,7 @@ class _GracefulServer(Server):
     def _cut_off(self) -> None:
         """Those that are slow to send or to read have no connection any more."""
         for connection in list(self.server_state.connections):
-            if isinstance(connection, Connection):
+            if isinstance(connection, TimedConnection):
                 connection.transport.abort()
 
     def _end_in_time(self) -> None:

@@ -8,12 +8,13 @@ import orjson
 from pydantic import ValidationError
 from sqlalchemy.orm import Session
 
-from server.constraints.extraction import agree, chosen_submaps, from_look, question
+from server.constraints.extraction import agree, chosen_submaps, from_look, question, read_found
 from server.errors import Conflict, NotFound
 from server.jobs.assignment import Assignment, JobContext
 from server.jobs.folder import cut
 from server.queries.contradictions import REASON
 from server.queries.lookup import LookupResult, QueryContext, look_up
+from server.queries.older_answers import completed
 from server.schemas.constraints import ConstraintsInput
 from server.store.repositories.submaps import Submaps
 from server.store.sqlite.sqlite_errors import storage_errors
@@ -34,7 +35,7 @@ def run_constraints(assignment: Assignment, context: JobContext) -> None:
     if "written" in assignment.progress:
         return  # only its end could not be stored
     try:
-        body = ConstraintsInput.model_validate(assignment.parameters)
+        body = ConstraintsInput.model_validate(completed(ConstraintsInput, assignment.parameters))
     except ValidationError as error:
         raise Conflict(
             "Another version of the service accepted this job, and this version cannot read its parameters. Post it "
@@ -62,7 +63,7 @@ def run_constraints(assignment: Assignment, context: JobContext) -> None:
                     assignment.report(after=row.key, found=found.tell(), contradicting_maps=contradicting)
                     assignment.yield_turn()
             found.seek(0)
-            kept, contradictions = agree(orjson.loads(line) for line in found)
+            kept, contradictions = agree(read_found(line) for line in found)
         with results_file.open("wb") as results:
             context.folder.sync()
             results.writelines(orjson.dumps(one) + b"\n" for one in kept)

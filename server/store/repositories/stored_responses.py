@@ -8,7 +8,7 @@ from sqlalchemy.orm import Session
 from server.store.tables import IdempotencyRow
 
 _AT_ONCE = 100
-"""Old answers that a new one sweeps away: more than one, so that they get fewer, and few enough to be quick."""
+"""Old answers that a new one removes: more than one, so that they get fewer, and few enough to be quick."""
 _MOST = 100_000
 """Answers that are kept, the newest: for minutes of the busiest fleet, where a repetition comes within one."""
 

@@ -52,7 +52,7 @@ class AsyncJobCalls(AsyncConnection):
         return await self.wait_for_job(job.id, progress=progress) if wait else job
 
     async def reindex(self, collection: str) -> Job:
-        """Have the index of a collection written anew; the job that does it."""
+        """Have the index of a collection rewritten; the job that does it."""
         return await self._send(job_requests.post_reindex(collection))
 
     async def constraints(self, collection: str, body: Mapping[str, Any] | None = None) -> Job:

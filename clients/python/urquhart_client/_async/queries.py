@@ -20,7 +20,7 @@ class AsyncQueryCalls(AsyncConnection):
         xy: Points | None = None,
         ids: Iterable[str] | None = None,
         *,
-        dbh: Diameters | None = None,
+        dbh_cm: Diameters | None = None,
         landmarks: Landmarks | None = None,
         submap_id: str | None = None,
         limit: int = 5,
@@ -41,8 +41,8 @@ class AsyncQueryCalls(AsyncConnection):
         Args:
             xy: N pairs (x, y), metres, in the observer's frame; a (N, 2) array will do. Any N gets an answer.
             ids: N landmark ids; default "0", "1", ...
-            dbh: N stem diameters, metres, None or NaN where one is not known.
-            landmarks: instead of `xy`, `ids` and `dbh`.
+            dbh_cm: N stem diameters, centimetres, None or NaN where one is not known.
+            landmarks: instead of `xy`, `ids` and `dbh_cm`.
             submap_id: instead of landmarks, a stored submap.
             limit: most candidates to answer.
             method: "robust" (the default of the service) or "paper".
@@ -58,7 +58,7 @@ class AsyncQueryCalls(AsyncConnection):
                 `deadline`); less than the client's own `timeout`, so that there is an answer.
         """
         body = bodies.query_body(
-            bodies.observation(xy, ids, dbh, landmarks, submap_id),
+            bodies.observation(xy, ids, dbh_cm, landmarks, submap_id),
             limit=limit,
             method=method,
             seed=seed,

@@ -27,7 +27,7 @@ Pose = MapPose | Mapping[str, Any]
 
 
 def landmarks(
-    xy: Points | None, ids: Iterable[str] | None, dbh: Diameters | None, listed: Landmarks | None
+    xy: Points | None, ids: Iterable[str] | None, dbh_cm: Diameters | None, listed: Landmarks | None
 ) -> dict[str, Any]:
     """The landmarks of a submap or query: coordinates with or without ids and diameters, or landmarks as a list.
 
@@ -36,33 +36,34 @@ def landmarks(
     if (xy is None) == (listed is None):
         raise ValueError("give the landmarks either as xy (with ids, if they have any) or as landmarks")
     if listed is not None:
-        if ids is not None or dbh is not None:
-            raise ValueError("landmarks carry their own ids and dbh: leave ids and dbh out")
+        if ids is not None or dbh_cm is not None:
+            raise ValueError("landmarks carry their own ids and dbh_cm: leave ids and dbh_cm out")
         return {"landmarks": [_plain(landmark) for landmark in listed]}
     assert xy is not None
     body: dict[str, Any] = {"xy": [_position(i, point) for i, point in enumerate(xy)]}
     if ids is not None:
         body["ids"] = [str(one) for one in ids]
-    return body if dbh is None else _measured(body, list(dbh))
+    return body if dbh_cm is None else _measured(body, list(dbh_cm))
 
 
 def _position(index: int, point: Sequence[float]) -> list[float]:
     numbers = [float(number) for number in point]
     if len(numbers) != 2:
-        raise ValueError(f"positions are [x, y]; the one at {index} has {len(numbers)} numbers")
+        advice = ": leave out what follows x and y" if len(numbers) > 2 else ""
+        raise ValueError(f"positions are [x, y]; the one at {index} has {len(numbers)} numbers{advice}")
     return numbers
 
 
-def _measured(body: Mapping[str, Any], dbh: Sequence[float | None]) -> dict[str, Any]:
+def _measured(body: Mapping[str, Any], dbh_cm: Sequence[float | None]) -> dict[str, Any]:
     """The same landmarks one by one, with their diameters."""
     xy, ids = body["xy"], body.get("ids")
-    if len(dbh) != len(xy) or (ids is not None and len(ids) != len(xy)):
-        raise ValueError(f"{len(xy)} points need as many ids and dbh, None where one is not known")
+    if len(dbh_cm) != len(xy) or (ids is not None and len(ids) != len(xy)):
+        raise ValueError(f"{len(xy)} points need as many ids and dbh_cm, None where one is not known")
     listed = []
-    for i, ((x, y), diameter) in enumerate(zip(xy, dbh, strict=True)):
+    for i, ((x, y), diameter) in enumerate(zip(xy, dbh_cm, strict=True)):
         landmark: dict[str, Any] = {"x": x, "y": y} if ids is None else {"id": ids[i], "x": x, "y": y}
         if diameter is not None and not isnan(diameter):
-            landmark["dbh"] = float(diameter)
+            landmark["dbh_cm"] = float(diameter)
         listed.append(landmark)
     return {"landmarks": listed}
 
@@ -90,14 +91,14 @@ def submap_body(
 def observation(
     xy: Points | None,
     ids: Iterable[str] | None,
-    dbh: Diameters | None,
+    dbh_cm: Diameters | None,
     listed: Landmarks | None,
     submap_id: str | None,
 ) -> dict[str, Any]:
     """What is asked with: landmarks, or a stored submap."""
     if submap_id is None:
-        return landmarks(xy, ids, dbh, listed)
-    if xy is not None or listed is not None or ids is not None or dbh is not None:
+        return landmarks(xy, ids, dbh_cm, listed)
+    if xy is not None or listed is not None or ids is not None or dbh_cm is not None:
         raise ValueError("give either landmarks or submap_id, not both")
     return {"submap_id": submap_id}
 

@@ -17,8 +17,8 @@ _ALIASES: Final[Mapping[str, tuple[str, ...]]] = {
     "id": ("tree_id", "id"),
     "x": ("x_m", "x"),
     "y": ("y_m", "y"),
-    "dbh": ("dbh", "dbh_cm", "dbh_mm", "dbh_m", "dbh_in"),
-    "height": ("height_m",),
+    "dbh_cm": ("dbh", "dbh_cm", "dbh_mm", "dbh_m", "dbh_in"),
+    "height_m": ("height_m",),
     "species": ("species",),
 }
 _OTHER_IDS: Final = ("treeid", "tree", "tag")
@@ -36,7 +36,7 @@ class FileError(ValueError):
 
 
 def read_csv(path: Path) -> dict[str, Any]:
-    """The trees of a CSV file as `{"landmarks": [...]}`: x, y and height in metres, dbh in metres. Raises FileError."""
+    """The trees of a CSV file as `{"landmarks": [...]}`: x, y and height_m in metres. Raises FileError."""
     try:
         table = _Table(path, path.read_bytes().decode("utf-8-sig"))
     except UnicodeDecodeError as error:
@@ -127,7 +127,7 @@ class _Table:
         if self.plot is not None:
             self.plots.add(fields[self.header.index(self.plot)].strip())
         found: dict[str, Any] = {"id": self._id(line, fields)}
-        for key in ("x", "y", "dbh", "height"):
+        for key in ("x", "y", "dbh_cm", "height_m"):
             if key in self.columns and (text := fields[self.columns[key]].strip()):
                 found[key] = self._number(key, text, line)
             elif key in ("x", "y"):
@@ -155,7 +155,7 @@ class _Table:
             raise self.refuse(f"{column} is not a number: {shown}", line)
         if key in ("x", "y") and abs(value) > _COORDINATE_LIMIT:
             raise self.refuse(f"{column} is {value:g}: coordinates must be in metres", line)
-        if key in ("dbh", "height") and value <= 0.0:
+        if key in ("dbh_cm", "height_m") and value <= 0.0:
             raise self.refuse(f"{column} must be more than 0, or empty: {shown}", line)
         return value
 
@@ -170,7 +170,7 @@ class _Table:
         return text.replace(",", ".")
 
     def check(self, landmarks: list[dict[str, Any]]) -> None:
-        """Bring diameters into metres. Raises FileError for what the columns can hardly mean."""
+        """Bring diameters into centimetres. Raises FileError for what the columns can hardly mean."""
         places = [(tree["x"], tree["y"]) for tree in landmarks]
         if len(places) >= 3 and 2 * len(set(places)) < len(places):
             raise self.refuse(
@@ -182,7 +182,7 @@ class _Table:
                 if min(values) >= 0 and max(values) <= 9:
                     raise self.refuse("decimal commas were probably read as separators: write a point for decimals")
         self._check_plots()
-        self._check_diameters([tree for tree in landmarks if "dbh" in tree])
+        self._check_diameters([tree for tree in landmarks if "dbh_cm" in tree])
 
     def _check_plots(self) -> None:
         if len(self.plots) > 1:
@@ -191,19 +191,17 @@ class _Table:
     def _check_diameters(self, measured: list[dict[str, Any]]) -> None:
         if not measured:
             return
-        column = self.header[self.columns["dbh"]]
+        column = self.header[self.columns["dbh_cm"]]
         factor = _CENTIMETRES[column]
         for tree in measured:
             # By division where that is exact: 211 mm are 21.1 cm, and 211 * 0.1 is a little more.
-            tree["dbh"] = tree["dbh"] * factor if factor >= 1.0 else tree["dbh"] / round(1.0 / factor)
-        middle = median(tree["dbh"] for tree in measured)
+            tree["dbh_cm"] = tree["dbh_cm"] * factor if factor >= 1.0 else tree["dbh_cm"] / round(1.0 / factor)
+        middle = median(tree["dbh_cm"] for tree in measured)
         if not 1.0 <= middle <= _MOST_MEDIAN.get(column, 300.0):
             raise self.refuse(
                 f"the median of the column {column} would be {middle:.3g} cm, which no stand has: name the unit, as "
                 "dbh_cm, dbh_mm, dbh_m or dbh_in"
             )
-        for tree in measured:
-            tree["dbh"] /= 100.0
 
     def refuse(self, what: str, line: int | None = None) -> FileError:
         """The error to raise."""

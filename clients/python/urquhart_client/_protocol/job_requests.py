@@ -34,7 +34,7 @@ def post_import(
 
 
 def post_reindex(collection: str) -> Request[Job]:
-    """Have an index written anew."""
+    """Have an index rewritten."""
     return Request("POST", f"{collection_path(collection)}/reindex", model(Job), headers=once())
 
 

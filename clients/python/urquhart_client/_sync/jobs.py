@@ -52,7 +52,7 @@ class JobCalls(Connection):
         return self.wait_for_job(job.id, progress=progress) if wait else job
 
     def reindex(self, collection: str) -> Job:
-        """Have the index of a collection written anew; the job that does it."""
+        """Have the index of a collection rewritten; the job that does it."""
         return self._send(job_requests.post_reindex(collection))
 
     def constraints(self, collection: str, body: Mapping[str, Any] | None = None) -> Job:

@@ -21,7 +21,7 @@ class SubmapCalls(Connection):
         *,
         xy: Points | None = None,
         ids: Iterable[str] | None = None,
-        dbh: Diameters | None = None,
+        dbh_cm: Diameters | None = None,
         landmarks: Landmarks | None = None,
         frame_id: str | None = None,
         stamp: datetime | str | None = None,
@@ -40,8 +40,8 @@ class SubmapCalls(Connection):
         Args:
             xy: N pairs (x, y), metres, in the submap's own frame; a (N, 2) array will do.
             ids: N landmark ids, unique; default "0", "1", ... in the order of `xy`.
-            dbh: N stem diameters, metres, None or NaN where one is not known; evidence where a query has them too.
-            landmarks: instead of `xy`, `ids` and `dbh`, landmarks with whatever else is known of each.
+            dbh_cm: N stem diameters, centimetres, None or NaN where not known; evidence where a query has them too.
+            landmarks: instead of `xy`, `ids` and `dbh_cm`, landmarks with whatever else is known of each.
             stamp: when it was seen, with a time zone, or as RFC 3339 text.
             map_pose: where the submap's frame lies in a map; editable later.
             query: ask where else it was seen, and how, `{}` as usual; the answer is `receipt.query`. Too few trees
@@ -50,7 +50,7 @@ class SubmapCalls(Connection):
             if_none_match: `*` to create only.
         """
         body = bodies.submap_body(
-            bodies.landmarks(xy, ids, dbh, landmarks), frame_id, stamp, session, map_pose, properties, query
+            bodies.landmarks(xy, ids, dbh_cm, landmarks), frame_id, stamp, session, map_pose, properties, query
         )
         return self._send(requests.put_submap(collection, submap_id, body, if_match, if_none_match))
 
@@ -60,7 +60,7 @@ class SubmapCalls(Connection):
         *,
         xy: Points | None = None,
         ids: Iterable[str] | None = None,
-        dbh: Diameters | None = None,
+        dbh_cm: Diameters | None = None,
         landmarks: Landmarks | None = None,
         frame_id: str | None = None,
         stamp: datetime | str | None = None,
@@ -77,7 +77,7 @@ class SubmapCalls(Connection):
                 may send it again, but another call would store it again.
         """
         body = bodies.submap_body(
-            bodies.landmarks(xy, ids, dbh, landmarks), frame_id, stamp, session, map_pose, properties, query
+            bodies.landmarks(xy, ids, dbh_cm, landmarks), frame_id, stamp, session, map_pose, properties, query
         )
         return self._send(requests.post_submap(collection, body, idempotency_key))
 
@@ -109,7 +109,7 @@ class SubmapCalls(Connection):
         *,
         xy: Points | None = None,
         ids: Iterable[str] | None = None,
-        dbh: Diameters | None = None,
+        dbh_cm: Diameters | None = None,
         landmarks: Landmarks | None = None,
         frame_id: str | Unset | None = UNSET,
         stamp: datetime | str | Unset | None = UNSET,
@@ -121,12 +121,12 @@ class SubmapCalls(Connection):
         """Change what is given; None clears a member, what is left out stays as it is.
 
         Args:
-            xy, ids, dbh, landmarks: as of `put_submap`, the landmarks that take the place of all that were there.
+            xy, ids, dbh_cm, landmarks: as of `put_submap`, the landmarks that take the place of all that were there.
             if_match: the `etag` that must be stored, or `*` for any; otherwise the service refuses (412).
         """
-        trees = {} if xy is None and landmarks is None else bodies.landmarks(xy, ids, dbh, landmarks)
-        if not trees and (ids is not None or dbh is not None):
-            raise ValueError("ids and dbh go with xy")
+        trees = {} if xy is None and landmarks is None else bodies.landmarks(xy, ids, dbh_cm, landmarks)
+        if not trees and (ids is not None or dbh_cm is not None):
+            raise ValueError("ids and dbh_cm go with xy")
         seen = stamp if isinstance(stamp, Unset) else bodies.rfc3339(stamp)
         changes = trees | bodies.changes(
             frame_id=frame_id, stamp=seen, session=session, map_pose=map_pose, properties=properties

@@ -1,0 +1,171 @@
+"""A job that is killed at each point at which something of it reaches the disk, one after the other.
+
+`python -m tests.server.jobs.kill_points FOLDER MODE LINES.ndjson` runs an import in processes of its own: the first is
+killed at the first point, the second, on another copy of the database, at the second, and so on until one comes to its
+end. After each, another process goes on, and is killed, too, and a third one. Printed is what each job came to in the
+end, a line of JSON for each point.
+"""
+
+import os
+import shutil
+import signal
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import orjson
+from sqlalchemy import event
+from sqlalchemy.orm import Session
+
+import urquhart
+from server.collections import registry
+from server.config.settings import Limits, Settings
+from server.config.settings_groups import JobSettings
+from server.index.catalog import Catalog
+from server.jobs import folder as job_folder
+from server.jobs import queue
+from server.jobs.assignment import JobContext
+from server.jobs.folder import JobFolder
+from server.jobs.runner import Runner
+from server.jobs.types import import_submaps
+from server.jobs.types.job_types import JOB_TYPES
+from server.observability.metrics import Metrics
+from server.schemas.collections import CollectionPut
+from server.security.principal import UNRESTRICTED
+from server.store import migrations_runner
+from server.store.sqlite.database import Database
+from server.submaps import bulk
+
+_JOB = "job"
+_POINTS = 12
+"""Of a process that goes on, those at which it is killed."""
+
+
+def main(folder: Path, mode: str, lines: Path) -> None:
+    """Kill at point after point, until there is none left."""
+    urquhart.warm_up(urquhart.Config())
+    folder.mkdir()
+    base = folder / "base"
+    _in_a_process(partial(_prepare, base / "killed.db", mode, lines.read_bytes()))
+    point, killed = 0, True
+    while killed:
+        point += 1
+        copy = folder / f"point-{point}"
+        shutil.copytree(base, copy)
+        killed = _in_a_process(partial(_work, copy / "killed.db", point)) == -signal.SIGKILL
+        # Who goes on is killed as well, now here, now there: a restart has its own points.
+        _in_a_process(partial(_work, copy / "killed.db", point * 7 % _POINTS + 1))
+        _in_a_process(partial(_work, copy / "killed.db", 0))
+        _in_a_process(partial(_tell, copy / "killed.db"))
+
+
+def _in_a_process(work: Callable[[], None]) -> int:
+    """Do it in a copy of this process; its exit code, negative for a signal."""
+    child = os.fork()
+    if child == 0:
+        code = 1
+        try:
+            work()
+            sys.stdout.flush()
+            code = 0
+        finally:
+            os._exit(code)
+    code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    assert code in (0, -signal.SIGKILL), code
+    return code
+
+
+def _prepare(path: Path, mode: str, content: bytes) -> None:
+    path.parent.mkdir()
+    database = Database(path)
+    migrations_runner.upgrade(database)
+    registry.ensure(database, "plots", CollectionPut())
+    folder = JobFolder(database)
+    folder.make()
+    folder.input(_JOB).write_bytes(content)
+    queue.accept(
+        database,
+        "plots",
+        UNRESTRICTED,
+        queue.NewJob("import", {"mode": mode, "on_conflict": "replace"}, _JOB, content.count(b"\n")),
+        None,
+        Limits(),
+    )
+    database.dispose()
+
+
+def _runner(path: Path) -> Runner:
+    settings = Settings(database=str(path), jobs=JobSettings(processes=1))
+    database, metrics = Database(path), Metrics()
+    catalog = Catalog(database, metrics, settings.index)
+    return Runner(JobContext(settings, database, catalog, metrics, JobFolder(database)), JOB_TYPES)
+
+
+def _work(path: Path, point: int) -> None:
+    """Do the job in batches of two lines, as far as to the point of that number; 0: to its end."""
+    left = point
+
+    def reached(*_: object) -> None:
+        nonlocal left
+        left -= 1
+        if left == 0:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    def around(function: Callable[..., Any]) -> Callable[..., Any]:
+        def called(*arguments: Any, **named: Any) -> Any:
+            reached()
+            result = function(*arguments, **named)
+            reached()
+            return result
+
+        return called
+
+    def write_half(results: BinaryIO, lines: list[bytes]) -> None:
+        before = results.seek(0, os.SEEK_END)
+        results.write(b'{"line": 7, "outco')
+        results.flush()
+        reached()
+        results.truncate(before)
+        write(results, lines)
+
+    write, describe = import_submaps._write_results, bulk.describe_lines
+    import_submaps._write_results = write_half
+
+    def describe_two(database: Any, name: str, lines: Any, options: Any = bulk.USUAL) -> Any:
+        return describe(database, name, lines, replace(options, batch_size=2))
+
+    bulk.describe_lines = describe_two  # type: ignore[assignment]
+    os.fsync, os.unlink = around(os.fsync), around(os.unlink)
+    event.listen(Session, "before_commit", reached)
+    event.listen(Session, "after_commit", reached)
+    runner = _runner(path)
+    while runner.run_once():
+        pass
+
+
+def _tell(path: Path) -> None:
+    job_folder._GRACE = -1.0  # type: ignore[misc]
+    runner = _runner(path)
+    runner.clean_up()
+    context = runner._context
+    found = queue.results(context.database, context.folder, UNRESTRICTED, _JOB)
+    with found.file as file:
+        results = [orjson.loads(line) for line in file.read(found.size).splitlines()]
+    job = queue.read(context.database, UNRESTRICTED, _JOB)
+    collection, _ = registry.read(context.database, "plots")
+    told = {
+        "state": job.state,
+        "done": job.done,
+        "counts": job.counts,
+        "results": [(line["line"], line["outcome"]) for line in results],
+        "submaps": collection.counts.submaps,
+        "files": sorted(file.name for file in context.folder.path.iterdir() if file.suffix != ".lock"),
+    }
+    print(orjson.dumps(told).decode())
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), sys.argv[2], Path(sys.argv[3]))

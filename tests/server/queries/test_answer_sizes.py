@@ -1,0 +1,147 @@
+"""An answer is not much larger than it has to be: pairs of landmarks are limited, and what is left out is told."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from server.app import create_app
+from server.config.settings import Limits, Settings
+from tests.server.factories import TestClient, forest, observed, points
+from urquhart.propose import levels
+from urquhart.report.explanation import SKIPS, STOPS
+
+TREES = forest(1)
+QUERIES = "/v1/collections/plots/queries"
+SUBMAPS = 4
+MOST = 2 * len(TREES)
+SEEN, _ = observed(TREES, 7, sigma=0.01)
+
+
+@pytest.fixture
+def client(tmp_path: Path) -> Iterator[httpx.Client]:
+    """A service that gives two candidates their pairs, and one place stored four times."""
+    settings = Settings(database=str(tmp_path / "a.db"), limits=Limits(answer_pairs=MOST))
+    with TestClient(create_app(settings)) as started:
+        started.put("/v1/collections/plots", json={}).raise_for_status()
+        for i in range(SUBMAPS):
+            started.put(f"/v1/collections/plots/submaps/p{i}", json={"xy": points(TREES)}).raise_for_status()
+        yield started
+
+
+def ask(client: httpx.Client, **members: Any) -> dict[str, Any]:
+    answer: dict[str, Any] = (
+        client.post(QUERIES, json={"xy": SEEN, "limit": SUBMAPS} | members).raise_for_status().json()
+    )
+    return answer
+
+
+def carried(answer: dict[str, Any]) -> list[int]:
+    """How many pairs each candidate lists; what it leaves out is told."""
+    for one in answer["candidates"]:
+        assert len(one["inliers"]) + one["inliers_omitted"] == one["inlier_count"]
+        assert one["inliers_omitted"] in (0, one["inlier_count"])
+    return [len(one["inliers"]) for one in answer["candidates"]]
+
+
+def test_the_best_candidates_have_their_pairs_and_the_others_say_how_many(client: httpx.Client) -> None:
+    given = carried(ask(client))
+    assert len(given) == SUBMAPS
+    assert sum(given) <= MOST
+    assert given[0] > 0
+    assert given[1] > 0
+    assert given[2:] == [0, 0]
+
+
+def test_pairs_can_be_left_out(client: httpx.Client) -> None:
+    with_pairs, without = ask(client), ask(client, pairs=False)
+    assert carried(without) == [0] * SUBMAPS
+    same = ("submap_id", "transform", "inlier_count", "confidence", "refused")
+    for one, other in zip(with_pairs["candidates"], without["candidates"], strict=True):
+        assert [one[name] for name in same] == [other[name] for name in same]
+    assert with_pairs["verdict"] == without["verdict"]
+
+
+def test_a_batch_shares_the_pairs(client: httpx.Client) -> None:
+    body = {"queries": [{"xy": SEEN, "limit": 1}, {"xy": "wrong"}, *[{"xy": SEEN, "limit": 1}] * 6]}
+    results = client.post(f"{QUERIES}/batch", json=body).raise_for_status().json()["results"]
+    answers = [one for one in results if "candidates" in one]
+    assert len(answers) == 7
+    assert sum(sum(carried(one)) for one in answers) <= MOST
+    one_each = {"queries": [{"xy": SEEN, "limit": SUBMAPS}, {"xy": SEEN, "limit": 1}]}
+    first, second = client.post(f"{QUERIES}/batch", json=one_each).raise_for_status().json()["results"]
+    assert carried(first)[0] > 0, "the first of two takes its share,"
+    assert carried(second)[0] > 0, "and leaves the second its own"
+
+
+def test_a_put_that_asks_has_the_same_limit(client: httpx.Client) -> None:
+    body = {"xy": SEEN, "query": {"limit": SUBMAPS}}
+    answer = client.put("/v1/collections/plots/submaps/new", json=body).raise_for_status().json()["query"]
+    assert 0 < sum(carried(answer)) <= MOST
+    body["query"] = {"limit": SUBMAPS, "pairs": False}
+    answer = client.put("/v1/collections/plots/submaps/newer", json=body).raise_for_status().json()["query"]
+    assert sum(carried(answer)) == 0
+
+
+def test_what_is_stored_has_the_pairs_whether_or_not_they_are_answered(client: httpx.Client) -> None:
+    answer = ask(client, pairs=False, store=True)
+    assert sum(carried(answer)) == 0
+    stored = client.get(answer["links"]["self"]).json()
+    assert carried(stored)[0] > 0
+    drawn = client.get(answer["candidates"][0]["links"]["match"], headers={"Accept": "image/svg+xml"})
+    assert drawn.text.count('class="pair"') == stored["candidates"][0]["inlier_count"]
+
+
+def test_a_match_without_its_pairs_is_gone_and_not_drawn_as_if_it_had_none(client: httpx.Client) -> None:
+    answer = ask(client, store=True)
+    assert carried(answer)[3] == 0
+    gone = client.get(answer["candidates"][3]["links"]["match"])
+    assert gone.status_code == 410
+    assert "answer_pairs" in gone.json()["detail"]
+
+
+def test_explain_has_the_sentences_of_the_explanation(client: httpx.Client) -> None:
+    answer = ask(client, explain=True, store=True)
+    sentences = client.get(answer["links"]["explanation"], headers={"Accept": "application/json"}).json()["sentences"]
+    assert answer["sentences"] == sentences
+    words = {answer["reason"]} | {one["refused"] for one in answer["candidates"] + answer["findings"]} - {None}
+    assert set(sentences) >= words
+    assert ask(client)["sentences"] is None
+
+
+def test_ids_of_positions_are_text(client: httpx.Client) -> None:
+    pairs = ask(client)["candidates"][0]["inliers"]
+    assert {one["query"] for one in pairs} <= {str(i) for i in range(len(SEEN))}
+
+
+def test_the_limit_is_published(client: httpx.Client) -> None:
+    assert client.get("/v1/limits").json()["limits"]["answer_pairs"] == MOST
+
+
+def test_an_answer_tells_how_the_search_ended(client: httpx.Client) -> None:
+    answer = ask(client, store=True)
+    assert answer["search"] == {
+        "stopped_by": answer["search"]["stopped_by"],
+        "skipped": [],
+        "sentence": STOPS["decided"],
+    }
+    page = client.get(answer["links"]["explanation"], headers={"Accept": "application/json"}).json()
+    assert page["search"] == answer["search"]
+    drawing = client.get(answer["links"]["explanation"], headers={"Accept": "image/svg+xml"}).text
+    assert STOPS["decided"].capitalize() in drawing
+
+
+@pytest.mark.parametrize("per_session", [False, True])
+def test_an_answer_tells_which_limit_left_something_out(
+    client: httpx.Client, monkeypatch: pytest.MonkeyPatch, per_session: bool
+) -> None:
+    """A collection that is too large to be searched exhaustively says so."""
+    monkeypatch.setattr(levels, "is_large", lambda index: True)
+    elsewhere = points(forest(99))
+    answer = ask(client, xy=elsewhere, per_session=per_session)
+    assert answer["verdict"] == "no_match"
+    assert answer["search"]["stopped_by"] == "exhausted"
+    assert answer["search"]["skipped"] == ["exhaustive"]
+    assert SKIPS["exhaustive"] in answer["search"]["sentence"]
