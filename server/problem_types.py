@@ -37,9 +37,7 @@ METHOD = ProblemType(
     "This path does not support this method. The header Allow lists those that it supports.",
 )
 
-OTHER = ProblemType(
-    400, "http-error", "HTTP error", "The request could not be read as HTTP. `detail` says why."
-)
+OTHER = ProblemType(400, "http-error", "HTTP error", "The request could not be read as HTTP. `detail` says why.")
 
 # An exception without an entry has the type of its nearest base class.
 TABLE: Mapping[type[errors.DomainError], ProblemType] = {

@@ -37,7 +37,6 @@ INSTEAD = {
     "renewal": "backfill",
     "bury": "fold",
     "doubt": "rival",
-    "credited": "extrapolated",
     "runnerup": "rival",
 }
 """Words that are not used, in lower case, and what is said instead."""

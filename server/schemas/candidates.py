@@ -160,12 +160,12 @@ class GatesAnswer(Answer):
     confidence: float = Field(description="Least confidence that is `matched`.")
     log_odds: float = Field(description="Least `log_odds` with which a pose without rivals reaches that confidence.")
     lead: float = Field(
-        description="Constant part of the lead in evidence that a pose needs over its strongest rival. `lead_per_landmark` and "
-        "`lead_ratio` are added to it."
+        description="Constant part of the lead in evidence that a pose needs over its strongest rival. "
+        "`lead_per_landmark` and `lead_ratio` are added to it."
     )
     lead_per_landmark: Annotated[float, Formerly("lead_each")] = Field(
-        description="Lead in evidence needed for each landmark of the overlap, added to `lead`. It is the parameter of the "
-        "same name in the collection's `config`."
+        description="Lead in evidence needed for each landmark of the overlap, added to `lead`. It is the "
+        "parameter of the same name in the collection's `config`."
     )
     lead_ratio: Annotated[float, Formerly("lead_share")] = Field(
         description="Lead in evidence needed as a share of the rival's evidence, added to `lead`."

@@ -40,7 +40,8 @@ class JobWaits:
     async def until_finished(self, job_id: str, seconds: float, request: Admission) -> None:
         """Wait for the end of a job for at most `seconds`, and only while the caller is there.
 
-        Returns at once if `limits.job_waits` callers wait already, or `limits.key_job_waits` of the same key or address.
+        Returns at once if `limits.job_waits` callers wait already, or `limits.key_job_waits` of the same key or
+        address.
         """
         name = request.name
         if self.count >= self._limits.job_waits or self._callers[name] >= self._limits.key_job_waits:
