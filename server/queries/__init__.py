@@ -1,4 +1,4 @@
-"""Where is this? Filters, search, answer, explanation, and answers that are kept.
+"""Queries: filters, search, answer, explanation, and stored answers.
 
 Imports `submaps`, `index` and below.
 """

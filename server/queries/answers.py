@@ -1,4 +1,6 @@
-"""What the method found, as the service answers it: ids, links, poses in the map, and how many landmark pairs."""
+"""The method's result as the service answers it: ids, links, poses in the map, and a limited number of landmark
+pairs.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -32,20 +34,20 @@ _INLIERS = TypeAdapter(list[Inlier])
 
 
 class PairAllowance:
-    """Pairs that one answer may still carry; whole candidates take from it, the best first."""
+    """Number of landmark pairs that an answer may still contain. Candidates take their pairs from it, best first."""
 
     def __init__(self, most: int) -> None:
         self._left = most
 
     def take(self, count: int) -> bool:
-        """Whether a candidate's pairs fit. From the first that do not fit on, none are given."""
+        """Whether a candidate's pairs fit. After the first that do not fit, none are listed."""
         fits = count <= self._left
         self._left = self._left - count if fits else 0
         return fits or count == 0
 
 
 def within(answer: QueryAnswer, most: int) -> QueryAnswer:
-    """The answer with at most so many pairs; a candidate whose pairs are left out says how many."""
+    """The answer with at most so many pairs. A candidate whose pairs are left out says how many it has."""
     if carried(answer) <= most:
         return answer
     allowance = PairAllowance(most)
@@ -59,22 +61,22 @@ def within(answer: QueryAnswer, most: int) -> QueryAnswer:
 
 
 def carried(answer: QueryAnswer) -> int:
-    """How many pairs an answer carries."""
+    """Number of pairs in an answer."""
     return sum(len(one.inliers) for one in answer.candidates)
 
 
 class Shares:
-    """Pairs for several answers together: each gets an equal share of what is left, so none of them uses up all."""
+    """Landmark pairs for several answers: each gets an equal share of the rest, so that none uses up all of it."""
 
     def __init__(self, most: int, answers: int) -> None:
         self._left, self._answers = most, answers
 
     def next(self) -> int:
-        """The share of the answer that comes next."""
+        """The share of the next answer."""
         return self._left // max(self._answers, 1)
 
     def used(self, pairs: int) -> None:
-        """So many pairs went into that answer."""
+        """Record the number of pairs in that answer."""
         self._left -= pairs
         self._answers -= 1
 
@@ -92,7 +94,7 @@ def stage_answers(stages: Sequence[Stage]) -> list[StageAnswer]:
 
 
 def search_answer(end: SearchEnd) -> SearchAnswer:
-    """How a search ended, in stable words and in a sentence."""
+    """How a search ended, in stable words and as a sentence."""
     return SearchAnswer(stopped_by=end.stopped_by, skipped=list(end.skipped), sentence=search_sentence(end))
 
 
@@ -103,7 +105,7 @@ def candidate_answers(
     query_names: Sequence[str],
     pairs: int,
 ) -> list[CandidateAnswer]:
-    """The candidates, best first, with up to so many `pairs` of landmarks in all.
+    """The candidates, best first, with at most `pairs` pairs of landmarks in total.
 
     `rows`: their submaps by key; `query_names`: landmark ids of the query.
     """
@@ -115,7 +117,7 @@ def candidate_answers(
 
 
 def rival_answers(collection_id: str, rivals: Sequence[Rival], ids: Mapping[int, str]) -> list[RivalAnswer]:
-    """The rivals, the strongest first. `ids`: submap ids by key."""
+    """The rivals, strongest first. `ids`: submap ids by key."""
     return [
         RivalAnswer(
             submap_id=ids[rival.key],
@@ -129,7 +131,7 @@ def rival_answers(collection_id: str, rivals: Sequence[Rival], ids: Mapping[int,
 
 
 def strongest(findings: Sequence[Finding]) -> list[Finding]:
-    """Those `FINDINGS` with the best log-odds, in the order that they came in."""
+    """The `FINDINGS` findings with the best log-odds, in their former order."""
     best = sorted(range(len(findings)), key=lambda i: -findings[i].log_odds)[:FINDINGS]
     return [findings[i] for i in sorted(best)]
 
@@ -163,7 +165,7 @@ def _candidate_answer(
     given = allowance.take(count)
     submap_names = unpack_ids(found.landmark_ids, found.landmark_count)
     place = found.place
-    # Most of an answer are its inliers: given as they are, pydantic makes them several times faster than Python does.
+    # Inliers are most of an answer. Passed as dicts, pydantic builds them several times faster than Python would.
     inliers = (
         [
             {"query": query_names[q], "submap": submap_names[s], "residual": residual}

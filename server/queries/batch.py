@@ -1,4 +1,4 @@
-"""Several queries in one request, each answered as if it had come alone."""
+"""Several queries in one request, each answered as if it were alone."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -26,13 +26,13 @@ def answer_batch(
     budget: Budget,
     idempotency_key: IdempotencyKey | None = None,
 ) -> BatchAnswer:
-    """Look queries up one after the other; what is wrong with one stands in its place.
+    """Answer queries one after the other. The result of an invalid query is its problem.
 
     Each query has its own deadline, and the batch one for all, `limits.batch_seconds` or `timeout_ms` after the budget
     began. A query that is not begun by then has the problem `DeadlineExceeded` in its place.
 
-    Each answer that is to be stored is stored under the idempotency key and its position: a batch that is sent again
-    resumes where the first attempt ended.
+    An answer with `store` is stored under the idempotency key and its position, so a repeated batch resumes where the
+    first attempt ended.
 
     Raises NotFound (the collection), TooLarge (more than `limits.batch_queries`), KeyReused, StorageError, and
     Abandoned.
@@ -62,7 +62,7 @@ def answer_batch(
 
 @dataclass(frozen=True, slots=True)
 class _Member:
-    """One query of a batch: who asks, where, under which key, and what the search may take."""
+    """One query of a batch: its collection, its key, and the budget of its search."""
 
     context: QueryContext
     caller: Principal
@@ -71,7 +71,7 @@ class _Member:
     budget: Budget
 
     def answer(self, members: dict[str, Any], pairs: int) -> QueryAnswer | BatchProblem:
-        """The answer with at most so many pairs of landmarks, or what is wrong with the query.
+        """The answer with at most so many pairs of landmarks, or the query's problem.
 
         Raises KeyReused, and errors of the service, which concern the whole batch.
         """

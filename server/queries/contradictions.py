@@ -1,7 +1,7 @@
-"""Submaps that fit alike, and whose poses on one map put the query at different places: then neither is to be used.
+"""Submaps that fit equally well, but whose map poses put the query at different places: then neither may be used.
 
-Re-surveyed stands, maps of several robots under one name, and trajectories that drifted come out like this. Poses are
-on one map where they name one map frame, or frames that both have a coordinate reference system.
+This happens if a stand was surveyed again, if maps of several robots share a name, or if a trajectory drifted. Two
+poses are on the same map if they name one map frame, or frames that both have a coordinate reference system.
 """
 
 import math
@@ -23,21 +23,24 @@ from urquhart.uncertainty import PoseUncertainty, compose
 
 REASON: Final = "contradicting_maps"
 COMPARED: Final = 5
-"""Candidates that are compared at least, however few are asked for."""
+"""Candidates that are compared at least, even if the query asks for fewer."""
 _UNKNOWN: Final = np.diag([3.0, 3.0, math.radians(5.0)]) ** 2
-"""Covariance, about its trees, of a submap's pose that was posted without one: what satellites give in the open."""
+"""Covariance, about its trees, that is assumed for a map pose without one: that of satellite positions in the open."""
 _FLOOR: Final = np.diag([0.25, 0.25, math.radians(1.0)]) ** 2
-"""Covariance that the difference of two poses has at least: trees are no points, and grow."""
+"""Least covariance of the difference of two poses: trees are not points, and they grow."""
 _GATE: Final = 16.27
-"""Squared Mahalanobis distance that one of a thousand pairs of right poses exceeds (chi-square, three numbers)."""
+"""Squared Mahalanobis distance that one of a thousand pairs of right poses exceeds (chi-square, three degrees of
+freedom).
+"""
 
 
 def without_contradictions(
     found: Recognition, places: Mapping[int, Place], frames: Mapping[str, FrameReference], most: int
 ) -> Recognition:
-    """The answer with `most` candidates, those refused that contradict another accepted one on the same map.
+    """The answer with `most` candidates, of which those are refused that contradict another accepted one on the same
+    map.
 
-    If the first is among them, the answer is `ambiguous`, and the others are named among its rivals, too.
+    If the first one is among them, the answer is `ambiguous`, and the others are listed among its rivals as well.
 
     Args:
         places: where submaps are in a map, by key.
@@ -61,10 +64,10 @@ def without_contradictions(
 def _contradict(
     one: Candidate, there: Place, other: Candidate, yonder: Place, frames: Mapping[str, FrameReference]
 ) -> bool:
-    """Whether two candidates put the query at places of one map that their covariances cannot explain."""
+    """Whether two candidates put the query at different places of one map, beyond what their covariances explain."""
     first, sure = _in_map(one, there)
     second, surely = _in_map(other, yonder)
-    # Between the trees that either is fitted to: about the origin of a frame, far away, a turn would only swing.
+    # Compared at the trees that both were fitted to. At the origin of a frame far away, small rotations would dominate.
     middle = (one.uncertainty.source + other.uncertainty.source) / 2
     other_at = second.apply(middle[None])[0]
     crossing = _crossing(there.map_frame_id, yonder.map_frame_id, frames, other_at)
@@ -86,7 +89,7 @@ def _contradict(
 def _crossing(
     frame_id: str, other_id: str, frames: Mapping[str, FrameReference], at: NDArray[np.float64]
 ) -> Crossing | None:
-    """From a map frame to another about a point (2,) of the other; None where nobody knows how they lie."""
+    """The transform from a map frame to another about a point (2,) of the other; None if it is unknown."""
     if frame_id == other_id:
         return Crossing(SE2.identity(), 0.0)
     if frame_id not in frames or other_id not in frames:
@@ -95,9 +98,9 @@ def _crossing(
 
 
 def _in_map(one: Candidate, place: Place) -> tuple[SE2, PoseUncertainty]:
-    """The query's pose in the map, and how sure it is.
+    """The query's pose in the map with its uncertainty.
 
-    What is assumed of a submap's pose without a covariance holds about the trees, wherever the submap's origin lies.
+    What is assumed for a map pose without a covariance is about the trees, wherever the submap's origin is.
     """
     map_T_submap = place_pose(place)
     pose = map_T_submap @ one.transform

@@ -1,4 +1,4 @@
-"""Why an answer is what it is: as data, and as a picture."""
+"""Explanations of answers, as data and as drawings."""
 
 import math
 from collections.abc import Mapping
@@ -18,7 +18,7 @@ from urquhart.verify.distortion import WARNINGS
 
 @dataclass(frozen=True, slots=True)
 class QueryExplanation:
-    """An answer with what its explanation needs.
+    """An answer with everything that its explanation needs.
 
     Attributes:
         name: of the query, for people.
@@ -124,7 +124,7 @@ class QueryExplanation:
 
 
 def sentences(answer: QueryAnswer) -> dict[str, str]:
-    """What each reason and each warning in an answer means, by its word."""
+    """The meaning of each reason and each warning in an answer, by its word."""
     refused = [one.refused for one in (*answer.candidates, *(answer.findings or ())) if one.refused is not None]
     warnings = [*answer.warnings, *(word for one in answer.candidates for word in one.warnings)]
     meant = {reason: sentence(reason) for reason in dict.fromkeys([answer.reason, *refused])}

@@ -1,4 +1,4 @@
-"""What a query may find: its hints made into the keys of submaps, before the search."""
+"""Filters of a query (`near`, `exclude`), translated to keys of submaps before the search."""
 
 from collections.abc import Sequence
 from datetime import datetime, timedelta
@@ -10,7 +10,7 @@ from server.store.submap_filter import SubmapFilter
 
 
 def keys_near(submaps: Submaps, near: Near | None, among: Sequence[int] | None = None) -> set[int] | None:
-    """Keys of the submaps with a footprint near there, of all or `among` some; None where nothing is known."""
+    """Keys of the submaps with a footprint near that place, of all or `among` some; None without a `near`."""
     if near is None:
         return None
     x, y, r = near.x, near.y, near.radius
@@ -20,9 +20,9 @@ def keys_near(submaps: Submaps, near: Near | None, among: Sequence[int] | None =
 def keys_excluded(
     submaps: Submaps, exclude: Exclude, stamp: datetime | None, among: Sequence[int] | None = None
 ) -> set[int]:
-    """Keys of the submaps that must not be found by a query of that time, of all or `among` some.
+    """Keys of the submaps that `exclude` leaves out, of all or `among` some.
 
-    Raises InvalidField for a query without a time that needs one.
+    Raises InvalidField if a query without a stamp needs one.
     """
     keys = set(submaps.keys(exclude.submap_ids).values()) if exclude.submap_ids else set[int]()
     since = until = None
@@ -41,7 +41,7 @@ def keys_excluded(
 
 
 def _shifted(stamp: datetime, span: timedelta) -> datetime:
-    """`stamp` moved by `span`, as far as there are dates."""
+    """`stamp` moved by `span`, within the range of dates."""
     try:
         return stamp + span
     except OverflowError:

@@ -1,4 +1,4 @@
-"""Queries: landmarks in, a verdict with its evidence out; and the stored ones again."""
+"""Queries: landmarks in, a verdict with its evidence out; and stored queries."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -49,16 +49,16 @@ from urquhart import (
 )
 
 _TO_ANSWER: Final = 0.2
-"""Seconds before the deadline at which a search ends, because it takes a while to end it and to write the answer,"""
+"""Seconds before the deadline at which a search ends, because ending it and writing the answer take time,"""
 _ANSWER_SHARE: Final = 0.1
-"""but at most this share of the time that the search has."""
+"""but at most this share of the time."""
 
 P = ParamSpec("P")
 
 
 @dataclass(frozen=True, slots=True)
 class QueryContext:
-    """What every query of a process works with: database, indexes, metrics, and the limits in force."""
+    """What all queries of a process need: database, indexes, metrics, and limits."""
 
     database: Database
     catalog: Catalog
@@ -68,9 +68,10 @@ class QueryContext:
 
 @dataclass(frozen=True, slots=True)
 class QueryLandmarks:
-    """What is asked with: landmarks (N, 2) float64, metres, query frame; `ids` None where they are the positions.
+    """The landmarks of a query: (N, 2) float64, metres, query frame. `ids` is None if they are the positions in the
+    list.
 
-    `diameters`: (N,) float64, metres, NaN where one is not known; None where none is.
+    `diameters`: (N,) float64, metres, NaN where unknown; None if all are.
     """
 
     xy: NDArray[np.float64]
@@ -85,7 +86,7 @@ class QueryLandmarks:
 
 @dataclass(frozen=True, slots=True)
 class PendingSubmap:
-    """A submap that is asked about before it is stored; `id` is None where the service makes it."""
+    """A submap that is looked up before it is stored. `id` is None if the service generates it."""
 
     id: str | None
     description: Description
@@ -93,11 +94,11 @@ class PendingSubmap:
 
 @dataclass(frozen=True, slots=True)
 class LookupResult:
-    """A query that was looked up: the answer, and what a drawing of it needs.
+    """The result of a query, and what a drawing of it needs.
 
     `submaps` are the landmarks of the candidates and the strongest rival, (N, 2) float64, metres, submap frame, by
-    submap id, where they were read. `content_revisions` are of the candidates, and of the submap that was asked with,
-    if it was one, by submap id: the collection's revision at which their landmarks came.
+    submap id, if they were read. `content_revisions` are the revisions at which the landmarks of the candidates, and of
+    the submap in the query if it names one, were stored, by submap id.
     """
 
     asked: QueryLandmarks
@@ -108,12 +109,12 @@ class LookupResult:
     content_revisions: dict[str, int]
 
     def draw(self, rank: int, title: str) -> str:
-        """SVG of the candidate at `rank`, from 1."""
+        """The candidate at `rank` (from 1) as SVG."""
         xy = self.submaps[self.answer.candidates[rank - 1].submap_id]
         return urquhart.draw_match(self.asked.xy, xy, self.candidates[rank - 1], title=title)
 
     def explain(self, name: str) -> QueryExplanation:
-        """The explanation of the answer; `name` of the query, for people."""
+        """The explanation of the answer. `name` is that of the query, for people."""
         return QueryExplanation(name, self.answer, self.asked.xy, self.submaps)
 
 
@@ -126,12 +127,12 @@ def answer_query(
     pairs: int | None = None,
     budget: Budget | None = None,
 ) -> QueryAnswer:
-    """Look a query up, and store the answer under its `key` if the query asks for that.
+    """Answer a query, and store the answer under its `key` if the query asks for that.
 
     Raises as `look_up`, and KeyReused.
 
-    `pairs`: most pairs of landmarks in what is answered, by default `limits.answer_pairs`. With a `budget`, the search
-    ends `limits.query_seconds` or `timeout_ms` after the budget began; without one it takes as long as it takes.
+    `pairs`: most pairs of landmarks in the answer, by default `limits.answer_pairs`. With a `budget`, the search ends
+    `limits.query_seconds` or `timeout_ms` after the budget began; without one it takes as long as it needs.
     """
     budget = None if budget is None else share_of(budget, body, context.limits)
     look = look_up(context, collection_id, body, budget=budget)
@@ -143,7 +144,7 @@ def answer_query(
 
 
 def shown(answer: QueryAnswer, body: QueryInput, pairs: int | None = None) -> QueryAnswer:
-    """An answer as it is given, with at most so many pairs; one that is kept has more in it, for later questions."""
+    """An answer with at most so many pairs. A stored answer has more of them, for later requests."""
     if not body.pairs:
         pairs = 0
     if pairs is not None:
@@ -155,7 +156,7 @@ def shown(answer: QueryAnswer, body: QueryInput, pairs: int | None = None) -> Qu
 def _retry_without_damaged_segments(
     look: Callable[Concatenate[QueryContext, str, P], LookupResult],
 ) -> Callable[Concatenate[QueryContext, str, P], LookupResult]:
-    """Look up again where a segment turned out to be damaged meanwhile."""
+    """Search again if a segment turned out to be damaged during the search."""
 
     @wraps(look)
     def looked_up(context: QueryContext, collection_id: str, /, *args: P.args, **named: P.kwargs) -> LookupResult:
@@ -174,13 +175,13 @@ def look_up(
     to_draw: bool = False,
     budget: Budget | None = None,
 ) -> LookupResult:
-    """Place an observation in a collection; with `to_draw`, read the landmarks of candidates and first rival too.
+    """Search a collection. With `to_draw`, also read the landmarks of the candidates and the first rival.
 
-    What is asked with may be a `pending` submap: it is described already, and not to be found under its own id.
-    With a `budget`, the search ends when that is spent, and without an answer when it is abandoned.
+    A `pending` submap is described already, and what is stored under its id is left out of the search. With a `budget`,
+    the search ends when that is spent, and without an answer if it is abandoned.
 
     Too few or collinear landmarks are an answer, not an error. Raises NotFound (the collection, or `submap_id`),
-    InvalidLandmarks, InvalidField, TooLarge, StorageError, and Abandoned (nobody waits for the answer any more).
+    InvalidLandmarks, InvalidField, TooLarge, StorageError, and Abandoned (the caller has gone).
     """
     limits = context.limits
     check_landmark_count(body, limits)
@@ -194,7 +195,7 @@ def look_up(
             excluded.add(own.key)
         if pending is not None and pending.id is not None:
             excluded.update(submaps.keys([pending.id]).values())
-        most = min(body.limit, limits.candidates)  # less than the default only where the operator wants it so
+        most = min(body.limit, limits.candidates)  # the default is lower only if the operator's limit is
         if pending is not None:
             observation = pending.description
         else:
@@ -220,7 +221,7 @@ def look_up(
 
 
 def _asked(submaps: Submaps, body: QueryInput) -> tuple[QueryLandmarks, SubmapRow | None]:
-    """The landmarks of the query, and the stored submap that they are of, if it names one. Raises NotFound."""
+    """The landmarks of the query, and the stored submap that they are from if it names one. Raises NotFound."""
     if body.submap_id is None:
         xy, diameters, ids = body.positions(), diameters_of(body.attributes()), body.landmark_ids()
         return QueryLandmarks(xy, diameters, ids, body.frame_id, body.stamp), None
@@ -241,7 +242,7 @@ def _observe(metrics: Metrics, answer: QueryAnswer) -> None:
 
 
 def share_of(budget: Budget, body: QueryInput, limits: Limits) -> Budget:
-    """What of a request's budget the search may use, so that the answer is ready at the deadline."""
+    """The part of a request's budget that the search may use, so that the answer is ready at the deadline."""
     seconds = limits.query_seconds
     if body.timeout_ms is not None:
         seconds = min(seconds, body.timeout_ms / 1000.0)
@@ -266,7 +267,7 @@ def _answer(
     warnings: tuple[str, ...],
 ) -> QueryAnswer:
     collection_id, submaps = view.collection.id, Submaps(view.session, view.collection.key)
-    # What is kept is kept whole: a stored answer can always be explained.
+    # Stored answers are complete, so that they can always be explained.
     findings = strongest(found.findings) if body.explain or body.store else None
     ids = submaps.ids({known.key for known in (*found.rivals, *(findings or ()))})
     answer = QueryAnswer(

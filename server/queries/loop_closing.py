@@ -1,7 +1,7 @@
-"""The question that is asked before a submap is stored: has anybody been here?
+"""The search before a submap is stored: was this place seen before?
 
 Two robots that come to one place at the same time both search before either has stored its submap. So the transaction
-that stores a submap looks at what was committed since the search, and whoever commits last is told of the other.
+that stores a submap considers what was committed since the search, and whoever commits last learns of the other.
 """
 
 from typing import Final
@@ -20,27 +20,27 @@ from server.submaps.question import SearchOutdated
 from urquhart import Budget, Description, Features, Recognizer
 
 _AT_LEISURE: Final = 2
-"""Searches outside of the write transaction before new submaps are looked at within it, where others wait for that."""
+"""Searches outside of the write transaction before new submaps are searched within it, while other writers wait."""
 _FEW: Final = 16
-"""New submaps that are searched within it, at most."""
+"""Most new submaps that are searched within the transaction."""
 _SECONDS: Final = 0.25
-"""For how long they are searched, at most."""
+"""Longest time of that search."""
 
 
 class LoopQuestion:
-    """Where else a submap was seen, by all that is stored before it."""
+    """Where else a submap was seen, among all that is stored before it."""
 
     def __init__(
         self, context: QueryContext, collection_id: str, body: QueryInput, own_id: str | None, budget: Budget
     ) -> None:
-        """`own_id`: of the submap, where the caller gave one; what is stored under it is not to be found."""
+        """`own_id`: id of the submap if the caller gave one. What is stored under it is left out of the search."""
         self._context = context
         self._collection_id, self._body, self._own_id, self._budget = collection_id, body, own_id, budget
         self._observation: Description | None = None
         self._answer: QueryAnswer | None = None
 
     def ask(self, observation: Description) -> QueryAnswer:
-        """Search what is stored now. Raises as `look_up`; fields are pointed at below `/query`."""
+        """Search what is stored now. Raises as `look_up`, with pointers below `/query`."""
         try:
             look = look_up(
                 self._context,
@@ -55,7 +55,7 @@ class LoopQuestion:
         return self._answer
 
     def confirm(self, session: Session, collection: CollectionRow, own_key: int | None, turn: int) -> QueryAnswer:
-        """The last answer, once nothing that was committed since could change it. Raises SearchOutdated."""
+        """The last answer, if nothing that was committed since could change it. Raises SearchOutdated."""
         answer = self._answer
         assert answer is not None, "ask comes before confirm"
         new = self._unseen(session, collection, answer.revision, own_key)
@@ -64,7 +64,9 @@ class LoopQuestion:
         return answer.model_copy(update={"revision": collection.revision})
 
     def _unseen(self, session: Session, collection: CollectionRow, revision: int, own_key: int | None) -> list[int]:
-        """Keys of submaps that were stored after the search and that the question is about; some of very many."""
+        """Keys of the submaps that were stored after the search and that the question covers; only some if there are
+        very many.
+        """
         if collection.revision == revision:
             return []
         submaps = Submaps(session, collection.key)
@@ -74,14 +76,14 @@ class LoopQuestion:
         near = keys_near(submaps, self._body.near, among=changed)
         excluded = keys_excluded(submaps, self._body.exclude, self._body.stamp, among=changed)
         left = [key for key in changed if key not in excluded and (near is None or key in near)]
-        # Behind those that were looked at there may be others.
+        # Others may follow after those that were read.
         return changed if len(changed) + 1 >= 2 * _FEW else left
 
     def _may_find(self, session: Session, collection: CollectionRow, keys: list[int]) -> bool:
-        """Whether one of these submaps may be the place, or look like it: then all have to be weighed together."""
+        """Whether one of these submaps may be the place or a rival, so that all must be compared."""
         observation = None if self._observation is None else self._observation.result
         if not isinstance(observation, Features):
-            return False  # nothing can be found by it
+            return False  # it covers no submap
         config = config_of(collection)
         recognizer = Recognizer(config)
         recognizer.add(

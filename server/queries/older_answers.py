@@ -1,8 +1,8 @@
-"""Answers as earlier versions stored them: members are missing that this version writes, or are there that it does not.
+"""Answers that earlier versions stored: they lack members that this version writes, or have others.
 
-A member that had another name (`Formerly`) gets the new one. What is missing gets the value that says that there is
-none: the default of the member, null, or an empty list. What has no such value is left out, so that the rest can still
-be read. Whatever members an answer gets in time, nothing has to be added here.
+A member with a former name (`Formerly`) gets its new one. A missing member gets the value that means none: its default,
+null, or an empty list. A member without such a value is left out, so that the rest can still be read. Future members of
+answers need no entry here.
 """
 
 import types
@@ -20,9 +20,9 @@ _ABSENT = object()
 
 
 def completed(model: type[BaseModel], members: Mapping[str, Any], *, known_only: bool = False) -> dict[str, Any]:
-    """The members of a stored `model` with what is missing, at any depth.
+    """The members of a stored `model`, completed at any depth.
 
-    `known_only`: without those that the model does not have.
+    `known_only`: without members that the model does not have.
     """
     known = dict(members)
     for name, field in model.model_fields.items():
@@ -39,7 +39,7 @@ def completed(model: type[BaseModel], members: Mapping[str, Any], *, known_only:
 
 
 def read_older(model: type[Model], members: Mapping[str, Any], what: str) -> Model:
-    """A stored `model`, whichever version wrote it. Raises Gone, which names it `what`, where too much is missing."""
+    """A stored `model`, whichever version wrote it. Raises Gone, which calls it `what`, if too much is missing."""
     try:
         return model.model_validate(completed(model, members, known_only=True))
     except ValidationError as error:
@@ -47,14 +47,14 @@ def read_older(model: type[Model], members: Mapping[str, Any], what: str) -> Mod
 
 
 def gone(what: str) -> Gone:
-    """Why something that another version stored cannot be shown."""
+    """The error for something that another version stored and that cannot be shown."""
     return Gone(
         f"{what} was stored by another version of the service, without what is needed here. Send the query again."
     )
 
 
 def _renew(members: dict[str, Any], name: str, earlier: Formerly) -> None:
-    """Give a member that an earlier version wrote its present name and its present word."""
+    """Give a member of an earlier version its present name and its present word."""
     if name not in members and earlier.name in members:
         members[name] = members.pop(earlier.name)
     if isinstance(word := members.get(name), str):
@@ -74,7 +74,7 @@ def _completed(annotation: Any, value: Any, known_only: bool) -> Any:
 
 
 def _absent(field: FieldInfo) -> Any:
-    """The value of a member that says that there is none; `_ABSENT` where there is no such value."""
+    """The value of a member that means none; `_ABSENT` if there is no such value."""
     if not field.is_required():
         return field.get_default(call_default_factory=True)
     kinds = _alternatives(field.annotation)

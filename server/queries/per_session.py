@@ -1,4 +1,4 @@
-"""Who has been here: the same question again and again, each time without the sessions that are known already."""
+"""The best candidate of every session: the search is repeated, each time without the sessions found so far."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -7,15 +7,15 @@ from server.store.repositories.sessions import Sessions
 from urquhart import Candidate, Recognition
 
 Search = Callable[[set[int]], Recognition]
-"""A look-up that leaves out the submaps with these keys."""
+"""A search that leaves out the submaps with these keys."""
 
 
 def by_session(search: Search, sessions: Sessions, excluded: set[int], limit: int) -> Recognition:
-    """The answer to a question, with the best candidate of every session that has been here, `limit` at most.
+    """The answer to a query with the best candidate of every session that was here, at most `limit`.
 
     Verdict, reason and rivals are those of the first search. Each further candidate is `matched` in a search of its
-    own, among all submaps but those of the sessions found before; submaps without a session count as one. Where the
-    time is over before all sessions are found, the reason is `deadline`.
+    own, among all submaps except those of the sessions found before. Submaps without a session count as one session. If
+    the time is over before all sessions are found, the reason is `deadline`.
     """
     first = search(excluded)
     found = _distinct(first, sessions)

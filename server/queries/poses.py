@@ -1,4 +1,4 @@
-"""Poses as answers tell them: with how sure they are, about the frame's origin and about the middle of the trees."""
+"""Poses in answers, with their uncertainty about the frame's origin and about the middle of the trees."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +18,9 @@ def transform_answer(submap_T_query: SE2, uncertainty: PoseUncertainty) -> Candi
 
 
 def query_in_map(place: Place, submap_T_query: SE2, uncertainty: PoseUncertainty) -> MapPoseAnswer:
-    """map_T_query = map_T_submap @ submap_T_query, and how sure it is where the submap's pose has a covariance.
+    """map_T_query = map_T_submap @ submap_T_query, with its uncertainty if the submap's pose has a covariance.
 
-    With a submap pose of unknown covariance the query's is unknown too: the match's alone would claim too much.
+    If the covariance of the submap's pose is unknown, so is the query's: the match's alone would claim too much.
     """
     map_T_submap = place_pose(place)
     pose = map_T_submap @ submap_T_query
@@ -40,7 +40,7 @@ def place_pose(place: Place) -> SE2:
 
 
 def middle_answer(uncertainty: PoseUncertainty) -> TreesMiddle:
-    """How sure a transform is about the middle of the trees."""
+    """The uncertainty of a transform about the middle of the trees."""
     return TreesMiddle(
         source=_point(uncertainty.source),
         target=_point(uncertainty.target),
@@ -50,7 +50,7 @@ def middle_answer(uncertainty: PoseUncertainty) -> TreesMiddle:
 
 
 def flat(matrix: NDArray[np.float64]) -> list[float]:
-    """A matrix row by row."""
+    """A matrix as a list, row by row."""
     return [float(value) for value in matrix.ravel()]
 
 

@@ -1,4 +1,4 @@
-"""The search of one query in a view of a collection, and what is tried where it finds nothing."""
+"""The search of one query in a view of a collection, and the search for its mirror image if it finds nothing."""
 
 import time
 from dataclasses import dataclass, replace
@@ -28,7 +28,7 @@ def describe_query(
     key: int | None,
     budget: Budget | None,
 ) -> Description:
-    """Describe the landmarks of a query, unless they are of the stored submap `key`, whose features are stored too.
+    """Describe the landmarks of a query, unless they are those of the stored submap `key`, whose features are stored.
 
     Args:
         xy: (N, 2), metres, query frame.
@@ -47,7 +47,7 @@ def describe_query(
 
 @dataclass(frozen=True, slots=True)
 class SubmapSearch:
-    """The search of one query in a view; called with the keys of submaps to leave out.
+    """The search of one query in a view. Called with the keys of submaps to leave out.
 
     Attributes:
         view: the collection at the revision that is searched.
@@ -76,7 +76,7 @@ class SubmapSearch:
         return self._try_mirrored(found, excluded) if self.body.explain else (found, ())
 
     def __call__(self, excluded: set[int]) -> Recognition:
-        """The best candidates in all submaps but those with these keys."""
+        """The best candidates in all submaps except those with these keys."""
         found = self.view.recognizer.recognize(
             self.observation,
             limit=max(self.most, COMPARED),
@@ -96,9 +96,9 @@ class SubmapSearch:
         return without_contradictions(found, places, frames, self.most)
 
     def _try_mirrored(self, found: Recognition, excluded: set[int]) -> tuple[Recognition, tuple[str, ...]]:
-        """If the query found nothing, search for its mirror image, too; what was `found`, and warnings.
+        """If the query found nothing, search for its mirror image as well. Returns `found` and warnings.
 
-        The verdict stays what it was; the time that this took is added to its stages.
+        The verdict is unchanged; the time of this search is added to the stages.
         """
         if found.verdict != "no_match" or found.reason not in _UNFOUND:
             return found, ()

@@ -1,4 +1,4 @@
-"""Answers that were asked to be kept: written, read, drawn, and explained."""
+"""Stored answers: written, read, drawn, and explained."""
 
 from collections.abc import Sequence
 from dataclasses import MISSING, dataclass, fields, replace
@@ -34,7 +34,9 @@ from urquhart.uncertainty import PoseUncertainty
 
 @dataclass(frozen=True, slots=True)
 class AnswerKey:
-    """How a request that is sent again finds its stored answer: by Idempotency-Key, and position in a batch from 1."""
+    """How a repeated request finds its stored answer: by Idempotency-Key, and by position in a batch, counted from
+    1.
+    """
 
     idempotency_key: IdempotencyKey | None = None
     position: int = 0
@@ -51,7 +53,7 @@ _FORMERLY: Final = {"overlap": "overlap_ratio", "votes": "support"}
 
 @dataclass(frozen=True, slots=True)
 class NewAnswer:
-    """An answer that is to be stored, with the query's landmarks (N, 2) float64, metres, query frame, and their ids."""
+    """An answer to store, with the query's landmarks (N, 2) float64, metres, query frame, and their ids."""
 
     collection: CollectionRow
     xy: NDArray[np.float64]
@@ -61,7 +63,8 @@ class NewAnswer:
 
 
 def keep(database: Database, limits: Limits, new: NewAnswer, key: AnswerKey) -> QueryAnswer:
-    """Store an answer, unless that was done before; the answer with its id and links. The oldest beyond the limit go.
+    """Store an answer, unless that was done before. Returns the answer with its id and links. The oldest answers beyond
+    the limit are deleted.
 
     Raises NotFound and KeyReused.
     """
@@ -86,7 +89,7 @@ def keep(database: Database, limits: Limits, new: NewAnswer, key: AnswerKey) -> 
             ],
         )
         queries.drop_through(number - limits.stored_queries)
-        # The answer itself is stored with the query: here it is named.
+        # The answer itself is stored with the query; this refers to it.
         named = StoredResponse(200, {}, str(number).encode())
         idempotency.store_response(session, key.idempotency_key, operation, named)
     return answer
@@ -111,7 +114,7 @@ def _numbered(answer: QueryAnswer, collection_id: str, number: int) -> QueryAnsw
 
 
 def kept_answer(database: Database, collection_id: str, key: AnswerKey) -> QueryAnswer | None:
-    """The stored answer to a query that was sent before under the same key; None if there is none.
+    """The stored answer to the same query under the same key; None if there is none.
 
     Raises NotFound, KeyReused, and Gone for an answer that is no longer stored.
     """
@@ -124,14 +127,14 @@ def kept_answer(database: Database, collection_id: str, key: AnswerKey) -> Query
 
 
 def _again(session: Session, collection: CollectionRow, response: StoredResponse) -> QueryAnswer:
-    if not response.body.isdigit():  # versions before kept the whole answer once more
+    if not response.body.isdigit():  # earlier versions stored the whole answer here, too
         return read_older(QueryAnswer, orjson.loads(response.body), "The answer to this Idempotency-Key")
     number = response.body.decode()
     return read_older(QueryAnswer, _answer_of(_stored(session, collection, number), collection), f"Query {number}")
 
 
 def stored_answer(database: Database, collection_id: str, query_id: str) -> bytes:
-    """A stored answer as JSON. Raises NotFound, and Gone for one that is no longer kept."""
+    """A stored answer as JSON. Raises NotFound, and Gone if it is no longer kept."""
     with database.read() as session:
         collection = get_collection(session, collection_id)
         return orjson.dumps(_answer_of(_stored(session, collection, query_id), collection))
@@ -139,7 +142,7 @@ def stored_answer(database: Database, collection_id: str, query_id: str) -> byte
 
 @dataclass(frozen=True, slots=True)
 class Match:
-    """A stored query's candidate with the landmarks of both sides, each (N, 2) float64, metres, in its own frame."""
+    """A candidate of a stored query with the landmarks of both sides, each (N, 2) float64, metres, in its own frame."""
 
     query_id: str
     answer: CandidateAnswer
@@ -165,8 +168,8 @@ class Match:
 def stored_match(database: Database, collection_id: str, query_id: str, rank: int) -> Match:
     """A candidate of a stored query, to be read or drawn.
 
-    Raises NotFound, and Gone when the query is no longer kept, its pairs were not, or the submap's landmarks are not
-    those it matched.
+    Raises NotFound, and Gone if the query is no longer kept, its pairs were not stored, or the submap's landmarks have
+    changed since.
     """
     with database.read() as session:
         collection = get_collection(session, collection_id)
@@ -194,9 +197,9 @@ def stored_match(database: Database, collection_id: str, query_id: str, rank: in
 
 
 def stored_explanation(database: Database, collection_id: str, query_id: str) -> QueryExplanation:
-    """Why a stored answer is what it is. Raises NotFound, and Gone for a query that is no longer kept.
+    """The explanation of a stored answer. Raises NotFound, and Gone if it is no longer kept.
 
-    Submaps whose landmarks changed since are left out of it.
+    Submaps whose landmarks changed since are left out.
     """
     with database.read() as session:
         collection = get_collection(session, collection_id)
@@ -210,7 +213,9 @@ def stored_explanation(database: Database, collection_id: str, query_id: str) ->
 
 
 def _answer_of(stored: QueryRow, collection: CollectionRow) -> dict[str, Any]:
-    """The members of a stored answer, whichever version wrote it; those that it did not write say that it kept none."""
+    """The members of a stored answer, whichever version wrote it. Members that it did not write say that there is
+    none.
+    """
     number, members = str(stored.number), orjson.loads(stored.answer)
     own = QueryLinks(
         self=links.query(collection.id, stored.number),
@@ -265,12 +270,12 @@ def _without_pairs(candidate: Candidate) -> Candidate:
 
 
 def _unpack(packed: dict[str, Any]) -> Candidate | None:
-    """A candidate as it was stored; None where the version that stored it left out what this one needs."""
+    """A candidate as it was stored; None if the version that stored it left out what this one needs."""
     names = {field.name for field in fields(Candidate)}
     required = {field.name for field in fields(Candidate) if field.default is field.default_factory is MISSING}
     packed = {_FORMERLY.get(name, name): value for name, value in packed.items()}
     known = {name: value for name, value in packed.items() if name in names}
-    if "covariance" in packed:  # before uncertainties had a point of their own, they were about the query's origin
+    if "covariance" in packed:  # earlier versions stored uncertainties about the query's origin
         known.setdefault("uncertainty", [[0.0, 0.0], packed["covariance"]])
     if not required <= known.keys():
         return None

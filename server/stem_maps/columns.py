@@ -1,4 +1,4 @@
-"""What the columns of a stem map mean, by their names; what is not understood is named, or refused."""
+"""The meaning of a stem map's columns, by their names. Columns that are not understood are named or refused."""
 
 import re
 from collections.abc import Collection, Mapping
@@ -16,7 +16,7 @@ _ALIASES: Final[Mapping[str, tuple[str, ...]]] = {
     "species": ("species",),
 }
 _OTHER_IDS: Final = ("treeid", "tree", "tag")
-"""Names of ids that count where there is no `tree_id` or `id`; the first of them that is there."""
+"""Names of id columns, used if there is no `tree_id` or `id`, in order of preference."""
 DBH_UNITS: Final = {"cm": 1.0, "mm": 0.1, "m": 100.0, "in": 2.54}
 """Centimetres in one unit of diameter."""
 PLOT_NAMES: Final = ("plot", "plot_id", "plotid", "plot_no", "plot_nr", "plot_name")
@@ -29,7 +29,7 @@ _OTHER_UNIT: Final = re.compile(rf"[xy]_?({'|'.join(_FACTORS)})")
 
 @dataclass(frozen=True, slots=True)
 class Columns:
-    """Positions of the columns that are read, by what they mean, and what else is in the header.
+    """Positions of the columns that are read, by meaning, and the other columns.
 
     Attributes:
         positions: of `x_m`, `y_m`, and where there are such columns `tree_id`, `dbh`, `height_m`, `species`.
@@ -51,7 +51,7 @@ class Columns:
     unused: tuple[str, ...]
 
     def described(self) -> str:
-        """Which column is read as what, and which are not."""
+        """The columns that are read, with their meanings, and those that are not."""
         read = [f"{key} from {self.names[key]!r}" for key in ("tree_id", "x_m", "y_m") if key in self.names]
         if self.dbh_unit is not None:
             guessed = "" if self.dbh_named else ", which names no unit"
@@ -62,7 +62,7 @@ class Columns:
 
 
 def find_columns(path: Path, rows: Rows, dbh_unit: str | None, ignore: Collection[str]) -> Columns:
-    """What the columns of a header mean; those named in `ignore` (lower case) mean nothing.
+    """The meaning of the columns of a header. Columns in `ignore` (lower case) have none.
 
     Raises:
         StemMapError: a column that is needed is missing, or two could be meant.

@@ -1,4 +1,4 @@
-"""Whether a stem map can be what it was read as; stops where a column hardly means what its name says."""
+"""Plausibility of a stem map: it is refused if a column cannot mean what its name says."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,20 +11,22 @@ from server.stem_maps.columns import Columns
 from server.stem_maps.rows import StemMapError
 
 _NAMED_CM: Final = (1.0, 300.0)
-"""Centimetres: the median diameter of a stand lies between these, whatever grows there."""
+"""Centimetres. The median diameter of any stand lies between these."""
 _UNNAMED_CM: Final = (1.0, 60.0)
-"""The same where nobody named the unit: beyond lie metres, and millimetres from 6 cm on, but hardly a stand."""
+"""Centimetres. The same if nobody named the unit. Values beyond are metres, or millimetres from 6 cm on."""
 _REPEATED: Final = 0.5
-"""Share of rows that may stand where another one does: stems of one tree do, but not whole plots."""
+"""Share of rows that may have the position of another row: stems of one tree do, but not whole plots."""
 _FEW: Final = 20
-"""Rows from which on a pattern in all of them is no accident."""
+"""Rows from which a pattern in all of them is no accident."""
 _OVERLAP: Final = 0.1
-"""Share of the smaller plot's width and height that two plots of one frame may share."""
+"""Share of the smaller plot's width and height that two plots in one frame may share."""
 _MOST_PLOTS: Final = 3000
 
 
 def check_diameters(path: Path, columns: Columns, dbh_cm: NDArray[np.float64]) -> None:
-    """Raise StemMapError when the median of diameters (N,) float64, centimetres, NaN where unknown, is no stand's."""
+    """Raise StemMapError if the median of diameters (N,) float64, centimetres, NaN where unknown, is not that of a
+    stand.
+    """
     known = dbh_cm[np.isfinite(dbh_cm)]
     if not len(known):
         return
@@ -40,7 +42,7 @@ def check_diameters(path: Path, columns: Columns, dbh_cm: NDArray[np.float64]) -
 
 
 def check_centres(path: Path, columns: Columns, xy: NDArray[np.float64]) -> None:
-    """Raise StemMapError when positions (N, 2) float64, metres, are those of plots and not of trees."""
+    """Raise StemMapError if positions (N, 2) float64, metres, are those of plots and not of trees."""
     places = len(np.unique(xy, axis=0))
     if len(xy) < 3 or places >= _REPEATED * len(xy):
         return
@@ -56,7 +58,7 @@ def check_centres(path: Path, columns: Columns, xy: NDArray[np.float64]) -> None
 
 
 def check_plots(path: Path, columns: Columns, plots: Sequence[str], xy: NDArray[np.float64]) -> None:
-    """Raise StemMapError when plots lie on each other, which those in coordinates of their own do."""
+    """Raise StemMapError if plots overlap, as those with coordinates of their own do."""
     names, of_plot = np.unique(np.asarray(plots), return_inverse=True)
     if columns.plot is None or len(names) < 2:
         return
@@ -85,7 +87,7 @@ def _overlap(low: NDArray[np.float64], high: NDArray[np.float64]) -> bool:
 def check_cut_decimals(path: Path, xy: NDArray[np.float64]) -> None:
     """Raise StemMapError for whole numbers (N, 2) float64 of which one axis has a single digit throughout.
 
-    That is what `125,0,179,4` leaves of x = 125.0 and y = 179.4.
+    That is what remains of x = 125.0 and y = 179.4 in `125,0,179,4`.
     """
     if len(xy) < _FEW:
         return

@@ -34,7 +34,7 @@ __all__ = ["StemMap", "StemMapError", "read_stem_map"]
 COORDINATE_LIMIT: Final = 1e8
 """Metres. No projected coordinate on Earth is larger; what is larger is in other units."""
 SAME_PLACE: Final = 0.01
-"""Metres. Stems of one tree that stand closer than this have one position."""
+"""Metres. Stems of one tree that are closer than this have one position."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,8 +70,8 @@ def read_stem_map(
 ) -> StemMap:
     """Read the CSV file `path`.
 
-    With `allow_empty` a file of a header and no tree is fine: an observation may see nothing. `dbh_unit` (`cm`, `mm`,
-    `m` or `in`) is that of a column `dbh`; columns named in `ignore` mean nothing.
+    With `allow_empty`, a file with a header and no trees is valid: an observation may contain nothing. `dbh_unit`
+    (`cm`, `mm`, `m` or `in`) is that of a column `dbh`. Columns in `ignore` are ignored.
 
     Raises:
         StemMapError: naming the file, and the line where there is one.
@@ -108,7 +108,7 @@ class _Trees:
         self.decimal_mark: tuple[str, int] | None = None
 
     def add(self, line: int, fields: list[str]) -> None:
-        """Take one row in. Raises StemMapError."""
+        """Add one row. Raises StemMapError."""
         width = len(self.rows.header)
         if len(fields) != width:
             comment = ": a comment may only stand above the header" if fields[0].lstrip().startswith("#") else ""
@@ -132,7 +132,7 @@ class _Trees:
             self.species.append(fields[positions["species"]].strip())
 
     def _further_stem(self, tree_id: str, index: int, values: dict[str, float], line: int) -> None:
-        """Another row of an id that is there: a stem of the same tree, if it stands at the same place."""
+        """Add a row with a known id: another stem of the same tree, if it has the same position."""
         apart = np.hypot(values["x_m"] - self.numbers["x_m"][index], values["y_m"] - self.numbers["y_m"][index])
         if apart > SAME_PLACE:
             used = f"tree id {_quoted(tree_id)} is used before, on line {self.lines[index]}, {apart:.3g} m away"
@@ -149,7 +149,7 @@ class _Trees:
             return float("nan")
         pointed = self._with_point(name, text, line)
         try:
-            if "_" in text:  # float() reads 1_000; no other program does
+            if "_" in text:  # float() accepts 1_000, unlike other programs
                 raise ValueError(text)
             number = float(pointed)
         except ValueError:
@@ -175,7 +175,7 @@ class _Trees:
         return number
 
     def _with_point(self, name: str, text: str, line: int) -> str:
-        """A number with a point for decimals, where the file may have commas. Raises StemMapError."""
+        """A number with a point for decimals, from a file that may have commas. Raises StemMapError."""
         mark = "," if "," in text else "." if "." in text else None
         if mark is None:
             return text
@@ -198,13 +198,13 @@ class _Trees:
         return text.replace(",", ".")
 
     def stem_map(self, source_hash: str) -> StemMap:
-        """What was read. Raises StemMapError when it cannot be a stem map."""
+        """The stem map. Raises StemMapError if it is not plausible."""
         arrays = {key: np.asarray(values, dtype=np.float64) for key, values in self.numbers.items()}
         xy = np.column_stack([arrays["x_m"], arrays["y_m"]])
         dbh_cm = None
         if self.columns.dbh_unit is not None:
             factor = DBH_UNITS[self.columns.dbh_unit]
-            # By division where that is exact: 211 mm are 21.1 cm, and 211 * 0.1 is a little more.
+            # By division, which is exact: 211 mm are 21.1 cm, but 211 * 0.1 is slightly more.
             dbh_cm = arrays["dbh"] * factor if factor >= 1.0 else arrays["dbh"] / round(1.0 / factor)
         check_centres(self.path, self.columns, xy)
         check_plots(self.path, self.columns, [plot for plot, _ in self.ids], xy)
@@ -224,7 +224,7 @@ class _Trees:
         )
 
     def _unique_ids(self) -> tuple[str, ...]:
-        """The trees' ids, behind their plot's name where plots count their trees for themselves."""
+        """The trees' ids, prefixed with the name of their plot if plots number their trees separately."""
         ids = tuple(tree_id for _, tree_id in self.ids)
         self.ids_of_plots = len(set(ids)) < len(ids)
         return tuple(f"{plot}-{tree_id}" for plot, tree_id in self.ids) if self.ids_of_plots else ids

@@ -1,4 +1,4 @@
-"""A stand takes the place of all that was stored under its name, in one transaction."""
+"""A stand replaces everything that was stored under its name, in one transaction."""
 
 import pickle
 import tempfile
@@ -17,7 +17,7 @@ from server.submaps.batches import DescribedBatch, Refusal
 from server.submaps.bulk import BatchResult, write_in
 
 _IN_MEMORY: Final = 32 * 1024 * 1024
-"""Bytes of described submaps that wait in memory; what is more waits in a file beside the database."""
+"""Bytes of described submaps that wait in memory. The rest waits in a file beside the database."""
 
 
 class StandError(ValueError):
@@ -26,7 +26,7 @@ class StandError(ValueError):
 
 @dataclass(slots=True)
 class ReplacementReport:
-    """What became of a stand's submaps, those of before among them.
+    """The outcome of storing a stand, including the submaps that it had before.
 
     Attributes:
         created, replaced, unchanged: submaps of the stand as it is now.
@@ -47,7 +47,7 @@ class ReplacementReport:
     alike: list[str] = field(default_factory=list)
 
     def count(self, result: BatchResult) -> None:
-        """Add what became of one batch."""
+        """Add the outcome of one batch."""
         self.created += result.created
         self.replaced += result.replaced
         self.unchanged += result.unchanged
@@ -58,7 +58,6 @@ class ReplacementReport:
 def keep_on_disk(batches: Iterable[DescribedBatch], folder: Path) -> Iterator[Iterator[DescribedBatch]]:
     """Take in all batches first, then hand them out again: the transaction that stores them need not wait for one.
 
-    What does not fit into memory waits in a file of `folder` that has no name, so a killed process leaves nothing.
     Raises what `batches` raises, and StorageError.
     """
     with tempfile.SpooledTemporaryFile(_IN_MEMORY, mode="w+b", dir=str(folder)) as file:
@@ -74,10 +73,10 @@ def keep_on_disk(batches: Iterable[DescribedBatch], folder: Path) -> Iterator[It
 def replace_stand(
     database: Database, collection_id: str, record: StandRecord, ids: Collection[str], batches: Iterable[DescribedBatch]
 ) -> ReplacementReport:
-    """Store a stand with the submaps of `batches`, whose ids are among `ids`, and delete all others that it had.
+    """Store a stand with the submaps of `batches`, whose ids are among `ids`, and delete its other submaps.
 
-    Readers see the stand as it was, or as it is now, and nothing between; so does whoever opens the database after a
-    kill. The stand had what it stored before, and submaps that look exactly like its discs and belong to no stand.
+    Readers see the stand as it was or as it is now, and nothing in between; so does whoever opens the database after a
+    kill. A stand owns what it stored before, and submaps that look exactly like its discs and belong to no stand.
 
     Raises:
         StandError: another's submap has one of the ids, or no submap is left of a stand that had some.

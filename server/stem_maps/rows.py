@@ -1,4 +1,4 @@
-"""A table of text: decoded, cut into rows and fields; what is passed over is counted."""
+"""A table of text: decoded, and split into rows and fields. Skipped lines are counted."""
 
 import csv
 import io
@@ -10,7 +10,7 @@ SEPARATORS: Final = {",": "commas", ";": "semicolons", "\t": "tabs"}
 
 
 class StemMapError(ValueError):
-    """A stem map that cannot be read; the message is one line, `FILE:LINE: what is wrong` or `FILE: what is wrong`."""
+    """A stem map that cannot be read. The message is one line: `FILE:LINE: what is wrong` or `FILE: what is wrong`."""
 
     def __init__(self, path: Path, message: str, line: int | None = None) -> None:
         super().__init__(f"{path}: {message}" if line is None else f"{path}:{line}: {message}")
@@ -19,7 +19,7 @@ class StemMapError(ValueError):
 
 
 def read_bytes(path: Path) -> bytes:
-    """All of a file. Raises StemMapError."""
+    """The content of a file. Raises StemMapError."""
     try:
         return path.read_bytes()
     except FileNotFoundError:
@@ -43,8 +43,8 @@ def decode(path: Path, data: bytes) -> str:
 class Rows:
     """The header and the rows of a table, read once from first to last.
 
-    Comments, lines that begin with `#`, may stand above the header only: below it, `#13` is a tree's tag. Columns are
-    separated by whichever of comma, semicolon and tab the header has the most of.
+    Comments (lines that begin with `#`) may only be above the header: below it, `#13` is a tree's tag. The separator is
+    whichever of comma, semicolon and tab is most frequent in the header.
     """
 
     def __init__(self, path: Path, text: str) -> None:

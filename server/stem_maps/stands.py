@@ -1,4 +1,4 @@
-"""Whole stands in: a stem map cut into discs, each stored as a submap with its pose in the map."""
+"""Stands: stem maps cut into discs, each stored as a submap with its pose in the map."""
 
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -31,7 +31,7 @@ __all__ = ["StandError", "StandReport", "cut_stand", "landmarks_of", "lines_of",
 
 @dataclass(slots=True)
 class StandReport:
-    """What became of one stem map; `seconds` from the first submap described to all of them durable."""
+    """The outcome of one stem map. `seconds` is the time from the first description until all submaps are durable."""
 
     name: str
     cut: Cut
@@ -40,7 +40,7 @@ class StandReport:
 
     @property
     def submaps(self) -> int:
-        """Submaps of the stand that are in the database now."""
+        """Number of submaps of the stand in the database now."""
         return self.outcome.created + self.outcome.replaced + self.outcome.unchanged
 
 
@@ -53,10 +53,10 @@ def store_stand(
     *,
     advance: Callable[[int], None] | None = None,
 ) -> StandReport:
-    """Store the discs of `stand`, which `stem_map` was cut into, in a collection that exists.
+    """Store the discs of `stand`, which `stem_map` was cut into, in an existing collection.
 
-    They take the place of all that was stored under the map's name before, in one transaction at the end. `advance` is
-    told how many more submaps are described, batch by batch; `options` are as in `ingest_lines`.
+    They replace everything that was stored under the map's name, in one transaction at the end. `advance` is called
+    with the number of submaps described in each batch. `options` are as in `ingest_lines`.
 
     Raises:
         StandError: a tree's id or species is not one that a landmark can have, or as `replace_stand`.
@@ -92,7 +92,7 @@ def _record(stem_map: StemMap, stand: Cut) -> StandRecord:
 
 
 def cut_stand(stem_map: StemMap, radius: float, spacing: float, limits: Limits) -> Cut:
-    """Cut `stem_map` into discs that the service takes.
+    """Cut `stem_map` into discs within the service's limits.
 
     Raises:
         CuttingError: radius or spacing does not fit the map.
@@ -108,7 +108,7 @@ def cut_stand(stem_map: StemMap, radius: float, spacing: float, limits: Limits) 
 
 
 def lines_of(stem_map: StemMap, stand: Cut) -> Iterator[bytes]:
-    """The discs as lines of NDJSON: each in its own frame, with the trees' ids and what else is known of them.
+    """The discs as lines of NDJSON, each in its own frame, with the trees' ids and attributes.
 
     Raises:
         StandError: a tree's id or species is not one that a landmark can have; before the first line.
@@ -123,14 +123,14 @@ def lines_of(stem_map: StemMap, stand: Cut) -> Iterator[bytes]:
         else:
             positions = zip(trees, disc.xy.tolist(), strict=True)
             landmarks = {"landmarks": [{**known[tree], "x": x, "y": y} for tree, (x, y) in positions]}
-        # The frame was cut out of the map: its pose there is exact.
+        # The frame is part of the map, so its pose there is exact.
         pose = MapPose(frame_id=stem_map.name, x=disc.centre[0], y=disc.centre[1], yaw=0.0, covariance=[0.0] * 9)
         submap = {"id": disc.submap_id, "frame_id": disc.submap_id, "map_pose": pose.model_dump(), **landmarks}
         yield orjson.dumps(submap, option=orjson.OPT_SERIALIZE_NUMPY)
 
 
 def _known(stem_map: StemMap, trees: NDArray[np.int64]) -> dict[int, dict[str, Any]]:
-    """What is known of trees besides their position, checked once for all the discs that they are in."""
+    """Attributes of the trees, validated once for all the discs that they are in."""
     try:
         return {
             tree: _landmark(stem_map, tree, 0.0, 0.0).model_dump(exclude_unset=True, exclude={"x", "y"})
@@ -144,7 +144,7 @@ def _known(stem_map: StemMap, trees: NDArray[np.int64]) -> dict[int, dict[str, A
 
 
 def landmarks_of(stem_map: StemMap) -> list[Landmark]:
-    """All trees of a stem map, with what is known of them. Raises pydantic's ValidationError."""
+    """All trees of a stem map with their attributes. Raises pydantic's ValidationError."""
     return [_landmark(stem_map, tree, x, y) for tree, (x, y) in enumerate(stem_map.xy.tolist())]
 
 

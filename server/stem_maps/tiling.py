@@ -1,4 +1,4 @@
-"""A stem map cut into overlapping discs: the submaps of a mapped stand."""
+"""A stem map cut into overlapping discs, the submaps of a stand."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -12,19 +12,19 @@ from server.stem_maps.reader import StemMap
 from urquhart.features.landmarks import thin
 
 MERGE_DISTANCE: Final = 0.01
-"""Metres. Trees closer than this are one tree recorded twice, or two that no sensor tells apart."""
+"""Metres. Trees closer than this are one tree recorded twice, or two that no sensor can separate."""
 MINIMUM_TREES: Final = 10
-"""A disc with fewer trees has nothing to be recognised by."""
+"""A disc with fewer trees cannot be recognised."""
 MAXIMUM_DISCS: Final = 1_000_000
 
 
 class CuttingError(ValueError):
-    """A radius and a spacing that do not fit the stem map. The message is one line that says what to change."""
+    """A radius or spacing that does not fit the stem map. The message is one line that says what to change."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Disc:
-    """The trees of a stem map within a radius of `centre`, in the disc's own frame: origin at `centre`, the map's axes.
+    """The trees of a stem map within a radius of `centre`, in a frame with its origin at `centre` and the map's axes.
 
     Attributes:
         submap_id: `<map>-<column>-<row>`, numbers padded with zeros.
@@ -41,7 +41,7 @@ class Disc:
 
 @dataclass(frozen=True, slots=True)
 class Cut:
-    """How a stem map is cut, and what is not in any disc.
+    """A stem map cut into discs, and the trees that are in none.
 
     Attributes:
         radius, spacing: metres, as given.
@@ -125,7 +125,7 @@ def cut(
 def merge(
     xy: NDArray[np.float64], distance: float = MERGE_DISTANCE, diameters: NDArray[np.float64] | None = None
 ) -> NDArray[np.int64]:
-    """Thin `xy` (N, 2), metres: each tree gives way to a thicker one within `distance` metres.
+    """Thin `xy` (N, 2), metres: each tree is removed if a thicker one is within `distance` metres.
 
     `diameters` (N,) float64 are in any unit, NaN where unknown. Of equally thick trees, and without diameters of all,
     the earlier one stays. Returns the positions of those that stay, (K,) int64, ascending.
@@ -153,7 +153,7 @@ def without_twins(stem_map: StemMap) -> StemMap:
 def _centres(coordinates: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
     low, extent = coordinates.min(), np.ptp(coordinates)
     count = int(extent // spacing) + 1
-    if count > MAXIMUM_DISCS:  # not even the numbers: they may not fit in memory
+    if count > MAXIMUM_DISCS:  # not even the numbers, which may not fit in memory
         return np.broadcast_to(np.float64(low), (count,))
     margin = (extent - (count - 1) * spacing) / 2
     return np.asarray(low + margin + spacing * np.arange(count), dtype=np.float64)

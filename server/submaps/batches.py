@@ -1,7 +1,7 @@
-"""Submaps by the hundred: cut into batches, read and described, in this process or in another.
+"""Submaps in batches, read and described in this process or in others.
 
-Models are slow to send from process to process, JSON is not: a batch travels as the lines of NDJSON that it came in or
-could have come in, and what comes back is ready to be written.
+Models are slow to send between processes, but JSON is not. So a batch is sent as lines of NDJSON, and what comes back
+is ready to be written.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -33,12 +33,14 @@ from urquhart import Config
 
 _Item = TypeVar("_Item")
 _MOST_BYTES: Final = 4 * 1024 * 1024
-"""Of a batch, about: submaps of thousands of landmarks come in smaller ones, a few of which fit into memory."""
+"""Approximate bytes of a batch. Submaps with thousands of landmarks come in smaller batches, so that a few fit in
+memory.
+"""
 _LIGHT: Final = 2_000
-"""Arrays and objects of a line that the service itself describes; a line with more is described in another process."""
+"""Arrays and objects in a line that the service itself describes. A line with more is described in another process."""
 _LANDMARK_BYTES: Final = 40
 _LONGEST_ID: Final = 128
-"""Characters of an id that is repeated in a report; one that is longer is no id."""
+"""Characters of an id that a report repeats. A longer one is not an id."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,14 +60,14 @@ class Refusal:
 
 @dataclass(frozen=True, slots=True)
 class BlankLines:
-    """So many lines without content, one after the other: what stands for them costs as much as one line."""
+    """A number of consecutive blank lines, represented as one item."""
 
     count: int
 
 
 @dataclass(frozen=True, slots=True)
 class Batch(Generic[_Item]):
-    """Some of what was given, each with its position; `following` is the position after the last, blank or not."""
+    """Part of the input, each item with its position. `following` is the position after the last one, blank or not."""
 
     items: list[tuple[int, _Item]]
     following: int
@@ -100,7 +102,7 @@ class _Task:
 
 
 def describers(processes: int | None = None, *, patience: float = PATIENCE) -> ProcessPool:
-    """Processes that describe batches, this one among them: by default as many as there are cores.
+    """Processes that describe batches, including this one: by default one for each core.
 
     `patience`: seconds of work before processes are started.
     """
@@ -127,8 +129,8 @@ def of_lines(
 ) -> PoolTask[Batch[bytes], _Task, DescribedBatch]:
     """How batches of NDJSON lines are described for a collection. The work raises NotFound and StorageError.
 
-    A line that ends the process that describes it, or takes too long, is refused, and no other with it. Lines with many
-    trees are described in other processes only; where one is `careful`, all are.
+    A line that ends its worker process or takes too long is refused, and no other line with it. Lines with many trees
+    are described only in other processes; with `careful`, all lines are.
     """
 
     def here(batch: Batch[bytes]) -> DescribedBatch:
@@ -157,16 +159,16 @@ def of_lines(
 
 
 def _is_light(line: bytes) -> bool:
-    """Whether a line has so few trees that it cannot cost much, whatever shape they are in."""
+    """Whether a line has so few trees that it cannot cost much, whatever their shape."""
     return line.count(b"[") + line.count(b"{") <= _LIGHT
 
 
 def cut(
     items: Iterable[_Item | BlankLines], most: int, weigh: Callable[[_Item], int], first: int = 0
 ) -> Iterator[Batch[_Item]]:
-    """Batches of up to `most` items, or fewer of such that weigh a lot of bytes; the first has position `first`.
+    """Batches of at most `most` items, or fewer if they are large. The first has position `first`.
 
-    Blank lines are in no batch. Those at the end have one without items, so that they are accounted for.
+    Blank lines are in no batch. Blank lines at the end have a batch without items, so that they are counted.
     """
     batch, weight, position = list[tuple[int, _Item]](), 0, first
     for item in items:
@@ -184,17 +186,17 @@ def cut(
 
 
 def weigh_submap(submap: NamedSubmap) -> int:
-    """Bytes that a submap takes as JSON, about."""
+    """Approximate bytes of a submap as JSON."""
     return submap.landmark_count * _LANDMARK_BYTES
 
 
 def line_of(submap: NamedSubmap) -> bytes:
-    """A submap as a line of NDJSON, which is read as one of the same content."""
+    """A submap as a line of NDJSON that is read as the same content."""
     return orjson.dumps(submap.model_dump(exclude_unset=True, warnings=False), option=orjson.OPT_UTC_Z)
 
 
 def read_line(line: bytes, limits: Limits) -> NamedSubmap:
-    """The submap of one line of NDJSON. Raises MalformedBody, InvalidBody, InvalidField and TooLarge."""
+    """The submap in one line of NDJSON. Raises MalformedBody, InvalidBody, InvalidField and TooLarge."""
     try:
         members = read_json(line, limits.body_values)
     except orjson.JSONDecodeError as error:
@@ -203,8 +205,8 @@ def read_line(line: bytes, limits: Limits) -> NamedSubmap:
         return NamedSubmap.model_validate(members)
     except ValidationError as error:
         invalid = invalid_body(error)
-    # Not from within: a refusal that is kept would keep the other error, and through what that one knows of its own
-    # frames itself, in a circle that no collection of garbage sees.
+    # Not raised within the handler: a refusal that is kept would keep the other error and its frames alive, in a cycle
+    # that garbage collection does not see.
     raise invalid
 
 
@@ -239,7 +241,7 @@ def _describe(
     submaps: list[tuple[int, NamedSubmap]],
     refused: list[Refusal],
 ) -> DescribedBatch:
-    """What can be used of some submaps, with features but for those that are there already with the same trees."""
+    """The valid ones of some submaps, with features except for those whose trees are stored already."""
     with database.read() as session:
         collection = get_collection(session, collection_id)
         known = Submaps(session, collection.key).identities({submap.id for _, submap in submaps})
@@ -263,7 +265,7 @@ def _describe(
 
 
 def _id_in(line: bytes, error: DomainError) -> str | None:
-    """The id of a line that is JSON but no submap, for the report."""
+    """The id in a line that is valid JSON but not a submap, for the report."""
     if isinstance(error, InvalidField | InvalidBody | TooCostly):
         members = orjson.loads(line)
         if isinstance(members, dict) and isinstance(members.get("id"), str) and len(members["id"]) <= _LONGEST_ID:
@@ -281,7 +283,7 @@ def _is_json(line: bytes) -> bool:
 
 @cache
 def _opened(path: Path) -> Database:
-    """The database of a worker, which only reads it; it is closed when the process ends."""
+    """The database of a worker, opened read-only. It is closed when the process ends."""
     return Database(path)
 
 

@@ -1,4 +1,4 @@
-"""Submaps by the thousand: described in processes, stored batch by batch, with a word on what became of each."""
+"""Many submaps: described in worker processes and stored batch by batch, with an outcome for each."""
 
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import closing, nullcontext
@@ -20,7 +20,7 @@ from server.submaps.ingest import same_collection, store
 from server.submaps.receipts import Outcome
 
 OnConflict = Literal["replace", "skip", "fail"]
-"""What to do with a submap whose id is taken by another content: put it there, leave it out, or refuse it."""
+"""What to do if an id is stored with other content: replace it, skip the new one, or refuse it."""
 
 _Given = TypeVar("_Given")
 _Task = TypeVar("_Task")
@@ -28,7 +28,7 @@ _Task = TypeVar("_Task")
 
 @dataclass(frozen=True, slots=True)
 class LineOutcome:
-    """What became of one submap.
+    """The outcome of one submap.
 
     Attributes:
         position: in what was given, from 0.
@@ -48,7 +48,7 @@ class LineOutcome:
 
 @dataclass(slots=True)
 class BatchResult:
-    """What became of one batch; durable when it is yielded."""
+    """The outcome of one batch. It is durable when it is yielded."""
 
     lines: list[LineOutcome]
     landmarks: int
@@ -57,27 +57,27 @@ class BatchResult:
 
     @property
     def created(self) -> int:
-        """How many are new."""
+        """Number of new submaps."""
         return self._count("created")
 
     @property
     def replaced(self) -> int:
-        """How many took the place of others, those that did not keep it among them."""
+        """Number of submaps that replaced others."""
         return self._count("replaced")
 
     @property
     def unchanged(self) -> int:
-        """How many were there already."""
+        """Number of submaps that were stored already."""
         return self._count("unchanged")
 
     @property
     def refused(self) -> list[Refusal]:
-        """What cannot be used, and why."""
+        """The submaps that were refused, and why."""
         return [Refusal(line.id, line.error, line.position) for line in self.lines if line.error is not None]
 
     @property
     def submaps(self) -> int:
-        """How many submaps of the input this batch accounts for."""
+        """Number of submaps of the input that this batch covers."""
         return len(self.lines)
 
     def _count(self, outcome: str) -> int:
@@ -85,7 +85,7 @@ class BatchResult:
 
 
 OnWritten = Callable[[Session, BatchResult], None]
-"""Told of a batch in its transaction, just before it is committed; what it raises undoes the batch."""
+"""Called with a batch in its transaction, just before the commit. An exception undoes the batch."""
 
 
 def ingest_many(
@@ -97,12 +97,12 @@ def ingest_many(
     limits: Limits | None = None,
     workers: ProcessPool | None = None,
 ) -> Iterator[BatchResult]:
-    """Store many submaps, a transaction for each batch; yields what became of each batch once it is durable.
+    """Store many submaps in one transaction per batch. Yields the outcome of each batch once it is durable.
 
-    A submap that cannot be used is reported in `refused` and does not stop the others. An id that is there already is
-    replaced; of an id that comes twice in a batch, the last stands. While a batch is written, the next ones are
-    described by `workers` (of `batches.describers`; without it a pool for this call, a process for each core), which
-    are started when the work goes on for more than a second.
+    A submap that cannot be used is reported in `refused` and does not stop the others. A stored id is replaced. If an
+    id is twice in a batch, the last one counts. While a batch is written, `workers` describe the next ones (of
+    `batches.describers`; without it a pool for this call, with a process for each core). They are started when the work
+    takes longer than a second.
 
     Raises NotFound, StorageError and WorkerLost; what was yielded is stored.
     """
@@ -143,12 +143,12 @@ def ingest_lines(
     on_conflict: OnConflict = "replace",
     on_written: OnWritten | None = None,
 ) -> Generator[BatchResult, None, None]:
-    """Store submaps that come as lines of NDJSON, each the body of a PUT with the submap's `id`; as `ingest_many`.
+    """Store submaps from lines of NDJSON, each the body of a PUT with the submap's `id`, as `ingest_many` does.
 
-    Lines are read where they are described, which is the fastest way in. Empty ones are passed over.
+    Lines are parsed where they are described, which is fastest. Empty lines are skipped.
     """
     described_lines = describe_lines(database, collection_id, lines, options)
-    # Closed here, where what it waits for is known, and not when it is found to be garbage.
+    # Closed here, where its state is known, and not by garbage collection.
     with closing(described_lines):
         for described in described_lines:
             yield write(database, collection_id, described, on_conflict, on_written)
@@ -157,7 +157,9 @@ def ingest_lines(
 def describe_lines(
     database: Database, collection_id: str, lines: Iterable[bytes | BlankLines], options: LineOptions = USUAL
 ) -> Generator[DescribedBatch, None, None]:
-    """The same without storing: what each batch of lines holds. Raises NotFound, StorageError and WorkerLost."""
+    """Read and describe the lines without storing them, batch by batch. Raises NotFound, StorageError and
+    WorkerLost.
+    """
     work = batches.of_lines(database, collection_id, options.limits, careful=options.careful)
     return _described(work, batches.cut(lines, options.batch_size, len, options.first), options.workers)
 
@@ -169,7 +171,9 @@ def write(
     on_conflict: OnConflict = "replace",
     on_written: OnWritten | None = None,
 ) -> BatchResult:
-    """Store a batch in a transaction of its own. Raises NotFound, Conflict (another collection now), StorageError."""
+    """Store a batch in a transaction of its own. Raises NotFound, Conflict (the collection was replaced),
+    StorageError.
+    """
     with database.write() as session:
         result = write_in(session, collection_id, batch, on_conflict)
         if on_written is not None:
@@ -178,9 +182,10 @@ def write(
 
 
 def write_in(session: Session, collection_id: str, batch: DescribedBatch, on_conflict: OnConflict) -> BatchResult:
-    """Store a batch in a transaction that others share, as if one submap were stored after the other.
+    """Store a batch within a transaction, as if its submaps were stored one after the other.
 
-    Of an id that comes again the last one is written, and each has the outcome that it would have had by itself.
+    If an id comes again, the last one is written, and each has the outcome that it would have had by itself.
+
     Raises NotFound and Conflict.
     """
     collection = same_collection(session, collection_id, batch.collection_key)

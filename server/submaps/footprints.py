@@ -1,4 +1,4 @@
-"""Footprints of submaps in longitude and latitude, each by the CRS of its own map frame, or why there is none."""
+"""Footprints of submaps in longitude and latitude, by the CRS of each one's map frame, or why there is none."""
 
 from typing import Any
 
@@ -12,7 +12,7 @@ from server.store.tables import CollectionRow, SubmapRow
 
 
 def references_of(database: Database, collection: CollectionRow, frame_ids: set[str]) -> dict[str, FrameReference]:
-    """Where map frames are on Earth. Raises NotAcceptable for a collection none of whose frames has a CRS."""
+    """Where map frames are on Earth. Raises NotAcceptable if no frame of the collection has a CRS."""
     with database.read() as session:
         frames = MapFrames(session, collection)
         if not frames.any():
@@ -43,5 +43,5 @@ def without_crs(frame_id: str) -> str:
 
 
 def outside(frame_id: str, reference: FrameReference) -> str:
-    """Why something in a map frame has no longitude and latitude although the frame has a CRS."""
+    """Why something has no longitude and latitude although its map frame has a CRS."""
     return f"it lies outside the area of use of {reference.crs}, the crs of the map frame {frame_id!r}"

@@ -1,8 +1,8 @@
-"""Submaps in: validated, described, stored. Idempotent by content, and by Idempotency-Key.
+"""Writes of submaps: validated, described, stored. Idempotent by content and by Idempotency-Key.
 
-Describing takes milliseconds and needs no database, so it is done before the write transaction begins; the transaction
-looks again at what is there and at the preconditions. What is answered is read in that transaction, too: nobody is
-told of another caller's write.
+Describing takes milliseconds and needs no database, so it comes before the write transaction. The transaction reads
+again what is stored and checks the preconditions. The answer is read in it as well, so nobody is told of another
+caller's write.
 """
 
 from collections.abc import Sequence
@@ -34,12 +34,12 @@ from server.submaps.receipts import Outcome, Receipt, receipt_answer, refusal_an
 from urquhart import OBSTACLES, Description, Features
 
 _TURNS: Final = 8
-"""Searches before a submap that is asked about is refused, because others store submaps faster than one is searched."""
+"""Searches after which a submap with a query is refused, because others store submaps faster than one search takes."""
 
 
 @dataclass(frozen=True, slots=True)
 class Stored:
-    """What is answered to a submap that was sent; `outcome` is None where this request stored nothing."""
+    """The answer to a write. `outcome` is None if this request stored nothing."""
 
     outcome: Outcome | None
     response: StoredResponse
@@ -47,7 +47,7 @@ class Stored:
 
 @dataclass(frozen=True, slots=True)
 class WriteTerms:
-    """On what terms a submap is written.
+    """The conditions of a write.
 
     Attributes:
         preconditions: what must be true of the submap that is there.
@@ -73,9 +73,9 @@ def put(
     limits: Limits,
     terms: WriteTerms = NO_TERMS,
 ) -> Stored:
-    """Store a submap under an id: created, replaced, or unchanged when it is there already with the same content.
+    """Store a submap under an id: created, replaced, or unchanged if it is stored already with the same content.
 
-    With a question in its `terms`, landmarks of which no submap can be made are an answer, and nothing is stored.
+    With a question in its `terms`, landmarks that cannot make a submap are answered, and nothing is stored.
 
     Raises NotFound, PreconditionFailed, InvalidLandmarks, TooLarge, KeyReused, Overloaded and StorageError; then
     nothing is stored.
@@ -104,14 +104,14 @@ def put(
 
 
 def _operation(collection: CollectionRow, submap_id: str, terms: WriteTerms) -> str:
-    """What an idempotency key is good for."""
+    """The operation that an idempotency key is bound to."""
     return f"putSubmap {collection.key} {submap_id}" if terms.is_named else f"postSubmap {collection.key}"
 
 
 def _store(
     database: Database, collection: CollectionRow, prepared: Prepared, known: Identity | None, terms: WriteTerms
 ) -> Stored:
-    """Ask, then store in a transaction before which nothing was committed that the question should have seen."""
+    """Search, then store in a transaction, until nothing was committed in between that the search should have seen."""
     config, question = config_of(collection), terms.question
     observation = found = None
     if question is not None or not prepared.has_features(known):
@@ -139,7 +139,7 @@ def _store(
 
 
 def _write(database: Database, collection: CollectionRow, prepared: Prepared, terms: WriteTerms, turn: int) -> Stored:
-    """One transaction: the submap, and what is answered. Raises SearchOutdated."""
+    """One transaction with the submap and its answer. Raises SearchOutdated."""
     config, submap_id = config_of(collection), prepared.id
     operation = _operation(collection, submap_id, terms)
     with database.write() as session:
@@ -170,7 +170,8 @@ def patch(
     limits: Limits,
     terms: WriteTerms = NO_TERMS,
 ) -> StoredResponse:
-    """Change what the body names of a submap; the index is concerned only where it gives landmarks. What is answered.
+    """Change the members of a submap that the body names. The index changes only with the landmarks. Returns the
+    answer.
 
     Raises NotFound, PreconditionFailed, InvalidLandmarks, TooLarge, KeyReused and StorageError; then nothing changes.
     """
@@ -213,7 +214,7 @@ def delete(
     *,
     idempotency_key: IdempotencyKey | None = None,
 ) -> StoredResponse:
-    """Remove a submap; what is answered. Raises NotFound, PreconditionFailed, KeyReused and StorageError."""
+    """Delete a submap. Returns the answer. Raises NotFound, PreconditionFailed, KeyReused and StorageError."""
     with database.write() as session:
         collection = get_collection(session, collection_id)
         operation = f"deleteSubmap {collection.key} {submap_id}"
@@ -233,13 +234,13 @@ def delete(
 
 
 def _stored_features(session: Session, collection: CollectionRow, key: int) -> Features:
-    """The features of a submap that is there."""
+    """The features of a stored submap."""
     row = next(FeatureRows(session, collection.key).stored([key]))
     return features_of(row.features, row.landmarks, row.attributes, config_of(collection))
 
 
 def check_place(session: Session, collection: CollectionRow, place: Place | None) -> None:
-    """Raise InvalidField when the pose in the map is where the map frame's CRS does not reach."""
+    """Raise InvalidField if the pose in the map is outside the area of the map frame's CRS."""
     if place is not None:
         georeference.check_place(
             place, MapFrames(session, collection).some([place.map_frame_id]).get(place.map_frame_id)
@@ -247,7 +248,7 @@ def check_place(session: Session, collection: CollectionRow, place: Place | None
 
 
 def same_collection(session: Session, collection_id: str, key: int) -> CollectionRow:
-    """The collection, as long as it is the one of that key. Raises NotFound and Conflict."""
+    """The collection, if it still has that key. Raises NotFound and Conflict."""
     now = get_collection(session, collection_id)
     if now.key != key:
         raise Conflict(
@@ -260,7 +261,7 @@ def same_collection(session: Session, collection_id: str, key: int) -> Collectio
 def store(
     session: Session, collection: CollectionRow, pairs: Sequence[tuple[Identity | None, SubmapRecord]]
 ) -> list[Receipt]:
-    """Write what differs from what is known, under one new revision."""
+    """Write what differs from what is stored, under one new revision."""
     config = config_of(collection)
     changes = [
         (known, reconcile(record, known, config))

@@ -1,4 +1,4 @@
-"""Rows of a page of submaps: as many as were asked for, and as fit into its bytes."""
+"""Rows of a page of submaps: as many as requested, and as fit into its bytes."""
 
 from typing import Final
 
@@ -13,9 +13,9 @@ from server.store.submap_filter import SubmapFilter
 from server.store.tables import CollectionRow, SubmapRow
 
 _ROWS: Final = 50
-"""Rows that are read at once, where landmarks are read with them."""
+"""Rows that are read at once if landmarks are read, too."""
 _SUMMARY: Final = 700
-"""Bytes of a submap in a page beside its properties, about."""
+"""Approximate bytes of a submap in a page, without its properties."""
 
 
 def rows_of_page(
@@ -27,9 +27,12 @@ def rows_of_page(
     *,
     landmarks: bool = False,
 ) -> tuple[CollectionRow, list[SubmapRow], str | None]:
-    """The collection, the rows of the page in the order they came, and the cursor of the next page if there is one.
+    """The collection, the rows of the page in the order they were stored, and the cursor of the next page if there is
+    one.
 
-    The page ends at `limits.page_bytes`, but has one row at least. With `landmarks`, those are read, too, and count.
+    The page ends at `limits.page_bytes`, but has at least one row. With `landmarks`, landmarks are read and counted,
+    too.
+
     Raises NotFound and InvalidField.
     """
     size = page_size(asked.limit, limits)

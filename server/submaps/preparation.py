@@ -1,4 +1,4 @@
-"""A posted submap made ready for the store: checked against the limits, hashed, described."""
+"""A posted submap prepared for the store: checked against the limits, hashed, described."""
 
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -28,10 +28,10 @@ from urquhart import SE2, Config, Features, LandmarkError
 
 
 class Trees:
-    """The landmarks of a submap on their way in, as they are stored: positions, ids, attributes, features."""
+    """The landmarks of a submap to be stored: positions, ids, attributes, features."""
 
     def __init__(self, body: LandmarkBody, limits: Limits) -> None:
-        """Check how many there are, and hash them. Raises TooLarge."""
+        """Check their number, and hash them. Raises TooLarge."""
         check_landmark_count(body, limits)
         self.xy = body.positions()
         self.landmarks = pack_positions(self.xy)
@@ -42,11 +42,11 @@ class Trees:
         self._features: Features | None = None
 
     def reuse(self, features: Features) -> None:
-        """Take the features of a stored submap with the same landmarks, which spares describing them."""
+        """Use the features of a stored submap with the same landmarks instead of describing them."""
         self._features = features
 
     def describe(self, config: Config) -> Features:
-        """Features of the landmarks, made once. Raises InvalidLandmarks."""
+        """Features of the landmarks, computed once. Raises InvalidLandmarks."""
         if self._features is None or self._features.fingerprint != config.fingerprint():
             try:
                 self._features = urquhart.describe(self.xy, config, unpack_diameters(self.attributes))
@@ -56,7 +56,7 @@ class Trees:
 
 
 class Prepared:
-    """One submap on its way in."""
+    """One submap to be stored."""
 
     def __init__(self, submap_id: str, body: SubmapInput, limits: Limits) -> None:
         """Check sizes and hash the content. Raises TooLarge."""
@@ -69,15 +69,15 @@ class Prepared:
         self.etag = content_etag(self.trees.landmarks_hash, self.trees.ids, self.trees.attributes, rest)
 
     def describe(self, config: Config) -> Features:
-        """Features of the landmarks, made once. Raises InvalidLandmarks."""
+        """Features of the landmarks, computed once. Raises InvalidLandmarks."""
         return self.trees.describe(config)
 
     def has_features(self, known: Identity | None) -> bool:
-        """Whether what is there has the same positions and diameters, and with them the same features."""
+        """Whether the stored submap has the same positions and diameters, and so the same features."""
         return known is not None and _same_trees(known, self.trees.landmarks_hash, self.trees.attributes)
 
     def record(self, known: Identity | None, config: Config) -> SubmapRecord:
-        """What to store, given what is known to be there: features are made only for landmarks that are new."""
+        """The record to store, given what is stored already. Features are computed only for new landmarks."""
         if known is not None and self.has_features(known):
             counts, polygons, features = known.counts, known.polygon_count, None
         else:
@@ -104,7 +104,7 @@ class Prepared:
 
 
 def patched(row: SubmapRow, body: SubmapPatch, trees: Trees | None, config: Config) -> SubmapRecord:
-    """What is to be stored in the place of `row`: with what the patch names, and with the landmarks `trees`, if any.
+    """The record that replaces `row`: with the members of the patch and, if given, the landmarks `trees`.
 
     Raises InvalidLandmarks, unless the trees were described before.
     """
@@ -145,9 +145,9 @@ def patched(row: SubmapRow, body: SubmapPatch, trees: Trees | None, config: Conf
 
 
 def reconcile(record: SubmapRecord, known: Identity | None, config: Config) -> SubmapRecord:
-    """A record that was made earlier, made to fit what is known to be there by now.
+    """An earlier record, adapted to what is stored by now.
 
-    Features are left out where they are there, and made where another write took them away meanwhile.
+    Features are left out if they are stored, and computed if another write has removed them since.
     """
     if known is not None and _same_trees(known, record.landmarks_hash, record.attributes):
         return replace(record, counts=known.counts, polygon_count=known.polygon_count, features=None)
@@ -166,7 +166,7 @@ def _same_trees(known: Identity, landmarks_hash: str, attributes: bytes | None) 
 
 
 def check_landmark_count(body: LandmarkBody, limits: Limits) -> None:
-    """Raise TooLarge for more landmarks than allowed."""
+    """Raise TooLarge if there are more landmarks than allowed."""
     if body.landmark_count > limits.landmarks:
         raise TooLarge(
             "landmarks",
@@ -177,7 +177,7 @@ def check_landmark_count(body: LandmarkBody, limits: Limits) -> None:
 
 
 def check_properties(properties: dict[str, Any] | None, limits: Limits) -> None:
-    """Raise TooLarge for larger properties than allowed."""
+    """Raise TooLarge if the properties are larger than allowed."""
     size = 0 if properties is None else len(orjson.dumps(properties))
     if size > limits.properties_bytes:
         raise TooLarge(
@@ -186,7 +186,7 @@ def check_properties(properties: dict[str, Any] | None, limits: Limits) -> None:
 
 
 def invalid_landmarks(error: LandmarkError, body: LandmarkBody) -> InvalidLandmarks:
-    """The method's refusal, pointed at the field that the landmarks came in."""
+    """The method's error, with a pointer to the field that has the landmarks."""
     return InvalidLandmarks(body.landmark_pointer, error.code, str(error), error.indices)
 
 
@@ -194,7 +194,7 @@ def place_from(pose: MapPose | PlacedPose | None, xy: NDArray[np.float64]) -> Pl
     """The pose with the footprint of the landmarks ((N, 2) float64, metres, submap frame) in the map."""
     if pose is None:
         return None
-    # The database keeps no -0.0: with it, what is read back would have another entity tag.
+    # The database stores no -0.0, so it is replaced here: otherwise the entity tag would change.
     return Place(
         pose.frame_id,
         pose.x + 0.0,
@@ -206,7 +206,7 @@ def place_from(pose: MapPose | PlacedPose | None, xy: NDArray[np.float64]) -> Pl
 
 
 def _footprint(x: float, y: float, yaw: float, xy: NDArray[np.float64]) -> dict[str, float]:
-    """The box of the landmarks in the map, metres, by the names of `Place`."""
+    """The bounding box of the landmarks in the map, in metres, by the names of `Place`."""
     footprint = SE2(x, y, yaw).apply(xy if len(xy) else np.zeros((1, 2)))
     (min_x, min_y), (max_x, max_y) = footprint.min(axis=0).tolist(), footprint.max(axis=0).tolist()
     return {"map_min_x": min_x, "map_min_y": min_y, "map_max_x": max_x, "map_max_y": max_y}
@@ -214,7 +214,7 @@ def _footprint(x: float, y: float, yaw: float, xy: NDArray[np.float64]) -> dict[
 
 @dataclass(frozen=True, slots=True)
 class Circumstances:
-    """What a submap has beside its landmarks."""
+    """The content of a submap besides its landmarks."""
 
     frame_id: str | None
     session: str | None
@@ -235,6 +235,6 @@ def content_etag(landmarks_hash: str, ids: bytes | None, attributes: bytes | Non
 
 
 def row_etag(row: SubmapRow, place: Place | None, properties: dict[str, Any] | None) -> str:
-    """Entity tag of a stored submap with a pose in the map and properties, its own or others."""
+    """Entity tag of a stored submap with a map pose and properties, its own or others."""
     rest = Circumstances(row.frame_id, row.session, row.stamp, place, properties)
     return content_etag(row.landmarks_hash, row.landmark_ids, row.attributes, rest)

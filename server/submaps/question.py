@@ -1,4 +1,4 @@
-"""What may be asked of a collection before a submap is stored in it."""
+"""The search before a submap is stored, as the writes know it."""
 
 from typing import Protocol
 
@@ -10,17 +10,17 @@ from urquhart import Description
 
 
 class SearchOutdated(Exception):
-    """Others stored submaps between a search and the write that relies on it."""
+    """Others have stored submaps between a search and the write that relies on it."""
 
 
 class Question(Protocol):
-    """What is asked of the collection before a submap is stored in it."""
+    """A search before a submap is stored."""
 
     def ask(self, observation: Description) -> QueryAnswer:
-        """Search what is stored now for the submap's landmarks, which were described before."""
+        """Search for the submap's landmarks, which are described already."""
 
     def confirm(self, session: Session, collection: CollectionRow, own_key: int | None, turn: int) -> QueryAnswer:
         """The answer, in the transaction that stores the submap, after `turn` + 1 searches.
 
-        `own_key`: what is stored under the submap's id. Raises SearchOutdated.
+        `own_key`: key of what is stored under the submap's id. Raises SearchOutdated.
         """

@@ -1,4 +1,4 @@
-"""Submaps out: one, a page of them, what the method sees in one; as data, as GeoJSON, as a drawing."""
+"""Reads of submaps: one, a page of them, a tessellation; as JSON, GeoJSON or a drawing."""
 
 from datetime import datetime
 from typing import Any
@@ -50,14 +50,14 @@ def read(database: Database, collection_id: str, submap_id: str) -> Submap:
 
 
 def submap_of(collection_id: str, row: SubmapRow) -> Submap:
-    """A submap as it is answered, of a row with its landmarks."""
+    """The answer for a row with its landmarks."""
     return Submap(**_summary(collection_id, row), landmarks=_landmarks(row))
 
 
 def page(
     database: Database, limits: Limits, collection_id: str, chosen: SubmapFilter, asked: PageRequest
 ) -> SubmapPage:
-    """A page of submaps without their landmarks, in the order they came. Raises NotFound and InvalidField."""
+    """A page of submaps without landmarks, in the order they were stored. Raises NotFound and InvalidField."""
     rows, following = rows_of_page(database, limits, collection_id, chosen, asked)[1:]
     return SubmapPage(submaps=[SubmapSummary(**_summary(collection_id, row)) for row in rows], next=following)
 
@@ -89,7 +89,7 @@ def geojson_page(
     asked: PageRequest,
     budget: Budget,
 ) -> tuple[dict[str, Any], str | None]:
-    """The same page as GeoJSON: footprints, each by its own map frame's CRS. And the next cursor.
+    """A page as GeoJSON: footprints, by the CRS of each submap's map frame; and the cursor of the next page.
 
     A submap without map_pose, or in a map frame without CRS, has no geometry, and `no_geometry` says why. Raises
     NotAcceptable for a collection without any CRS, and urquhart.budget.OutOfTime and Abandoned.
@@ -108,7 +108,7 @@ def geojson_page(
 
 
 class Tessellated:
-    """A submap's tessellation, in the forms it is served in; each raises urquhart.budget.OutOfTime and Abandoned."""
+    """A submap's tessellation in all its formats. Each method raises urquhart.budget.OutOfTime and Abandoned."""
 
     def __init__(self, database: Database, collection_id: str, submap_id: str, budget: Budget) -> None:
         """Raises NotFound."""
@@ -127,7 +127,7 @@ class Tessellated:
         self.etag = digest(row.etag.encode(), self._features.fingerprint.encode(), self._geo_etag())
 
     def to_answer(self) -> TessellationAnswer:
-        """As data, landmarks by position."""
+        """The tessellation as data. Landmarks are referred to by position."""
         tessellation = self._features.tessellation
         return TessellationAnswer(
             submap_id=self._row.id,
@@ -146,7 +146,7 @@ class Tessellated:
         )
 
     def to_geojson(self) -> dict[str, Any]:
-        """Polygons in longitude and latitude. Raises NotAcceptable without CRS or map_pose."""
+        """The polygons in longitude and latitude. Raises NotAcceptable without CRS or map_pose."""
         others = ["application/json", "image/svg+xml"]
         place = stored_place(self._row)
         if place is None:
@@ -175,7 +175,7 @@ class Tessellated:
         }
 
     def to_svg(self) -> str:
-        """As a drawing."""
+        """The tessellation as a drawing."""
         return urquhart.draw_tessellation(self._features, title=self._row.id, budget=self._budget)
 
     def _geo_etag(self) -> bytes:
@@ -185,7 +185,7 @@ class Tessellated:
 def submap_filter(
     *, session: str | None, bbox: str | None, frame_id: str | None, datetime_range: str | None
 ) -> SubmapFilter:
-    """The filter that query parameters ask for. Raises InvalidField."""
+    """The filter in query parameters. Raises InvalidField."""
     since, until = _interval(datetime_range)
     return SubmapFilter(session=session, bbox=_bbox(bbox), map_frame_id=frame_id, since=since, until=until)
 
@@ -217,7 +217,7 @@ def _summary(collection_id: str, row: SubmapRow) -> dict[str, Any]:
 
 
 def submap_links(collection_id: str, submap_id: str) -> SubmapLinks:
-    """Where to go from a submap."""
+    """Paths of a submap, its collection and its tessellation."""
     own = links.submap(collection_id, submap_id)
     return SubmapLinks(self=own, collection=links.collection(collection_id), tessellation=f"{own}/tessellation")
 
@@ -235,7 +235,7 @@ def _bbox(text: str | None) -> tuple[float, float, float, float] | None:
     if text is None:
         return None
     try:
-        # Python reads `1_0`, too.
+        # float() would accept `1_0`.
         values = () if "_" in text else tuple(float(part) for part in text.split(","))
     except ValueError:
         values = ()

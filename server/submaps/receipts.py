@@ -1,4 +1,4 @@
-"""What is answered to submaps that were sent."""
+"""Answers to writes of submaps."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -18,9 +18,9 @@ Outcome = Literal["created", "replaced", "unchanged"]
 
 @dataclass(frozen=True, slots=True)
 class Receipt:
-    """What became of a submap.
+    """The outcome of a write.
 
-    `cleared`: the optional members that it had before and has no more, by their names in the API.
+    `cleared`: optional members that the submap had before and no longer has, by their names in the API.
     """
 
     outcome: Outcome
@@ -31,7 +31,7 @@ class Receipt:
 
 
 def receipt_answer(collection_id: str, submap_id: str, receipt: Receipt, found: QueryAnswer | None) -> StoredResponse:
-    """The answer to a PUT or POST, with what the question found, if one was asked."""
+    """The answer to a PUT or POST, with the result of its query if it had one."""
     headers = {"ETag": f'"{receipt.etag}"'}
     if receipt.outcome == "created":
         headers["Location"] = links.submap(collection_id, submap_id)
@@ -56,7 +56,7 @@ def refusal_answer(
     error: InvalidLandmarks,
     found: QueryAnswer,
 ) -> StoredResponse:
-    """The answer to a submap that was asked about, and of which none can be made; `known` is what stays stored."""
+    """The answer to a submap with a query that cannot be stored. `known` is what stays stored."""
     answer = SubmapReceipt(
         id=submap_id,
         collection=collection.id,
