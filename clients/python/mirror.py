@@ -1,4 +1,6 @@
-"""Makes the awaiting client of the blocking one: `python clients/python/mirror.py`; a test holds the two together."""
+"""Generates the asynchronous client from the blocking one: `python clients/python/mirror.py`. A test compares the
+two.
+"""
 
 import ast
 import re
@@ -33,7 +35,7 @@ _WORDS = {
 
 
 def mirror(source: str) -> str:
-    """The awaiting form of a blocking module."""
+    """The asynchronous form of a blocking module."""
     lines = source.splitlines(keepends=True)
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.FunctionDef) and _waits(ast.get_source_segment(source, node) or "", node.name):
@@ -59,7 +61,7 @@ def _waits(body: str, name: str) -> bool:
 
 
 def mirrored() -> dict[Path, str]:
-    """What the files of the awaiting client are to hold."""
+    """The expected files of the asynchronous client."""
     return {HERE / "_async" / path.name: mirror(path.read_text()) for path in sorted((HERE / "_sync").glob("*.py"))}
 
 

@@ -30,7 +30,7 @@ class IndexSettings(BaseModel):
 
 
 class JobSettings(BaseModel):
-    """How long work is done beside the requests."""
+    """Settings of jobs."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -54,7 +54,7 @@ class JobSettings(BaseModel):
 
 
 class LogSettings(BaseModel):
-    """What is written to standard error, and how."""
+    """Settings of the log."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 

@@ -1,4 +1,4 @@
-"""The settings, loaded from options, environment and file; and where each of them was set."""
+"""Load the settings from options, environment and file, and find out where each was set."""
 
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,7 @@ from server.config.settings_sources import Misconfigured, config_file, flat, in_
 
 
 def load(**given: Any) -> Settings:
-    """The settings, with those that are `given` (not None) before all others.
+    """The settings. Those that are `given` (not None) take precedence over all others.
 
     Raises:
         Misconfigured: in one sentence, which setting, where it stands and what it may be.

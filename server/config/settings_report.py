@@ -1,4 +1,4 @@
-"""The settings in force, each with its default and where it was set; and the documentation of all of them."""
+"""Reports of settings: those in force, each with its default and its source; and the documentation of all."""
 
 import json
 from dataclasses import asdict, dataclass
@@ -62,7 +62,7 @@ class SettingReport:
 
 
 def describe(settings: Settings, **given: Any) -> list[SettingReport]:
-    """Every setting, in the order in which the model has them; `given` are those that were options."""
+    """Every setting, in the order of the model. `given` are those that were options."""
     sources = Origins(Settings, given)
     values = flat(settings.model_dump())
     return [
@@ -79,12 +79,12 @@ def describe(settings: Settings, **given: Any) -> list[SettingReport]:
 
 
 def as_json(settings: list[SettingReport]) -> str:
-    """A JSON array of them."""
+    """The report as a JSON array."""
     return json.dumps([asdict(one) for one in settings], indent=2, default=str)
 
 
 def as_text(settings: list[SettingReport]) -> str:
-    """A table in plain text."""
+    """The report as a plain text table."""
     rows = [("setting", "value", "default", "from")]
     rows += [(one.name, _shown(one.value), _shown(one.default), one.source) for one in settings]
     widths = [max(len(row[column]) for row in rows) for column in range(4)]
@@ -94,7 +94,7 @@ def as_text(settings: list[SettingReport]) -> str:
 
 
 def as_markdown(model: type[BaseModel] = Settings) -> str:
-    """The documentation of every setting."""
+    """The documentation of every setting, as Markdown."""
     parts = [_HEAD]
     for group in ["", *groups(model)]:
         rows = [(name, field) for name, field in fields(model) if name.rpartition(".")[0] == group]
@@ -111,7 +111,7 @@ def as_markdown(model: type[BaseModel] = Settings) -> str:
 
 
 def allowed(field: FieldInfo) -> str:
-    """Which values a setting may have, in words."""
+    """The values that a setting may have, in words."""
     if get_origin(field.annotation) is Literal:
         return ", ".join(f"`{choice}`" for choice in get_args(field.annotation))
     words = [
@@ -126,7 +126,7 @@ def allowed(field: FieldInfo) -> str:
 
 
 def default_of(field: FieldInfo) -> Any:
-    """What a setting is where nobody says anything; a secret's is hidden, too."""
+    """The default of a setting; that of a secret is hidden as well."""
     if is_secret(field):
         return None
     value = field.get_default(call_default_factory=True, validated_data={})

@@ -1,4 +1,4 @@
-"""Where settings are read from: a TOML file and the environment, both held to names that exist."""
+"""The sources of settings: a TOML file and the environment. Both may contain only known names."""
 
 import difflib
 import os
@@ -14,11 +14,11 @@ PREFIX: Final = "URQUHART_"
 DEFAULT_FILE: Final = "urquhart.toml"
 NESTED: Final = "__"
 CLIENTS: Final = frozenset({"URQUHART_URL", "URQUHART_API_KEY"})
-"""Read by the client, which calls itself the same."""
+"""Variables of the client, which has the same prefix."""
 
 
 class Misconfigured(Exception):
-    """The settings cannot be used; `str(error)` says which one, and where it stands."""
+    """The settings cannot be used. `str(error)` says which one, and where it is set."""
 
 
 def fields(model: type[BaseModel], above: tuple[str, ...] = ()) -> Iterator[tuple[str, FieldInfo]]:
@@ -42,7 +42,7 @@ def variable(name: str) -> str:
 
 
 def config_file(given: str | None, environ: Mapping[str, str] = os.environ) -> Path | None:
-    """The settings file: the one that is given, or named by the environment, or `urquhart.toml` where it is there.
+    """The settings file: the given one, the one in the environment, or `urquhart.toml` if it exists.
 
     Raises:
         Misconfigured: the one that is asked for is not there.
@@ -57,7 +57,7 @@ def config_file(given: str | None, environ: Mapping[str, str] = os.environ) -> P
 
 
 def read_file(path: Path, model: type[BaseModel]) -> dict[str, Any]:
-    """The values of a TOML file, in tables as the model has groups.
+    """The values of a TOML file, in tables by group.
 
     Raises:
         Misconfigured: it cannot be read, is not TOML, or names something that is no setting.
@@ -83,9 +83,9 @@ def read_file(path: Path, model: type[BaseModel]) -> dict[str, Any]:
 
 
 def check_environment(model: type[BaseModel], environ: Mapping[str, str] = os.environ) -> None:
-    """Refuse variables that look like settings and are none: a slip of the pen must not pass for a setting.
+    """Refuse environment variables with our prefix and an unknown name, so that a misspelt setting is noticed.
 
-    Those of the client may be there: it is used on the service's own machine, too.
+    Those of the client are allowed, because it is used on the service's machine as well.
 
     Raises:
         Misconfigured: with the nearest name that there is.
@@ -108,7 +108,7 @@ def flat(values: Mapping[str, Any], above: tuple[str, ...] = ()) -> dict[str, An
 
 
 def in_environment(name: str, environ: Mapping[str, str] = os.environ) -> str | None:
-    """The variable that sets a setting, as it is written there; empty ones count as not there."""
+    """The environment variable that sets a setting, as it is written there. Empty variables are ignored."""
     wanted = {variable(name), variable(name.partition(".")[0])}
     return next((key for key, value in environ.items() if value and key.upper() in wanted), None)
 

@@ -1,4 +1,4 @@
-"""What is read from the database when metrics are asked for: collections and their sizes, jobs, how far indexes lag."""
+"""Gauges that are read from the database at each scrape: collections and their sizes, jobs, and how far indexes lag."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ _UP: Final = "Whether the database could be read for this answer."
 
 @dataclass(frozen=True, slots=True)
 class Sizes:
-    """The largest collections, and all of them together; unfinished jobs by their state."""
+    """The largest collections, the totals of all, and unfinished jobs by state."""
 
     largest: Sequence[CollectionSize]
     collections: int
@@ -27,7 +27,7 @@ class Sizes:
 
 
 def exposition(database: Database, metrics: Metrics, exchange: MetricsExchange | None) -> bytes:
-    """The metrics of all processes, in Prometheus' text format. The database not being there is a metric, too."""
+    """The metrics of all processes in Prometheus' text format. One of them says whether the database can be read."""
     elsewhere = [] if exchange is None else exchange.others()
     told = merged([metrics.families(), *elsewhere])
     try:
@@ -38,7 +38,7 @@ def exposition(database: Database, metrics: Metrics, exchange: MetricsExchange |
 
 
 def read_sizes(database: Database, most: int) -> Sizes:
-    """Up to `most` collections, the largest first, and the totals. Raises StorageError."""
+    """At most `most` collections, largest first, and the totals. Raises StorageError."""
     with database.read() as session:
         collections = Collections(session)
         largest = [size for size in collections.largest(most + 1) if size.id != OTHER][:most]
@@ -46,7 +46,7 @@ def read_sizes(database: Database, most: int) -> Sizes:
 
 
 def _by_name(told: Sequence[Family], sizes: Sizes) -> list[Family]:
-    """Without the indexes of collections that are not among the largest: each process names others."""
+    """Remove the indexes of collections that are not among the largest, because each process has named others."""
     names = {size.id for size in sizes.largest}
     return [
         Family(
@@ -81,7 +81,7 @@ def _of_rows(sizes: Sizes, told: Sequence[Family]) -> list[Family]:
 
 
 def _family(name: str, about: str, values: dict[str, float], by: str = "collection") -> Family:
-    """A gauge by a label, or with the one value of the empty name."""
+    """A gauge with one label, or without a label for the empty name."""
     name = f"urquhart_{name}"
     samples: dict[Key, float] = {(name, ((by, label),) if label else ()): value for label, value in values.items()}
     return Family(name, "gauge", about, samples)

@@ -1,7 +1,7 @@
-"""The log of a process: one line for everything that happens, as text for people or as JSON for programs.
+"""The log of a process: one line for each event, as text for people or as JSON for programs.
 
-A line never ends where a caller wants it to: whatever is no printable character is escaped, and the lines of a
-traceback are indented. Nor does a value: in a line of text, one that could be taken for several is quoted as JSON.
+No caller can forge a line: unprintable characters are escaped, and the lines of a traceback are indented. Nor can a
+caller forge a field: an ambiguous value in a line of text is quoted as JSON.
 """
 
 import json
@@ -19,16 +19,16 @@ from server.config.settings_groups import LogSettings
 ACCESS: Final = "access"
 _LEVELS: Final = {"debug": logging.DEBUG, "info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}
 _LONGEST: Final = 200
-"""Characters of a path that are written."""
+"""Characters of a path that are logged."""
 _PLAIN: Final = re.compile(r"[A-Za-z0-9!#$%&'()*+,./:;<>?@\[\]^_`{|}~-]+")
-"""A value of a text line that needs no quotes: no space, `=`, quote or backslash, and nothing but ASCII."""
+"""A value that needs no quotes in a line of text: ASCII without space, `=`, quote and backslash."""
 _access = logging.getLogger(ACCESS)
 
 
 def configure(settings: LogSettings, stream: TextIO | None = None) -> None:
-    """Send everything that is logged in this process to `stream`, standard error by default, in one format.
+    """Send all log records of this process to `stream`, standard error by default, in one format.
 
-    The web server's own loggers are brought into it; its access log is replaced by ours.
+    The web server's own loggers use it, too. Its access log is replaced by ours.
     """
     handler = logging.StreamHandler(stream or sys.stderr)
     handler.setFormatter(JsonLines() if settings.format == "json" else TextLines())
@@ -43,28 +43,28 @@ def configure(settings: LogSettings, stream: TextIO | None = None) -> None:
     silent = logging.getLogger("uvicorn.access")
     silent.handlers.clear()
     silent.propagate = False
-    # Others' libraries: what they do in detail is no business of an operator's.
+    # Details of libraries are not for operators.
     for name in ("numba", "alembic", "asyncio", "httpx", "httpcore"):
         logging.getLogger(name).setLevel(max(logging.WARNING, _LEVELS[settings.level]))
 
 
 def log_access(fields: Mapping[str, Any]) -> None:
-    """The line of one request; `fields` has at least method, path, status and ms."""
+    """Log one request. `fields` has at least method, path, status and ms."""
     level = logging.WARNING if fields["status"] >= 500 else logging.INFO
     if _access.isEnabledFor(level):
-        # Not `info()`, which would look through the stack for who called it.
+        # Not `info()`, which would search the stack for its caller.
         record = logging.LogRecord(ACCESS, level, "", 0, "request", None, None)
         record.fields = fields
         _access.handle(record)
 
 
 def shortened(path: str) -> str:
-    """A path, not longer than a line should be."""
+    """A path, shortened to what a log line should contain."""
     return path if len(path) <= _LONGEST else f"{path[:_LONGEST]}..."
 
 
 def quoted(value: object) -> str:
-    """A value in a line of text, where spaces part the fields: as it is, or as a JSON string where it has more in it.
+    """A value in a line of text, whose fields are separated by spaces: unchanged if unambiguous, else as a JSON string.
 
     A JSON string ends at the first `"` without a backslash before it. So `path="/a b key=x"` is one field.
     """
@@ -75,7 +75,7 @@ def quoted(value: object) -> str:
 
 
 def escaped(text: str) -> str:
-    """The text on one line: line ends, control and other unprintable characters as escapes."""
+    """The text on one line, with line ends, control and other unprintable characters escaped."""
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() else c.encode("unicode_escape", "backslashreplace").decode() for c in text)
@@ -85,7 +85,7 @@ class JsonLines(logging.Formatter):
     """A JSON object on each line: time, level, logger, message, and for requests the fields of the request."""
 
     def format(self, record: logging.LogRecord) -> str:
-        """The line, without its end."""
+        """The line, without a line end."""
         line: dict[str, Any] = {"time": _time(record), "level": record.levelname.lower(), "logger": record.name}
         fields = getattr(record, "fields", None)
         if fields is None:
@@ -96,17 +96,17 @@ class JsonLines(logging.Formatter):
             line["exception"] = self.formatException(record.exc_info)
         try:
             text = orjson.dumps(line, default=str).decode()
-        except orjson.JSONEncodeError:  # halves of surrogate pairs, which only Python has
+        except orjson.JSONEncodeError:  # lone surrogates, which only Python has
             return json.dumps(line, default=str)
-        # JSON allows separators of lines that some readers of logs take for the end of one.
+        # JSON allows separators that some readers of logs take for line ends.
         return text if text.isprintable() else json.dumps(line, default=str)
 
 
 class TextLines(logging.Formatter):
-    """A line for people; the lines of a traceback follow it, indented."""
+    """A line for people. The lines of a traceback follow it, indented."""
 
     def format(self, record: logging.LogRecord) -> str:
-        """The line, without its end."""
+        """The line, without a line end."""
         head = f"{_time(record)} {record.levelname:<7} {record.name}: "
         fields = getattr(record, "fields", None)
         line = head + (escaped(record.getMessage()) if fields is None else _request(fields))
@@ -117,7 +117,7 @@ class TextLines(logging.Formatter):
 
 
 def _request(fields: Mapping[str, Any]) -> str:
-    """What happened first, then the rest as name=value."""
+    """The event first, then the other fields as name=value."""
     first = f"{quoted(fields['method'])} {quoted(fields['path'])} {fields['status']} {fields['ms']} ms"
     rest = [
         f"{name}={orjson.dumps(value).decode() if isinstance(value, dict) else quoted(value)}"

@@ -1,4 +1,4 @@
-"""What the service notes about a request for its line in the log."""
+"""What the service records about a request for its log line."""
 
 from collections import Counter
 from collections.abc import Iterable
@@ -9,13 +9,13 @@ from typing import Any
 
 @dataclass(slots=True)
 class RequestNotes:
-    """Verdicts of the queries that a request asked, and the milliseconds of their stages, summed."""
+    """Verdicts of a request's queries, and the total milliseconds of their stages."""
 
     verdicts: Counter[str] = field(default_factory=Counter)
     stages: dict[str, float] = field(default_factory=dict)
 
     def log_members(self) -> dict[str, Any]:
-        """As members of a log line: `verdict` of one query, `verdicts` of several, `stages`."""
+        """The members of the log line: `verdict` of one query, `verdicts` of several, `stages`."""
         if not self.verdicts:
             return {}
         only = len(self.verdicts) == 1 and self.verdicts.total() == 1
@@ -27,14 +27,14 @@ _notes: ContextVar[RequestNotes | None] = ContextVar("notes", default=None)
 
 
 def begin() -> RequestNotes:
-    """Notes of the request that this task, and the threads it waits for, work on from now on."""
+    """Begin the record of the request that this task, and the threads it waits for, work on."""
     notes = RequestNotes()
     _notes.set(notes)
     return notes
 
 
 def note_query(verdict: str, stages: Iterable[tuple[str, float]]) -> None:
-    """A query was answered; `stages` are names and milliseconds. Nothing happens where no request is in progress."""
+    """Record a query; `stages` are names and milliseconds. Does nothing if no request is in progress."""
     notes = _notes.get()
     if notes is None:
         return

@@ -1,7 +1,7 @@
-"""API keys: made, listed, revoked.
+"""API keys: created, listed, revoked.
 
-A key is `urq_<id>_<secret>`. The secret has 256 random bits, so its SHA-256 is all that needs to be kept: there is
-nothing to be guessed that a slower hash would protect.
+A key is `urq_<id>_<secret>`. The secret has 256 random bits, so storing its SHA-256 is enough: there is nothing to
+guess that a slower hash would protect.
 """
 
 import hashlib
@@ -29,7 +29,7 @@ _PATTERN: Final = re.compile(r"[\w.~*?-]{1,128}")
 
 @dataclass(frozen=True, slots=True)
 class KeyInfo:
-    """What may be shown of a key."""
+    """The public part of a key."""
 
     id: str
     name: str
@@ -40,7 +40,7 @@ class KeyInfo:
     revoked: datetime | None
 
     def state(self, now: datetime) -> str:
-        """In a word."""
+        """The state of the key in one word."""
         if self.revoked is not None:
             return "revoked"
         return "expired" if self.expires is not None and self.expires <= now else "usable"
@@ -49,7 +49,7 @@ class KeyInfo:
 def make(
     database: Database, name: str, scopes: Sequence[Scope], patterns: Sequence[str], expires: datetime | None = None
 ) -> tuple[str, KeyInfo]:
-    """A new key, which is shown only now, and what is stored of it.
+    """Create a key. Returns the key, which is shown only now, and what is stored of it.
 
     Raises:
         InvalidField: no scope, no pattern, or one that no collection's id can match.
@@ -83,15 +83,15 @@ def make(
 
 
 def listed(database: Database) -> list[KeyInfo]:
-    """All keys, oldest first, the revoked and expired ones, too."""
+    """All keys, oldest first, including revoked and expired ones."""
     with database.read() as session:
         return [info_of(row) for row in ApiKeys(session).all()]
 
 
 def revoke(database: Database, key_id: str) -> None:
-    """Make a key useless, for every process within a second, and end its jobs.
+    """Revoke a key, for every process within a second, and end its jobs.
 
-    Raises NotFound and Conflict (it is already).
+    Raises NotFound and Conflict (it is revoked already).
     """
     with database.write() as session:
         keys = ApiKeys(session)
@@ -106,7 +106,7 @@ def revoke(database: Database, key_id: str) -> None:
 
 
 def info_of(row: KeyRow) -> KeyInfo:
-    """What may be shown of the key in this row."""
+    """The public part of the key in this row."""
     return KeyInfo(row.id, row.name, tuple(row.scopes), tuple(row.patterns), row.created, row.expires, row.revoked)
 
 
@@ -115,5 +115,5 @@ def _random(length: int) -> str:
 
 
 def digest_of(secret: str) -> bytes:
-    """SHA-256 of a secret, which is all that is stored of it."""
+    """SHA-256 of a secret. Only this is stored."""
     return hashlib.sha256(secret.encode()).digest()

@@ -1,4 +1,4 @@
-"""Who sends a request: found by the API key, remembered for a second. And whether the service needs keys at all."""
+"""Finds the principal of a request by its API key, with a cache of one second, and decides whether keys are needed."""
 
 import hmac
 import ipaddress
@@ -16,20 +16,20 @@ from server.store.sqlite.database import Database
 from server.store.tables import KeyRow
 
 _FRESH: Final = 1.0
-"""Seconds for which what the database said of a key is believed; so long a revoked one may still work."""
+"""Seconds for which a key is cached, and so for which a revoked key may still work."""
 
 
 _KNOWN: Final = 10_000
-"""Keys that are remembered, about."""
+"""Approximate number of keys in the cache."""
 
 
 def is_exposed(settings: Settings) -> bool:
-    """Whether other machines may reach the address, and nobody said that this is all right."""
+    """Whether other machines can reach the address, and `insecure` is not set."""
     return not settings.insecure and not _is_loopback(settings.host)
 
 
 def check_exposure(settings: Settings, database: Database) -> None:
-    """Raise Conflict where other machines may reach the service and it has no key to ask them for."""
+    """Raise Conflict if other machines can reach the service and there is no key."""
     if not is_exposed(settings):
         return
     with database.read() as session:
@@ -56,11 +56,11 @@ class Authenticator:
         return self._keys_exist(ask=True) is True
 
     def from_cache(self, authorization: str | None) -> Principal | None:
-        """Who asks, from what is remembered; None where the database has to be asked. Raises Unauthorized."""
+        """The principal, if it is in the cache; None if the database must be read. Raises Unauthorized."""
         return self._principal_of(authorization, ask=False)
 
     def authenticate(self, authorization: str | None) -> Principal:
-        """Who asks. Raises Unauthorized and StorageError."""
+        """The principal. Raises Unauthorized and StorageError."""
         caller = self._principal_of(authorization, ask=True)
         if caller is None:
             raise AssertionError("the database was asked")
@@ -82,7 +82,7 @@ class Authenticator:
         if found is None:
             return None
         (row,) = found
-        # Compared in any case, so that the time does not tell whether there is such a key.
+        # Always compared, so that the duration does not reveal whether the key exists.
         same = hmac.compare_digest(digest_of(match[2]), row.digest if row is not None else bytes(32))
         if row is None or not same:
             raise Unauthorized("There is no such key. Check that you copied all of it.")
@@ -127,4 +127,4 @@ def _is_loopback(host: str) -> bool:
     try:
         return ipaddress.ip_address(host.strip("[]")).is_loopback
     except ValueError:
-        return False  # a name may resolve to anything
+        return False  # a name may resolve to any address

@@ -8,7 +8,7 @@ from server.errors import Forbidden
 
 
 class Scope(StrEnum):
-    """What a key allows; none includes another."""
+    """A scope of a key. No scope includes another."""
 
     READ = "read"
     WRITE = "write"
@@ -30,29 +30,29 @@ class Principal:
     patterns: tuple[str, ...]
 
     def sees(self, collection_id: str) -> bool:
-        """Whether the collection exists for the caller."""
+        """Whether the principal may know that the collection exists."""
         return any(fnmatchcase(collection_id, pattern) for pattern in self.patterns)
 
     def require(self, scope: Scope) -> None:
-        """Raise Forbidden for a caller without the scope."""
+        """Raise Forbidden for a principal without the scope."""
         if scope not in self.scopes:
             raise Forbidden(f"This needs a key with the scope {scope.value}. Yours has {_listed(self.scopes)}.")
 
     def require_all(self) -> None:
-        """Raise Forbidden for a caller who sees only some collections."""
+        """Raise Forbidden for a principal that may see only some collections."""
         if not self.sees_all:
             raise Forbidden("This needs a key for all collections. Yours is bound to some of them.")
 
     @property
     def sees_all(self) -> bool:
-        """Whether every collection, present and future, exists for the caller."""
+        """Whether the principal may see every collection, present and future."""
         return "*" in self.patterns
 
 
 UNRESTRICTED = Principal("", frozenset(Scope), ("*",))
-"""The principal of every request while the service requires no key."""
+"""The principal of every request while the service needs no key."""
 ANONYMOUS = Principal("", frozenset(), ())
-"""A caller without a key where one is required."""
+"""A caller without a key while the service needs one."""
 
 
 def _listed(scopes: frozenset[Scope]) -> str:

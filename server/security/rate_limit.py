@@ -1,4 +1,4 @@
-"""How often each caller may ask: a bucket of tokens for each, filled at a steady rate."""
+"""Rate limits: a token bucket for each caller."""
 
 import threading
 import time
@@ -9,17 +9,19 @@ from typing import Final
 from server.errors import TooManyRequests
 
 _MOST: Final = 10_000
-"""Callers that are remembered; one that was not seen for longest is forgotten, and begins with a full bucket."""
+"""Number of callers that are remembered. The one that was not seen for longest is forgotten, and starts with a full
+bucket.
+"""
 
 
 class RateLimiter:
-    """Requests a second of each caller of this process. A bucket holds what may be asked in a second, at least one.
+    """Requests per second of each caller of this process. A bucket holds the tokens of one second, at least one.
 
     Thread-safe.
     """
 
     def __init__(self, per_second: float, clock: Callable[[], float] = time.monotonic) -> None:
-        """At most `per_second` requests; 0 for any number. `clock` in seconds."""
+        """At most `per_second` requests; 0: no limit. `clock` in seconds."""
         self.per_second = per_second
         self._burst = max(per_second, 1.0)
         self._clock = clock
@@ -27,7 +29,7 @@ class RateLimiter:
         self._guard = threading.Lock()
 
     def take(self, caller: str) -> None:
-        """Count one request. Raises TooManyRequests, and does not count it."""
+        """Count one request. If it raises TooManyRequests, the request is not counted."""
         if not self.per_second:
             return
         now = self._clock()

@@ -1,4 +1,4 @@
-"""Which scope each operation asks for, by its id; None where it asks for no key at all."""
+"""The scope that each operation needs, by its id; None if it needs no key."""
 
 from collections.abc import Mapping
 from typing import Final
@@ -45,4 +45,4 @@ SCOPES: Final[Mapping[str, Scope | None]] = {
 }
 
 ALSO: Final[Mapping[str, frozenset[Scope]]] = {"deleteJob": frozenset({Scope.READ, Scope.ADMIN})}
-"""Further scopes that open an operation, which then looks at whose thing it is: a job may be the caller's own."""
+"""Additional scopes that open an operation, which then checks ownership itself: a job may be the caller's own."""

@@ -1,4 +1,4 @@
-"""Copies of the whole database: made while the service runs, listed, proven, restored.
+"""Snapshots: copies of the whole database, created while the service runs, listed, verified, restored.
 
 Imports `checks`, `collections`, `resources` and below.
 """

@@ -1,6 +1,6 @@
-"""A snapshot put in the place of a database: proven first, made ready beside it, and put there in one step.
+"""Restore a snapshot: verified first, prepared beside the database, and put in its place in one step.
 
-Whenever this is interrupted, the old database is there or the new one.
+If this is interrupted, either the old database or the new one is in place.
 """
 
 import logging
@@ -35,14 +35,14 @@ from server.store.sqlite.sqlite_errors import storage_errors
 from urquhart.index.segment_file import SegmentDamaged, sync
 
 _BESIDE: Final = ("-wal", "-journal", "-shm")
-"""Files that SQLite keeps beside a database, and would apply to any other that comes to its name."""
+"""Files that SQLite keeps beside a database, and would apply to any other file of the same name."""
 _PATIENCE: Final = 2.0
 _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
 class RestoreSource:
-    """A snapshot's file, and what it has to be: by its manifest, by a checksum that was given, or neither."""
+    """A snapshot's file, and its expected checksum: from its manifest, from the caller, or none."""
 
     file: Path
     manifest: Snapshot | None
@@ -51,7 +51,7 @@ class RestoreSource:
 
 @dataclass(frozen=True, slots=True)
 class RestoreReport:
-    """What came of it: where the old database lies now, and how many jobs were ended that had been under way."""
+    """The result of a restore: where the old database is now, and how many unfinished jobs were ended."""
 
     aside: Path | None
     jobs_ended: int
@@ -74,7 +74,7 @@ def find(database: Path, wanted: str, checksum: str | None = None) -> RestoreSou
 
 
 def verify(source: RestoreSource) -> str:
-    """Prove that a snapshot is whole and can be read; its checksum. Raises StorageError and Conflict."""
+    """Verify that a snapshot is complete and can be read. Returns its checksum. Raises StorageError and Conflict."""
     _no_log_beside(source.file)
     with storage_errors(source.file):
         found = sha256(source.file)
@@ -84,7 +84,7 @@ def verify(source: RestoreSource) -> str:
 
 
 def restore(source: RestoreSource, path: Path, *, force: bool = False, discard: bool = False) -> RestoreReport:
-    """Put a snapshot in the place of the database at `path`, brought to this version's schema and features.
+    """Put a snapshot in the place of the database at `path`, upgraded to this version's schema and features.
 
     Args:
         force: also where there is a database already; it is put aside as `<file>.before-restore-<time>`,
@@ -115,7 +115,7 @@ def restore(source: RestoreSource, path: Path, *, force: bool = False, discard: 
 
 
 def forget_unusable(database: Database) -> int:
-    """Take segments off the list that are not there or not sound; how many. The service rewrites them."""
+    """Remove segments that are missing or damaged from the list. Returns their number. The service rebuilds them."""
     folder, dropped = SegmentFolder(database), 0
     with database.write() as session:
         for key, collection_id, _ in Collections(session).revisions():
@@ -150,7 +150,7 @@ def _no_log_beside(file: Path) -> None:
 
 
 def _prove(source: RestoreSource, file: Path) -> None:
-    """Raise StorageError unless a file is a sound database of ours that holds what its manifest says."""
+    """Raise StorageError unless a file is an intact database of this service that contains what its manifest says."""
     copy = Database(file, read_only=True)
     try:
         revision = migrations_runner.current_revision(copy)
@@ -169,7 +169,7 @@ def _prove(source: RestoreSource, file: Path) -> None:
 
 
 def _make_ready(file: Path) -> int:
-    """Bring a copy up to date and end its unfinished jobs, in one file without a log; how many jobs that were."""
+    """Upgrade a copy and end its unfinished jobs, in one file without a log. Returns the number of these jobs."""
     store = Database(file)
     try:
         bring_up_to_date(store)
@@ -183,7 +183,7 @@ def _make_ready(file: Path) -> int:
 
 
 def _fold(file: Path) -> bool:
-    """Bring a log into its database, which only works for who is alone with it; whether SQLite can read it at all."""
+    """Fold a log into its database, which needs exclusive access. Returns whether SQLite can read it at all."""
     if not _has_header(file):
         return False
     try:
@@ -199,7 +199,7 @@ def _fold(file: Path) -> bool:
 
 
 def _has_header(file: Path) -> bool:
-    """Whether a file begins like a database that has the log beside it: what has not, SQLite robs of its log."""
+    """Whether a file begins like a database with the log beside it. SQLite deletes the log of any other file."""
     log = file.with_name(f"{file.name}-wal")
     with file.open("rb") as opened:
         header = opened.read(20)
@@ -224,7 +224,7 @@ def _swap(fresh: Path, path: Path, *, discard: bool) -> Path | None:
     aside = path.with_name(f"{path.name}.before-restore-{moment_name(datetime.now(UTC))}")
     there = path.exists()
     if there:
-        _fold(path)  # what SQLite cannot read keeps its log, and both go
+        _fold(path)  # if SQLite cannot read the database, it keeps its log, and both are set aside
         if not discard:
             aside.hardlink_to(path)
     for ending in _BESIDE:
@@ -241,7 +241,7 @@ def _swap(fresh: Path, path: Path, *, discard: bool) -> Path | None:
 
 
 def _mend(path: Path) -> None:
-    """Undo what an interrupted restore has begun: the database has two names for a moment, and must have one."""
+    """Undo an interrupted restore: the database has two names for a moment, and must have one."""
     if _workshop_path(path).exists():
         shutil.rmtree(_workshop_path(path))
     for aside in list(path.parent.iterdir()):
@@ -260,7 +260,7 @@ def _workshop_path(path: Path) -> Path:
 @contextmanager
 def _workshop(path: Path) -> Iterator[Path]:
     folder = _workshop_path(path)
-    folder.mkdir(0o700)  # what is made in it has the old database's permissions only at the end
+    folder.mkdir(0o700)  # files in it get the old database's permissions only at the end
     try:
         yield folder
     finally:

@@ -1,7 +1,7 @@
-"""The files of snapshots, in a folder beside the database: named, made known, listed, checked, cleaned up.
+"""The files of snapshots in a folder beside the database: named, published, listed, checked, cleaned up.
 
-A snapshot is `<name>.db` and its manifest `<name>.json`, which comes last and goes first: what has no manifest does not
-exist. What is being made lies in the folder `making`.
+A snapshot is `<name>.db` and its manifest `<name>.json`, which is written last and removed first: without a manifest, a
+snapshot does not exist. Snapshots in progress are in the folder `making`.
 """
 
 import hashlib
@@ -23,54 +23,58 @@ from urquhart.index.segment_file import sync
 _FILE: Final = ".db"
 _MANIFEST: Final = ".json"
 _LONGEST: Final = 200
-"""Bytes of a name: file systems allow 255 with the ending."""
+"""Bytes of a name. File systems allow 255 including the suffix."""
 _PIECE: Final = 1 << 20
 _log = logging.getLogger(__name__)
 
 
 class SnapshotFolder:
-    """The folder `<database file>.snapshots`, made with the first snapshot."""
+    """The folder `<database file>.snapshots`, created with the first snapshot."""
 
     def __init__(self, database: Path) -> None:
-        """Beside a database file, which need not be there."""
+        """Beside a database file, which need not exist."""
         file = database.resolve()
         self.path = file.with_name(f"{file.name}.snapshots")
         self.making = self.path / "making"
 
     def file(self, name: str) -> Path:
-        """Where a snapshot lies."""
+        """Path of a snapshot's database."""
         return self.path / f"{name}{_FILE}"
 
     def manifest(self, name: str) -> Path:
-        """Where its manifest lies."""
+        """Path of a snapshot's manifest."""
         return self.path / f"{name}{_MANIFEST}"
 
     @contextmanager
     def turn(self) -> Iterator[None]:
-        """Be the only one, in this process or another, who makes a snapshot here; what others left half made is gone.
+        """Lock the creation of snapshots, across processes, and remove left-over files.
 
         Raises Conflict and OSError.
         """
         self.path.mkdir(exist_ok=True)
-        # Held by the open file: it is free again when the process ends, however that comes.
+        # The open file holds the lock, so it is free when the process ends, however it ends.
         with (self.path / "snapshot.lock").open("a") as file:
             if not try_lock(file):
                 raise Conflict("Another snapshot is being created. Wait until it is complete.")
             self._clean_up()
-            self.making.mkdir(0o700)  # a copy has the database's permissions when it is whole, and not before
+            self.making.mkdir(0o700)  # a copy gets the database's permissions only when it is complete
             try:
                 yield
             finally:
                 shutil.rmtree(self.making)
 
     def clean_up(self) -> None:
-        """Remove what is left over of processes that ended at work. Nothing while another is at it. Raises OSError."""
+        """Remove left-over files of processes that ended. Does nothing while another one creates a snapshot. Raises
+        OSError.
+        """
         if self.path.is_dir():
             with suppress(Conflict), self.turn():
                 pass
 
     def publish(self, written: Path, snapshot: Snapshot) -> None:
-        """Give a whole file its name and then its manifest, for good; nothing is left if that fails. Raises OSError."""
+        """Give a complete file its name and then its manifest, durably. Nothing is left if that fails. Raises
+        OSError.
+        """
         prepared = self.making / "manifest"
         file = self.file(snapshot.name)
         try:
@@ -86,7 +90,7 @@ class SnapshotFolder:
         sync(self.path)
 
     def all(self) -> list[Snapshot]:
-        """All that exist, oldest first. Raises StorageError."""
+        """All snapshots, oldest first. Raises StorageError."""
         with storage_errors(self.path):
             names = [path.stem for path in self.path.glob(f"*{_MANIFEST}")] if self.path.is_dir() else []
             found = [snapshot for name in names if (snapshot := self._read(name)) is not None]
@@ -101,7 +105,7 @@ class SnapshotFolder:
         return snapshot
 
     def remove(self, name: str) -> None:
-        """Remove a snapshot; who reads it at the moment reads on. Raises NotFound and StorageError."""
+        """Delete a snapshot. Readers that have it open can read on. Raises NotFound and StorageError."""
         self.get(name)
         with storage_errors(self.path):
             self.manifest(name).unlink(missing_ok=True)
@@ -125,18 +129,18 @@ class SnapshotFolder:
 
 
 def is_name(name: str) -> bool:
-    """Whether a file of that name can lie in the folder and nowhere else."""
+    """Whether a file of that name can be in the folder and nowhere else."""
     return bool(name) and "/" not in name and "\0" not in name and len(name.encode()) <= _LONGEST
 
 
 def check_name(name: str) -> None:
-    """Raise InvalidField for a name that is too long for a file."""
+    """Raise InvalidField if a name is too long for a file."""
     if not is_name(name):
         raise InvalidField(f"is too long for a file: at most {_LONGEST} bytes", code="too_long", pointer="/name")
 
 
 def read_manifest(path: Path) -> Snapshot | None:
-    """What a manifest says, None where there is none. Raises StorageDamaged and OSError."""
+    """The manifest in a file, None if there is none. Raises StorageDamaged and OSError."""
     try:
         return Snapshot.model_validate_json(path.read_bytes())
     except FileNotFoundError:
@@ -146,7 +150,7 @@ def read_manifest(path: Path) -> Snapshot | None:
 
 
 def sha256(path: Path, *, between: Callable[[bytes], object] = len) -> str:
-    """SHA-256 of a file, in hexadecimal; `between` gets each piece of it. Raises OSError."""
+    """SHA-256 of a file, in hexadecimal. `between` is called with each piece of it. Raises OSError."""
     digest = hashlib.sha256()
     with path.open("rb") as file:
         while piece := file.read(_PIECE):

@@ -1,6 +1,6 @@
-"""Snapshots: copies of the whole database, made while the service goes on, listed, and removed.
+"""Snapshots: copies of the whole database, created while the service runs, listed, and deleted.
 
-Everything that was acknowledged before a snapshot was asked for is in it. It is proven before it gets its name.
+A snapshot contains everything that was acknowledged before it was requested. It is verified before it gets its name.
 """
 
 import logging
@@ -36,13 +36,13 @@ from urquhart.index.segment_file import sync
 
 _OPERATION: Final = "postSnapshot"
 _BREATH: Final = 0.001
-"""Seconds after every megabyte in which the disk is left to those who write."""
+"""Pause in seconds after every megabyte, which leaves the disk to writers."""
 _SPARE: Final = 1 << 20
 _log = logging.getLogger(__name__)
 
 
 def make(database: Database, folder: SnapshotFolder, name: str | None, keep_last: int) -> Snapshot:
-    """Make a snapshot, then remove the oldest ones beyond `keep_last` (0: none).
+    """Create a snapshot, then delete the oldest ones beyond `keep_last` (0: none).
 
     Raises:
         Conflict: one is being made, or there is one of that name.
@@ -68,7 +68,7 @@ def make(database: Database, folder: SnapshotFolder, name: str | None, keep_last
 def make_once(
     database: Database, folder: SnapshotFolder, name: str | None, keep_last: int, idempotency_key: IdempotencyKey | None
 ) -> StoredResponse:
-    """Make a snapshot, unless this was done before; what is answered. Raises what `make` does, and KeyReused."""
+    """Create a snapshot, unless the same request did. Returns the answer. Raises what `make` raises, and KeyReused."""
     _must_keep(database, idempotency_key)
     with database.read() as session:
         response = find_response(session, idempotency_key, _OPERATION)
@@ -87,7 +87,9 @@ def make_once(
 def remove_once(
     database: Database, folder: SnapshotFolder, name: str, idempotency_key: IdempotencyKey | None
 ) -> StoredResponse:
-    """Remove a snapshot, unless this was done before; what is answered. Raises NotFound, StorageError and KeyReused."""
+    """Delete a snapshot, unless the same request did. Returns the answer. Raises NotFound, StorageError and
+    KeyReused.
+    """
     if idempotency_key is None:
         folder.remove(name)
         return NO_CONTENT
@@ -118,17 +120,17 @@ def page(folder: SnapshotFolder, limits: Limits, limit: int | None, cursor: str 
 
 
 def snapshot_etag(snapshot: Snapshot) -> str:
-    """Entity tag of a snapshot's document; that of its file is the checksum alone."""
+    """Entity tag of a snapshot's document. That of its file is the checksum alone."""
     return f"{snapshot.sha256}-document"
 
 
 def moment_name(moment: datetime) -> str:
-    """A moment as a name: `20260504T093000.000000Z`."""
+    """A time as a name: `20260504T093000.000000Z`."""
     return moment.astimezone(UTC).strftime("%Y%m%dT%H%M%S.%fZ")
 
 
 def _check_room(database: Database, folder: SnapshotFolder) -> None:
-    # Seen before it is tried: a disk that a snapshot fills up fails the writes of everybody else, too.
+    # Checked beforehand, because a disk that a snapshot fills up fails everybody's writes.
     needed, free = database.path.stat().st_size + _SPARE, shutil.disk_usage(folder.path).free
     if free < needed:
         raise StorageFull(
@@ -138,7 +140,7 @@ def _check_room(database: Database, folder: SnapshotFolder) -> None:
 
 
 def _described(file: Path, *, name: str, created: datetime) -> Snapshot:
-    """The manifest of a copy, as the copy itself has it. Raises StorageDamaged where it is not sound."""
+    """The manifest of a copy, read from the copy. Raises StorageDamaged if it is damaged."""
     copy = Database(file, read_only=True)
     try:
         for finding in file_discrepancies(copy, quick=True):
@@ -170,5 +172,5 @@ def _remove_oldest(folder: SnapshotFolder, keep_last: int, made: str) -> None:
 
 
 def _place(snapshot: Snapshot) -> str:
-    """Where it stands in a listing."""
+    """The position of a snapshot in a listing."""
     return f"{moment_name(snapshot.created)} {snapshot.name}"

@@ -1,4 +1,4 @@
-"""The clients: one that blocks, one that awaits; the same calls, made of the same requests."""
+"""The clients: a blocking one and an asynchronous one, with the same calls."""
 
 from urquhart_client._async.jobs import AsyncJobCalls
 from urquhart_client._async.queries import AsyncQueryCalls
@@ -11,15 +11,17 @@ from urquhart_client._sync.submaps import SubmapCalls
 
 
 class Client(ServiceCalls, SubmapCalls, QueryCalls, JobCalls):
-    """A client of one service; usable as a context manager, by several threads at once, and after a fork.
+    """A client of one service. It is a context manager, and several threads may use it, also after a fork.
 
-    Every call raises `ProblemError` when the service refuses, `ConnectionFailed` when it cannot be reached and
-    `UnexpectedAnswer` when something else answers, or the answer is to another request. Where the connection breaks
-    or the service is busy, the client sends the request again, as `retry` says. Every write carries an
-    Idempotency-Key, so the service does it once and answers a repetition with the first answer. The client does not
-    repeat a search that took longer than `timeout`.
+    Every call raises `ProblemError` if the service refuses, `ConnectionFailed` if it cannot be reached, and
+    `UnexpectedAnswer` if something else answers, or the answer is to another request. If the connection breaks or the
+    service is busy, the client sends the request again, as `retry` says. Every write has an Idempotency-Key, so the
+    service carries it out once and answers a repetition with the first answer. A search that took longer than `timeout`
+    is not repeated.
     """
 
 
 class AsyncClient(AsyncServiceCalls, AsyncSubmapCalls, AsyncQueryCalls, AsyncJobCalls):
-    """The same for asyncio, on any number of event loops: calls are awaited, listings are asynchronous iterators."""
+    """The same client for asyncio, on any number of event loops: calls are coroutines, lists are asynchronous
+    iterators.
+    """

@@ -1,21 +1,21 @@
-"""What a call can raise."""
+"""The exceptions of the client."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 
 class UrquhartError(Exception):
-    """Base of everything this package raises on its own account."""
+    """Base of all exceptions of this package."""
 
 
 class ConnectionFailed(UrquhartError):
-    """The service could not be reached, or the connection broke: it is unknown whether a write took place."""
+    """The service could not be reached, or the connection broke, so it is unknown whether a write took place."""
 
 
 class UnexpectedAnswer(UrquhartError):
-    """The answer is not one of this service: a proxy's page, another program on the port, or a broken document.
+    """The answer is not from this service: a proxy's page, another program on the port, or a broken document.
 
-    `status` is the HTTP status, `body` the first characters of what was answered.
+    `status` is the HTTP status, `body` the first characters of the answer.
     """
 
     def __init__(self, message: str, status: int, body: str) -> None:
@@ -25,7 +25,7 @@ class UnexpectedAnswer(UrquhartError):
 
 
 class ProblemError(UrquhartError):
-    """The service refused, and says why (RFC 9457).
+    """The service refused the request, and says why (RFC 9457).
 
     Attributes:
         status: HTTP status.

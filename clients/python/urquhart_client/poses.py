@@ -1,4 +1,4 @@
-"""Transforms and poses, and how sure they are. Metres and radians, counter-clockwise."""
+"""Transforms and poses with their uncertainty. Metres and radians, counter-clockwise."""
 
 from collections.abc import Collection, Iterable, Mapping
 from datetime import datetime
@@ -51,11 +51,11 @@ def _short(value: Any) -> str:
 
 
 class TreesMiddle(Model):
-    """How sure a transform is about the middle of the trees that it was fitted to.
+    """The uncertainty of a transform about the middle of the trees that it was fitted to.
 
     `source` is that point in the frame that the transform takes points from, `target` the same in the frame that it
-    leads to; metres. `covariance` and its inverse `information` are 3 x 3, row by row, over (x, y, yaw): of `target`
-    along the axes of its frame, and of the yaw. They can be inverted wherever the frames' origins lie.
+    takes points to; metres. `covariance` and its inverse `information` are 3 x 3, row by row, over (x, y, yaw): of
+    `target` along the axes of its frame, and of the yaw. They can be inverted wherever the frames' origins are.
     """
 
     source: tuple[float, float]
@@ -65,9 +65,9 @@ class TreesMiddle(Model):
 
 
 class Transform(Model):
-    """`submap_T_query`; `covariance` is 3 x 3, row by row, over (x, y, yaw).
+    """`submap_T_query`. `covariance` is 3 x 3, row by row, over (x, y, yaw).
 
-    It is along the axes of `covariance_frame` (the submap's), about the point `about` (the query's origin); `middle`
+    It is along the axes of `covariance_frame` (the submap's), about the point `about` (the query's origin). `middle`
     has the same about the trees.
     """
 
@@ -85,16 +85,16 @@ class Transform(Model):
     __str__ = __repr__
 
     def apply(self, xy: Iterable[tuple[float, float]]) -> list[tuple[float, float]]:
-        """Points of the query's frame, in the submap's frame; metres."""
+        """Take points of the query's frame to the submap's frame; metres."""
         c, s = cos(self.yaw), sin(self.yaw)
         return [(c * x - s * y + self.x, s * x + c * y + self.y) for x, y in xy]
 
 
 class MapPose(Model):
-    """Where a frame lies in the map `frame_id`: p_map = R(yaw) p + (x, y).
+    """The pose of a frame in the map `frame_id`: p_map = R(yaw) p + (x, y).
 
     `yaw` is in radians. `covariance` is 3 x 3, row by row, over (x, y, yaw): along the axes of the map's frame, about
-    the origin of the frame whose pose it is; `middle`, in answers to queries, has the same about the trees.
+    the origin of the frame whose pose it is. `middle`, in answers to queries, has the same about the trees.
     """
 
     frame_id: str = "map"

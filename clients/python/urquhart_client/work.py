@@ -1,4 +1,4 @@
-"""What the service says of long work: jobs, their results, snapshots."""
+"""Jobs, their results, and snapshots."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from urquhart_client.poses import Model
 
 
 class SessionSummary(Model):
-    """A drive, a flight, a season: how much it left, and when."""
+    """A session: the submaps of one drive, flight or survey."""
 
     session: str
     submaps: int
@@ -19,7 +19,7 @@ class SessionSummary(Model):
 
 
 class Job(Model):
-    """Long work. `state` is accepted, running, successful, failed or dismissed; `problem` tells why it failed."""
+    """A job. `state` is accepted, running, successful, failed or dismissed. `problem` says why it failed."""
 
     id: str
     type: str
@@ -36,17 +36,17 @@ class Job(Model):
 
     @property
     def is_finished(self) -> bool:
-        """Whether it is at its end."""
+        """Whether the job has ended."""
         return self.finished is not None
 
     @property
     def is_successful(self) -> bool:
-        """Whether it did what it was to do."""
+        """Whether the job has ended successfully."""
         return self.state == "successful"
 
 
 class JobLine(Model):
-    """What became of a line of an import; `problem` is the problem document where it was refused."""
+    """The result of one line of an import. `problem` is the problem document if it was refused."""
 
     line: int
     id: str | None = None
@@ -56,7 +56,7 @@ class JobLine(Model):
 
 
 class SnapshotCollection(Model):
-    """A collection as it was when a snapshot was made."""
+    """A collection as it is in a snapshot."""
 
     id: str
     revision: int
@@ -64,7 +64,7 @@ class SnapshotCollection(Model):
 
 
 class Snapshot(Model):
-    """The whole database as it was."""
+    """A copy of the whole database."""
 
     name: str
     created: datetime
@@ -75,7 +75,7 @@ class Snapshot(Model):
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """How far something is.
+    """The progress of an upload or import.
 
     Attributes:
         phase: `sending` (bytes of the file) or `storing` (lines).

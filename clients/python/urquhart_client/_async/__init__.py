@@ -1,1 +1,1 @@
-"""The awaiting client, in parts; `_async` is made by `mirror.py`."""
+"""The awaiting client. `mirror.py` generates `_async` from it."""

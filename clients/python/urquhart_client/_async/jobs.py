@@ -56,23 +56,23 @@ class AsyncJobCalls(AsyncConnection):
         return await self._send(job_requests.post_reindex(collection))
 
     async def constraints(self, collection: str, body: Mapping[str, Any] | None = None) -> Job:
-        """Have submaps looked up in each other; the job that does it. `body`: filters and gates, see the API."""
+        """Look submaps up in each other. Returns the job. `body`: filters and gates, see the API."""
         return await self._send(job_requests.post_constraints(collection, dict(body or {})))
 
     def jobs(
         self, *, state: str | None = None, collection: str | None = None, page_size: int | None = None
     ) -> AsyncIterator[Job]:
-        """Jobs, the newest first; a page is fetched when it is needed."""
+        """Jobs, newest first. Pages are fetched as needed."""
         return self._pages(lambda cursor: job_requests.get_jobs(state, collection, page_size, cursor))
 
     async def get_job(self, job_id: str, *, wait: float = 0.0) -> Job:
-        """How far a job is; answered at its end, or after `wait` seconds."""
+        """The progress of a job. Answered when it ends, or after `wait` seconds."""
         return await self._send(job_requests.get_job(job_id, wait))
 
     async def wait_for_job(
         self, job_id: str, *, timeout: float | None = None, progress: Callable[[Progress], None] | None = None
     ) -> Job:
-        """A job at its end, however that is: see `job.state`.
+        """Wait until a job has ended, whatever its outcome: see `job.state`.
 
         Raises:
             TimeoutError: it is not finished after `timeout` seconds; it goes on.
@@ -86,51 +86,49 @@ class AsyncJobCalls(AsyncConnection):
             if job.is_finished:
                 return job
             if left <= 0.0:
-                raise TimeoutError(
-                    f"job {job_id} has not ended after {timeout:g} s: {job.state}, {job.done} of {job.total} done"
-                )
+                raise TimeoutError(f"job {job_id} has not ended in time: {job.state}, {job.done} of {job.total} done")
 
     async def delete_job(self, job_id: str) -> Job | None:
-        """Dismiss an unfinished job, which ends after what is at hand; or forget a finished one (None)."""
+        """Dismiss an unfinished job, which ends after the work in progress, or delete a finished one (returns None)."""
         return await self._send(job_requests.delete_job(job_id))
 
     async def job_results(self, job_id: str) -> AsyncIterator[JobLine]:
-        """What became of each line of an import, as it comes in."""
+        """The result of each line of an import, as it arrives."""
         async for line in self._lines(job_requests.get_results(job_id, "results")):
             yield JobLine.model_validate_json(line)
 
     async def job_errors(self, job_id: str) -> AsyncIterator[JobLine]:
-        """The lines of an import that were refused."""
+        """The results of the lines that an import refused."""
         async for line in self._lines(job_requests.get_results(job_id, "errors")):
             yield JobLine.model_validate_json(line)
 
     async def constraints_of(self, job_id: str, wanted: job_requests.ConstraintFormat = "json") -> str:
-        """What a job found of how submaps lie to each other, in a format.
+        """The constraints that a job found, in a format.
 
-        `g2o_middle` has its vertices among the trees: for coordinates far from the origin.
+        `g2o_middle` has its vertices among the trees, for coordinates far from the origin.
         """
         return await self._send(job_requests.get_constraints(job_id, wanted))
 
     # ------------------------------------------------------------ snapshots
 
     async def create_snapshot(self, name: str | None = None) -> Snapshot:
-        """Keep the whole database as it is now."""
+        """Create a snapshot of the whole database."""
         return await self._send(job_requests.post_snapshot(name))
 
     def snapshots(self, *, page_size: int | None = None) -> AsyncIterator[Snapshot]:
-        """Snapshots that are kept; a page is fetched when it is needed."""
+        """The snapshots. Pages are fetched as needed."""
         return self._pages(lambda cursor: job_requests.get_snapshots(page_size, cursor))
 
     async def get_snapshot(self, name: str) -> Snapshot:
-        """What a snapshot holds."""
+        """One snapshot."""
         return await self._send(job_requests.get_snapshot(name))
 
     async def delete_snapshot(self, name: str) -> None:
-        """Forget a snapshot."""
+        """Delete a snapshot."""
         await self._send(job_requests.delete_snapshot(name))
 
     async def download_snapshot(self, name: str, path: str | Path) -> Path:
-        """Write a snapshot's database to a file that is not there yet; it appears when it is whole and right.
+        """Download a snapshot's database to a new file, which appears when it is complete and its checksum is right.
 
         Raises:
             UnexpectedAnswer: what came is not what the snapshot's SHA-256 says.
@@ -146,9 +144,7 @@ class AsyncJobCalls(AsyncConnection):
                     digest.update(piece)
                     file.write(piece)
             if digest.hexdigest() != about.sha256:
-                raise UnexpectedAnswer(
-                    f"snapshot {name} was damaged on its way: its SHA-256 is wrong; download it again", 200, ""
-                )
+                raise UnexpectedAnswer(f"the download of snapshot {name} is damaged: try again", 200, "")
             part.rename(target)
         finally:
             part.unlink(missing_ok=True)

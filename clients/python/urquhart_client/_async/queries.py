@@ -1,4 +1,4 @@
-"""Calls about queries."""
+"""Calls for queries."""
 
 from collections.abc import Iterable, Mapping
 from datetime import datetime
@@ -12,7 +12,7 @@ from urquhart_client.models import Explanation, Method, QueryResult
 
 
 class AsyncQueryCalls(AsyncConnection):
-    """Where is this?"""
+    """Queries: where is this?"""
 
     async def query(
         self,
@@ -77,7 +77,7 @@ class AsyncQueryCalls(AsyncConnection):
     async def query_batch(
         self, collection: str, queries: Iterable[Mapping[str, Any]], *, timeout_ms: int | None = None
     ) -> tuple[QueryResult | ProblemError, ...]:
-        """Ask several questions at once, each the body of a query; where one is wrong, its problem stands in its place.
+        """Answer several queries at once, each the body of a query. The result of an invalid query is its problem.
 
         Args:
             queries: each like `{"xy": [[x, y], ...], "limit": 3}` or `{"submap_id": "p7"}`.
@@ -86,15 +86,15 @@ class AsyncQueryCalls(AsyncConnection):
         return await self._send(requests.post_batch(collection, [dict(query) for query in queries], timeout_ms))
 
     async def get_query(self, collection: str, query_id: str) -> QueryResult:
-        """A stored query's result again."""
+        """The result of a stored query."""
         return await self._send(requests.get_query(collection, query_id))
 
     async def match_svg(self, collection: str, query_id: str, rank: int = 1) -> str:
-        """A stored query's candidate as a drawing: both sets of landmarks, overlaid, and the inlier pairs."""
+        """A candidate of a stored query as a drawing: both sets of landmarks, overlaid, and the inlier pairs."""
         return await self._send(requests.get_match_svg(collection, query_id, rank))
 
     async def explanation(self, collection: str, query_id: str) -> Explanation:
-        """Why a stored query was answered as it was: stages, findings, rivals, gates."""
+        """The explanation of a stored query: stages, findings, rivals, gates."""
         return await self._send(requests.get_explanation(collection, query_id))
 
     async def explanation_svg(self, collection: str, query_id: str) -> str:

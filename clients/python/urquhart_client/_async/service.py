@@ -1,4 +1,4 @@
-"""Calls about the service itself and its collections."""
+"""Calls for the service and its collections."""
 
 from collections.abc import AsyncIterator, Mapping, Sequence
 from typing import Any
@@ -13,15 +13,17 @@ class AsyncServiceCalls(AsyncConnection):
     """The service and its collections."""
 
     async def landing(self) -> dict[str, Any]:
-        """What the service is and where its parts are."""
+        """The landing page: name, version and paths of the service."""
         return await self._send(requests.get_landing())
 
     async def live(self) -> dict[str, Any]:
-        """Answers when the process runs."""
+        """Return if the process is alive."""
         return await self._send(requests.get_probe("livez"))
 
     async def ready(self) -> dict[str, Any]:
-        """Answers when the service takes requests; until then a `ProblemError` with status 503 names the open check."""
+        """Return if the service is ready. Otherwise raises a `ProblemError` with status 503 that names the open
+        check.
+        """
         return await self._send(requests.get_probe("readyz"))
 
     async def metrics(self) -> str:
@@ -29,11 +31,11 @@ class AsyncServiceCalls(AsyncConnection):
         return await self._send(requests.get_metrics())
 
     async def limits(self) -> Limits:
-        """What requests are held to."""
+        """The limits of requests."""
         return await self._send(requests.get_limits())
 
     def collections(self, *, page_size: int | None = None) -> AsyncIterator[Collection]:
-        """All collections; a page is fetched when it is needed."""
+        """All collections. Pages are fetched as needed."""
         return self._pages(lambda cursor: requests.get_collections(page_size, cursor))
 
     async def get_collection(self, collection: str) -> Collection:
@@ -50,7 +52,7 @@ class AsyncServiceCalls(AsyncConnection):
         origin: Sequence[float] | None = None,
         frames: Mapping[str, Mapping[str, Any]] | None = None,
     ) -> Collection:
-        """Create a collection. With the same content it may be repeated; with another `config` it is refused (409)."""
+        """Create a collection. It may be repeated with the same content; another `config` is refused (409)."""
         return await self._send(requests.put_collection(collection, title, config, crs, origin, frames))
 
     async def patch_collection(
@@ -62,7 +64,7 @@ class AsyncServiceCalls(AsyncConnection):
         origin: Sequence[float] | Unset | None = UNSET,
         frames: Mapping[str, Mapping[str, Any] | None] | Unset = UNSET,
     ) -> Collection:
-        """Change what is given; None clears a field, and takes the CRS of one of the `frames` away."""
+        """Change members. None removes a member, or the CRS of one of the `frames`."""
         changes = bodies.changes(title=title, crs=crs, origin=origin, frames=frames)
         return await self._send(requests.patch_collection(collection, changes))
 

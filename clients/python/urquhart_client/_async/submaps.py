@@ -1,4 +1,4 @@
-"""Calls about submaps."""
+"""Calls for submaps."""
 
 from collections.abc import AsyncIterator, Iterable, Mapping, Sequence
 from datetime import datetime
@@ -90,7 +90,7 @@ class AsyncSubmapCalls(AsyncConnection):
         session: str | None = None,
         page_size: int | None = None,
     ) -> AsyncIterator[Submap]:
-        """The submaps of a collection that pass the filters; a page is fetched when it is needed.
+        """The submaps of a collection that pass the filters. Pages are fetched as needed.
 
         Args:
             bbox: (x minimum, y minimum, x maximum, y maximum), metres, map frame.
@@ -118,7 +118,7 @@ class AsyncSubmapCalls(AsyncConnection):
         properties: Mapping[str, Any] | Unset | None = UNSET,
         if_match: str | None = None,
     ) -> Submap:
-        """Change what is given; None clears a member, what is left out stays as it is.
+        """Change members of a submap. None removes a member; members that are left out stay.
 
         Args:
             xy, ids, dbh_cm, landmarks: as of `put_submap`, the landmarks that take the place of all that were there.
@@ -134,7 +134,7 @@ class AsyncSubmapCalls(AsyncConnection):
         return await self._send(requests.patch_submap(collection, submap_id, changes, if_match))
 
     async def delete_submap(self, collection: str, submap_id: str, *, if_match: str | None = None) -> None:
-        """Delete a submap; the next query does not find it."""
+        """Delete a submap. The next query no longer finds it."""
         await self._send(requests.delete_submap(collection, submap_id, if_match))
 
     async def tessellation(self, collection: str, submap_id: str) -> Tessellation:
@@ -146,5 +146,5 @@ class AsyncSubmapCalls(AsyncConnection):
         return await self._send(requests.get_tessellation_svg(collection, submap_id))
 
     def sessions(self, collection: str, *, page_size: int | None = None) -> AsyncIterator[SessionSummary]:
-        """The sessions of a collection by name; a page is fetched when it is needed."""
+        """The sessions of a collection by name. Pages are fetched as needed."""
         return self._pages(lambda cursor: requests.get_sessions(collection, page_size, cursor))

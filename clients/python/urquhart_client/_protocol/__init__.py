@@ -1,4 +1,4 @@
-"""The client without I/O: requests built, answers read, retries decided, files and pools kept.
+"""The client without I/O: requests, answers, retries, files, connection pools.
 
-Both shells, `_sync` and `_async`, call it. Imports the models and errors only.
+Both shells, `_sync` and `_async`, call it. Imports only models and errors.
 """

@@ -1,4 +1,4 @@
-"""The bodies of requests, from what callers have at hand."""
+"""Bodies of requests, built from the arguments of callers."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import datetime
@@ -13,7 +13,7 @@ from urquhart_client.poses import MapPose
 
 
 class Unset(Enum):
-    """The default of what can also be set to nothing: `None` clears a field, `UNSET` leaves it as it is."""
+    """The default of arguments that can also be cleared: `None` clears a member, `UNSET` leaves it as it is."""
 
     UNSET = "unset"
 
@@ -29,9 +29,9 @@ Pose = MapPose | Mapping[str, Any]
 def landmarks(
     xy: Points | None, ids: Iterable[str] | None, dbh_cm: Diameters | None, listed: Landmarks | None
 ) -> dict[str, Any]:
-    """The landmarks of a submap or query: coordinates with or without ids and diameters, or landmarks as a list.
+    """The landmarks of a submap or query: coordinates with or without ids and diameters, or a list of landmarks.
 
-    Exactly one way. A diameter that is None or NaN is not known.
+    Exactly one of the two must be given. A diameter that is None or NaN is unknown.
     """
     if (xy is None) == (listed is None):
         raise ValueError("give the landmarks either as xy (with ids, if they have any) or as landmarks")
@@ -77,7 +77,7 @@ def submap_body(
     properties: Mapping[str, Any] | None,
     query: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """A submap: its landmarks, and whatever else is given."""
+    """The body of a submap: its landmarks and all other members."""
     return dict(landmarks_body) | given(
         frame_id=frame_id,
         stamp=rfc3339(stamp),
@@ -95,7 +95,7 @@ def observation(
     listed: Landmarks | None,
     submap_id: str | None,
 ) -> dict[str, Any]:
-    """What is asked with: landmarks, or a stored submap."""
+    """The landmarks of a query, or the id of a stored submap."""
     if submap_id is None:
         return landmarks(xy, ids, dbh_cm, listed)
     if xy is not None or listed is not None or ids is not None or dbh_cm is not None:
@@ -119,7 +119,7 @@ def query_body(
     pairs: bool,
     timeout_ms: int | None,
 ) -> dict[str, Any]:
-    """A query: what is asked with, and whatever else is given."""
+    """The body of a query: its landmarks and all other members."""
     return dict(observed) | given(
         limit=limit,
         method=method,
@@ -137,7 +137,7 @@ def query_body(
 
 
 def changes(**fields: object) -> dict[str, Any]:
-    """The body of a PATCH: every field that is set, those set to None included."""
+    """The body of a PATCH: every member that is set, also those set to None."""
     return {
         name: _plain(value) if isinstance(value, BaseModel) else value
         for name, value in fields.items()
@@ -146,7 +146,7 @@ def changes(**fields: object) -> dict[str, Any]:
 
 
 def rfc3339(stamp: datetime | str | None) -> str | None:
-    """A time as the service reads it; text is sent as it is."""
+    """A time in RFC 3339 form. Text is sent as it is."""
     if not isinstance(stamp, datetime):
         return stamp
     if stamp.tzinfo is None:
@@ -155,7 +155,7 @@ def rfc3339(stamp: datetime | str | None) -> str | None:
 
 
 def given(**fields: object) -> dict[str, Any]:
-    """The fields that are not None."""
+    """The members that are not None."""
     return {name: value for name, value in fields.items() if value is not None}
 
 

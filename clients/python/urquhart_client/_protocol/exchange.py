@@ -1,4 +1,4 @@
-"""One request and how its answer is read: the types between the builders in `_requests` and the clients' shells."""
+"""One request, and how its answer is read: the types between the request builders and the clients' shells."""
 
 import gzip
 import json
@@ -21,12 +21,12 @@ T = TypeVar("T")
 M = TypeVar("M", bound=BaseModel)
 _PIECE: Final = 1 << 18
 _LEAST: Final = 8192
-"""Bytes from which on a body is packed."""
+"""Bytes from which a body is compressed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Request(Generic[T]):
-    """What to send, and `parse` to read a successful response."""
+    """A request, and `parse`, which reads a successful response."""
 
     method: str
     path: str
@@ -38,14 +38,13 @@ class Request(Generic[T]):
 
     @property
     def is_keyed(self) -> bool:
-        """Whether the service knows a repetition of it by its Idempotency-Key, and joins it to the first attempt."""
+        """Whether the service recognises a repetition by its Idempotency-Key."""
         return "Idempotency-Key" in self.headers
 
     def may_follow(self, outcome: httpx.Response | Exception) -> bool:
-        """Whether it may be sent again after an attempt that ended like this.
+        """Whether the request may be sent again after an attempt with this outcome.
 
-        A search that takes longer than the caller waits takes as long the next time: it is not sent again after that,
-        whether it was the caller who gave up waiting or a proxy in between.
+        A search that timed out, at the caller or at a proxy, would take as long again, so it is not repeated.
         """
         if self.method in ("GET", "HEAD") or self.is_keyed:
             return True
@@ -55,7 +54,7 @@ class Request(Generic[T]):
         return self.harmless and not late
 
     def packed(self) -> "Request[T]":
-        """The same with its body packed, where that is worth it."""
+        """The same request with a compressed body, if that is worth it."""
         if not isinstance(self.content, bytes) or len(self.content) < _LEAST or "Content-Encoding" in self.headers:
             return self
         body = gzip.compress(self.content, 4, mtime=0)
@@ -63,7 +62,7 @@ class Request(Generic[T]):
 
 
 class Upload:
-    """A body that is read from a file as it is sent, and from its beginning each time that it is sent."""
+    """A body that is read from a file while it is sent, from the beginning each time."""
 
     def __init__(self, source: Path, *, packed: bool, sent: Callable[[int], None]) -> None:
         self._source, self._packed, self._sent = source, packed, sent
@@ -87,22 +86,22 @@ class Upload:
 
 
 def bearer(api_key: str) -> str:
-    """The header Authorization of a key. Raises ValueError for what no header can carry, without telling the key."""
+    """The header Authorization for a key. Raises ValueError if no header can carry it, without revealing the key."""
     if not api_key or any(not "!" <= character <= "~" for character in api_key):
         raise ValueError("the API key is empty, or has a space or a character that no key has: was it copied whole?")
     return f"Bearer {api_key}"
 
 
 def labelled(request: Request[Any]) -> dict[str, str]:
-    """The headers of one attempt, with an id by which its answer is known."""
+    """The headers of one attempt, with an id that identifies its answer."""
     return {**request.headers, "X-Request-Id": uuid.uuid4().hex}
 
 
 def foreign(response: httpx.Response, sent: Mapping[str, str]) -> UnexpectedAnswer | None:
-    """The error to raise where `response` answers another request than the one whose headers were `sent`."""
+    """The error if `response` answers another request than the one whose headers were `sent`."""
     answered = response.headers.get("X-Request-Id")
     if answered is None or answered == sent["X-Request-Id"]:
-        return None  # a proxy's own answer carries none
+        return None  # a proxy's own answer has no id
     return UnexpectedAnswer(
         f"the answer is to another request: its X-Request-Id is {answered!r}, and {sent['X-Request-Id']!r} was sent. "
         "Do two processes share this connection?",
@@ -112,7 +111,7 @@ def foreign(response: httpx.Response, sent: Mapping[str, str]) -> UnexpectedAnsw
 
 
 def failed(request: Request[Any], error: Exception, service: httpx.URL) -> ConnectionFailed:
-    """What a connection that cannot be made, or breaks, is told as; keys are in headers, and not in this."""
+    """The message for a connection that failed or broke. It contains no headers, which may have keys."""
     address = str(service.copy_with(userinfo=b"")).rstrip("/")
     return ConnectionFailed(f"{request.method} {address}{request.path}: {error or type(error).__name__}")
 
@@ -120,7 +119,8 @@ def failed(request: Request[Any], error: Exception, service: httpx.URL) -> Conne
 def answer(request: Request[T], response: httpx.Response, *, lost: bool = False) -> T:
     """Read `response`, whose body has been received.
 
-    `lost`: the request was sent before, and it is not known what became of it. What is gone then was deleted by it.
+    `lost`: the request was sent before with an unknown outcome. If a DELETE then finds nothing, the first attempt
+    deleted it.
 
     Raises:
         ProblemError: the service refused.
@@ -155,7 +155,7 @@ def text(response: httpx.Response) -> str:
 
 
 def nothing(response: httpx.Response) -> None:
-    """An answer that says all by its status."""
+    """The answer of a request whose status says everything."""
 
 
 def model(kind: type[M]) -> Callable[[httpx.Response], M]:
@@ -174,7 +174,7 @@ def model(kind: type[M]) -> Callable[[httpx.Response], M]:
 
 
 def page(name: str, item: type[M]) -> Callable[[httpx.Response], Page[M]]:
-    """A parser of one page of a listing, whose rows are under `name`."""
+    """A parser of one page of a list, whose rows are under `name`."""
 
     def parse(response: httpx.Response) -> Page[M]:
         members = document(response)
@@ -187,10 +187,10 @@ def page(name: str, item: type[M]) -> Callable[[httpx.Response], Page[M]]:
 
 
 def retry_after(response: httpx.Response) -> float | None:
-    """Seconds that an answer asks to wait, None where it does not."""
+    """Seconds that the answer asks to wait, None if it does not."""
     try:
         seconds = float(response.headers.get("retry-after", ""))
-    except ValueError:  # absent, or a date, which this service does not send
+    except ValueError:  # missing, or a date, which this service does not send
         return None
     return seconds if math.isfinite(seconds) and seconds >= 0 else None
 

@@ -1,7 +1,7 @@
 """Landmarks in files: CSV as the `urquhart` command reads it, or the JSON body of a request.
 
-The rules of CSV are those of `urquhart index`, and a test feeds the same files to both. What that command reads with a
-choice of its options, this one refuses: several plots in one file, several stems of a tree, other units.
+The rules for CSV are those of `urquhart index`; a test gives the same files to both. Files for which that command has
+options (several plots, several stems of a tree, other units) are refused here.
 """
 
 import csv
@@ -25,14 +25,14 @@ _OTHER_IDS: Final = ("treeid", "tree", "tag")
 _PLOTS: Final = ("plot", "plot_id", "plotid", "plot_no", "plot_nr", "plot_name")
 _CENTIMETRES: Final = {"dbh": 1.0, "dbh_cm": 1.0, "dbh_mm": 0.1, "dbh_m": 100.0, "dbh_in": 2.54}
 _MOST_MEDIAN: Final = {"dbh": 60.0}
-"""Centimetres. Beyond this median lie diameters in millimetres; a column that names its unit may have 300."""
+"""Centimetres. A larger median means millimetres, unless the column's name has the unit."""
 _COORDINATE_LIMIT: Final = 1e8
 _FEW: Final = 20
-"""Rows from which on a pattern in all of them is no accident."""
+"""Rows from which a pattern in all of them is no accident."""
 
 
 class FileError(ValueError):
-    """A file that cannot be read; the message is one line that begins with its name."""
+    """A file that cannot be read. The message is one line that begins with the file's name."""
 
 
 def read_csv(path: Path) -> dict[str, Any]:
@@ -47,7 +47,7 @@ def read_csv(path: Path) -> dict[str, Any]:
 
 
 def read_body(path: Path, members: Collection[str]) -> dict[str, Any]:
-    """The members of a JSON object, which may be `members`. Raises FileError; nothing is passed over."""
+    """The members of a JSON object, which must be among `members`. Raises FileError."""
     try:
         body = json.loads(path.read_text(encoding="utf-8-sig"), object_pairs_hook=_once_each, parse_constant=_no_number)
     except ValueError as error:
@@ -74,7 +74,7 @@ def _no_number(text: str) -> float:
 
 
 class _Table:
-    """A CSV file: which column means what, and its rows."""
+    """A CSV file: the meaning of its columns, and its rows."""
 
     def __init__(self, path: Path, text: str) -> None:
         self.path, self.line = path, 0
@@ -160,7 +160,7 @@ class _Table:
         return value
 
     def _with_point(self, column: str, text: str, line: int) -> str:
-        """A number with a point for decimals. Commas are decimals where semicolons or tabs separate the columns."""
+        """A number with a point for decimals. Commas are decimal marks if semicolons or tabs separate the columns."""
         mark = "," if "," in text else "." if "." in text else None
         if self.separator == "," or mark is None:
             return text

@@ -1,4 +1,4 @@
-"""Requests about long work and snapshots; see `_requests`."""
+"""Requests about jobs and snapshots; see `requests`."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -14,7 +14,7 @@ from urquhart_client.work import Job, Snapshot
 _NDJSON = "application/x-ndjson"
 
 ConstraintFormat = Literal["json", "g2o", "g2o_middle", "matrices"]
-"""How a job's constraints are written; `g2o_middle` has each vertex among the trees of its submap."""
+"""Formats of a job's constraints. `g2o_middle` has each vertex among the trees of its submap."""
 
 
 def post_import(
@@ -39,7 +39,7 @@ def post_reindex(collection: str) -> Request[Job]:
 
 
 def post_constraints(collection: str, body: Mapping[str, Any]) -> Request[Job]:
-    """Have constraints looked for."""
+    """Find constraints."""
     return with_body("POST", f"{collection_path(collection)}/constraints", body, model(Job), once())
 
 
@@ -55,7 +55,7 @@ def get_job(job_id: str, wait: float) -> Request[Job]:
 
 
 def delete_job(job_id: str) -> Request[Job | None]:
-    """Dismiss or forget a job."""
+    """Dismiss a job, or delete a finished one."""
 
     def parse(response: httpx.Response) -> Job | None:
         return model(Job)(response) if response.status_code == 202 else None
@@ -74,7 +74,7 @@ def get_constraints(job_id: str, wanted: ConstraintFormat) -> Request[str]:
 
 
 def post_snapshot(name: str | None) -> Request[Snapshot]:
-    """Make a snapshot."""
+    """Create a snapshot."""
     return with_body("POST", "/v1/snapshots", {} if name is None else {"name": name}, model(Snapshot), once())
 
 
@@ -84,17 +84,17 @@ def get_snapshots(limit: int | None, cursor: str | None) -> Request[Page[Snapsho
 
 
 def get_snapshot(name: str) -> Request[Snapshot]:
-    """What a snapshot holds."""
+    """One snapshot."""
     return Request("GET", _snapshot(name), model(Snapshot), headers={"Accept": JSON})
 
 
 def get_snapshot_file(name: str) -> Request[str]:
-    """A snapshot's database."""
+    """The database in a snapshot."""
     return Request("GET", _snapshot(name), text, headers={"Accept": "application/vnd.sqlite3"})
 
 
 def delete_snapshot(name: str) -> Request[None]:
-    """Forget a snapshot."""
+    """Delete a snapshot."""
     return Request("DELETE", _snapshot(name), nothing, headers=once())
 
 

@@ -1,7 +1,8 @@
-"""Which connections a call may use: those that its own process, and its own event loop, opened.
+"""The connections that a call may use: only those that its own process and its own event loop have opened.
 
-A process that forks hands its open sockets to its children. Two processes that send on one socket read each other's
-answers, so a child must never send on what it inherited. Connections of an event loop are bound to that loop alike.
+A process that forks shares its open sockets with its children. Two processes that use one socket read each other's
+answers, so a child must never use an inherited one. Connections of an event loop are bound to that loop in the same
+way.
 """
 
 import asyncio
@@ -15,15 +16,15 @@ Http = TypeVar("Http", httpx.Client, httpx.AsyncClient)
 
 
 class Pools(Generic[Http]):
-    """An HTTP client for each place that calls come from, made at the first call from there.
+    """One HTTP client for each process and event loop, created at the first call from there.
 
-    No lock guards the table: a lock that another thread held at the moment of a fork would stay locked in the child.
+    No lock guards the table: a lock that another thread held during a fork would stay locked in the child.
     """
 
     def __init__(self, make: Callable[[], Http], place: Callable[[], Hashable], *, shared: bool) -> None:
-        """`make` opens a client, `place` says where the caller is.
+        """`make` opens a client; `place` identifies the caller's process and loop.
 
-        `shared`: every client that `make` returns sends through one transport, which cannot be opened again.
+        `shared`: all clients that `make` returns use one transport, which cannot be opened again.
         """
         self._make: Callable[[], Http] = make
         self._place = place
@@ -32,7 +33,7 @@ class Pools(Generic[Http]):
         self._is_closed = False
 
     def here(self) -> Http:
-        """The client of the calling process and loop. Raises RuntimeError where there cannot be one."""
+        """The client of the calling process and loop. Raises RuntimeError if there cannot be one."""
         if self._is_closed:
             raise RuntimeError("the client is closed")
         if self._owner not in (None, os.getpid()):
@@ -43,18 +44,18 @@ class Pools(Generic[Http]):
         found = self._open.get(place)
         if found is None:
             self._forget_ended_loops()
-            # Two threads may both get here; `setdefault` is atomic and gives both the same one.
+            # Two threads may both get here. `setdefault` is atomic and gives both the same client.
             found = self._open.setdefault(place, self._make())
         return found
 
     def close(self) -> Http | None:
-        """Let nobody send any more. The client of the calling process and loop, which the caller closes."""
+        """Refuse further calls. Returns the client of the calling process and loop, which the caller closes."""
         self._is_closed = True
         self._forget_ended_loops()
         return self._open.pop(self._place(), None)
 
     def _forget_ended_loops(self) -> None:
-        # Only loops of this process: what was inherited is kept as it is, because to end it is the parent's business.
+        # Only those of this process: inherited connections belong to the parent.
         for place in list(self._open):
             loop = place[-1] if isinstance(place, tuple) and place[:2] == this_process() else None
             if isinstance(loop, asyncio.AbstractEventLoop) and loop.is_closed():
@@ -62,13 +63,14 @@ class Pools(Generic[Http]):
 
 
 def this_process() -> tuple[int, int]:
-    """Where a call of the blocking client comes from."""
-    # Both: a fork that Python does not see changes the one, a process id that is used again does not change the other.
+    """The place of a call of the blocking client: its process."""
+    # Both, because a fork that Python does not notice changes only the process id, and a reused process id would not
+    # change.
     return os.getpid(), _forks
 
 
 def this_loop() -> tuple[int, int, asyncio.AbstractEventLoop]:
-    """Where a call of the awaiting client comes from: a process, and an event loop in it."""
+    """The place of a call of the asynchronous client: its process and event loop."""
     return (*this_process(), asyncio.get_running_loop())
 
 

@@ -1,7 +1,7 @@
-"""Requests built and answers read, without any input or output: what every client of this package is a shell around.
+"""Requests and their answers, without any I/O. The clients are shells around this module.
 
-A function here takes the caller's arguments and returns a `Request`: what to send, and how to read what comes back. The
-shell sends it in its own way (blocking or awaiting) and hands the response to `_exchange.answer`.
+Each function takes the caller's arguments and returns a `Request`: what to send, and how to read the answer. The shell
+sends it (blocking or asynchronously) and passes the response to `exchange.answer`.
 """
 
 import json
@@ -38,7 +38,7 @@ SVG: Final = "image/svg+xml"
 
 
 def get_landing() -> Request[dict[str, Any]]:
-    """What the service is."""
+    """The landing page."""
     return Request("GET", "/", document, headers={"Accept": JSON})
 
 
@@ -53,7 +53,7 @@ def get_metrics() -> Request[str]:
 
 
 def get_limits() -> Request[Limits]:
-    """What requests are held to."""
+    """The limits of requests."""
     return Request("GET", "/v1/limits", model(Limits))
 
 
@@ -75,7 +75,7 @@ def put_collection(
     origin: Sequence[float] | None,
     frames: Mapping[str, Mapping[str, Any]] | None,
 ) -> Request[Collection]:
-    """Make a collection, or find it the same."""
+    """Create a collection, or check that it is the same."""
     body = given(
         title=title,
         config=None if config is None else dict(config),
@@ -92,12 +92,12 @@ def get_collection(collection: str) -> Request[Collection]:
 
 
 def patch_collection(collection: str, changes: Mapping[str, Any]) -> Request[Collection]:
-    """Change fields of a collection."""
+    """Change members of a collection."""
     return with_body("PATCH", collection_path(collection), changes, model(Collection), once())
 
 
 def delete_collection(collection: str) -> Request[None]:
-    """Drop a collection."""
+    """Delete a collection."""
     return Request("DELETE", collection_path(collection), nothing, headers=once())
 
 
@@ -117,7 +117,7 @@ def put_submap(
 
 
 def post_submap(collection: str, body: Mapping[str, Any], key: str | None) -> Request[SubmapReceipt]:
-    """Store a submap under an id of the service's."""
+    """Store a submap under a new id of the service."""
     return with_body("POST", f"{collection_path(collection)}/submaps", body, model(SubmapReceipt), once(key))
 
 
@@ -157,25 +157,25 @@ def get_submap(collection: str, submap_id: str) -> Request[Submap]:
 
 
 def patch_submap(collection: str, submap_id: str, changes: Mapping[str, Any], if_match: str | None) -> Request[Submap]:
-    """Change fields of a submap."""
+    """Change members of a submap."""
     request = with_body("PATCH", _submap(collection, submap_id), changes, model(Submap), once())
     return _conditional(request, if_match, None)
 
 
 def delete_submap(collection: str, submap_id: str, if_match: str | None) -> Request[None]:
-    """Remove a submap."""
+    """Delete a submap."""
     request = Request("DELETE", _submap(collection, submap_id), nothing, headers=once())
     return _conditional(request, if_match, None)
 
 
 def get_tessellation(collection: str, submap_id: str) -> Request[Tessellation]:
-    """A submap's tessellation, as data."""
+    """A submap's tessellation as data."""
     path = f"{_submap(collection, submap_id)}/tessellation"
     return Request("GET", path, model(Tessellation), headers={"Accept": JSON})
 
 
 def get_tessellation_svg(collection: str, submap_id: str) -> Request[str]:
-    """A submap's tessellation, drawn."""
+    """A submap's tessellation as a drawing."""
     path = f"{_submap(collection, submap_id)}/tessellation"
     return Request("GET", path, text, headers={"Accept": SVG})
 
@@ -184,14 +184,14 @@ def get_tessellation_svg(collection: str, submap_id: str) -> Request[str]:
 
 
 def post_query(collection: str, body: Mapping[str, Any]) -> Request[QueryResult]:
-    """Ask where an observation was made."""
+    """Answer a query."""
     return _asking(with_body("POST", f"{collection_path(collection)}/queries", body, model(QueryResult)), [body])
 
 
 def post_batch(
     collection: str, queries: Sequence[Mapping[str, Any]], timeout_ms: int | None
 ) -> Request[tuple[QueryResult | ProblemError, ...]]:
-    """Ask several questions."""
+    """Answer several queries."""
 
     def parse(response: httpx.Response) -> tuple[QueryResult | ProblemError, ...]:
         found = document(response).get("results")
@@ -215,19 +215,19 @@ def get_query(collection: str, query_id: str) -> Request[QueryResult]:
 
 
 def get_match_svg(collection: str, query_id: str, rank: int) -> Request[str]:
-    """A stored answer's candidate, drawn."""
+    """A candidate of a stored answer as a drawing."""
     path = f"{collection_path(collection)}/queries/{segment(query_id, 'query')}/candidates/{rank}/match"
     return Request("GET", path, text, headers={"Accept": SVG})
 
 
 def get_explanation(collection: str, query_id: str) -> Request[Explanation]:
-    """Why a stored answer is what it is, as data."""
+    """The explanation of a stored answer as data."""
     path = f"{collection_path(collection)}/queries/{segment(query_id, 'query')}/explanation"
     return Request("GET", path, model(Explanation), headers={"Accept": JSON})
 
 
 def get_explanation_svg(collection: str, query_id: str) -> Request[str]:
-    """Why a stored answer is what it is, drawn."""
+    """The explanation of a stored answer as a drawing."""
     path = f"{collection_path(collection)}/queries/{segment(query_id, 'query')}/explanation"
     return Request("GET", path, text, headers={"Accept": SVG})
 
@@ -245,20 +245,22 @@ def _submap(collection: str, submap_id: str) -> str:
 
 
 def segment(name: str, kind: str) -> str:
-    """A name as part of a path. Raises ValueError for what cannot be one."""
-    # "." and ".." are resolved as paths on the way, whatever their escape: the request would reach another resource.
+    """A name as part of a path. Raises ValueError if it cannot be one."""
+    # "." and ".." are resolved on the way, however they are escaped, so the request would reach another resource.
     if name in ("", ".", ".."):
         raise ValueError(f"{name!r} cannot be the id of a {kind}")
     return quote(name, safe="")
 
 
 def parameters(**fields: str | int | float | None) -> dict[str, str | int | float]:
-    """Those query parameters that are given."""
+    """The query parameters that are given."""
     return {name: value for name, value in fields.items() if value is not None}
 
 
 def once(key: str | None = None) -> dict[str, str]:
-    """The header by which a write is done once, however often it is sent; a key of its own where none is given."""
+    """The Idempotency-Key with which a write is carried out once, however often it is sent; a new one if none is
+    given.
+    """
     return {"Idempotency-Key": key if key is not None else uuid.uuid4().hex}
 
 
@@ -280,7 +282,7 @@ def with_body(
 
 
 def _asking(request: Request[T], queries: Sequence[Mapping[str, Any]]) -> Request[T]:
-    """A request that asks `queries`: to keep an answer is a write, any other changes nothing."""
+    """A request with `queries`. With `store` it is a write; otherwise it changes nothing."""
     if any(query.get("store", False) for query in queries):
         return replace(request, headers={**request.headers, **once()})
     return replace(request, harmless=True)

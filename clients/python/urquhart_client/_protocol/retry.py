@@ -1,16 +1,16 @@
-"""When a request that failed is sent again: what is harmless to repeat, a few times, later and later."""
+"""Retries: failed requests that are safe to repeat are sent again a few times, with growing pauses."""
 
 import random
 from dataclasses import dataclass
 
 _PASSING = frozenset({408, 429, 502, 503, 504})
-"""What a service or a proxy answers when the same may succeed in a while."""
+"""Statuses after which the same request may succeed later."""
 _CONFLICT = 409
 
 
 @dataclass(frozen=True, slots=True)
 class Retry:
-    """How often and how long to try. The defaults outlast a service that is started again: eight seconds or so.
+    """How often and how long to try. The defaults outlast a restart of the service: about eight seconds.
 
     Attributes:
         attempts: requests sent for one call at most; 1 never repeats.
@@ -27,7 +27,7 @@ class Retry:
     def pause(
         self, attempt: int, elapsed: float, *, status: int | None = None, asked: float | None = None
     ) -> float | None:
-        """Seconds to wait before the next attempt, or None for giving up.
+        """Seconds to wait before the next attempt, or None to give up.
 
         Args:
             attempt: how many were made.
@@ -35,11 +35,11 @@ class Retry:
             status: what the last was answered with; None where the connection failed.
             asked: seconds that the answer asked to wait (Retry-After).
         """
-        # 409 comes with Retry-After where the first attempt is still at work, and is final otherwise.
+        # 409 has Retry-After if the first attempt is still in progress. Otherwise it is final.
         passing = status is None or status in _PASSING or (status == _CONFLICT and asked is not None)
         if attempt >= self.attempts or not passing:
             return None
-        # All robots of a fleet lose a service at once; they must not come back at once.
+        # All robots of a fleet lose a service at the same moment, but must not come back at the same moment.
         drawn = random.uniform(0.0, min(self.first * 2.0 ** (attempt - 1), self.most))
         seconds = drawn if asked is None else asked + drawn
         return seconds if elapsed + seconds < self.deadline else None

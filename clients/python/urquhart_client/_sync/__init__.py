@@ -1,1 +1,1 @@
-"""The blocking client, in parts; `_async` is made of it by `mirror.py`."""
+"""The blocking client. `mirror.py` generates `_async` from it."""

@@ -56,23 +56,23 @@ class JobCalls(Connection):
         return self._send(job_requests.post_reindex(collection))
 
     def constraints(self, collection: str, body: Mapping[str, Any] | None = None) -> Job:
-        """Have submaps looked up in each other; the job that does it. `body`: filters and gates, see the API."""
+        """Look submaps up in each other. Returns the job. `body`: filters and gates, see the API."""
         return self._send(job_requests.post_constraints(collection, dict(body or {})))
 
     def jobs(
         self, *, state: str | None = None, collection: str | None = None, page_size: int | None = None
     ) -> Iterator[Job]:
-        """Jobs, the newest first; a page is fetched when it is needed."""
+        """Jobs, newest first. Pages are fetched as needed."""
         return self._pages(lambda cursor: job_requests.get_jobs(state, collection, page_size, cursor))
 
     def get_job(self, job_id: str, *, wait: float = 0.0) -> Job:
-        """How far a job is; answered at its end, or after `wait` seconds."""
+        """The progress of a job. Answered when it ends, or after `wait` seconds."""
         return self._send(job_requests.get_job(job_id, wait))
 
     def wait_for_job(
         self, job_id: str, *, timeout: float | None = None, progress: Callable[[Progress], None] | None = None
     ) -> Job:
-        """A job at its end, however that is: see `job.state`.
+        """Wait until a job has ended, whatever its outcome: see `job.state`.
 
         Raises:
             TimeoutError: it is not finished after `timeout` seconds; it goes on.
@@ -86,49 +86,49 @@ class JobCalls(Connection):
             if job.is_finished:
                 return job
             if left <= 0.0:
-                raise TimeoutError(f"job {job_id} is {job.state}, {job.done} of {job.total} done")
+                raise TimeoutError(f"job {job_id} has not ended in time: {job.state}, {job.done} of {job.total} done")
 
     def delete_job(self, job_id: str) -> Job | None:
-        """Dismiss an unfinished job, which ends after what is at hand; or forget a finished one (None)."""
+        """Dismiss an unfinished job, which ends after the work in progress, or delete a finished one (returns None)."""
         return self._send(job_requests.delete_job(job_id))
 
     def job_results(self, job_id: str) -> Iterator[JobLine]:
-        """What became of each line of an import, as it comes in."""
+        """The result of each line of an import, as it arrives."""
         for line in self._lines(job_requests.get_results(job_id, "results")):
             yield JobLine.model_validate_json(line)
 
     def job_errors(self, job_id: str) -> Iterator[JobLine]:
-        """The lines of an import that were refused."""
+        """The results of the lines that an import refused."""
         for line in self._lines(job_requests.get_results(job_id, "errors")):
             yield JobLine.model_validate_json(line)
 
     def constraints_of(self, job_id: str, wanted: job_requests.ConstraintFormat = "json") -> str:
-        """What a job found of how submaps lie to each other, in a format.
+        """The constraints that a job found, in a format.
 
-        `g2o_middle` has its vertices among the trees: for coordinates far from the origin.
+        `g2o_middle` has its vertices among the trees, for coordinates far from the origin.
         """
         return self._send(job_requests.get_constraints(job_id, wanted))
 
     # ------------------------------------------------------------ snapshots
 
     def create_snapshot(self, name: str | None = None) -> Snapshot:
-        """Keep the whole database as it is now."""
+        """Create a snapshot of the whole database."""
         return self._send(job_requests.post_snapshot(name))
 
     def snapshots(self, *, page_size: int | None = None) -> Iterator[Snapshot]:
-        """Snapshots that are kept; a page is fetched when it is needed."""
+        """The snapshots. Pages are fetched as needed."""
         return self._pages(lambda cursor: job_requests.get_snapshots(page_size, cursor))
 
     def get_snapshot(self, name: str) -> Snapshot:
-        """What a snapshot holds."""
+        """One snapshot."""
         return self._send(job_requests.get_snapshot(name))
 
     def delete_snapshot(self, name: str) -> None:
-        """Forget a snapshot."""
+        """Delete a snapshot."""
         self._send(job_requests.delete_snapshot(name))
 
     def download_snapshot(self, name: str, path: str | Path) -> Path:
-        """Write a snapshot's database to a file that is not there yet; it appears when it is whole and right.
+        """Download a snapshot's database to a new file, which appears when it is complete and its checksum is right.
 
         Raises:
             UnexpectedAnswer: what came is not what the snapshot's SHA-256 says.
@@ -144,7 +144,7 @@ class JobCalls(Connection):
                     digest.update(piece)
                     file.write(piece)
             if digest.hexdigest() != about.sha256:
-                raise UnexpectedAnswer(f"snapshot {name} came damaged", 200, "")
+                raise UnexpectedAnswer(f"the download of snapshot {name} is damaged: try again", 200, "")
             part.rename(target)
         finally:
             part.unlink(missing_ok=True)
