@@ -1,7 +1,7 @@
-"""Requests and their answers, without any I/O. The clients are shells around this module.
+"""Requests and their answers, without any I/O.
 
-Each function takes the caller's arguments and returns a `Request`: what to send, and how to read the answer. The shell
-sends it (blocking or asynchronously) and passes the response to `exchange.answer`.
+Each function takes the caller's arguments and returns a `Request`: what to send, and how to read the answer. The
+clients are shells around them: they send it, blocking or asynchronously, and call `exchange.answer`.
 """
 
 import json
@@ -246,7 +246,7 @@ def _submap(collection: str, submap_id: str) -> str:
 
 def segment(name: str, kind: str) -> str:
     """A name as part of a path. Raises ValueError if it cannot be one."""
-    # "." and ".." are resolved on the way, however they are escaped, so the request would reach another resource.
+    # "." and ".." are resolved on the way, even if escaped, so the request would reach another resource.
     if name in ("", ".", ".."):
         raise ValueError(f"{name!r} cannot be the id of a {kind}")
     return quote(name, safe="")
@@ -258,9 +258,7 @@ def parameters(**fields: str | int | float | None) -> dict[str, str | int | floa
 
 
 def once(key: str | None = None) -> dict[str, str]:
-    """The Idempotency-Key with which a write is carried out once, however often it is sent; a new one if none is
-    given.
-    """
+    """The header Idempotency-Key, by which a write is carried out once; a new key if none is given."""
     return {"Idempotency-Key": key if key is not None else uuid.uuid4().hex}
 
 
