@@ -1,4 +1,4 @@
-"""Every error as application/problem+json (RFC 9457)."""
+"""Every error becomes application/problem+json (RFC 9457)."""
 
 import logging
 import math
@@ -39,7 +39,7 @@ _RETRY = {errors.StorageBusy, errors.NotReady}
 def problem(
     kind: ProblemType, detail: str, scope: Scope, *, headers: Mapping[str, str] | None = None, **members: Any
 ) -> Response:
-    """A problem response; members that are None are left out."""
+    """A problem response. Members that are None are left out."""
     return _response(plain(kind, detail) | members, scope, headers or {})
 
 
@@ -58,7 +58,7 @@ def domain_problem(error: errors.DomainError, scope: Scope) -> Response:
             headers = {"Connection": "close"}
     if type(error) in _RETRY:
         headers["Retry-After"] = "1"
-    # What only says that it is too early or too much is counted; a line of the log for each would make it worse.
+    # Overload and rate limits are only counted, because a log line for each would make them worse.
     if kind.status >= 500 and not isinstance(error, errors.NotReady | errors.Busy | errors.DeadlineExceeded):
         _log.error(
             "request %s: %s", _request_id(scope), error, exc_info=error.__cause__ if kind.status == 500 else None
@@ -68,10 +68,10 @@ def domain_problem(error: errors.DomainError, scope: Scope) -> Response:
 
 
 def forget_frames(error: BaseException) -> None:
-    """Drop what the functions held that a handled error has passed through, such as the body of the request.
+    """Release the local variables of the functions that a handled error has passed through, such as the body.
 
-    Some of them hold the error, which holds them, so that a large body would wait for the garbage collector, and
-    everybody for 50 ms while it looks through it.
+    Some of them refer to the error, which refers to them. In such a cycle a large body would wait for the garbage
+    collector, whose pass delays everybody by 50 ms.
     """
     chain, seen = [error], set[int]()  # an error may be the cause of its own cause
     while chain:
@@ -83,7 +83,7 @@ def forget_frames(error: BaseException) -> None:
 
 
 def install(app: FastAPI) -> None:
-    """Answer every exception of the app with a problem."""
+    """Answer every exception of the app with a problem document."""
 
     @app.exception_handler(errors.DomainError)
     async def on_domain_error(request: Request, error: errors.DomainError) -> Response:
@@ -110,7 +110,7 @@ def install(app: FastAPI) -> None:
 
 
 def internal_problem(scope: Scope) -> Response:
-    """What the caller is told of an unforeseen exception: nothing but where to look it up."""
+    """The answer to an unexpected exception. It says only where to find the cause."""
     return problem(INTERNAL, "The service failed; its log has the cause under this request id.", scope)
 
 

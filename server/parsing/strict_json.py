@@ -57,13 +57,13 @@ def _check_text(raw: bytes) -> None:
     path = [orjson.loads(raw[a:b]) if b else int(a) for a, b in steps[:depth].tolist()]
     if fault == _MEMBER:
         raise InvalidField(
-            "comes twice in its object, and only one of the two could be kept; send each member once",
+            "is in its object more than once; send each member once",
             code="duplicate_member",
             pointer=pointer(path),
         )
     raise InvalidField(
-        "is an integer that does not fit into 64 bits and would be changed; send it as a string, or as a number with a "
-        "fraction or an exponent where it need not be exact",
+        "is an integer beyond 64 bits and would be rounded; send it as a string, or with a fraction or an exponent if "
+        "it need not be exact",
         code="integer_range",
         pointer=pointer(path),
     )
@@ -243,7 +243,7 @@ def _check_breadth(content: Any, size: int) -> None:
         wide = next((outer for outer in level if isinstance(outer, dict) and len(outer) > _MEMBERS), None)
         if wide is not None:
             raise InvalidField(
-                f"an object has {len(wide)} members, and none of a request has more than {_MEMBERS}",
+                f"has an object of {len(wide)} members; at most {_MEMBERS} are allowed",
                 code="too_many_members",
                 pointer="",
             )

@@ -83,7 +83,7 @@ class Shares:
 
 @lru_cache(maxsize=64)
 def gates_answer(config: Config) -> GatesAnswer:
-    """The gates that a configuration puts in force."""
+    """The gates of a configuration."""
     gates = urquhart.Gates.of(config)
     return GatesAnswer(**asdict(gates))
 

@@ -28,8 +28,8 @@ def answer_batch(
 ) -> BatchAnswer:
     """Answer queries one after the other. The result of an invalid query is its problem.
 
-    Each query has its own deadline, and the batch one for all, `limits.batch_seconds` or `timeout_ms` after the budget
-    began. A query that is not begun by then has the problem `DeadlineExceeded` in its place.
+    Each query has its own deadline, and the batch has one: `limits.batch_seconds` or `timeout_ms` after the budget
+    began. A query that has not begun by then has the problem `DeadlineExceeded`.
 
     An answer with `store` is stored under the idempotency key and its position, so a repeated batch resumes where the
     first attempt ended.

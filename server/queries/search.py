@@ -17,7 +17,7 @@ from server.submaps.preparation import invalid_landmarks
 from urquhart import Budget, Description, Features, LandmarkError, Recognition, Stage, describe, describe_observation
 
 _UNFOUND = frozenset({"below_gate", "verification_failed", "no_proposal"})
-"""Reasons that a mirror image of a place has, too."""
+"""Reasons that the mirror image of a stored place has as well."""
 
 
 def describe_query(

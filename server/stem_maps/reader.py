@@ -32,7 +32,7 @@ from server.store.codec import digest
 __all__ = ["StemMap", "StemMapError", "read_stem_map"]
 
 COORDINATE_LIMIT: Final = 1e8
-"""Metres. No projected coordinate on Earth is larger; what is larger is in other units."""
+"""Metres. No projected coordinate on Earth is larger, so a larger one is in another unit."""
 SAME_PLACE: Final = 0.01
 """Metres. Stems of one tree that are closer than this have one position."""
 

@@ -56,7 +56,7 @@ class ReplacementReport:
 
 @contextmanager
 def keep_on_disk(batches: Iterable[DescribedBatch], folder: Path) -> Iterator[Iterator[DescribedBatch]]:
-    """Take in all batches first, then hand them out again: the transaction that stores them need not wait for one.
+    """Read all batches first and then yield them, so that the transaction that stores them need not wait.
 
     Raises what `batches` raises, and StorageError.
     """

@@ -1,4 +1,4 @@
-"""How much is taken on at once, and how long a request may take to arrive."""
+"""Middleware that limits how many requests are in progress and how long a request may take to arrive."""
 
 from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Receive, Scope, Send
@@ -10,19 +10,19 @@ from urquhart import Abandoned
 
 
 class AdmissionMiddleware:
-    """Holds requests to what the service can do.
+    """Limits the load to what the service can handle.
 
-    A request takes a place once it is there as a whole, and gives it back when its answer begins: slow callers take up
-    a connection and what they have sent, but nobody's turn. A body that does not arrive in time is 408, and its
-    connection is closed. The work for a caller that is gone ends. While the service stops, every answer asks the caller
-    to close the connection.
+    A request takes a place when all of it has arrived, and returns it when its answer begins. So slow callers occupy a
+    connection and memory, but not a place. A body that does not arrive in time is answered with 408, and its connection
+    is closed. Work for a caller that has gone ends. While the service stops, every answer asks the caller to close the
+    connection.
     """
 
     def __init__(self, app: ASGIApp, shared: AdmissionState) -> None:
         self._app, self._shared = app, shared
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """ASGI. Raises ClientDisconnect where the caller went away."""
+        """ASGI. Raises ClientDisconnect if the caller has gone."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return

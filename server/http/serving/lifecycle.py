@@ -1,4 +1,4 @@
-"""Serving the app on a socket: how it begins, and how it ends without losing a request."""
+"""Serve the app on a socket: start, and stop without losing a request."""
 
 import asyncio
 import gc
@@ -27,24 +27,24 @@ from server.http.serving.file_descriptors import Complaints
 from server.runtime import Service
 
 _LAST_WORDS: Final = 1.0
-"""Seconds that requests which take too long have to be answered that the service ends;"""
+"""Seconds for answering the requests that were cut off, after `drain_seconds`."""
 _CUT: Final = 1.0
-"""and those after which their connections are closed, that they have to end."""
+"""Seconds after which their connections are closed."""
 _LAST_CALL: Final = 1.0
-"""Seconds at most in which those that wait already are accepted;"""
+"""Most seconds for accepting the connections that wait already when the service stops."""
 _TICK: Final = 0.1
 BACKLOG: Final = 2048
-"""Connections that wait to be accepted,"""
+"""Connections that may wait to be accepted."""
 _ACCEPTED: Final = 2
-"""and those that are accepted at once: who waits for an answer waits while the event loop greets them."""
+"""Connections that are accepted at once. Requests wait while the event loop accepts connections."""
 _SWITCH_SECONDS: Final = 0.0005
-"""How long a thread that computes keeps the interpreter while others want it. A small query gives it back and asks for
-it again some ten times, so that with Python's 5 ms it waits for large ones most of its time: others' p99 beside large
-answers 113 -> 83 ms, beside abandoned batches 99 -> 76 ms (`python -m benchmarks.reliability --only exhaustion`)."""
+"""Seconds that a computing thread keeps the interpreter while others want it. A small query releases it and takes it
+again some ten times, so with Python's default of 5 ms it mostly waits for large ones: p99 of other callers beside large
+answers 113 -> 83 ms, beside abandoned batches 99 -> 76 ms (`python -m benchmarks.reliability --only exhaustion`).
+"""
 _COLLECTED: Final = (10_000, 10, 50)
-"""When the garbage collector runs: new objects before it looks through the young ones, and how many times that before
-it looks through the older ones. Nearly nothing is left to it, and one pass beside large answers holds everybody up for
-30 ms."""
+"""Thresholds of the garbage collector: new objects before a collection of the young ones, and collections before one of
+older ones. It has almost nothing to collect, and one pass during large answers delays everybody by 30 ms."""
 _ENDING: Final = "the service is stopping"
 _log = logging.getLogger("server")
 
@@ -52,8 +52,8 @@ _log = logging.getLogger("server")
 def serve_app(app: FastAPI, listener: socket.socket, *, single_process: bool) -> None:
     """Answer requests on the socket until a signal says to stop.
 
-    `alone`: a second signal ends the process at once. Otherwise the process is one of several, whose parent decides
-    that, and Ctrl-C is for the parent only.
+    `single_process`: a second signal ends the process at once. Otherwise the process is one of several: their parent
+    decides that, and Ctrl-C is for the parent only.
     """
     service: Service = app.state.service
     settings = service.settings
@@ -71,10 +71,11 @@ def serve_app(app: FastAPI, listener: socket.socket, *, single_process: bool) ->
 
 
 class _GracefulServer(Server):
-    """Ends in order: /readyz says so, then nothing more is accepted, then what is in progress is finished, or cut off.
+    """Stops in order: first /readyz says so, then no connection is accepted, then requests in progress finish or are
+    cut off.
 
-    A thread of its own sees to it that the process has ended in time, with exit code 0 all the same: what was
-    acknowledged is on the disk, and jobs are resumed at the next start.
+    A thread ends the process when the time is over, with exit code 0: acknowledged writes are on the disk, and the next
+    start resumes jobs.
     """
 
     def __init__(self, config: ServerConfig, app: FastAPI, *, single_process: bool) -> None:
@@ -89,8 +90,8 @@ class _GracefulServer(Server):
         service.metrics.open_connections.set_function(lambda: len(connections))
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Begin to accept. Many may wait to be accepted, but few are accepted before the first of them is looked at:
-        else there may be more connections than files that can be opened.
+        """Begin to listen. Many connections may wait, but few are accepted at once: otherwise there could be more
+        connections than files that may be open.
         """
         asyncio.get_running_loop().set_exception_handler(Complaints())
         await super().startup(sockets)
@@ -99,7 +100,7 @@ class _GracefulServer(Server):
 
     @contextmanager
     def capture_signals(self) -> Iterator[None]:
-        """Signals are ours while it serves, and not raised again after: to end in order is exit code 0."""
+        """Handle signals while serving, and do not raise them again: after an orderly stop the exit code is 0."""
         ours: dict[int, Any] = {signal.SIGTERM: self.handle_exit}
         ours[signal.SIGINT] = self.handle_exit if self._single_process else signal.SIG_IGN
         before = {number: signal.signal(number, handler) for number, handler in ours.items()}
@@ -111,27 +112,29 @@ class _GracefulServer(Server):
                 signal.signal(number, handler)
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
-        """The first signal begins the end, the second is it. One may come while any lock is held: none is taken."""
+        """The first signal begins the stop, the second one ends the process. A signal may come while any lock is held,
+        so no lock is taken here.
+        """
         if self._signal is None:
             self._signal = sig
         elif self._single_process:
             os._exit(128 + sig)
 
     async def on_tick(self, counter: int) -> bool:
-        """Whether the time has come to accept no more."""
+        """Whether to stop accepting now."""
         ended: bool = await super().on_tick(counter)
         if not self._frozen and self._service.readiness.ready:
             self._frozen = True
             _freeze_loaded_objects()
         if self._signal is not None and self._until is None:
-            # Who presses Ctrl-C looks at no probe.
+            # After Ctrl-C nobody reads /readyz, so there is no notice period.
             notice = self._service.settings.shutdown_delay_seconds if self._signal == signal.SIGTERM else 0.0
             self._service.readiness.report(SHUTDOWN, _ENDING)
             self._until = time.monotonic() + notice
         return ended or (self._until is not None and time.monotonic() >= self._until)
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        """Accept who has connected already, then nobody; cut off what is not finished in time."""
+        """Accept the connections that wait already and no others. Cut off what is not finished in time."""
         self._service.readiness.report(SHUTDOWN, _ENDING)
         self._service.hand_back()
         loop, drain = asyncio.get_running_loop(), self._service.settings.drain_seconds
@@ -141,29 +144,29 @@ class _GracefulServer(Server):
         await super().shutdown(sockets)
 
     def _end_requests(self) -> None:
-        """Requests that take too long are refused; that ends queries, streams of results and uploads."""
+        """Refuse requests that take too long. That ends queries, streams of results and uploads."""
         for request in list(self._shared.requests):
             request.refuse(NotReady(SHUTDOWN, _ENDING))
 
     def _cut_off(self) -> None:
-        """Those that are slow to send or to read have no connection any more."""
+        """Reset the connections of callers that are slow to send or to read."""
         for connection in list(self.server_state.connections):
             if isinstance(connection, TimedConnection):
                 connection.transport.abort()
 
     def _end_in_time(self) -> None:
-        """In a thread, because the event loop may be what does not end."""
+        """End the process in time. Runs in a thread, because the event loop may be what hangs."""
         while self._signal is None:
             time.sleep(_TICK)
         time.sleep(self._service.settings.stop_seconds)
-        _log.warning("not everything ended in time; ending without it")
+        _log.warning("the process did not stop in time (stop_seconds), so it exits now")
         os._exit(0)
 
 
 async def _accept_all(listeners: list[socket.socket]) -> None:
-    """Wait until nobody waits to be accepted, but not for ever: while some come again and again, there is always one.
+    """Accept all waiting connections, but only for a limited time, because new ones may keep coming.
 
-    Whoever connects between this and the end of listening is reset, without anything having been done.
+    Connections that come between this and the end of listening are reset, and nothing was done for them.
     """
     waiting, until = select.poll(), time.monotonic() + _LAST_CALL
     for listener in listeners:
@@ -173,8 +176,8 @@ async def _accept_all(listeners: list[socket.socket]) -> None:
 
 
 def _freeze_loaded_objects() -> None:
-    """Spare what is loaded by now from the garbage collector, for good: to look through it again and again holds up
-    every request for a tenth of a second.
+    """Exclude the objects that exist now from garbage collection. Scanning them again and again would hold up every
+    request for a tenth of a second.
     """
     gc.collect()
     gc.freeze()

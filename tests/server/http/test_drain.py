@@ -194,7 +194,7 @@ def test_it_ends_in_time_whatever_is_at_hand(start: Start, workers: str) -> None
     time.sleep(1.0)
     served.signal()
     assert served.wait() == 0
-    assert "ending without it" not in served.log.read_text()
+    assert "exits now" not in served.log.read_text()
     for connection in (*connections, unread):
         connection.close()
     assert stored(served) == {f"p{seed}" for seed in range(20)}
