@@ -203,8 +203,8 @@ def _supervisor() -> str:
             for pid in [process.pid, *children]:
                 _kill(pid)
     return (
-        f"killed, uvicorn's leaves {len(left)} of its {len(started)} processes behind; told to stop beside a request of a minute, "
-        f"it ends {ended}"
+        f"killed, uvicorn's leaves {len(left)} of its {len(started)} processes behind; told to stop beside a request "
+        f"of a minute, it ends {ended}"
     )
 
 

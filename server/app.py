@@ -1,4 +1,4 @@
-"""The app: `create_app(settings)` puts the parts together. Nothing is built at import."""
+"""The app: `create_app(settings)` builds it from its parts. Nothing is built at import."""
 
 import asyncio
 import logging
@@ -50,9 +50,9 @@ from server.store.sqlite.database import Database
 
 _SPARE_THREADS = 8
 _WARMING = 1.0
-"""Seconds for which the end waits for kernels that are still being loaded."""
+"""Seconds that the shutdown waits for kernels that are still being loaded."""
 _log = logging.getLogger(__name__)
-# The framework tries route after route: what is asked most and matters most comes first.
+# The framework tries one route after the other, so the most frequent and most urgent ones come first.
 _ROUTERS = (
     queries.router,
     submap_writes.router,
@@ -84,10 +84,10 @@ Errors are `application/problem+json` (RFC 9457), and their `type` leads to an e
 
 
 def create_app(settings: Settings, exchange: MetricsExchange | None = None, *, create_database: bool = True) -> FastAPI:
-    """The service over the database that the settings name; the database is opened when the app starts.
+    """The service over the database in the settings. The database is opened when the app starts.
 
-    With an `exchange`, this is one process of several whose metrics are merged. `create_database`: make the file
-    where there is none; not for a process that goes on with what another one opened.
+    With an `exchange`, this is one process of several, whose metrics are merged. `create_database`: create the file if
+    it does not exist; false for a process that uses what another one has opened.
     """
     service = _build_service(settings, exchange, create_database=create_database)
     app = FastAPI(
@@ -100,7 +100,7 @@ def create_app(settings: Settings, exchange: MetricsExchange | None = None, *, c
         docs_url=None,
         redoc_url=None,
     )
-    # The documentation's scripts come from an installed package: a forest has no internet.
+    # The documentation's scripts come from an installed package, because a forest has no internet.
     app.mount(pages.ASSETS, StaticFiles(packages=[("fastapi_offline", "static")]), name="assets")
     app.state.service = service
     app.state.authenticator = Authenticator(settings, service.database)
@@ -147,7 +147,7 @@ def _build_service(settings: Settings, exchange: MetricsExchange | None, *, crea
 
 def _add_middleware(app: FastAPI, service: Service) -> None:
     settings = service.settings
-    # The one added last is the outermost.
+    # The middleware added last is the outermost.
     app.add_middleware(InflateRequests, limit=settings.limits.body_bytes)
     app.add_middleware(DeflateAnswers)
     app.add_middleware(BodyLimit, limit=settings.limits.body_bytes)
@@ -185,7 +185,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     # Bodies are read on the event loop, which must not wait for a compiler.
     await anyio.to_thread.run_sync(strict_json.warm_up)
     service.readiness.passed("migrations")
-    # Some more than there are places, so that probes and metrics find one whatever goes on.
+    # A few more than there are places, so that probes and metrics always find a thread.
     threads = anyio.to_thread.current_default_thread_limiter()
     threads.total_tokens = service.settings.limits.concurrent_requests + _SPARE_THREADS
     if service.exchange is not None:
@@ -203,7 +203,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         key_watch.cancel()
         service.readiness.report(SHUTDOWN, "the service is stopping")
         stop.set()
-        # Maintenance first: stopping it also stops the job that rewrites an index.
+        # Maintenance first, which also stops the job that rewrites an index.
         await anyio.to_thread.run_sync(service.maintenance.stop)
         await anyio.to_thread.run_sync(service.jobs.runner.stop)
         await anyio.to_thread.run_sync(warm_up.join, _WARMING)
@@ -213,7 +213,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
 
 
 def _clean_up_snapshots(service: Service) -> None:
-    """Remove what a process left of a snapshot that ended while it was making it."""
+    """Remove what was left of a snapshot whose process ended while creating it."""
     try:
         if not service.database.read_only:
             service.snapshots.clean_up()
@@ -227,7 +227,7 @@ def _report_kernels(service: Service, progress: str) -> None:
 
 
 def _warm_up(service: Service, stop: threading.Event, warm: threading.Event) -> None:
-    """Compile the kernels and open the indexes while requests are answered already, if slowly."""
+    """Compile the kernels and open the indexes while requests are already answered, if slowly."""
     try:
         pin_threads()
         service.readiness.report("kernels", "loading")
@@ -235,13 +235,13 @@ def _warm_up(service: Service, stop: threading.Event, warm: threading.Event) -> 
         service.readiness.passed("kernels")
         service.readiness.report("index", "catching up")
         for collection_id, done, total in service.catalog.warm_up():
-            # In the log only: readiness is told to everybody, and which collections there are is not.
+            # Only in the log, because everybody can read the readiness, and not everybody may know the collections.
             _log.debug("caught up %d of %d collections, last %s", done, total, collection_id)
             if stop.is_set():
                 return
         service.readiness.passed("index")
     except DomainError as error:
-        # Stays not ready, and says why; a query tries again by itself.
+        # Stays not ready and says why. Queries try again by themselves.
         _log.exception("the warm-up failed")
         service.readiness.report("index", str(error))
     finally:

@@ -1,4 +1,4 @@
-"""Do index and database agree? Read only, in one snapshot: the list of segments, their files, and the rows."""
+"""Check that index and database agree: the list of segments, their files, and the rows. Read-only, in one snapshot."""
 
 from collections.abc import Iterator
 
@@ -20,9 +20,10 @@ from urquhart.index.segment_file import SegmentDamaged
 
 
 def index_discrepancies(database: Database) -> Iterator[Discrepancy]:
-    """All that is wrong with the segments: gaps, files damaged or missing, submaps that they lack or should not have.
+    """Everything that is wrong with the segments: gaps, damaged or missing files, submaps that are missing or should
+    not be there.
 
-    None of it makes an answer wrong: a segment that cannot be used is rebuilt. Raises StorageError.
+    None of it makes an answer wrong, because a segment that cannot be used is rebuilt. Raises StorageError.
     """
     folder = SegmentFolder(database)
     with database.read() as session:
@@ -35,8 +36,8 @@ def index_discrepancies(database: Database) -> Iterator[Discrepancy]:
 def _current(database: Database, folder: SegmentFolder, collection_id: str) -> list[str]:
     """What is wrong with the segments of a collection, in one snapshot of it.
 
-    A service that runs beside this may merge segments and remove their files after the snapshot was taken. Then what
-    is wrong with a segment that is listed no more says nothing, and another snapshot is taken.
+    A running service may merge segments and remove their files after the snapshot was taken. If a segment with a fault
+    is no longer listed, another snapshot is taken.
     """
     while True:
         with database.read() as session:
@@ -90,7 +91,7 @@ def _collection(session: Session, folder: SegmentFolder, collection: CollectionR
 def _contents(
     segment: Segment, listed: SegmentRecord, keys: NDArray[np.int64], revisions: NDArray[np.int64]
 ) -> Iterator[str]:
-    """Whether a segment has what it is listed for, and besides only what was changed or deleted since."""
+    """Whether a segment contains what it is listed for, and besides only submaps that were changed or deleted since."""
     expected = keys[(revisions > listed.since) & (revisions <= listed.revision)]
     changed = keys[revisions > listed.revision]
     held = segment.keys[~np.isin(segment.keys, changed) & np.isin(segment.keys, keys)]

@@ -1,4 +1,4 @@
-"""Is what stands beside the landmarks of each submap what they make: its entity tag, its footprint, its ids?"""
+"""Check that the derived columns of each submap (entity tag, footprint, ids) agree with its content."""
 
 from collections.abc import Iterator
 from typing import Final
@@ -21,7 +21,7 @@ _FOOTPRINT: Final = ("map_min_x", "map_min_y", "map_max_x", "map_max_y")
 
 
 def content_discrepancies(database: Database) -> Iterator[Discrepancy]:
-    """All submaps whose derived columns are not what their content makes. Raises StorageError."""
+    """All submaps whose derived columns do not agree with their content. Raises StorageError."""
     with database.read() as session:
         for collection in session.scalars(select(CollectionRow).order_by(CollectionRow.key)).all():
             if not _is_id(collection.id):

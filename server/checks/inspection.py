@@ -1,4 +1,4 @@
-"""Everything that can be proven of a database: file, schema, rows, features, what is derived, and the index."""
+"""Everything that can be checked in a database: file, schema, rows, features, derived columns, and the index."""
 
 from collections.abc import Iterator
 
@@ -10,7 +10,7 @@ from server.store.sqlite.database import Database
 
 
 def inspect(database: Database) -> Iterator[Discrepancy]:
-    """All that does not agree, in the order in which one thing stands on another; what stands on nothing is left out.
+    """Everything that does not agree, in order of dependence. A check whose basis is damaged is skipped.
 
     Nothing is changed. Raises StorageError.
     """

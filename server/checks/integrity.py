@@ -1,4 +1,4 @@
-"""Does everything in a database agree? Read only; what is derived is rebuilt and compared."""
+"""Check that the database agrees with itself. Read-only: derived data are rebuilt and compared."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -27,10 +27,10 @@ class Discrepancy:
 
 
 def discrepancies(database: Database) -> Iterator[Discrepancy]:
-    """All that does not agree, in one snapshot: file, schema, counts, revisions, features. Nothing is changed.
+    """Everything that does not agree, in one snapshot: file, schema, counts, revisions, features. Nothing is changed.
 
     Features are unpacked and compared with those rebuilt from the stored landmarks and diameters. Raises StorageError
-    when the file cannot be read at all, DatabaseTooNew, NotADatabase.
+    if the file cannot be read at all, DatabaseTooNew, NotADatabase.
     """
     revision, expected = migrations_runner.current_revision(database), migrations_runner.expected_revision()
     if revision != expected:
@@ -50,13 +50,13 @@ def discrepancies(database: Database) -> Iterator[Discrepancy]:
             unreadable = unreadable or impossible.unreadable
             yield Discrepancy(impossible.where, impossible.what)
         if unreadable:
-            return  # what follows would stumble over it
+            return  # what follows would fail on them
         for collection in session.scalars(select(CollectionRow).order_by(CollectionRow.key)).all():
             yield from _collection(session, collection)
 
 
 def file_discrepancies(database: Database, *, quick: bool = False) -> Iterator[Discrepancy]:
-    """What SQLite itself finds wrong with the file; `quick` leaves out whether indexes agree with their tables.
+    """What SQLite itself finds wrong with the file. `quick` skips the comparison of indexes with their tables.
 
     Raises StorageError.
     """

@@ -1,4 +1,4 @@
-"""Collections and their map frames: made, changed, listed, placed on Earth.
+"""Collections and their map frames: created, changed, listed, placed on Earth.
 
 Imports `index`, `resources`, `security`, `schemas`, `store` and below.
 """

@@ -1,4 +1,4 @@
-"""Coordinate reference systems: from map frames to longitude and latitude, as RFC 7946 wants them."""
+"""Coordinate reference systems: from map frames to longitude and latitude, as in RFC 7946."""
 
 import math
 from dataclasses import dataclass
@@ -18,22 +18,24 @@ from urquhart import SE2
 
 _DECIMALS: Final = 8  # about a millimetre
 _TOLERANCE: Final = 1.0
-"""Degrees that a place may lie outside a system's area of use: maps do not end at the border of a UTM zone."""
+"""Degrees that a place may be outside of a system's area of use, because maps do not end at the border of a UTM
+zone.
+"""
 _DISTORTION: Final = 1.1
-"""Largest scale, or inverse of it, of a system that can hold submaps, whose metres are metres on the ground.
+"""Largest scale, or its inverse, of a system for submaps, whose metres are metres on the ground.
 
 National grids stay within 1.05 in their area of use; Web Mercator (EPSG:3857) reaches 1.41 at 45 degrees north.
 """
 _THERE_AND_BACK: Final = 1.0
-"""Metres within which a place leads back to its coordinates, in a system without a known area of use."""
+"""Metres within which a place must convert back to its coordinates, if the system has no known area of use."""
 _DATUM: Final = 5.0
-"""Metres to which the step between two systems is right where nobody says it better."""
+"""Accuracy in metres that is assumed for a conversion between two systems if none is known."""
 _AHEAD: Final = 100.0
-"""Metres from a point to the one that tells how two systems are turned to each other."""
+"""Distance in metres to a second point, which shows how two systems are rotated against each other."""
 
 
 def check_crs(name: str, pointer: str = "/crs") -> None:
-    """Raise InvalidField unless the system `name` is projected, in metres, and true to scale where it is used."""
+    """Raise InvalidField unless the system `name` is projected, in metres, and true to scale in its area of use."""
     try:
         crs = _crs(name)
     except CRSError as error:
@@ -53,7 +55,7 @@ def check_crs(name: str, pointer: str = "/crs") -> None:
 
 
 def _fault(crs: CRS) -> str | None:
-    """Why map poses cannot be given in a system; None when they can."""
+    """Why map poses cannot be given in a system; None if they can."""
     if crs.is_geographic:
         return "gives degrees"
     if not crs.is_projected:
@@ -71,7 +73,7 @@ def _fault(crs: CRS) -> str | None:
 
 
 def _largest_scale(crs: CRS) -> float:
-    """How far the scale departs from 1, as a factor of 1 or more, over the area of use; 1 where that is not known."""
+    """The largest scale error in the area of use, as a factor of 1 or more; 1 if it is unknown."""
     area = crs.area_of_use
     if area is None:
         return 1.0
@@ -88,7 +90,7 @@ def _scale_at(crs: CRS, lon: float, lat: float) -> float:
     try:
         factors = Proj(crs).get_factors((lon + 180.0) % 360.0 - 180.0, lat)
     except ProjError:
-        return 1.0  # the corner of a box, where the system has no place
+        return 1.0  # a corner of the box may be outside of the system
     scales = np.array([factors.meridional_scale, factors.parallel_scale])
     if not np.isfinite(scales).all() or (scales <= 0).any():
         return 1.0
@@ -97,7 +99,7 @@ def _scale_at(crs: CRS, lon: float, lat: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Crossing:
-    """From one map frame to another, good near one point.
+    """The transform between two map frames, valid near one point.
 
     Attributes:
         transform: frame_T_other, rigid, metres and radians.
@@ -109,7 +111,7 @@ class Crossing:
 
 
 class Georeference:
-    """From one map frame to longitude and latitude."""
+    """The conversion from one map frame to longitude and latitude."""
 
     def __init__(self, reference: FrameReference) -> None:
         self._name = reference.crs
@@ -120,7 +122,7 @@ class Georeference:
     def lonlat(self, place: Place, xy: NDArray[np.float64]) -> list[list[float]] | None:
         """Longitude and latitude in degrees of points (N, 2) float64, metres, submap frame.
 
-        None where they lie outside the system's area of use.
+        None if they are outside of the system's area of use.
         """
         map_xy = SE2(place.map_x, place.map_y, place.map_yaw).apply(xy)
         degrees = self._degrees(map_xy)
@@ -129,10 +131,10 @@ class Georeference:
         return [[round(lon, _DECIMALS), round(lat, _DECIMALS)] for lon, lat in degrees.tolist()]
 
     def footprint(self, place: Place, xy: NDArray[np.float64]) -> dict[str, Any] | None:
-        """GeoJSON polygon: the convex hull of the landmarks (N, 2) float64, metres, submap frame.
+        """GeoJSON polygon of the convex hull of the landmarks (N, 2) float64, metres, submap frame.
 
-        The points themselves where they span no area, the frame's origin where there are none; None where they lie
-        outside the system's area of use.
+        A line or point if they span no area, the frame's origin if there are none; None if they are outside of the
+        system's area of use.
         """
         from scipy.spatial import ConvexHull, QhullError
 
@@ -146,7 +148,7 @@ class Georeference:
         return polygon(ring) if ring else None
 
     def fault(self, x: float, y: float) -> str | None:
-        """What is wrong with a point of the map frame, metres; None where the system can hold it."""
+        """What is wrong with a point of the map frame, metres; None if it is inside of the system's area."""
         map_xy = np.array([[x, y]])
         degrees = self._degrees(map_xy)
         area, reaches = self.crs.area_of_use, self._reaches(map_xy, degrees)
@@ -165,9 +167,10 @@ class Georeference:
         return None
 
     def crossing(self, other: "Georeference", x: float, y: float) -> Crossing | None:
-        """How another map frame lies to this one about its point (`x`, `y`); None where this one does not reach there.
+        """The transform from another map frame to this one about its point (`x`, `y`); None if this one does not reach
+        there.
 
-        The two systems' metres may differ by a share of a thousandth, and their norths by some degrees.
+        The metres of the two systems may differ by a fraction of a thousandth, and their north by some degrees.
         """
         transformer = _transformer(other._name, self._name)
         ends = np.array([[x, y], [x + _AHEAD, y]])
@@ -184,11 +187,11 @@ class Georeference:
         return np.column_stack(self._to_wgs84.transform(east, north))
 
     def _reaches(self, map_xy: NDArray[np.float64], degrees: NDArray[np.float64]) -> bool:
-        """Whether the system holds all of the points (N, 2), metres, map frame, that lie at these degrees (N, 2)."""
+        """Whether all points (N, 2), metres, map frame, at these degrees (N, 2), are inside of the system's area."""
         if not np.isfinite(degrees).all():
             return False
         area = self.crs.area_of_use
-        if area is None:  # then a place is good that leads back to its coordinates
+        if area is None:  # a place is then valid if it converts back to its coordinates
             back = self._to_wgs84.transform(degrees[:, 0], degrees[:, 1], direction=TransformDirection.INVERSE)
             return bool(np.all(np.hypot(*(np.column_stack(back) - map_xy - self._origin).T) <= _THERE_AND_BACK))
         width = (area.east - area.west) % 360.0 or 360.0
@@ -200,7 +203,7 @@ class Georeference:
 
 
 def check_place(place: Place | None, reference: FrameReference | None) -> None:
-    """Raise InvalidField when a pose in a map puts a submap where the map frame's system does not reach."""
+    """Raise InvalidField if a map pose puts a submap outside of the area of the map frame's system."""
     if place is None or reference is None:
         return
     fault = Georeference(reference).fault(*centre(place))
@@ -219,7 +222,7 @@ def centre(place: Place) -> tuple[float, float]:
 
 
 def polygon(ring: list[list[float]]) -> dict[str, Any]:
-    """GeoJSON polygon of an open ring; its outside is wound counter-clockwise."""
+    """GeoJSON polygon of an open ring. Its outline is counter-clockwise."""
     doubled_area = sum(x0 * y1 - x1 * y0 for (x0, y0), (x1, y1) in zip(ring, [*ring[1:], ring[0]], strict=True))
     ring = ring if doubled_area >= 0 else ring[::-1]
     return {"type": "Polygon", "coordinates": [[*ring, ring[0]]]}
@@ -227,7 +230,7 @@ def polygon(ring: list[list[float]]) -> dict[str, Any]:
 
 @lru_cache(maxsize=64)
 def _crs(name: str) -> CRS:
-    """The horizontal part of a system: heights have no say in where a map is, and a compound system has no area."""
+    """The horizontal part of a system. Heights do not matter for a map, and a compound system has no area of use."""
     return CRS.from_user_input(name).to_2d()
 
 

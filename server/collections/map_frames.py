@@ -1,4 +1,4 @@
-"""Where a collection's map frames are on Earth: what is set is checked first, also against the submaps there."""
+"""Where a collection's map frames are on Earth. Changes are checked against the submaps in the frame."""
 
 from collections.abc import Mapping
 
@@ -25,7 +25,7 @@ def check_frames(frames: Mapping[str, MapFrame | None] | None) -> None:
 
 
 def must_agree(session: Session, row: CollectionRow, frames: Mapping[str, MapFrame] | None) -> None:
-    """Raise Conflict when one of the frames is another one in the collection."""
+    """Raise Conflict if one of the frames differs from that of the collection."""
     known = MapFrames(session, row).some(list(frames or {}))
     for frame_id, frame in (frames or {}).items():
         if known.get(frame_id) != _reference(frame):
@@ -36,9 +36,9 @@ def must_agree(session: Session, row: CollectionRow, frames: Mapping[str, MapFra
 
 
 def set_frames(session: Session, row: CollectionRow, frames: Mapping[str, MapFrame | None] | None) -> bool:
-    """Set what is given, None takes a frame's CRS away; whether anything changed.
+    """Set the given frames; None removes a frame's CRS. Returns whether anything changed.
 
-    Raises InvalidField when a submap would lie where the frame's system does not reach.
+    Raises InvalidField if a submap would be outside of the area of the frame's system.
     """
     repository = MapFrames(session, row)
     known = repository.some(list(frames or {}))
@@ -55,7 +55,7 @@ def set_frames(session: Session, row: CollectionRow, frames: Mapping[str, MapFra
 
 
 def check_default_frame(session: Session, row: CollectionRow, pointer: str) -> None:
-    """Raise InvalidField when a submap of the default frame would lie where the collection's CRS does not reach."""
+    """Raise InvalidField if a submap in the default frame would be outside of the area of the collection's CRS."""
     repository = MapFrames(session, row)
     reference = repository.some([DEFAULT_FRAME]).get(DEFAULT_FRAME)
     if reference is not None:
@@ -63,7 +63,7 @@ def check_default_frame(session: Session, row: CollectionRow, pointer: str) -> N
 
 
 def check_submaps(repository: MapFrames, frame_id: str, reference: FrameReference, pointer: str) -> None:
-    """Raise InvalidField naming the first submap of a frame that the reference would put where it does not reach."""
+    """Raise InvalidField for the first submap of a frame that would be outside of the area of its system."""
     extent = repository.extent(frame_id)
     if extent is None:
         return

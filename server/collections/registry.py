@@ -1,4 +1,4 @@
-"""Collections: made, read, changed, dropped."""
+"""Collections: created, read, changed, deleted."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -36,7 +36,7 @@ from urquhart import Config, ConfigError
 
 @dataclass(frozen=True, slots=True)
 class Ensured:
-    """A collection that is there now."""
+    """A collection that exists now, and whether it was created."""
 
     collection: Collection
     etag: str
@@ -46,10 +46,10 @@ class Ensured:
 def ensure(
     database: Database, collection_id: str, body: CollectionPut, preconditions: Preconditions = ANYTHING
 ) -> Ensured:
-    """Make a collection, or find it there with what the body says.
+    """Create a collection, or check that it agrees with the body.
 
-    Fields that the body leaves out have no opinion. Raises PreconditionFailed, Conflict when the collection differs in
-    one that is given, and InvalidField for a configuration or CRS that cannot be used.
+    Members that the body leaves out are not compared. Raises PreconditionFailed, Conflict if the collection differs in
+    a given member, and InvalidField for a configuration or CRS that cannot be used.
     """
     config = checked(body)
     with database.read() as session:
@@ -63,7 +63,7 @@ def ensure(
 
 
 def checked(body: CollectionPut | CollectionPatch) -> Config:
-    """The configuration of a body whose CRSs can be used. Raises InvalidField."""
+    """The configuration in a body, whose CRSs are checked. Raises InvalidField."""
     if body.crs is not None:
         check_crs(body.crs)
     check_frames(body.frames)
@@ -73,7 +73,7 @@ def checked(body: CollectionPut | CollectionPatch) -> Config:
 def ensure_in(
     session: Session, collection_id: str, body: CollectionPut, config: Config, preconditions: Preconditions
 ) -> Ensured:
-    """The same in a write transaction of the caller's; `config` as `checked` returned it."""
+    """The same as `ensure`, within a write transaction; `config` is the result of `checked`."""
     collections = Collections(session)
     row = collections.get(collection_id)
     created = row is None
@@ -109,7 +109,7 @@ def known_collections(database: Database) -> list[str]:
 def page(
     database: Database, limits: Limits, caller: Principal, limit: int | None, cursor: str | None
 ) -> CollectionPage:
-    """A page of the collections that the caller sees, oldest first. Raises InvalidField."""
+    """A page of the collections that the caller may see, oldest first. Raises InvalidField."""
     size = page_size(limit, limits)
     with database.read() as session:
         rows = Collections(session).page(caller.patterns, after_key=read_cursor("collections", cursor), limit=size + 1)
@@ -123,7 +123,9 @@ def page(
 def patch(
     database: Database, collection_id: str, body: CollectionPatch, preconditions: Preconditions = ANYTHING
 ) -> tuple[Collection, str]:
-    """Change title, crs, origin or frames. Raises NotFound, Conflict (the configuration stays), InvalidField."""
+    """Change title, crs, origin or frames. Raises NotFound, Conflict (the configuration cannot change),
+    InvalidField.
+    """
     config = checked(body)
     with database.write() as session:
         changed = patch_in(session, collection_id, body, config, preconditions)
@@ -133,7 +135,7 @@ def patch(
 def patch_in(
     session: Session, collection_id: str, body: CollectionPatch, config: Config, preconditions: Preconditions
 ) -> Ensured:
-    """The same in a write transaction of the caller's; `config` as `checked` returned it."""
+    """The same as `patch`, within a write transaction; `config` is the result of `checked`."""
     given = body.model_fields_set
     row = get_collection(session, collection_id)
     preconditions.check(etag_of(row))
@@ -156,13 +158,13 @@ def patch_in(
 
 
 def delete(database: Database, collection_id: str, preconditions: Preconditions = ANYTHING) -> None:
-    """Drop a collection with everything in it. Raises NotFound and PreconditionFailed."""
+    """Delete a collection with everything in it. Raises NotFound and PreconditionFailed."""
     with database.write() as session:
         delete_in(session, collection_id, preconditions)
 
 
 def delete_in(session: Session, collection_id: str, preconditions: Preconditions) -> StoredResponse:
-    """The same in a write transaction of the caller's; what is answered."""
+    """The same as `delete`, within a write transaction. Returns the answer."""
     row = get_collection(session, collection_id)
     preconditions.check(etag_of(row))
     Collections(session).delete(row.key)
@@ -170,7 +172,7 @@ def delete_in(session: Session, collection_id: str, preconditions: Preconditions
 
 
 def get_collection(session: Session, collection_id: str) -> CollectionRow:
-    """The collection, or NotFound."""
+    """The collection. Raises NotFound."""
     row = Collections(session).get(collection_id)
     if row is None:
         raise NotFound("collection", collection_id)
@@ -178,9 +180,9 @@ def get_collection(session: Session, collection_id: str) -> CollectionRow:
 
 
 def etag_of(row: CollectionRow) -> str:
-    """Entity tag of a collection: every write moves its revision, and no key comes twice.
+    """Entity tag of a collection: every write raises its revision, and no key is used twice.
 
-    With the time of the last write: a database that was restored comes to the same revision again.
+    The time of the last write is part of it, because a restored database reaches the same revision again.
     """
     return f"{row.key}-{row.revision}-{row.updated.timestamp() * 1e6:.0f}"
 
@@ -238,7 +240,7 @@ def _full(session: Session, row: CollectionRow) -> Collection:
         for extent in collections.extents(row.key)
     ]
     return Collection(
-        # What a stored configuration does not name has its default: it is reported whole.
+        # Reported with the defaults of parameters that the stored configuration does not have.
         **_summary(row),
         config=Config().to_dict() | row.config,
         frames={

@@ -1,4 +1,4 @@
-"""The verbs of the command line, one module each; `server/cli.py` puts them together.
+"""The commands, one module each. `server/cli.py` puts them together.
 
 Imports `app`, `commands.support` and all rooms of the service.
 """

@@ -1,7 +1,7 @@
-"""Constraints between the submaps of a collection: found by looking each up, and agreed from both sides.
+"""Constraints between the submaps of a collection: each submap is looked up, and both directions must agree.
 
 A constraint is from_T_to: it takes points of the submap `to` into the frame of `from`, p_from = R(yaw) p_to + t. That
-is the pose of `to` seen from `from`, as an edge of a pose graph has it.
+is the pose of `to` seen from `from`, like an edge of a pose graph.
 """
 
 import math
@@ -27,23 +27,23 @@ from urquhart import SE2, Candidate
 _SHIFT: Final = 1.0
 """Metres, and"""
 _TURN: Final = math.radians(5.0)
-"""radians: two finds of a pair that are farther from each other than this contradict each other."""
+"""radians. Two results for a pair that differ by more contradict each other."""
 
 Found = dict[str, Any]
-"""A constraint as JSON, as it is kept: all of `server.schemas.constraints.Constraint` but `stale`."""
+"""A constraint as JSON, as it is stored: all of `server.schemas.constraints.Constraint` except `stale`."""
 
 
 def chosen_submaps(body: ConstraintsInput) -> SubmapFilter:
-    """Which submaps are looked up, `submap_ids` apart. Raises InvalidField."""
+    """The filter of submaps to look up, without `submap_ids`. Raises InvalidField."""
     bbox = None if body.bbox is None else ",".join(map(repr, body.bbox))
     try:
         return submap_filter(session=body.session, bbox=bbox, frame_id=body.frame_id, datetime_range=body.datetime)
-    except InvalidField as error:  # here they are members, of the same names as the parameters of a listing
+    except InvalidField as error:  # here they are members with the names of a list's parameters
         raise InvalidField(str(error), code=error.code, pointer=f"/{error.parameter}") from error
 
 
 def check_ids(database: Database, collection_id: str, body: ConstraintsInput) -> None:
-    """Refuse submaps that are not there: who names them means them. Raises NotFound and InvalidField."""
+    """Refuse ids of submaps that do not exist. Raises NotFound and InvalidField."""
     with database.read() as session:
         collection = get_collection(session, collection_id)
         there = Submaps(session, collection.key).keys(body.submap_ids or ())
@@ -53,9 +53,9 @@ def check_ids(database: Database, collection_id: str, body: ConstraintsInput) ->
 
 
 def question(row: SubmapRow, body: ConstraintsInput, most: int) -> QueryInput:
-    """The query that looks a submap up among all others that it may be paired with; `most` candidates of any query."""
+    """The query that looks a submap up among all others that it may be paired with, with `most` candidates."""
     wanted = body.exclude
-    # A submap without a session is of one session with no other, and one without a stamp is close to none in time.
+    # A submap without a session shares it with no other, and one without a stamp is close to none in time.
     possible = row.session is not None or not wanted.same_session
     possible = possible and (row.stamp is not None or wanted.within_seconds is None)
     exclude = Exclude()
@@ -66,7 +66,7 @@ def question(row: SubmapRow, body: ConstraintsInput, most: int) -> QueryInput:
 
 
 def from_look(row: SubmapRow, look: LookupResult, body: ConstraintsInput) -> list[Found]:
-    """Those candidates of a submap's look-up that are accepted and pass the gates, as constraints."""
+    """The candidates of a submap's look-up that are accepted and pass the gates, as constraints."""
     gates = body.gates
     if look.answer.verdict != "matched":
         return []
@@ -93,7 +93,7 @@ def from_look(row: SubmapRow, look: LookupResult, body: ConstraintsInput) -> lis
 
 
 def measured(found: Candidate) -> dict[str, Any]:
-    """What a candidate tells of the pose of `to` in the frame of `from`."""
+    """The pose of `to` in the frame of `from`, with its uncertainty, from a candidate."""
     answer = transform_answer(found.transform, found.uncertainty).model_dump()
     return {
         "transform": answer | {"covariance_frame": "from", "about": "to_origin"},
@@ -111,7 +111,9 @@ def read_found(line: bytes) -> Found:
 
 
 def agree(found: Iterable[Found]) -> tuple[list[Found], int]:
-    """One constraint for each pair, the one with more inliers; and how many pairs contradict themselves, left out."""
+    """One constraint for each pair, the one with more inliers, and the number of pairs that contradict themselves and
+    are left out.
+    """
     pairs: dict[tuple[str, str], Found | None] = {}
     contradictions = 0
     for one in found:
@@ -128,7 +130,9 @@ def agree(found: Iterable[Found]) -> tuple[list[Found], int]:
 
 
 def _contradict(one: Found, other: Found) -> bool:
-    """Whether two finds of a pair put the trees in different places. An origin far from them would only swing."""
+    """Whether two results for a pair put the trees at different places. Compared at the trees, because at an origin far
+    away small rotations would dominate.
+    """
     mine, theirs = pose_of(one), pose_of(other)
     if one["from"] != other["from"]:
         theirs = theirs.inverse()

@@ -1,7 +1,7 @@
-"""Constraints written out: as JSON, as 4 x 4 matrices, and as g2o files that GTSAM and g2o read whole.
+"""Constraints as JSON, as 4 x 4 matrices, and as g2o files that GTSAM and g2o can read.
 
-GTSAM's reader leaves out all edges behind a comment, and neither reader knows names. So vertices and edges come first,
-and after them, as comments, the name of each vertex.
+GTSAM's reader skips all edges after a comment, and neither reader knows names. So vertices and edges come first, and
+after them, as comments, the name of each vertex.
 """
 
 import math
@@ -23,22 +23,22 @@ from urquhart import SE2
 from urquhart.uncertainty import PoseUncertainty
 
 _NAMED: Final = 10
-"""Map frames that are named where another one is asked for."""
+"""Map frames that an error message names."""
 
 
 @dataclass(frozen=True, slots=True)
 class StoredSubmap:
-    """A submap that is stored now: the revision at which its landmarks came, and where it is in a map."""
+    """A submap that is stored now: the revision of its landmarks, and its pose in a map."""
 
     content_revision: int
     place: Place | None
 
 
 def is_stale(one: Found, known: Mapping[str, StoredSubmap]) -> bool:
-    """Whether a submap of a constraint is gone, or has other landmarks than those that were compared.
+    """Whether a submap of a constraint was deleted, or has other landmarks than those that were compared.
 
-    `known`: the submaps there are now, by id. What an older version found names no revisions: then only those that are
-    gone are known to be stale.
+    `known`: the present submaps, by id. Results of older versions have no revisions: then only deleted submaps are
+    known to make a constraint stale.
     """
     for end in ("from", "to"):
         there, compared = known.get(one[end]), one.get(f"{end}_revision")
@@ -50,9 +50,10 @@ def is_stale(one: Found, known: Mapping[str, StoredSubmap]) -> bool:
 def write_out(
     found: Sequence[Found], wanted: ConstraintFormat, known: Mapping[str, StoredSubmap], frame_id: str | None = None
 ) -> bytes:
-    """Constraints, each with `stale`, in a format; `known` and `frame_id`: where g2o begins, see `_starts`.
+    """Constraints, each with `stale`, in a format. `known` and `frame_id` decide where g2o vertices start, see
+    `_starts`.
 
-    Raises InvalidField where no submap of the constraints is placed in `frame_id`.
+    Raises InvalidField if no submap of the constraints has a pose in `frame_id`.
     """
     if wanted == "json":
         return orjson.dumps({"constraints": list(found)})
@@ -88,7 +89,7 @@ def _vertex(number: int, pose: SE2) -> str:
 
 
 def _edge(one: Found, numbers: Mapping[str, int], origins: Mapping[str, NDArray[np.float64]]) -> str:
-    """An edge between vertices that lie at `origins` (2,), metres, of their submaps' frames."""
+    """An edge between vertices at `origins` (2,), metres, in their submaps' frames."""
     pose, origin = pose_of(one), origins[one["to"]]
     at = SE2.shift(origins[one["from"]]).inverse() @ pose @ SE2.shift(origin)
     information = _uncertainty(one, pose).source_information(pose, origin)
@@ -99,7 +100,9 @@ def _edge(one: Found, numbers: Mapping[str, int], origins: Mapping[str, NDArray[
 def _uncertainty(one: Found, pose: SE2) -> PoseUncertainty:
     at = one["transform"]
     middle = at.get("middle")
-    if middle is None:  # as versions before it found them: about the origin, where not much is known far from it
+    if (
+        middle is None
+    ):  # stored by earlier versions: about the origin, where the information is poor if the trees are far away
         return PoseUncertainty.about_point(np.zeros(2), pose, np.reshape(at["covariance"], (3, 3)))
     source, target = np.array(middle["source"]), np.array(middle["target"])
     covariance, information = (np.reshape(middle[name], (3, 3)) for name in ("covariance", "information"))
@@ -107,7 +110,9 @@ def _uncertainty(one: Found, pose: SE2) -> PoseUncertainty:
 
 
 def _middles(found: Sequence[Found], names: Sequence[str]) -> dict[str, NDArray[np.float64]]:
-    """For each submap a point among its trees (2,), metres, its frame: the mean of the middles of its constraints."""
+    """For each submap a point among its trees (2,), metres, in its frame: the mean of the middles of its
+    constraints.
+    """
     points: dict[str, list[Any]] = {name: [] for name in names}
     for one in found:
         uncertainty = _uncertainty(one, pose_of(one))
@@ -119,11 +124,11 @@ def _middles(found: Sequence[Found], names: Sequence[str]) -> dict[str, NDArray[
 def _starts(
     found: Sequence[Found], names: Sequence[str], places: Mapping[str, Place], frame_id: str | None
 ) -> tuple[str | None, dict[str, SE2], list[tuple[list[str], bool]]]:
-    """The map's frame that vertices begin in, the pose of each, and the components with whether each is placed there.
+    """The map frame in which vertices start, the pose of each, and the components with whether each has a pose there.
 
-    The frame is `frame_id`, by default the one that most of the submaps are placed in. Submaps that are placed there
-    begin where they are placed, all others along the constraints from those; a component without one begins at 0.
-    Poses in other frames are passed over: nobody says how frames lie to each other.
+    The frame is `frame_id`, by default the one that most of the submaps have a pose in. Submaps with a pose in it start
+    there, all others along the constraints from those. A component without any starts at 0. Poses in other frames are
+    ignored, because the relation of the frames is unknown.
     """
     frames = Counter(places[name].map_frame_id for name in names if name in places)
     if frame_id is not None and names and frame_id not in frames:
@@ -150,7 +155,7 @@ def _starts(
 
 
 def _spread(starts: dict[str, SE2], queue: deque[str], beside: Mapping[str, Sequence[tuple[str, SE2]]]) -> None:
-    """Give a pose to everything that constraints reach from what is in the queue, and has none yet."""
+    """Give a pose to everything without one that constraints reach from the submaps in the queue."""
     while queue:
         name = queue.popleft()
         for other, step in beside[name]:

@@ -1,4 +1,4 @@
-"""JSON as callers send it: read strictly, and its errors as JSON pointers with advice.
+"""JSON from callers: read strictly, with errors as JSON pointers and advice.
 
 Used for request bodies and for lines of imports. Imports `errors` only.
 """

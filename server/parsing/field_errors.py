@@ -22,7 +22,7 @@ _SENTENCES: Mapping[str, str] = {
     "model_attributes_type": "must be an object",
     "finite_number": "must be a finite number",
     "int_from_float": "must be a whole number",
-    "string_pattern_mismatch": "must be of visible ASCII characters, without spaces",  # the only pattern there is
+    "string_pattern_mismatch": "must be of visible ASCII characters, without spaces",  # the only pattern in the schemas
 }
 
 _RENAMED: Mapping[str, str] = {
@@ -33,12 +33,12 @@ _RENAMED: Mapping[str, str] = {
 
 
 def pointer(parts: Sequence[str | int]) -> str:
-    """JSON pointer of a path into a document."""
+    """The JSON pointer of a path into a document."""
     return "".join(f"/{_escape(str(part))}" for part in parts)
 
 
 def field_problems(found: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Entries for `errors`, the first of them when there are very many; the caller's values are not echoed."""
+    """The entries for `errors`, at most the first few. Values of the caller are not repeated."""
     entries = []
     for one in found[:_MOST]:
         source, *parts = one["loc"]
@@ -52,13 +52,13 @@ def field_problems(found: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
 
 
 def invalid_body(error: ValidationError) -> InvalidBody:
-    """What is wrong with a body that was not read by the framework."""
+    """The error for an invalid body that the framework did not read."""
     entries = field_problems([{**one, "loc": ("body", *one["loc"])} for one in error.errors(include_url=False)])
     return InvalidBody(describe(entries), entries)
 
 
 def describe(entries: Sequence[Mapping[str, Any]]) -> str:
-    """What a problem with these `errors` says in its `detail`: where and what, or how many."""
+    """The `detail` of a problem with these `errors`: where and what, or how many."""
     if len(entries) > 1:
         return f"{len(entries)} things are wrong, see errors."
     where = entries[0].get("pointer") or entries[0].get("parameter")

@@ -1,7 +1,7 @@
-"""JSON as it is taken from callers: bounded, and nothing of it read as something else than was written.
+"""JSON from callers, limited in size and read exactly as written.
 
-The parser keeps the last of several members of one name, and makes a float of an integer beyond 64 bits, both without a
-word. A compiled pass over the text finds both, and where they stand, without the GIL: 8 MB take about 15 ms.
+The parser silently keeps the last of several members with one name, and turns an integer beyond 64 bits into a float. A
+compiled pass over the text finds both, with their position, without the GIL: 8 MB take about 15 ms.
 """
 
 import os
@@ -17,11 +17,11 @@ from server.parsing.field_errors import pointer
 from urquhart._kernel import kernel
 
 _DEPTH: Final = 1_100
-"""More than the parser lets arrays and objects be nested."""
+"""Deeper than the parser allows arrays and objects to be nested."""
 _MEMBERS: Final = 5_000
 _FEW_BYTES: Final = 1 << 16
 _SECRET: Final = int.from_bytes(os.urandom(8), "little") >> 1
-"""Nobody can choose names of members whose hashes are equal."""
+"""Secret of the hash, so that nobody can choose names with equal hashes."""
 _SOUND, _INTEGER, _MEMBER = 0, 1, 2
 _QUOTE, _ESCAPE, _COMMA, _COLON = (ord(sign) for sign in '"\\,:')
 _OBJECT, _END_OBJECT, _ARRAY, _END_ARRAY = (ord(sign) for sign in "{}[]")
@@ -30,10 +30,10 @@ _LARGEST, _SMALLEST = (np.frombuffer(str(limit).encode(), np.uint8) for limit in
 
 
 def read_json(raw: bytes, most: int) -> Any:
-    """JSON that is not more than a request can be: at most `most` arrays and objects, none of them very wide.
+    """Parsed JSON within the limits of a request: at most `most` arrays and objects, none of them very wide.
 
-    Raises TooLarge, orjson.JSONDecodeError, and InvalidField: also for a member that comes twice in an object and for
-    an integer that does not fit into 64 bits.
+    Raises TooLarge, orjson.JSONDecodeError, and InvalidField: also for a member that is in an object twice, and for an
+    integer that does not fit into 64 bits.
     """
     _check_values(raw, most)
     content = json_pieces.parse(raw)
@@ -43,17 +43,17 @@ def read_json(raw: bytes, most: int) -> Any:
 
 
 def warm_up() -> None:
-    """Load what is compiled, so that no request waits for it."""
+    """Compile the kernels, so that no request waits for them."""
     _check_text(b'{"a": [1]}')
     json_pieces.warm_up()
 
 
 def _check_text(raw: bytes) -> None:
-    """Refuse well-formed JSON that the parser does not read as it is written. Raises InvalidField."""
+    """Refuse well-formed JSON that the parser would not read as written. Raises InvalidField."""
     fault, depth, steps = _first_fault(np.frombuffer(raw, np.uint8), _SECRET, _LARGEST, _SMALLEST)
     if fault == _SOUND:
         return
-    # An object's step is where the name of the member stands, an array's the position in it.
+    # The step of an object is the position of the member's name, that of an array the index in it.
     path = [orjson.loads(raw[a:b]) if b else int(a) for a, b in steps[:depth].tolist()]
     if fault == _MEMBER:
         raise InvalidField(
@@ -73,12 +73,12 @@ def _check_text(raw: bytes) -> None:
 def _first_fault(
     text: NDArray[np.uint8], secret: int, largest: NDArray[np.uint8], smallest: NDArray[np.uint8]
 ) -> tuple[int, int, NDArray[np.int64]]:
-    """What is wrong first with well-formed JSON, how deep it stands, and the steps (depth, 2) that lead there."""
+    """The first fault in well-formed JSON, its depth, and the steps (depth, 2) that lead to it."""
     steps = np.empty((_DEPTH, 2), np.int64)
     objects = np.empty(_DEPTH, np.int64)  # the number of each open object, 0 for an array
     seen = np.zeros(256, np.uint64)
     depth = found = numbered = at = 0
-    named = False  # whether the name of the next member was read already
+    named = False  # whether the name of the next member has been read
     while at < len(text):
         sign = text[at]
         if sign == _QUOTE:
@@ -113,7 +113,7 @@ def _first_fault(
             continue
         if sign in (_OBJECT, _ARRAY):
             if depth == _DEPTH:
-                return _SOUND, 0, steps  # the parser does not go as deep
+                return _SOUND, 0, steps  # deeper than the parser allows
             if sign == _OBJECT:
                 numbered += 1
             objects[depth] = numbered if sign == _OBJECT else 0
@@ -132,7 +132,7 @@ def _first_fault(
 
 @kernel
 def _character(text: NDArray[np.uint8], at: int) -> tuple[int, int]:
-    """The character at a place in a string, be it in UTF-8 or escaped, and where the next one begins."""
+    """The character at a position in a string, in UTF-8 or escaped, and the position of the next one."""
     first = int(text[at])
     if first != _ESCAPE:
         more = 0 if first < 0xC0 else (1 if first < 0xE0 else (2 if first < 0xF0 else 3))
@@ -144,7 +144,7 @@ def _character(text: NDArray[np.uint8], at: int) -> tuple[int, int]:
     if escape != _SMALL_U:
         return _short_escape(escape), at + 2
     code = _hex(text, at + 2)
-    if 0xD800 <= code < 0xDC00:  # the first half of a character beyond 16 bits; the other one follows
+    if 0xD800 <= code < 0xDC00:  # the first half of a surrogate pair; the other half follows
         return 0x10000 + ((code - 0xD800) << 10) + (_hex(text, at + 8) - 0xDC00), at + 12
     return code, at + 6
 
@@ -160,7 +160,7 @@ def _short_escape(sign: int) -> int:
 
 @kernel
 def _hex(text: NDArray[np.uint8], at: int) -> int:
-    """The number that four hexadecimal digits are."""
+    """The number of four hexadecimal digits."""
     number = 0
     for k in range(at, min(at + 4, len(text))):
         digit = int(text[k])
@@ -170,7 +170,7 @@ def _hex(text: NDArray[np.uint8], at: int) -> int:
 
 @kernel
 def _in_number(sign: int) -> bool:
-    """Whether a sign may stand within a number."""
+    """Whether a character may be part of a number."""
     return bool(_ZERO <= sign <= _NINE or sign in (_MINUS, _PLUS, _DOT, _SMALL_E, _LARGE_E))
 
 
@@ -197,9 +197,9 @@ def _mix(number: np.uint64) -> np.uint64:
 
 @kernel
 def _put(seen: NDArray[np.uint64], mixed: np.uint64) -> bool:
-    """Put a hash into a table whose length is a power of two, 0 for free places; False where it is there already.
+    """Put a hash into a table whose length is a power of two, with 0 for free places. False if it is there already.
 
-    Names are told apart by 64 bits: of a million members two are taken for one another once in 4 * 10^7 times.
+    Names are compared by 64 bits: of a million members, two are confused once in 4 * 10^7 times.
     """
     mixed = max(mixed, np.uint64(1))
     last = np.uint64(len(seen) - 1)
@@ -214,7 +214,7 @@ def _put(seen: NDArray[np.uint64], mixed: np.uint64) -> bool:
 
 @kernel
 def _grown(seen: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    """The same table with four times the room."""
+    """The same table with four times the size."""
     larger = np.zeros(4 * len(seen), np.uint64)
     for mixed in seen:
         if mixed != np.uint64(0):
@@ -223,7 +223,8 @@ def _grown(seen: NDArray[np.uint64]) -> NDArray[np.uint64]:
 
 
 def _check_values(raw: bytes, most: int) -> None:
-    """Refuse JSON with very many arrays and objects before it is read: while Python makes them, nobody is answered.
+    """Refuse JSON with very many arrays and objects before parsing, because nobody is answered while Python creates
+    them.
 
     Brackets in texts count, too: no request has so many of them. Raises TooLarge.
     """
@@ -233,10 +234,10 @@ def _check_values(raw: bytes, most: int) -> None:
 
 
 def _check_breadth(content: Any, size: int) -> None:
-    """Refuse JSON of `size` bytes in which an object has very many members, before each is told of by itself.
+    """Refuse JSON of `size` bytes in which an object has very many members, instead of reporting each.
 
-    No request has so many, and hundreds of thousands of errors take seconds, in which nobody else is answered. What
-    `properties` holds is the caller's own, and has its own limit. Raises InvalidField.
+    No request has so many, and hundreds of thousands of errors take seconds, during which nobody else is answered.
+    `properties` is the caller's own, and has its own limit. Raises InvalidField.
     """
     level: list[Any] = [content] if size > _FEW_BYTES else []
     while level:
@@ -251,6 +252,6 @@ def _check_breadth(content: Any, size: int) -> None:
         for outer in level:
             if isinstance(outer, dict):
                 inner += [v for k, v in outer.items() if isinstance(v, dict | list) and k != "properties"]
-            elif isinstance(outer, list):  # points are lists of numbers: there is nothing to be found in them
+            elif isinstance(outer, list):  # points are lists of numbers, which need no check
                 inner += [value for value in outer if isinstance(value, dict)]
         level = inner

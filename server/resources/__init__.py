@@ -1,4 +1,4 @@
-"""What every resource shares: its path, pages of a listing, preconditions, writes that are safe to repeat.
+"""What all resources share: paths, pages of lists, preconditions, idempotent writes.
 
 Imports `store`, `config` and `errors`; knows no particular resource.
 """

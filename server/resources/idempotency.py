@@ -22,7 +22,7 @@ from server.store.tables import IdempotencyRow
 
 @dataclass(frozen=True, slots=True)
 class IdempotencyKey:
-    """The Idempotency-Key of a write, with what it is bound to.
+    """The Idempotency-Key of a write, and the request that it is bound to.
 
     Attributes:
         caller: id of the API key, empty without one.
@@ -38,7 +38,7 @@ class IdempotencyKey:
 
     @property
     def since(self) -> datetime:
-        """Responses stored before this moment have expired."""
+        """Responses stored before this time have expired."""
         return datetime.now(UTC) - timedelta(hours=self.hours)
 
 
@@ -53,7 +53,7 @@ class StoredResponse:
 
 
 def find_response(session: Session, idempotency_key: IdempotencyKey | None, operation: str) -> StoredResponse | None:
-    """The response that this write got already; None if it was not done yet. Raises KeyReused."""
+    """The response that this write has already; None if it was not carried out yet. Raises KeyReused."""
     if idempotency_key is None:
         return None
     row = StoredResponses(session).find(idempotency_key.caller, operation, idempotency_key.name, idempotency_key.since)
@@ -97,7 +97,7 @@ def run_once(
 
 
 def find_before(database: Database, idempotency_key: IdempotencyKey | None, operation: str) -> StoredResponse | None:
-    """The response that this write got already, looked up before any work is done. Raises KeyReused."""
+    """The response that this write has already, read before any work is done. Raises KeyReused."""
     if idempotency_key is None:
         return None
     with database.read() as session:
@@ -105,4 +105,4 @@ def find_before(database: Database, idempotency_key: IdempotencyKey | None, oper
 
 
 NO_CONTENT = StoredResponse(204, {}, b"")
-"""What a DELETE answers."""
+"""The answer to a DELETE."""

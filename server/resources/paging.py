@@ -1,4 +1,4 @@
-"""Cursors: opaque to the caller, to us the last of the page before."""
+"""Cursors of pages. They are opaque to the caller and contain the last row of the previous page."""
 
 import base64
 import binascii
@@ -16,7 +16,7 @@ Listing = Literal["collections", "submaps", "sessions", "jobs", "snapshots"]
 
 @dataclass(frozen=True, slots=True)
 class PageRequest:
-    """Which page of a listing is asked for: rows at most, None for the usual number, and the cursor of the last one."""
+    """The requested page of a list: most rows (None: the default), and the cursor."""
 
     limit: int | None
     cursor: str | None
@@ -28,12 +28,12 @@ def write_cursor(listing: Listing, after: int | str) -> str:
 
 
 def read_cursor(listing: Listing, cursor: str | None) -> int:
-    """The key to begin after, 0 without a cursor. Raises InvalidField for what this listing never gave out."""
+    """The key to begin after, 0 without a cursor. Raises InvalidField if the cursor is not from this list."""
     return 0 if cursor is None else _read(listing, cursor, int)
 
 
 def read_name_cursor(listing: Listing, cursor: str | None) -> str:
-    """The name to begin after, empty without a cursor. Raises InvalidField for what this listing never gave out."""
+    """The name to begin after, empty without a cursor. Raises InvalidField if the cursor is not from this list."""
     return "" if cursor is None else _read(listing, cursor, str)
 
 
@@ -56,7 +56,7 @@ def _read(listing: Listing, cursor: str, kind: type[_Place]) -> _Place:
 
 
 def page_size(limit: int | None, limits: Limits) -> int:
-    """How many rows a page has. Raises InvalidField beyond the limit."""
+    """Number of rows on a page. Raises InvalidField beyond the limit."""
     if limit is None:
         return limits.page_default
     if not 1 <= limit <= limits.page_max:

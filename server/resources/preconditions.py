@@ -1,4 +1,4 @@
-"""If-Match and If-None-Match against the entity tag that is stored."""
+"""If-Match and If-None-Match, checked against the stored entity tag."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,13 +8,13 @@ from server.errors import PreconditionFailed
 
 @dataclass(frozen=True, slots=True)
 class Preconditions:
-    """Entity tags, without quotes, of If-Match and If-None-Match; ("*",) for any, None where the header is missing."""
+    """Entity tags, without quotes, of If-Match and If-None-Match; ("*",) for any, None if the header is missing."""
 
     if_match: Sequence[str] | None = None
     if_none_match: Sequence[str] | None = None
 
     def check(self, etag: str | None) -> None:
-        """Raise PreconditionFailed unless a write may go ahead over what has `etag` (None: over nothing)."""
+        """Raise PreconditionFailed unless a write may replace what has `etag` (None: nothing is stored)."""
         if self.if_match is not None and (etag is None or not _holds(self.if_match, etag)):
             found = "there is nothing here yet" if etag is None else f'it is now "{etag}"'
             raise PreconditionFailed(

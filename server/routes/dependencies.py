@@ -1,4 +1,4 @@
-"""What routes declare as parameters: the service, the caller, preconditions, the idempotency key, ids and pages."""
+"""Parameters of routes: the service, the caller, preconditions, the idempotency key, ids and pages."""
 
 import hashlib
 from collections.abc import AsyncIterator, Iterator
@@ -20,7 +20,7 @@ from urquhart import Budget
 from urquhart.budget import OutOfTime
 
 
-# Not `async` for what they wait for: the framework would send a plain function to a thread and back.
+# `async`, because the framework would send a plain function to a thread and back.
 async def get_service(request: Request) -> Service:
     """The service that the app was built with."""
     service: Service = request.app.state.service
@@ -66,10 +66,10 @@ async def get_idempotency_key(
 ) -> AsyncIterator[IdempotencyKey | None]:
     """The idempotency key of this request; None without the header.
 
-    While another attempt to send it is at work in this process, it waits for that one. Raises StillRunning.
+    If another attempt of the request is in progress in this process, this one waits for it. Raises StillRunning.
     """
     if idempotency_key is None:
-        yield None  # most queries have none: their bodies are not copied for it
+        yield None  # most queries have none, so their bodies are not copied
         return
     conditions = [request.headers.get(name) for name in ("if-match", "if-none-match")]
     about = "".join(f"\n{condition}" for condition in conditions if condition is not None)

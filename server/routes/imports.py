@@ -1,4 +1,4 @@
-"""Route that uploads many submaps, which a job then stores."""
+"""The route that uploads many submaps, which a job then stores."""
 
 from typing import Annotated, Literal
 
@@ -65,7 +65,7 @@ async def post_import(
     limits = service.settings.limits
     _check_length(declared_length(request.headers), limits.import_bytes)
     collection_key = await anyio.to_thread.run_sync(queue.check, service.database, collection)
-    if idempotency_key is None:  # one that is sent again is answered whatever else waits
+    if idempotency_key is None:  # a repetition gets its answer however many jobs wait
         await anyio.to_thread.run_sync(check_room, service.database, caller, limits)
     folder, job_id = service.jobs.folder, new_id()
     async with receive_upload(folder, job_id, request.stream(), limits, inflater) as arrived:
@@ -85,7 +85,7 @@ async def post_import(
 
 
 def _check_length(declared: int | None, limit: int) -> None:
-    """Refuse an upload that is too large before a byte of it is read. Raises TooLarge."""
+    """Refuse an upload that is too large before reading it. Raises TooLarge."""
     if declared is not None and declared > limit:
         raise TooLarge("import_bytes", limit, declared, "Split the upload into parts.")
 

@@ -28,11 +28,11 @@ from server.schemas.jobs import JOB_EXAMPLE, JobAnswer, JobPage, JobState, LineR
 router = APIRouter(route_class=JsonRoute, tags=["jobs"])
 _JOB = {"content": {JSON: {"example": JOB_EXAMPLE}}}
 ACCEPTED = {"description": "The job is accepted; `Location` is its path.", "model": JobAnswer, **_JOB}
-"""How the answer of a route that takes a job on is described."""
+"""Documentation of the answer of a route that starts a job."""
 _LINE = '{"line": 1, "id": "p1", "outcome": "created", "revision": 4}\n'
 _LINES = {"content": {NDJSON: {"schema": lines_of(LineResult), "example": _LINE}}}
 STALE = "X-Stale-Constraints"
-"""Header of results: how many constraints concern submaps that were changed or deleted since."""
+"""Header of results: number of constraints between submaps of which one was changed or deleted since."""
 _RESULTS: dict[str, Any] = {
     "headers": {STALE: {"description": "How many constraints are stale.", "schema": {"type": "integer"}}},
     "content": {

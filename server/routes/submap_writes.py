@@ -108,7 +108,7 @@ def post_submap(
 def _question(
     service: Service, caller: Principal, collection: str, submap: str | None, body: ArrivingSubmap, budget: Budget
 ) -> LoopQuestion:
-    """What is asked before the submap is stored. Raises Forbidden."""
+    """The query before the submap is stored, None without one. Raises Forbidden."""
     caller.require(Scope.READ)
     return LoopQuestion(service.queries, collection, body.question(), submap, budget)
 

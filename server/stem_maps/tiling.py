@@ -136,7 +136,7 @@ def merge(
 
 
 def without_twins(stem_map: StemMap) -> StemMap:
-    """The map without trees that stand within `MERGE_DISTANCE` of a thicker one: stems of one tree."""
+    """The map without trees within `MERGE_DISTANCE` of a thicker one, which are stems of one tree."""
     kept = merge(stem_map.xy, diameters=stem_map.dbh_cm) if len(stem_map) else np.zeros(0, dtype=np.int64)
     if len(kept) == len(stem_map):
         return stem_map

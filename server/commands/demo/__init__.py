@@ -1,4 +1,4 @@
-"""The demo: real forests recognised over HTTP, from an empty directory to a table of how well it went.
+"""The demo: places in real forests recognised over HTTP, from an empty folder to a table of results.
 
 Imports `commands` and below.
 """

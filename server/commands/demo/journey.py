@@ -57,7 +57,7 @@ OUTPUT: Final = (
 
 
 def run(out: Path, data: Path, *, seed: int, observations: int, keep: bool) -> bool:
-    """Run the demo; True when at least 95 % of the answers are right and none is wrong.
+    """Run the demo. Returns whether at least 95 % of the answers are right and none is wrong.
 
     Args:
         out: directory for the database, the drawings and the log; made when it is not there.
@@ -105,14 +105,14 @@ def _read(data: Path) -> dict[str, StemMap]:
 
 
 def _clear(out: Path) -> None:
-    # Only what the demo itself wrote: the directory may be one that the caller uses for other things too.
+    # Only what the demo itself wrote, because the folder may be used for other things as well.
     out.mkdir(parents=True, exist_ok=True)
     for name in OUTPUT:
         (out / name).unlink(missing_ok=True)
 
 
 def _store(path: Path, stem_maps: dict[str, StemMap], console: Console) -> None:
-    limits = Limits()  # the defaults: no setting of the caller's environment may change what the demo shows
+    limits = Limits()  # the defaults, so that the caller's environment cannot change the demo
     database = Database(path)
     try:
         upgrade(database)
@@ -150,7 +150,7 @@ def _ask_all(client: Client, questions: Sequence[DemoQuestion], seed: int, conso
 
 
 def _draw(client: Client, answers: Sequence[JudgedAnswer], out: Path) -> list[Path]:
-    """The first right match of the first stand as the service draws it, and the submap it was found in."""
+    """Drawings of the first right match of the first stand, and of the tessellation of its submap."""
     for answer in answers:
         best = answer.result.best
         if answer.right and best is not None:
@@ -165,7 +165,7 @@ def _draw(client: Client, answers: Sequence[JudgedAnswer], out: Path) -> list[Pa
 
 
 def _draw_motion(client: Client, answer: JudgedAnswer, found: Candidate, out: Path) -> Path:
-    """The observation, as it was made, that turns and slides into the submap it was found in."""
+    """A drawing of the observation as it turns and slides into the submap that it was found in."""
     trees = client.get_submap(COLLECTION, found.submap_id).landmarks or ()
     position = {tree.id: at for at, tree in enumerate(trees)}
     drawing = urquhart.draw_motion(
@@ -181,7 +181,9 @@ def _draw_motion(client: Client, answer: JudgedAnswer, found: Candidate, out: Pa
 
 
 def _compare(client: Client, hard: Sequence[DemoQuestion], seed: int, out: Path, console: Console) -> list[Path]:
-    """Ask hard questions of the paper's method and of the default; explain one that only the default answers."""
+    """Send hard queries with the paper's method and the default one, and draw the explanation of one that only the
+    default answers.
+    """
     lost = []
     found: dict[urquhart.Method, int] = {"paper": 0, "robust": 0}
     for question in hard:

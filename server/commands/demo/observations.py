@@ -1,4 +1,4 @@
-"""What the demo asks: observations of mapped stands from fresh poses, and how right the answers are."""
+"""The queries of the demo: simulated observations of mapped stands, and a judgement of the answers."""
 
 import math
 from dataclasses import dataclass
@@ -19,10 +19,10 @@ ATTEMPTS: Final = 1000
 
 @dataclass(frozen=True, slots=True)
 class Stand:
-    """One forest of the demo, metres.
+    """One forest of the demo, in metres.
 
-    `radius` and `spacing` cut it into submaps, None when it is not in the database; `sensor_range` is how far an
-    observer sees, and `minimum_trees` how many trees there must be in that range for a place to be asked about.
+    `radius` and `spacing` cut it into submaps; they are None if it is not stored. `sensor_range` is how far an observer
+    sees, and `minimum_trees` how many trees a place must have in that range.
     """
 
     name: str
@@ -43,9 +43,9 @@ class DemoQuestion:
 
 @dataclass(frozen=True, slots=True)
 class JudgedAnswer:
-    """What came back: errors in metres and degrees where there is a pose to compare, `right` when the answer is.
+    """An answer compared with the truth: errors in metres and degrees if it has a pose, and whether it is `right`.
 
-    For a stand in the database, right is `matched` within 1 m and 3 degrees; for another, anything but `matched`.
+    For a stored stand, right is `matched` within 1 m and 3 degrees; for another one, anything but `matched`.
     """
 
     question: DemoQuestion
@@ -59,7 +59,9 @@ class JudgedAnswer:
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """Of an observation, from the one to the other: metres a coordinate is off, and the chance that a tree is seen."""
+    """Ranges of the noise of an observation: standard deviation of a coordinate in metres, and probability that a tree
+    is seen.
+    """
 
     sigma: tuple[float, float]
     detection: tuple[float, float]
@@ -67,11 +69,11 @@ class Noise:
 
 USUAL: Final = Noise((0.1, 0.2), (0.90, 0.95))
 HARD: Final = Noise((0.3, 0.35), (0.75, 0.8))
-"""A polygon of the paper's needs each of its trees: here hardly one is whole."""
+"""A polygon of the paper needs all of its trees; with this noise, hardly one is complete."""
 
 
 def ask(stand: Stand, stem_map: StemMap, rng: np.random.Generator, noise: Noise = USUAL) -> DemoQuestion:
-    """An observation from a place in the stand that has trees around it: uniform position and heading."""
+    """An observation from a random place in the stand that has trees around it, with a random heading."""
     low, high = stem_map.xy.min(axis=0), stem_map.xy.max(axis=0)
     for _ in range(ATTEMPTS):
         x, y = rng.uniform(low, high)

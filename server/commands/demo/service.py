@@ -1,4 +1,4 @@
-"""The demo's server: a process of its own that never outlives the demo, unless it is meant to."""
+"""The demo's service, in a process of its own that ends with the demo, unless it is kept."""
 
 import os
 import signal
@@ -21,19 +21,19 @@ STOP_SECONDS: Final = 15.0
 
 @contextmanager
 def running_service(database: Path, log: Path, *, keep: bool) -> Iterator[tuple[str, int]]:
-    """Serve `database` on a free loopback port; yields the URL and the process id once the service is ready.
+    """Serve `database` on a free loopback port. Yields the URL and the process id once the service is ready.
 
-    The process is stopped at the end of the block, however it ends; with `keep`, only when it ends by an exception.
+    The process is stopped at the end of the block, however it ends; with `keep`, only if it ends by an exception.
 
     Raises:
         Failure: the service did not start; `log` has what it said.
     """
     port = _free_port()
     command = [sys.executable, "-m", "server.cli", "serve", "--port", str(port), "--database", str(database)]
-    # No setting of the caller's environment may change what the demo shows.
+    # Without the caller's settings, which could change the demo.
     environment = {name: value for name, value in os.environ.items() if not name.startswith("URQUHART_")}
     with log.open("wb") as output, handled(_leave, signal.SIGTERM, signal.SIGHUP):
-        # A session of its own: Ctrl-C reaches only this process, which then stops the other in order.
+        # A session of its own: Ctrl-C reaches only this process, which then stops the service in order.
         process = subprocess.Popen(
             command,
             stdin=subprocess.DEVNULL,
@@ -88,5 +88,5 @@ def _free_port() -> int:
 
 
 def _leave(number: int) -> None:
-    """Unwind the stack as Ctrl-C does, so that nothing started here is left behind."""
+    """Unwind the stack as Ctrl-C does, so that nothing that was started here is left."""
     raise SystemExit(128 + number)

@@ -1,9 +1,9 @@
-"""Where commands print their tables."""
+"""The console for tables."""
 
 from rich.console import Console
 
 
 def wide_console() -> Console:
-    """Standard output, as wide as it needs to be where it is not looked at but read by a program."""
+    """Standard output. If it is not a terminal, it is as wide as the text needs."""
     console = Console()
     return console if console.is_terminal else Console(width=400)

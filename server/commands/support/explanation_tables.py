@@ -1,4 +1,4 @@
-"""Why an answer is what it is, as tables for a terminal."""
+"""Explanations of answers, as tables for a terminal."""
 
 from rich import box
 from rich.console import Console
@@ -10,7 +10,7 @@ from urquhart.report.explanation import counted, sentence
 
 
 def print_explanation(console: Console, answer: QueryAnswer) -> None:
-    """Print the reason in words, what each stage took and counted, and what each level found in each submap."""
+    """Print the reason in words, the time and counts of each stage, and what each level found in each submap."""
     gates = answer.gates
     console.print(f"why: {sentence(answer.reason)}", highlight=False)
     if answer.lead is not None:

@@ -1,4 +1,4 @@
-"""A command that cannot do what it was asked to."""
+"""The error of a command that cannot do what it was asked to do."""
 
 
 class CommandError(Exception):

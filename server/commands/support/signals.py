@@ -1,4 +1,4 @@
-"""What a command does when a signal tells it to end."""
+"""Signal handlers of commands."""
 
 import signal
 from collections.abc import Callable, Iterator
@@ -8,7 +8,7 @@ from types import FrameType
 
 @contextmanager
 def handled(handler: Callable[[int], object], *numbers: signal.Signals) -> Iterator[None]:
-    """Call `handler` with the number of each of these signals that comes, and put back what was done before."""
+    """Call `handler` with the number of each of these signals within the block. Restores the former handlers."""
 
     def handle(number: int, frame: FrameType | None) -> None:
         handler(number)

@@ -1,4 +1,4 @@
-"""Several processes that answer on one socket, and the one that started them: it keeps them running, and ends them."""
+"""Several processes that answer on one socket, and their supervisor, which keeps them running and stops them."""
 
 import logging
 import multiprocessing
@@ -24,17 +24,18 @@ from server.observability.metrics_exchange import MetricsExchange
 _SPAWN: Final = multiprocessing.get_context("spawn")
 _TICK: Final = 0.1
 _AGAIN: Final = 1.0
-"""Seconds between the start of a process and that of the one that takes its place, at least."""
+"""Least seconds between the start of a process and of its replacement."""
 _SPARE: Final = 0.5
-"""Seconds that a process has to end after its time is over; then it is killed."""
+"""Seconds that a process has to stop after its time is over. Then it is killed."""
 _STARTUP_FAILURE: Final = 3
 _log = logging.getLogger(__name__)
 
 
 def supervise(workers: int, settings: Settings, listener: socket.socket) -> int:
-    """Run `workers` processes until a signal says to stop; the exit code.
+    """Run `workers` processes until a signal says to stop. Returns the exit code.
 
-    A process that ends is replaced. One signal lets them finish what is in progress, a second one ends them at once.
+    A process that ends is replaced. One signal lets them finish the requests in progress, a second one ends them at
+    once.
     """
     exchange = MetricsExchange(Path(tempfile.mkdtemp(prefix="urquhart-metrics-")))
     try:
@@ -51,7 +52,7 @@ class _Supervisor:
         self._signals: list[int] = []
 
     def run(self) -> int:
-        """Until there is nothing to be run any more."""
+        """Run until no process is left."""
         with handled(self._signals.append, signal.SIGTERM, signal.SIGINT):
             while not self._signals:
                 self._fill()
@@ -66,7 +67,7 @@ class _Supervisor:
             return self._end()
 
     def _fill(self) -> None:
-        """Start as many as are missing, none too soon after the one whose place it takes."""
+        """Start the missing processes, none too soon after the one that it replaces."""
         for process, began in [*self._running]:
             if process.is_alive():
                 continue
@@ -83,8 +84,8 @@ class _Supervisor:
         return any(process.exitcode == _STARTUP_FAILURE for process, _ in self._running)
 
     def _end(self) -> int:
-        """Let them finish; the exit code is 0 when all did."""
-        # The last process to close the socket refuses whoever connects after that; this one accepts nobody.
+        """Let the processes finish. The exit code is 0 if all did."""
+        # When the last process closes the socket, further connections are refused. This process accepts none.
         self._listener.close()
         processes = [process for process, _ in self._running]
         for process in processes:
@@ -100,12 +101,12 @@ class _Supervisor:
             _rest(processes)
         if len(self._signals) > 1:
             return 128 + self._signals[-1]
-        # To be killed for not ending in time is no failure: what was acknowledged is on the disk.
+        # Being killed for stopping too slowly is not a failure: acknowledged writes are on the disk.
         return 0 if all(process.exitcode == 0 or process.pid in late for process in processes) else 1
 
 
 def _rest(processes: list[SpawnProcess]) -> None:
-    """For a moment, or until one of them ends."""
+    """Wait for a moment, or until a process ends."""
     if all(process.is_alive() for process in processes):
         multiprocessing.connection.wait([process.sentinel for process in processes], _TICK)
     else:
@@ -113,7 +114,7 @@ def _rest(processes: list[SpawnProcess]) -> None:
 
 
 def _work(settings: Settings, listener: socket.socket, exchange: MetricsExchange) -> None:
-    """One process: it stops when the one that started it is gone, however that ended."""
+    """One process. It stops when its supervisor has ended, however it ended."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     logs.configure(settings.log)
     threading.Thread(target=_stop_with_parent, name="parent-watch", daemon=True).start()

@@ -55,7 +55,7 @@ def _position(index: int, point: Sequence[float]) -> list[float]:
 
 
 def _measured(body: Mapping[str, Any], dbh_cm: Sequence[float | None]) -> dict[str, Any]:
-    """The same landmarks one by one, with their diameters."""
+    """The landmarks one by one, with their diameters."""
     xy, ids = body["xy"], body.get("ids")
     if len(dbh_cm) != len(xy) or (ids is not None and len(ids) != len(xy)):
         raise ValueError(f"{len(xy)} points need as many ids and dbh_cm, None where one is not known")

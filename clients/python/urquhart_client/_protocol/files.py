@@ -194,7 +194,7 @@ class _Table:
         column = self.header[self.columns["dbh_cm"]]
         factor = _CENTIMETRES[column]
         for tree in measured:
-            # By division where that is exact: 211 mm are 21.1 cm, and 211 * 0.1 is a little more.
+            # By division, which is exact: 211 mm are 21.1 cm, but 211 * 0.1 is slightly more.
             tree["dbh_cm"] = tree["dbh_cm"] * factor if factor >= 1.0 else tree["dbh_cm"] / round(1.0 / factor)
         middle = median(tree["dbh_cm"] for tree in measured)
         if not 1.0 <= middle <= _MOST_MEDIAN.get(column, 300.0):
