@@ -1,9 +1,9 @@
 """The whole method: where in this collection was this observation made?
 
-describe   landmarks -> tessellation -> polygons and quads                features
-propose    level by level, the cheapest first: poses in some submaps      index, propose
-verify     each pose against all landmarks, as it is proposed             verify
-decide     against chance and every rival pose; candidates and verdict    decide
+describe   landmarks -> tessellation -> polygons and quads                   features
+propose    poses in some submaps, level by level, the cheapest first         index, propose
+verify     each proposed pose, by all landmarks                              verify
+decide     compare with chance and with every rival; candidates, verdict     decide
 """
 
 from collections.abc import Collection as Keys
@@ -29,7 +29,7 @@ from urquhart.verify.refinement import verify
 
 
 class Recognizer(SubmapCollection):
-    """A collection that can be asked. Each look-up searches the collection as it was when the look-up began."""
+    """A collection that can be searched. Each search sees an immutable snapshot of the collection."""
 
     def recognize(
         self,
@@ -42,16 +42,16 @@ class Recognizer(SubmapCollection):
         rng: np.random.Generator | None = None,
         budget: Budget | None = None,
     ) -> Recognition:
-        """Look up an observation that was described with this collection's configuration.
+        """Search for an observation that was described with this collection's configuration.
 
         Args:
-            observation: from `describe`, or of a submap that was stored.
-            limit: most candidates returned.
-            exclude: keys of submaps that are not to be considered.
-            only: keys of those that are; all by default.
-            rng: randomness of the paper's method (sampling, RANSAC); a fixed seed by default.
-            budget: when the search must end; by default it ends when it is done. An answer at the deadline is
-                `no_match` with the reason `deadline` and the candidates found so far: rivals may not have been seen.
+            observation: from `describe`, or the features of a stored submap.
+            limit: most candidates in the answer.
+            exclude: keys of submaps that are not searched.
+            only: keys of the submaps that are searched; all by default.
+            rng: source of randomness for `paper` (sampling, RANSAC); a fixed seed by default.
+            budget: when the search must end; by default never. At the deadline the answer is `no_match` with the reason
+                `deadline` and the candidates found so far, because rivals may be missing.
 
         Raises:
             ValueError: the observation was described with another configuration.
@@ -67,15 +67,15 @@ class Recognizer(SubmapCollection):
     def locate(
         self, xy: ArrayLike, *, diameters: ArrayLike | None = None, **options: Unpack[SearchOptions]
     ) -> Recognition:
-        """Describe landmarks and look them up. Too few of them, or all on one line, is answered with `no_match`.
+        """Describe landmarks, and search for them. Too few of them, or all on one line, give the answer `no_match`.
 
         Args:
             xy: (N, 2), metres, any rigid frame.
-            diameters: (N,), stem diameters in any unit, NaN where not known; they count where a submap has them too.
-            options: of `recognize`.
+            diameters: (N,), stem diameters in any unit, NaN where not known. They count if a submap has them too.
+            options: keyword arguments of `recognize`.
 
         Raises:
-            LandmarkError: for input that is wrong.
+            LandmarkError: the landmarks or diameters cannot be used.
             Abandoned: nobody waits for the answer any more.
         """
         described = describe_observation(xy, self.config, diameters, options.get("budget") or Budget())
@@ -85,7 +85,7 @@ class Recognizer(SubmapCollection):
         return replace(found, stages=described.stages + found.stages)
 
     def check(self, observation: Features, key: int, transform: SE2) -> Recognition:
-        """Verify a given pose as if it had been found, with the same rivals and the same verdict.
+        """Verify a given pose as if a level had proposed it, and decide. Rivals come from the same submap only.
 
         Args:
             transform: `submap_T_query`, in the frames as posted.
@@ -105,7 +105,7 @@ class Recognizer(SubmapCollection):
 def _search(
     query: Query, index: CollectionIndex, limit: int, method: Method, rng: np.random.Generator | None
 ) -> Recognition:
-    """Propose and rank, level by level, until one settles it or the time is over; then decide."""
+    """Propose and rank, level by level, until a pose is certain or time runs out; then decide."""
     ranking = NOTHING
     if method == "paper":
         levels = iter([propose_by_paper(query, index, rng or np.random.default_rng(0))])

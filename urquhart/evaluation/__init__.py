@@ -1,4 +1,4 @@
-"""Simulated forests and observations, and the scores of what a method answers to them.
+"""Simulated forests and observations, and scores of a method's answers.
 
 May import the ground floor and `features`.
 """

@@ -1,6 +1,6 @@
-"""Forests and what a sensor sees of them: the paper's simulation, plantations, and noise for real stem maps.
+"""Simulated forests and observations: the paper's simulation, plantations, and noise for real stem maps.
 
-Randomness comes only from the `numpy.random.Generator` that is passed in.
+All randomness comes from the `numpy.random.Generator` that is passed in.
 """
 
 import math
@@ -15,11 +15,11 @@ from urquhart.se2 import SE2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Observation:
-    """What a sensor saw from one pose.
+    """The landmarks that a sensor saw from one pose.
 
     Attributes:
         xy: (N, 2) float64, metres, sensor frame.
-        trees: (N,) int64, which tree of the forest each landmark is; -1 for a false landmark.
+        trees: (N,) int64, index of each landmark's tree in the forest; -1 for a false landmark.
         pose: `map_T_sensor`.
     """
 
@@ -31,10 +31,12 @@ class Observation:
 def bridson(
     width: float, height: float, minimum_distance: float, rng: np.random.Generator, attempts: int = 30
 ) -> NDArray[np.float64]:
-    """Poisson-disc sample (N, 2), metres, of a rectangle (Bridson 2007, Fast Poisson disk sampling).
+    """A Poisson-disc sample (N, 2) float64, metres, of a rectangle (Bridson 2007, "Fast Poisson disk sampling").
 
     Args:
-        attempts: Bridson's k, tries around each active point before it is retired.
+        width, height: metres, of the rectangle.
+        minimum_distance: metres, between any two points.
+        attempts: Bridson's k: tries around each active point before it is retired.
     """
     return _bridson(float(width), float(height), float(minimum_distance), attempts, rng)
 
@@ -56,7 +58,7 @@ def _bridson(
         centre = active[pick]
         placed = False
         for _ in range(attempts):
-            # Uniform over the annulus from `spacing` to twice that.
+            # Uniform over the annulus between one and two times `spacing`.
             radius = spacing * math.sqrt(1.0 + 3.0 * rng.random())
             angle = 2.0 * math.pi * rng.random()
             x = points[centre, 0] + radius * math.cos(angle)
@@ -87,7 +89,10 @@ def _bridson(
 
 
 def paper_forest(rng: np.random.Generator, side: float = 1000.0) -> NDArray[np.float64]:
-    """The paper's forest (section V-B), (N, 2) metres: Poisson-disc at 7 m, then moved by a Gaussian of 3 m."""
+    """The paper's forest (section V-B): (N, 2) float64, metres, Poisson-disc at 7 m, plus Gaussian noise of 3 m.
+
+    `side`: metres, of the square.
+    """
     trees = bridson(side, side, 7.0, rng)
     return trees + rng.normal(0.0, 3.0, trees.shape)
 
@@ -101,12 +106,13 @@ def plantation(
     jitter: float = 0.3,
     survival: float = 0.9,
 ) -> NDArray[np.float64]:
-    """Trees (N, 2), metres, planted in rows.
+    """Trees (N, 2) float64, metres, planted in rows.
 
     Args:
-        spacing: metres between trees of a row, and between rows.
-        jitter: metres, standard deviation of a tree about its planting point.
-        survival: share of planting points that still have a tree.
+        width, height: metres, of the stand.
+        spacing: metres between trees in a row, and between rows.
+        jitter: metres, standard deviation of each coordinate of a tree from its planting point.
+        survival: probability that a planting point still has a tree.
     """
     columns, rows = np.meshgrid(np.arange(0.0, width, spacing[0]), np.arange(0.0, height, spacing[1]))
     points = np.column_stack([columns.ravel(), rows.ravel()])
@@ -124,13 +130,13 @@ def observe(
     detection: float = 1.0,
     clutter: float = 0.0,
 ) -> Observation:
-    """What a sensor at `pose` (`map_T_sensor`) sees of `trees` (N, 2), metres, map frame.
+    """The observation by a sensor at `pose` (`map_T_sensor`) of `trees` (N, 2), metres, map frame.
 
     Args:
         radius: metres, range of the sensor.
-        sigma: metres, standard deviation of each coordinate (the paper's position noise).
+        sigma: metres, standard deviation of each coordinate (the paper's position noise, section V-B).
         detection: probability that a tree in range is seen (the paper's omega).
-        clutter: false landmarks, as a share of the seen ones, uniform in the disc.
+        clutter: number of false landmarks, uniform in the disc, as a share of the trees that are seen.
     """
     offset = trees - np.array([pose.x, pose.y])
     seen = np.flatnonzero((offset**2).sum(axis=1) <= radius * radius)

@@ -1,4 +1,4 @@
-"""Several aligned submaps made into one map.
+"""Map merging: several aligned submaps become one map.
 
 May import the ground floor and `features`.
 """

@@ -1,13 +1,13 @@
-"""Several aligned submaps made into one map: landmarks that are the same tree become one (paper, section V-C).
+"""Several aligned submaps merged into one map: landmarks that are the same tree become one (paper, section V-C).
 
-DBSCAN (Ester et al. 1996) over the landmarks of all submaps laid out in the map's frame: landmarks nearer than a
-distance belong together, and so do those a chain of such steps connects. The paper clusters what is closer than 0.5 m
-and keeps everything, which is DBSCAN with a least size of one.
+The landmarks of all submaps, in the map's frame, are clustered by DBSCAN (Ester et al. 1996): landmarks closer than a
+distance belong together, and so do those that a chain of such steps connects. The paper clusters landmarks closer than
+0.5 m and keeps all, which is DBSCAN with a least size of one.
 
-One rule is added. A sensor that reports two landmarks has seen two trees, however close they stand: stems of one stool
-are 0.3 m apart, and a few submaps with noise chain a row of stools into one. So a landmark of the map takes at most one
-landmark of each submap: where a cluster holds more, its members are joined nearest pair first, and no step joins two
-groups that have a submap in common.
+One rule is added. If a sensor reports two landmarks, they are two trees, however close they stand: the stems of a
+coppice stool are 0.3 m apart, and with noise, a few submaps chain a row of stools into one cluster. So a landmark of
+the map takes at most one landmark from each submap. If a cluster has more, its members are joined again, nearest pair
+first, and no step joins two groups that have a submap in common.
 """
 
 from collections.abc import Sequence
@@ -24,14 +24,14 @@ from urquhart.se2 import SE2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MergedMap:
-    """Landmarks of several submaps as one map; members are rows of ragged arrays.
+    """The merged landmarks of several submaps. The members of each are kept in ragged arrays.
 
     Attributes:
-        landmarks: (L, 2) float64, metres, map frame: the mean of each one's members, by first member.
-        spread: (L,) float64, metres: root mean square distance of the members to it; 0 for a single one.
-        submaps: (M,) int64, positions in the list of submaps, by landmark and then in order.
-        indices: (M,) int64, which landmark of that submap.
-        offsets: (L + 1,) int64; the members of landmark i are `offsets[i]:offsets[i + 1]`.
+        landmarks: (L, 2) float64, metres, map frame: the mean of each landmark's members, ordered by first member.
+        spread: (L,) float64, metres: root mean square distance of the members from their mean; 0 for a single member.
+        submaps: (M,) int64, the submap of each member, by landmark, as its position in the list of submaps.
+        indices: (M,) int64, the index of each member in its submap.
+        offsets: (L + 1,) int64; landmark i has the members `offsets[i]:offsets[i + 1]`.
     """
 
     landmarks: NDArray[np.float64]
@@ -44,12 +44,12 @@ class MergedMap:
         return len(self.landmarks)
 
     def members(self, i: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """The observations of landmark `i`: submaps (m,) and landmark indices in them (m,)."""
+        """The members of landmark `i`: submaps (m,) int64, and landmark indices in them (m,) int64."""
         at = slice(self.offsets[i], self.offsets[i + 1])
         return self.submaps[at], self.indices[at]
 
     def observation_counts(self) -> NDArray[np.int64]:
-        """How many submaps' landmarks (L,) went into each landmark."""
+        """Number of members (L,) int64 of each landmark."""
         return np.diff(self.offsets)
 
 
@@ -61,18 +61,18 @@ def merge(
     least: int = 1,
     apart: bool = True,
 ) -> MergedMap:
-    """Merge submaps into one map.
+    """Merge submaps into one map (paper, section V-C).
 
     Args:
-        submaps: (N_i, 2) float64 each, metres, own frames.
-        poses: `map_T_submap` of each.
+        submaps: (N_i, 2) float64 each, metres, each in its own frame.
+        poses: `map_T_submap` of each submap.
         distance: metres, epsilon of DBSCAN.
-        least: landmarks within `distance` (itself included) that make a landmark sure of itself; 1 keeps every one,
-            more leaves out what was seen too rarely.
-        apart: two landmarks of one submap stay two; False is DBSCAN as it is.
+        least: landmarks within `distance`, itself included, that make a landmark a core point. 1 keeps all landmarks; a
+            larger number leaves out those that were seen too rarely.
+        apart: whether two landmarks of one submap always stay two; False is plain DBSCAN.
 
     Raises:
-        ValueError: as many poses as submaps are needed, and finite landmarks.
+        ValueError: the number of poses differs from that of submaps, or a landmark is not finite.
     """
     if len(submaps) != len(poses):
         raise ValueError(f"{len(submaps)} submaps but {len(poses)} poses: give one for each submap")
@@ -91,11 +91,11 @@ def merge(
 
 
 def dbscan(points: NDArray[np.float64], distance: float, least: int = 1) -> NDArray[np.int64]:
-    """Cluster (N,) int64 of each point (N, 2), numbered by first member; -1 for noise.
+    """The cluster (N,) int64 of each point (N, 2), metres, numbered by first member; -1 for noise (Ester et al. 1996).
 
-    Points with at least `least` points within `distance` (themselves included) are core points; core points within
-    `distance` of each other share a cluster. Any other point joins its nearest core point's, or is noise if none is
-    within `distance`. (The original leaves a border point between two clusters to the order of the data.)
+    Points with at least `least` points within `distance`, metres, themselves included, are core points. Core points
+    within `distance` of each other share a cluster. Any other point joins the cluster of its nearest core point, or is
+    noise if none is within `distance`. (In the original, the order of the data decides between two clusters.)
     """
     count = len(points)
     if count == 0:
@@ -119,7 +119,7 @@ def dbscan(points: NDArray[np.float64], distance: float, least: int = 1) -> NDAr
 def _part(
     points: NDArray[np.float64], owner: NDArray[np.int64], labels: NDArray[np.int64], distance: float
 ) -> NDArray[np.int64]:
-    """Labels (N,) again, so that no cluster holds two points of one owner (N,)."""
+    """New labels (N,), with clusters split such that none holds two points of one owner (N,)."""
     known = np.flatnonzero(labels >= 0)
     _, first, times = np.unique(
         np.column_stack([labels[known], owner[known]]), axis=0, return_index=True, return_counts=True
@@ -147,7 +147,7 @@ def _part(
 
 
 def _renumber(labels: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The same clusters numbered by their first point; -1 stays."""
+    """The same clusters, numbered by their first point; -1 stays."""
     unique, first, inverse = np.unique(labels, return_index=True, return_inverse=True)
     rank = np.empty(len(unique), np.int64)
     rank[np.argsort(np.where(unique < 0, -1, first))] = np.arange(len(unique))

@@ -1,4 +1,4 @@
-"""The paper's own chain (matching, RANSAC) and the two methods it compares itself with, written from their papers.
+"""The paper's own matching and RANSAC, and the two methods it is compared with, implemented from their papers.
 
 May import the ground floor, `features`, and `index`.
 """

@@ -1,12 +1,12 @@
 """Delaunay triangles described by area and perimeter (Li et al. 2020, as the paper describes their method).
 
-A triangle's descriptor is its area and perimeter followed by those of the three triangles that share a side with it.
-The neighbours have no natural order, so they are sorted by area; a triangle on the hull has fewer than three and is
-left out. Correspondences follow as in the paper's comparison: triangles nearer than a threshold, edges by length,
-landmarks by the edges they share, the most frequent claim where several triangles disagree.
+A triangle's descriptor is its area and perimeter, followed by those of the three triangles that share a side with it.
+The neighbours have no natural order, so they are sorted by area. A triangle on the hull has fewer than three, and is
+left out. Correspondences are found as in the paper's comparison: triangles nearer than a threshold, then edges by
+length, then landmarks by the edges they share. If several triangles disagree, the most frequent claim wins.
 
-Areas are square metres, perimeters metres, and the threshold bounds the squared distance of two rows of both, as the
-paper bounds that of its own descriptors; the paper found 100 best for this method.
+Areas are in square metres, perimeters in metres. The threshold bounds the squared distance of two descriptors, as in
+the paper, which found 100 best for this method.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from urquhart._kernel import kernel
 from urquhart.paper.matching import assign_edges, keep_one_to_one
 
 _LEAST = 4
-"""Landmarks that a triangulation with an inner triangle cannot do without."""
+"""Fewest landmarks of a triangulation with an inner triangle."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,7 +30,7 @@ class Triangles:
         landmarks: (N, 2) float64, metres, the observation's frame.
         triangles: (T, 3) int32, landmark indices.
         descriptors: (T, 8) float64: area (square metres) and perimeter (metres) of the triangle, then of its three
-            neighbours by falling area.
+            neighbours, the largest first.
     """
 
     landmarks: NDArray[np.float64]
@@ -39,7 +39,7 @@ class Triangles:
 
 
 def describe_delaunay(landmarks: NDArray[np.float64]) -> Triangles:
-    """Triangles of landmarks (N, 2) float64, metres, any rigid frame; no triangles where too few or all on a line."""
+    """The inner triangles of landmarks (N, 2) float64, metres, any rigid frame; none if all lie on a line."""
     try:
         delaunay = Delaunay(landmarks) if len(landmarks) >= _LEAST else None
     except QhullError:
@@ -60,7 +60,7 @@ def describe_delaunay(landmarks: NDArray[np.float64]) -> Triangles:
 
 
 def nearest_triangles(first: Triangles, second: Triangles) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """For each triangle of the first (T,) the nearest of the second, and the squared distance of their rows."""
+    """For each triangle of the first, the nearest of the second (T,) int64, and their squared distance (T,)."""
     if not len(first.triangles) or not len(second.triangles):
         return np.zeros(len(first.triangles), np.int64), np.full(len(first.triangles), np.inf)
     distance, nearest = cKDTree(second.descriptors).query(first.descriptors)
@@ -70,7 +70,7 @@ def nearest_triangles(first: Triangles, second: Triangles) -> tuple[NDArray[np.i
 def match_triangles(
     first: Triangles, second: Triangles, threshold: float
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Landmark correspondences (K,), (K,) int64, one-to-one, from triangles nearer than `threshold` (squared)."""
+    """One-to-one correspondences (K,), (K,) int64, from triangles with a squared distance below `threshold`."""
     return link_triangles(first, second, *nearest_triangles(first, second), threshold)
 
 
@@ -81,7 +81,7 @@ def link_triangles(
     distance: NDArray[np.float64],
     threshold: float,
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """`match_triangles` from the answer of `nearest_triangles`, for those who try several thresholds."""
+    """The result of `match_triangles` from that of `nearest_triangles` (T,), (T,): to try several thresholds."""
     rows = np.flatnonzero(distance < threshold)
     claims = claim_corners(first.landmarks, first.triangles, rows, second.landmarks, second.triangles, nearest[rows])
     return keep_one_to_one(claims, len(first.landmarks), len(second.landmarks))
@@ -96,7 +96,10 @@ def claim_corners(
     second_triangles: NDArray[np.int32],
     partners: NDArray[np.int64],
 ) -> NDArray[np.int64]:
-    """Claims (3 K, 2) of K triangle pairs: a landmark of the first and the landmark of the second it would be."""
+    """Claims (3 K, 2) of K pairs of triangles: a landmark of the first, and its partner among those of the second.
+
+    `first`, `second`: landmarks (N, 2), (M, 2), metres; their triangles (T, 3); `rows`, `partners`: (K,), the pairs.
+    """
     claims, mapping = np.empty((3 * len(rows), 2), np.int64), np.empty(3, np.int64)
     for at in range(len(rows)):
         t, u = rows[at], partners[at]

@@ -1,12 +1,12 @@
-"""GLARE signatures compared with the GLAROT distance (Kallasi and Lodi Rizzini 2016; GLARE: Himstedt et al. 2014).
+"""GLARE signatures, compared by the GLAROT distance (Kallasi and Lodi Rizzini 2016; GLARE: Himstedt et al. 2014).
 
-A landmark's signature is a histogram of where the other landmarks are around it: 8 bins of direction by 50 bins of
-distance, up to a range. The signature of an observation adds up those of its landmarks. Turning an observation shifts
-the direction bins, so the distance between two signatures is the smallest L1 distance over all shifts.
+A landmark's signature is a histogram of the other landmarks around it: 8 bins of direction by 50 bins of distance, up
+to a range. The signature of an observation is the sum of those of its landmarks. Rotating an observation shifts the
+direction bins, so the distance between two signatures is the smallest L1 distance over all shifts.
 
-A landmark counts as a Gaussian over the bins about it, as in GLARE: without that, one that noise moves over a border
-changes a whole count. Shares are kept as whole numbers (`_UNIT` is one landmark): sums of integers need no order and
-run many at a time.
+A landmark counts as a Gaussian over the bins around it, as in GLARE; otherwise one that noise moves over a border would
+change a whole count. Shares are integers (`_UNIT` is one landmark): sums of integers do not depend on the order, and
+the compiler vectorises them.
 """
 
 from dataclasses import dataclass
@@ -25,11 +25,11 @@ class GlarotConfig:
     """Parameters of GLARE and GLAROT.
 
     Attributes:
-        directions, distances: bins, as in the paper's comparison.
-        reach: metres, how far about a landmark its signature looks. The paper does not say; 30 m measured best, because
-            farther out more of it lies beyond the sensor's range or was not there the other time.
-        direction_spread, distance_spread: standard deviation of a landmark's Gaussian, bins; 0 counts it whole in the
-            bin where it lies.
+        directions, distances: number of bins, as in the paper's comparison.
+        reach: metres, range of a signature around its landmark. The paper does not name it; 30 m measured best, because
+            farther out, more of the signature lies beyond the sensor's range.
+        direction_spread, distance_spread: standard deviation of a landmark's Gaussian, in bins; with 0, a landmark
+            counts in one bin only.
     """
 
     directions: int = 8
@@ -45,8 +45,8 @@ class Signatures:
 
     Attributes:
         landmarks: (N, 2) float64, metres, the observation's frame.
-        local: (N, directions * distances) int32, a row for each landmark, in units of `_UNIT` to the landmark.
-        whole: (directions * distances,) int64, the sum of the rows: the signature of the observation.
+        local: (N, directions * distances) int32, the signature of each landmark; `_UNIT` is one landmark.
+        whole: (directions * distances,) int64, the signature of the observation: the sum of the rows.
     """
 
     landmarks: NDArray[np.float64]
@@ -63,16 +63,16 @@ def describe_glare(landmarks: NDArray[np.float64], config: GlarotConfig) -> Sign
 
 
 def global_distance(first: Signatures, second: Signatures, config: GlarotConfig) -> float:
-    """GLAROT distance of the global signatures, as a share of all they hold: 0 alike, 1 nothing in common.
+    """GLAROT distance of the signatures of two observations, as a share of their sum: 0 if equal, 1 if disjoint.
 
-    A share, because observations differ in size; the paper's first stage asks for it to be small.
+    It is a share, because observations differ in size. The paper's first stage requires it to be small.
     """
     total = int(first.whole.sum()) + int(second.whole.sum())
     return glarot_distance(first.whole, second.whole, config.directions) / max(total, 1)
 
 
 def glarot_distance(a: NDArray[np.int64], b: NDArray[np.int64], directions: int) -> int:
-    """Smallest L1 distance between two signatures (S,) over all shifts of direction."""
+    """The smallest L1 distance between two signatures (S,) over all shifts of the direction bins."""
     step = len(a) // directions
     return int(min(np.abs(a - np.roll(b, shift * step)).sum() for shift in range(directions)))
 
@@ -80,12 +80,12 @@ def glarot_distance(a: NDArray[np.int64], b: NDArray[np.int64], directions: int)
 def match_glarot(
     first: Signatures, second: Signatures, config: GlarotConfig, *, mutual: bool = False
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Each landmark of the first (K,) int64 with its nearest of the second (K,) int64 by GLAROT distance.
+    """Landmarks of the first (K,) int64, each with its nearest of the second (K,) int64 by GLAROT distance.
 
     Args:
-        mutual: keep only pairs that are nearest to each other. Without it many correspondences are wrong and several
-            may share a landmark; a RANSAC with a verification behind it makes more of those than of a few. Their number
-            alone says something only with it.
+        mutual: keep only pairs that are nearest to each other. Without it, many correspondences are wrong, and several
+            may share a landmark, but RANSAC with verification finds more matches. Only with it does the number of
+            correspondences mean something.
     """
     if not len(first.local) or not len(second.local):
         return np.empty(0, np.int64), np.empty(0, np.int64)
@@ -95,7 +95,7 @@ def match_glarot(
 
 
 def keep_mutual(table: NDArray[np.int32]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Rows (K,) and columns (K,) of a distance table (N, M) that are nearest to each other."""
+    """Rows (K,) and columns (K,) of a distance table (N, M) that are each other's nearest."""
     nearest = table.argmin(axis=1)
     rows = np.flatnonzero(table.argmin(axis=0)[nearest] == np.arange(len(table)))
     return rows, nearest[rows]
@@ -110,7 +110,10 @@ def local_signatures(
     direction_spread: float,
     distance_spread: float,
 ) -> NDArray[np.int32]:
-    """One row (directions * distances) int32 for each landmark, in `_UNIT`; direction is the slower index."""
+    """The signatures (N, directions * distances) int32 of landmarks (N, 2), metres; distance varies fastest.
+
+    The other parameters are those of `GlarotConfig`.
+    """
     n = len(landmarks)
     rows = np.zeros((n, directions * distances), np.int32)
     by_direction, by_distance = np.empty(3), np.empty(7)
@@ -135,7 +138,7 @@ def local_signatures(
 
 @kernel
 def spread_over(weights: NDArray[np.float64], offset: float, spread: float) -> None:
-    """Fill `weights` with a Gaussian about the middle bin's centre plus `offset`, bins, so that they sum to one."""
+    """Fill `weights` (K,) with a Gaussian around the middle bin's centre plus `offset`, in bins; they sum to one."""
     if spread <= 0.0:
         weights[:] = 0.0
         weights[len(weights) // 2] = 1.0
@@ -150,13 +153,13 @@ def spread_over(weights: NDArray[np.float64], offset: float, spread: float) -> N
 
 @kernel
 def distance_table(a: NDArray[np.int32], b: NDArray[np.int32], directions: int) -> NDArray[np.int32]:
-    """GLAROT distance (N, M) int32 between every two rows of (N, S) and (M, S)."""
+    """GLAROT distances (N, M) int32 between all signatures (N, S) and all signatures (M, S)."""
     size = a.shape[1]
     step = size // directions
     table = np.empty((len(a), len(b)), np.int32)
     turned = np.empty(2 * size, np.int32)
     for j in range(len(b)):
-        # Written twice in a row, every shift of it is one run of memory.
+        # Written twice in a row: every shift of it is contiguous in memory.
         turned[:size], turned[size:] = b[j], b[j]
         for i in range(len(a)):
             best = np.int32(2**31 - 1)
@@ -164,7 +167,7 @@ def distance_table(a: NDArray[np.int32], b: NDArray[np.int32], directions: int) 
                 row, other = a[i], turned[shift * step : shift * step + size]
                 total = np.int32(0)
                 for k in range(size):
-                    # The compiler widens every int32 result to 64 bits; cast back at once, many run at a time.
+                    # The compiler widens every int32 result to 64 bits; casting back lets it vectorise the loop.
                     difference = np.int32(row[k] - other[k])
                     total = np.int32(total + max(difference, np.int32(-difference)))
                 best = min(best, total)

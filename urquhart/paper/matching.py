@@ -1,6 +1,6 @@
 """The paper's matching (section IV-C): polygons, then their triangles, then edges, then landmarks.
 
-Used by `method="paper"`; the robust method goes from a hit straight to a transform.
+It is used by `method="paper"`; the robust method computes a transform directly from each hit.
 """
 
 import math
@@ -21,24 +21,25 @@ class MatchingNumbers(NamedTuple):
     """Numbers of the paper's matching."""
 
     preferred: tuple[int, int] = (4, 9)
-    """Fewest and most vertices of the polygons that sampling takes first (paper, section V-B): large ones break,
-    triangles say little."""
+    """Fewest and most vertices of the polygons that sampling takes first (paper, section V-B): larger polygons break
+    easily, and triangles say little."""
     pair_steps: int = 100
-    """Steps that two polygons take on average, most of which differ by their descriptors. Chosen by hand."""
+    """Mean steps of work to compare two polygons, most of which differ in their descriptors. Chosen by hand."""
 
 
 MATCHING: Final = MatchingNumbers()
 
 
 class Polygons(NamedTuple):
-    """The polygons of one side that take part in the matching, as kernels take them.
+    """The polygons of one side of a matching, as a plain tuple for kernels.
 
     Attributes:
-        landmarks, triangles, members, member_offsets: see `Tessellation`.
+        landmarks: (N, 2) float64, metres, centred frame.
+        triangles, members, member_offsets: as in `Tessellation`.
         triangle_rows: (T, D) float32, descriptors of the triangles.
         counts: (P,) int32, vertices of each polygon.
         descriptors: (P, D) float32, descriptors of the polygons.
-        sample: (K,) int64, ordinals of those that take part.
+        sample: (K,) int64, indices of the polygons that are matched.
     """
 
     landmarks: NDArray[np.float64]
@@ -52,11 +53,11 @@ class Polygons(NamedTuple):
 
 
 def sample_polygons(counts: NDArray[np.int32], gamma: int | None, rng: np.random.Generator) -> NDArray[np.int64]:
-    """Ordinals of at most `gamma` polygons: 4 to 9 vertices first, then larger ones, then triangles, each at random.
+    """A random sample of at most `gamma` polygons, as indices (K,): 4 to 9 vertices first, then larger, then triangles.
 
     Args:
         counts: (P,) int32, vertices of each polygon.
-        gamma: the paper's bound on polygons per observation; None keeps all.
+        gamma: the paper's bound on polygons per observation (section V-B); None keeps all.
     """
     if gamma is None or gamma >= len(counts):
         return np.arange(len(counts))
@@ -68,12 +69,12 @@ def sample_polygons(counts: NDArray[np.int32], gamma: int | None, rng: np.random
 def match_landmarks(
     query: Features, submap: Features, config: Config, rng: np.random.Generator, budget: Budget = UNBOUNDED
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Landmark correspondences (K,), (K,) int64 between two sets of features, one-to-one.
+    """One-to-one landmark correspondences (K,), (K,) int64 between two sets of features (paper, section IV-C).
 
-    Polygons correspond when their vertex counts differ by at most `vertex_window` and their descriptors by less than
-    `tau`; they count when more than a share `eta` of the first one's triangles (phi) finds a partner among the second
-    one's. The edges of two partner triangles are assigned by length, and a landmark goes with the landmark shared by
-    the partners of its two edges. A landmark claimed by several triangles goes with the most frequent claim.
+    Polygons correspond if their vertex counts differ by at most `vertex_window`, and their descriptors by less than
+    `tau`. They count if more than a share `eta` of the first one's triangles (phi) has a partner among the second
+    one's. The edges of two partner triangles are assigned by length, and a landmark corresponds to the landmark that
+    the partners of its two edges share. If several triangles disagree, the most frequent claim wins.
 
     Raises:
         OutOfTime: the deadline passed before all polygons were compared.
@@ -91,7 +92,7 @@ def match_landmarks(
 
 
 def sampled_polygons(features: Features, config: Config, rng: np.random.Generator) -> Polygons:
-    """The polygons of one side that take part in the matching, with their triangles described."""
+    """The polygons of one side of a matching, sampled, with descriptors of their triangles."""
     t = features.tessellation
     counts = t.vertex_counts()
     sample = sample_polygons(counts, config.gamma, rng)
@@ -110,8 +111,11 @@ def sampled_polygons(features: Features, config: Config, rng: np.random.Generato
 
 @kernel
 def claim_landmarks(query: Polygons, submap: Polygons, tau: float, window: int, eta: float) -> NDArray[np.int64]:
-    """Every claim (C, 2) that a triangle pair makes: a query landmark and the submap landmark it would be."""
-    # A triangle belongs to one polygon, but a polygon may find several partners: grow when they are many.
+    """The claims (C, 2) of all pairs of triangles: a query landmark, and its partner among the submap's.
+
+    `tau`, `window`, `eta`: `tau`, `vertex_window` and `eta` of `Config`.
+    """
+    # A triangle belongs to one polygon, but a polygon may have several partners: the array grows if there are many.
     claims, count = np.empty((1024, 2), np.int64), 0
     mapping = np.empty(3, np.int64)
     partner = np.empty(len(query.triangles), np.int64)
@@ -143,9 +147,9 @@ def claim_landmarks(query: Polygons, submap: Polygons, tau: float, window: int, 
 
 @kernel
 def pair_triangles(query: Polygons, m: int, submap: Polygons, n: int, tau: float, partner: NDArray[np.int64]) -> int:
-    """Pair the triangles of polygon `m` with those of polygon `n` that are each other's nearest; how many pairs.
+    """Pair the triangles of polygon `m` and polygon `n` that are each other's nearest; returns the number of pairs.
 
-    `partner`: filled with the partner of each of polygon `m`'s triangles, -1 where there is none.
+    `partner`: filled with the partner of each triangle of polygon `m`, -1 for none; `tau`: largest distance.
     """
     first, last = query.member_offsets[m], query.member_offsets[m + 1]
     found = 0
@@ -177,7 +181,7 @@ def row_distance(a: NDArray[np.float32], i: int, b: NDArray[np.float32], j: int)
 def nearest_row(
     rows: NDArray[np.float32], i: int, others: NDArray[np.float32], members: NDArray[np.int32], first: int, last: int
 ) -> tuple[int, float]:
-    """Which of `others[members[first:last]]` is nearest to `rows[i]`, and its squared distance."""
+    """The index of the nearest to `rows[i]` among `others[members[first:last]]`, and its squared distance."""
     best, best_distance = -1, np.inf
     for at in range(first, last):
         distance = row_distance(rows, i, others, members[at])
@@ -196,8 +200,10 @@ def assign_edges(
 ) -> None:
     """Write into `mapping` (3,) which corner of triangle `second` (3,) each corner of `first` (3,) corresponds to.
 
-    The permutation chi that brings the three edge lengths closest (paper, section IV-C). Edge k lies opposite to corner
-    k, and the corner shared by two edges lies opposite to the third: the permutation of edges is that of corners.
+    It is the permutation chi with the smallest differences of the edge lengths (paper, section IV-C). Edge k lies
+    opposite to corner k, so the permutation of the edges is also that of the corners.
+
+    `query`, `submap`: landmarks (N, 2), (M, 2), metres.
     """
     a, b = np.empty(3), np.empty(3)
     for k in range(3):
@@ -220,7 +226,7 @@ def assign_edges(
 def keep_one_to_one(
     claims: NDArray[np.int64], query_count: int, submap_count: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """One-to-one correspondences from claims (C, 2): the most frequent first, ties by index."""
+    """One-to-one correspondences (K,), (K,) int64 from claims (C, 2): the most frequent claim wins, ties by index."""
     if not len(claims):
         return np.empty(0, np.int64), np.empty(0, np.int64)
     pairs, frequency = np.unique(claims[:, 0] * submap_count + claims[:, 1], return_counts=True)

@@ -1,9 +1,9 @@
-"""Euclidean transform from correspondences (paper, section IV-D): RANSAC over pairs of them.
+"""Euclidean transform from correspondences by RANSAC over pairs of them (paper, section IV-D).
 
-The steps: draw two correspondences; solve for the rigid transform; count the correspondences that it brings within
-`distance`; keep the best; stop when a share `ratio` agrees or after `iterations` draws. The best is then fitted to all
-its inliers. Where there are no more pairs than iterations every pair is tried once, in random order: the same search,
-without drawing a pair twice.
+Each iteration draws two correspondences, solves for the rigid transform, and counts the correspondences that it brings
+within `distance`. The search stops when a share `ratio` agrees, or after `iterations` draws. The best transform is then
+fitted to all its inliers. If there are no more pairs than iterations, every pair is tried once, in random order: this
+is the same search, without drawing a pair twice.
 """
 
 import math
@@ -20,7 +20,7 @@ from urquhart.se2 import SE2, fit
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RansacFit:
-    """What RANSAC found: the transform fitted to the inliers, which those are (K,) bool, and how many it drew."""
+    """The result of RANSAC: the transform fitted to the inliers, the inliers (K,) bool, and the number of draws."""
 
     transform: SE2
     inliers: NDArray[np.bool_]
@@ -28,7 +28,7 @@ class RansacFit:
 
 
 class Correspondences(NamedTuple):
-    """Row i of `source` (K, 2) with row i of `target` (K, 2), metres; `distance` is that of an inlier, metres."""
+    """K pairs, row i of `source` (K, 2) and of `target` (K, 2), metres; `distance`: largest of an inlier, metres."""
 
     source: NDArray[np.float64]
     target: NDArray[np.float64]
@@ -45,20 +45,22 @@ def ransac(
     iterations: int = 40_000,
     budget: Budget = UNBOUNDED,
 ) -> RansacFit | None:
-    """`target_T_source` from correspondences, row i of `source` with row i of `target`.
+    """Estimate `target_T_source` from correspondences: row i of `source` and row i of `target`.
 
     Args:
         source, target: (K, 2) float64, metres.
-        rng: all randomness comes from here.
-        distance: metres, d of the paper.
-        ratio: r of the paper, read as inliers among all correspondences.
-        iterations: s of the paper.
+        rng: source of all randomness.
+        distance: metres, largest residual of an inlier; the paper's d.
+        ratio: share of inliers among all correspondences at which the search stops; the paper's r.
+        iterations: most draws; the paper's s.
+        budget: when the search must end; by default never.
 
     Returns:
-        None for fewer than two correspondences, or when no two of them fix a rotation.
+        The transform fitted to its inliers; None for fewer than two correspondences, or if no two of them fix a
+        rotation.
 
     Raises:
-        OutOfTime: the deadline passed before it was done.
+        OutOfTime: the deadline passed first.
     """
     n = len(source)
     if n < 2:
@@ -101,11 +103,11 @@ def _search(
     draws: tuple[int, int],
     best: NDArray[np.float64],
 ) -> int:
-    """Make the draws from the first to before the second of `draws`; how many were made before enough agreed.
+    """Make the draws `draws[0]` to `draws[1]` (exclusive); returns the number that were made before enough agreed.
 
     Args:
-        order: (P,) pairs that are not drawn yet from `first` on, where every pair is to be drawn once; else empty.
-        best: (4,) x, y, yaw of the best so far and how many agree with it.
+        order: (P,), all pairs, if each is to be drawn once: those not drawn yet stand from `draws[0]` on; else empty.
+        best: (4,), x, y, yaw of the best transform so far, and the number of its inliers; updated.
     """
     source, target, distance = among
     first, last = draws
@@ -127,7 +129,7 @@ def _search(
                 rows[1] += 1
         gap = math.hypot(source[rows[0], 0] - source[rows[1], 0], source[rows[0], 1] - source[rows[1], 1])
         gap -= math.hypot(target[rows[0], 0] - target[rows[1], 0], target[rows[0], 1] - target[rows[1], 1])
-        # A rigid motion keeps the distance between two points: past 2d one of them cannot be an inlier.
+        # A rigid motion keeps distances. If two points differ by more than 2 d, one of them is no inlier.
         if abs(gap) > 2.0 * distance:
             continue
         x, y, yaw = fit(source, target, rows, rows)

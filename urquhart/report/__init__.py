@@ -1,4 +1,4 @@
-"""Answers for people: why an answer is what it is, in words and as pictures.
+"""Reports for people: explanations of an answer, in words and as pictures.
 
 May import every room below.
 """

@@ -1,7 +1,7 @@
-"""Why an answer is what it is: each reason in words, and one picture of what every stage and level found.
+"""The explanation of an answer: each reason in words, and one picture of the whole search.
 
-The picture, from the top: the verdict; milliseconds and counts of the stages; log-odds of what each level found in each
-submap, against the gate; the query laid over the best candidate and over its strongest rival.
+The picture shows, from the top: the verdict; milliseconds and counts of the stages; the log-odds of the findings of
+each level in each submap, against the gate; and the query over the best candidate and over its strongest rival.
 """
 
 import textwrap
@@ -33,7 +33,7 @@ REASONS: Final[Mapping[str, str]] = {
     "collinear_landmarks": "trees on one line fix no pose",
     "deadline": "the time ran out before the search was complete",
 }
-"""What each reason of a verdict or a refusal means."""
+"""A sentence for each reason of a verdict or a refusal."""
 STOPS: Final[Mapping[StoppedBy, str]] = {
     "decided": "the first candidate is so sure that searching on could not change the answer",
     "beats_chance": "chance is ruled out for the first candidate; searching on would only add weaker poses",
@@ -41,28 +41,28 @@ STOPS: Final[Mapping[StoppedBy, str]] = {
     "deadline": "the time ran out: what was not searched by then may hold the place",
     "not_started": "there was nothing to search for, or nothing to search in",
 }
-"""Why a search ended, by `SearchEnd.stopped_by`."""
+"""A sentence for each value of `SearchEnd.stopped_by`."""
 SKIPS: Final[Mapping[Skipped, str]] = {
     "quad_hits": "the limit on quad hits was reached before all quads of the query were looked for",
     "common_quads": "quads of the query that are too common in the collection were passed over",
     "exhaustive": "the collection is too large to try every rotation and shift in it",
     "exhaustive_rest": "every shift was tried only in the submaps and rotations that looked most promising",
 }
-"""What each limit left out, by `SearchEnd.skipped`."""
+"""A sentence for each value of `SearchEnd.skipped`."""
 UNREFUSED: Final = "enough evidence; only a rival could refuse it"
-"""What it means that a finding has no reason to be refused."""
+"""The sentence for a finding that is not refused."""
 
 WIDTH: Final = 1000.0
-"""Pixels, of the picture."""
+"""Pixels: width of the picture."""
 _LEFT, _BARS, _NUMBERS, _MIDDLE, _WORDS, _RIGHT = 40.0, 204.0, 425.0, 440.0, 615.0, 960.0
 _BAR: Final = 160.0
 _ALONE: Final = 640.0
-"""Pixels, side of the view where there is only one."""
+"""Pixels: side of the view if there is only one."""
 _ROW: Final = 20.0
 _SHOWN: Final = 8
-"""Findings drawn of each level, the best ones: the others are weaker still."""
+"""Most findings that are drawn of each level: the best ones."""
 _NAME: Final = 18
-"""Characters of a name that the column on the left has room for."""
+"""Characters of a name that fit into the left column."""
 _COUNTS: Final = 70
 _COLOURS: Final = {
     "polygons": "#2f6b4f",
@@ -81,7 +81,7 @@ _STYLE: Final = """
 
 @dataclass(frozen=True, slots=True)
 class ExplainedFinding:
-    """A `Finding` with the name of its submap instead of the key."""
+    """A finding for people: the fields of `Finding`, with the name of the submap instead of its key."""
 
     level: str
     submap: str
@@ -95,7 +95,7 @@ class ExplainedFinding:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseDrawing:
-    """The query drawn over a submap.
+    """A view of the query over one submap.
 
     Attributes:
         title, subtitle: text above the drawing.
@@ -111,18 +111,18 @@ class PoseDrawing:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Explanation:
-    """An answer and all that led to it.
+    """An answer and the search that led to it, as they are drawn.
 
     Attributes:
-        title, subtitles: to be written above.
+        title, subtitles: text at the top.
         reason: of the verdict.
-        gate: the least log-odds that pass, see `urquhart.decide.confidence.Gates`.
-        stages: in order.
-        findings: by level, the best first; None where they were not kept.
-        findings_total: how many there were, of which `findings` may be the strongest.
+        gate: least log-odds that a pose without rivals needs; see `urquhart.decide.confidence.Gates`.
+        stages: of the search, in order.
+        findings: by level, the best first; None if they were not kept.
+        findings_total: number of all findings, of which `findings` may be only the strongest.
         query_xy: (N, 2) float64, metres, as posted.
         drawings: the poses to show side by side: the best candidate's, and its strongest rival's if there is one.
-        missing: whether there are candidates whose landmarks cannot be shown any more.
+        missing: whether there are candidates whose landmarks are no longer stored.
     """
 
     title: str
@@ -138,26 +138,26 @@ class Explanation:
 
 
 def sentence(reason: str | None) -> str:
-    """A reason in words; None is that of a finding that is not refused, an unknown one stays the word it is."""
+    """The sentence for a reason; None is a finding that is not refused. An unknown word is returned unchanged."""
     return UNREFUSED if reason is None else REASONS.get(reason, reason)
 
 
 def search_sentence(end: SearchEnd) -> str:
-    """In words: why a search ended, and what its limits left out."""
+    """A sentence on why a search ended, and what its limits left out."""
     return "; ".join([STOPS[end.stopped_by], *(SKIPS[limit] for limit in end.skipped)])
 
 
 def counted(stage: Stage) -> str:
-    """What a stage counted, zeros left out."""
+    """The counts of a stage as text, without zeros."""
     return ", ".join(f"{name.replace('_', ' ')} {count}" for name, count in stage.counts.items() if count)
 
 
 def draw_explanation(explanation: Explanation, budget: Budget = UNBOUNDED) -> str:
-    """The explanation as SVG, `WIDTH` pixels wide.
+    """Draw an explanation as SVG, `WIDTH` pixels wide.
 
     Raises:
-        OutOfTime: the deadline passed before it was drawn.
-        Abandoned: nobody waits for it any more.
+        OutOfTime: the deadline passed first.
+        Abandoned: nobody waits for the picture any more.
     """
     page = _Page()
     page.text(_LEFT, explanation.title, "head", 34.0)
@@ -171,7 +171,7 @@ def draw_explanation(explanation: Explanation, budget: Budget = UNBOUNDED) -> st
 
 
 class _Page:
-    """Elements collected from the top down; `y` is where the last ones end."""
+    """SVG elements, from the top down; `y`, in pixels, is where the last ones end."""
 
     def __init__(self) -> None:
         self.parts: list[str] = []
@@ -280,7 +280,7 @@ def _view(query_xy: NDArray[np.float64], laid: PoseDrawing, side: float, budget:
 
 
 class _Axis:
-    """Log-odds to pixels. Zero and the gate are always in view; far below zero the bars are cut off, with an arrow."""
+    """Converts log-odds to pixels. Zero and the gate are always in view; bars far below zero are cut off."""
 
     def __init__(self, found: Sequence[ExplainedFinding], gate: float) -> None:
         self._high = 1.1 * max(gate, *(one.log_odds for one in found), 1.0)

@@ -1,4 +1,4 @@
-"""The picture of a match: two sets of landmarks in one frame, partners joined, misses crossed."""
+"""The picture of a match: two sets of landmarks in one frame, with partners joined and misses crossed."""
 
 import math
 from typing import Final
@@ -12,24 +12,27 @@ from urquhart.decide.candidates import Candidate
 from urquhart.report.svg import MOST, Canvas, left_out
 
 LEGEND: Final = "cross: seen by one side only, pale: outside the overlap"
-"""What crosses and pale landmarks of an overlay mean."""
+"""The legend of an overlay."""
 PARTNERS: Final = 0.75
-"""Metres: landmarks of the two sides that are joined in the picture are no farther apart."""
+"""Metres: largest distance of two landmarks that are joined in the picture."""
 _EDGE: Final = 1e-9
-"""Metres that a landmark on the edge of a hull may be beyond it: rounding."""
+"""Metres: tolerance for landmarks on the edge of a hull, because of rounding."""
 
 
 def draw_match(
     query_xy: ArrayLike, submap_xy: ArrayLike, candidate: Candidate, *, title: str = "", budget: Budget = UNBOUNDED
 ) -> str:
-    """SVG of a match in the submap frame: both sets of landmarks, inlier pairs joined, misses crossed.
+    """Draw a match as SVG in the submap frame: both sets of landmarks, with inlier pairs joined and misses crossed.
 
     Args:
-        query_xy, submap_xy: (N, 2), (M, 2), metres, as posted.
+        query_xy, submap_xy: (N, 2), (M, 2), metres, each in its own frame, as posted.
+        candidate: the match.
+        title: above the picture.
+        budget: when the work must end; by default never.
 
     Raises:
-        OutOfTime: the deadline passed before it was drawn.
-        Abandoned: nobody waits for it any more.
+        OutOfTime: the deadline passed first.
+        Abandoned: nobody waits for the picture any more.
     """
     submap = np.asarray(submap_xy, dtype=np.float64)
     query = candidate.transform.apply(np.asarray(query_xy, dtype=np.float64))
@@ -56,16 +59,16 @@ def overlay(
     second: NDArray[np.int64],
     budget: Budget,
 ) -> None:
-    """Draw two sets of landmarks (N, 2), (M, 2), metres, in one frame: partners joined, misses crossed.
+    """Draw two sets of landmarks (N, 2), (M, 2), metres, in one frame, with partners joined and misses crossed.
+
+    A landmark without a partner is a miss if it lies in the hull of the other side; outside, it is only drawn pale. At
+    most `MOST` landmarks of each side are drawn: those in the overlap first, and a random sample of them.
 
     Args:
-        first, second: (K,), positions of the partners in `query` and `submap`.
-
-    A landmark is a miss where the hull of the other side covers it; outside of that it is only drawn pale. Of each
-    side `MOST` landmarks are drawn: those of the overlap first, of these any.
+        first, second: (K,), indices of the partners in `query` and `submap`.
 
     Raises:
-        OutOfTime: the deadline passed before they were drawn.
+        OutOfTime: the deadline passed first.
         Abandoned: nobody waits for the picture any more.
     """
     rng = np.random.default_rng(0)
@@ -93,14 +96,14 @@ def _odds(confidence: float) -> str:
 
 
 def _thinned(inside: NDArray[np.bool_], turn: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which landmarks (N,) are drawn: `MOST` at most, those inside the overlap first, then in their `turn`."""
+    """Which landmarks (N,) are drawn: at most `MOST`, those `inside` the overlap first, in the order of `turn` (N,)."""
     shown = np.zeros(len(inside), np.bool_)
     shown[np.lexsort((turn, ~inside))[:MOST]] = True
     return shown
 
 
 def covered(points: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which `points` (N, 2) lie inside the convex hull of `others` (M, 2), its edge included; (N,).
+    """Which `points` (N, 2) lie inside the convex hull of `others` (M, 2), or on its edge: (N,) bool.
 
     Takes n log n steps, and memory for the points only, however many corners the hull has.
     """
@@ -118,7 +121,7 @@ def covered(points: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray
 
 
 def _lower_chain(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The lower edge of the convex hull of points (N,), `x` ascending, at each of their `x`."""
+    """The lower edge of the convex hull of points `x`, `y` (N,), `x` ascending, as its y (N,) at each `x`."""
     corners: list[tuple[float, float]] = []
     for there, low in zip(x.tolist(), y.tolist(), strict=True):
         while len(corners) > 1:
@@ -134,11 +137,13 @@ def _lower_chain(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.f
 def partners(
     query: NDArray[np.float64], submap: NDArray[np.float64], budget: Budget = UNBOUNDED
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Positions of landmarks (N, 2), (M, 2), metres, in one frame, that are each other's nearest within `PARTNERS`.
+    """Indices (K,), (K,) of landmarks (N, 2), (M, 2), metres, one frame, that are each other's nearest.
+
+    Partners are at most `PARTNERS` metres apart.
 
     Raises:
-        OutOfTime: the deadline passed before they were found.
-        Abandoned: nobody waits for them any more.
+        OutOfTime: the deadline passed first.
+        Abandoned: nobody waits for the picture any more.
     """
     there, back = _nearest(query, submap, budget), _nearest(submap, query, budget)
     near = np.flatnonzero(there < len(submap))
@@ -147,9 +152,9 @@ def partners(
 
 
 def _nearest(points: NDArray[np.float64], others: NDArray[np.float64], budget: Budget) -> NDArray[np.int64]:
-    """For each of `points` the position of the nearest of `others` within `PARTNERS`, or how many there are; (N,).
+    """For each of `points` (N, 2), the index of the nearest of `others` (M, 2) within `PARTNERS`, or M: (N,).
 
-    Without the bound a point in the middle of a ring is compared with all of the ring.
+    Without the bound, a point in the middle of a ring would be compared with the whole ring.
     """
     tree, bound = cKDTree(others), math.nextafter(PARTNERS, math.inf)
     parts = [

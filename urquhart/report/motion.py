@@ -1,4 +1,4 @@
-"""A moving picture of a match, as SVG: the query lies beside the submap as the robot saw it, turns, and slides in."""
+"""A moving picture of a match, as SVG: the query, beside the submap at first, turns and slides into place."""
 
 import math
 from typing import Final
@@ -10,7 +10,7 @@ from urquhart.report.svg import Canvas
 from urquhart.se2 import SE2
 
 _GAP: Final = 0.08
-"""Space between the submap and the query beside it, as a share of the submap's width."""
+"""Space between the submap and the query at the start, as a share of the submap's width."""
 _STYLE: Final = """
 .moving{{animation:slide 7s ease-in-out infinite;transform-origin:{x:.1f}px {y:.1f}px}}
 .proof{{animation:show 7s linear infinite}}
@@ -23,14 +23,15 @@ _STYLE: Final = """
 def draw_motion(
     query_xy: ArrayLike, submap_xy: ArrayLike, submap_T_query: SE2, pairs: ArrayLike, *, title: str = ""
 ) -> str:
-    """SVG, about 7 s in a loop, of a query that moves into the submap's frame.
+    """Draw, as SVG, a query that moves into the submap's frame, in a loop of 7 s.
 
-    Where the viewer shows no animation, it is a still picture of the match.
+    Viewers without animation show a still picture of the match.
 
     Args:
         query_xy, submap_xy: (N, 2), (M, 2), metres, each in its own frame.
-        submap_T_query: the transform that the query moves by.
-        pairs: (K, 2), positions of the inlier pairs in either; they are joined at the end.
+        submap_T_query: the transform of the match.
+        pairs: (K, 2), indices of the inlier pairs in the query and the submap; they are joined at the end.
+        title: above the picture.
     """
     submap = np.asarray(submap_xy, dtype=np.float64)
     query = np.asarray(query_xy, dtype=np.float64)

@@ -1,4 +1,4 @@
-"""Pictures as SVG, and that of a tessellation. North (y) is up; a scale bar gives the metres."""
+"""Drawing in metres as SVG, and the picture of a tessellation. North (y) is up; a scale bar shows metres."""
 
 import math
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ _HEAD: Final = 44.0
 _LINE: Final = 20.0
 _WIDTH: Final = 620.0
 MOST: Final = 5_000
-"""Landmarks of either side that a picture shows: more of them make tens of megabytes, and a black area."""
+"""Most landmarks of each side in a picture: more of them make tens of megabytes, and a black area."""
 STYLE: Final = """
 text{font:14px
 system-ui,sans-serif;fill:#24332b}.head{font-size:18px;font-weight:600}.small{font-size:12px;fill:#5b6b62}
@@ -29,12 +29,13 @@ system-ui,sans-serif;fill:#24332b}.head{font-size:18px;font-weight:600}.small{fo
 
 
 class Canvas:
-    """Maps metres to pixels, y up, and collects elements.
+    """Converts metres to pixels, with y up, and collects SVG elements.
 
     Args:
-        points: (N, 2), metres, all that is to be in view.
+        points: (N, 2), metres, the points that must be in view.
+        title, subtitles: text at the top.
         size: pixels, the longer side of the view.
-        width: pixels, at least: room for the texts.
+        width: pixels, least width, for the text.
     """
 
     def __init__(
@@ -87,12 +88,12 @@ class Canvas:
         self._parts.append(f'<polygon points="{path}" class="{style}"{paint}/>')
 
     def embed(self, x: float, y: float) -> str:
-        """The elements as a part of another picture, their upper left corner at (x, y) pixels."""
+        """The elements as part of another picture, with their upper left corner at (x, y), pixels."""
         body = "\n".join(self._parts)
         return f'<svg x="{x:g}" y="{y:g}" width="{self.width:.0f}" height="{self.height:.0f}">\n{body}\n</svg>'
 
     def open_group(self, style: str) -> None:
-        """What is drawn from here on belongs together, until the group is closed."""
+        """Start a group with the CSS class `style`; all elements until `close_group` belong to it."""
         self._parts.append(f'<g class="{style}">')
 
     def close_group(self) -> None:
@@ -100,7 +101,7 @@ class Canvas:
         self._parts.append("</g>")
 
     def render(self, style: str = "") -> str:
-        """The elements as a picture of their own; `style` is more CSS."""
+        """The elements as a complete picture; `style` is additional CSS."""
         return render(self._parts, self.width, self.height, style)
 
     def _scale_bar(self, extent: float) -> None:
@@ -114,7 +115,7 @@ class Canvas:
 
 
 def render(parts: Sequence[str], width: float, height: float, style: str = "") -> str:
-    """A picture of SVG elements, on a ground of its own so that it reads on white and on black; `style` is more CSS."""
+    """A complete picture from SVG elements, with its own background, `width` by `height` pixels; `style`: more CSS."""
     body = "\n".join(parts)
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:.0f} {height:.0f}" '
@@ -124,13 +125,13 @@ def render(parts: Sequence[str], width: float, height: float, style: str = "") -
 
 
 def draw_tessellation(features: Features, *, title: str = "", budget: Budget = UNBOUNDED) -> str:
-    """SVG of one submap: Delaunay triangles, interior Urquhart polygons (coloured by vertex count), landmarks.
+    """Draw one submap as SVG: Delaunay triangles, interior Urquhart polygons (coloured by vertex count), landmarks.
 
-    Of more than `MOST` landmarks those nearest to the middle are drawn, and what has all its corners among them.
+    Of more than `MOST` landmarks, those nearest to the middle are drawn, with the triangles and polygons among them.
 
     Raises:
-        OutOfTime: the deadline passed before it was drawn.
-        Abandoned: nobody waits for it any more.
+        OutOfTime: the deadline passed first.
+        Abandoned: nobody waits for the picture any more.
     """
     counts, t, xy = features.counts(), features.tessellation, features.landmarks
     nearest = np.argsort(np.hypot(*(xy - xy.mean(axis=0)).T), kind="stable")[:MOST]
@@ -147,7 +148,7 @@ def draw_tessellation(features: Features, *, title: str = "", budget: Budget = U
     for i in budget.each(range(len(t))):
         vertices = t.polygon(i)
         if shown[vertices].all():
-            # The golden angle spreads neighbouring vertex counts over the colour circle.
+            # The golden angle gives neighbouring vertex counts distant hues.
             hue = (95.0 + 137.5 * (len(vertices) - 3)) % 360.0
             canvas.outline(xy[vertices], "polygon", f"hsl({hue:.0f} 45% 72%)")
     for i in budget.each(np.flatnonzero(shown).tolist()):
@@ -156,6 +157,6 @@ def draw_tessellation(features: Features, *, title: str = "", budget: Budget = U
 
 
 def left_out(*sides: int, where: str = "") -> list[str]:
-    """What a picture says of landmarks that it does not show, by how many each side has; nothing where it shows all."""
+    """A note on landmarks that a picture does not show, from the number of landmarks of each side; else no note."""
     shown = sum(min(count, MOST) for count in sides)
     return [f"{shown:,} of {sum(sides):,} trees drawn{where}"] if shown < sum(sides) else []
