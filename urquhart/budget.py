@@ -25,7 +25,7 @@ class Abandoned(Exception):
     """Nobody waits for the result any more: the caller disconnected, or its API key was revoked."""
 
 
-class OutOfTime(Exception):
+class DeadlinePassed(Exception):
     """The deadline passed in the middle of a step. The caller of the step continues with its earlier results."""
 
 
@@ -83,11 +83,11 @@ class Budget:
         """Leave the current step, by an exception, if the deadline has passed.
 
         Raises:
-            OutOfTime: the deadline has passed.
+            DeadlinePassed: the deadline has passed.
             Abandoned: nobody waits for the result.
         """
         if self.is_spent():
-            raise OutOfTime
+            raise DeadlinePassed
 
     def fits(self, count: int, cost: float) -> bool:
         """Whether `count` items of `cost` steps each can be done without a check in between."""
@@ -97,20 +97,20 @@ class Budget:
         """Slices of `count` items of `cost` steps each, small enough that none takes more than about 50 ms.
 
         Raises:
-            OutOfTime: the deadline passed before a slice other than the first.
+            DeadlinePassed: the deadline passed before a slice other than the first.
             Abandoned: nobody waits for the result.
         """
         size = max(int(self._steps / max(cost, 1.0)), 1)
         for begin in range(0, count, size):
             if self.is_spent() and begin > 0:
-                raise OutOfTime
+                raise DeadlinePassed
             yield slice(begin, min(begin + size, count))
 
     def each(self, items: Iterable[T]) -> Iterator[T]:
         """The same items, with a check before every `WORK.items` of them: for items that are little work each.
 
         Raises:
-            OutOfTime: the deadline has passed.
+            DeadlinePassed: the deadline has passed.
             Abandoned: nobody waits for the result.
         """
         for number, item in enumerate(items):

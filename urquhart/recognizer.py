@@ -84,7 +84,7 @@ class Recognizer(SubmapCollection):
         found = self.recognize(described.result, **options)
         return replace(found, stages=described.stages + found.stages)
 
-    def check(self, observation: Features, key: int, transform: SE2) -> Recognition:
+    def verify_pose(self, observation: Features, key: int, transform: SE2) -> Recognition:
         """Verify a given pose as if a level had proposed it, and decide. Rivals come from the same submap only.
 
         Args:

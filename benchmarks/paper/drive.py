@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from urquhart.evaluation.simulation import Observation, observe, paper_forest
+from urquhart.evaluation.simulation import SimulatedObservation, observe, paper_forest
 from urquhart.se2 import SE2
 
 SIGMAS: Final = (0.0, 0.1, 0.2, 0.3, 0.4)
@@ -44,7 +44,7 @@ class Drive:
         positive: (P,) bool, nearer than the sensor's range.
     """
 
-    observations: list[Observation]
+    observations: list[SimulatedObservation]
     first: NDArray[np.int64]
     second: NDArray[np.int64]
     truth: NDArray[np.float64]

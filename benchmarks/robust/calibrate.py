@@ -125,7 +125,7 @@ def _worth() -> list[str]:
         )
         recognizer = Recognizer(config)
         recognizer.add([(0, there)])
-        (found,) = recognizer.check(seen, 0, stored.inverse() @ asked).candidates
+        (found,) = recognizer.verify_pose(seen, 0, stored.inverse() @ asked).candidates
         worth += [f"{found.log_odds:.3g}", f"{np.nan if found.lead is None else found.lead:.3g}"]
     return worth
 

@@ -136,7 +136,7 @@ class RobustWorld:
             if np.isinf(away[key]):
                 break
             truth = self.places[key].pose.inverse() @ pose
-            found = self.recognizer.check(observation, key, truth)
+            found = self.recognizer.verify_pose(observation, key, truth)
             if found.verdict == "matched" and self.is_right(found, ground, pose):
                 passed.append(found.candidates[0])
         return max(passed, key=lambda candidate: candidate.evidence, default=None)

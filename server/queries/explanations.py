@@ -55,7 +55,7 @@ class QueryExplanation:
         )
 
     def to_svg(self, budget: Budget = UNBOUNDED) -> str:
-        """The explanation as a drawing. Raises urquhart.budget.OutOfTime and Abandoned."""
+        """The explanation as a drawing. Raises urquhart.budget.DeadlinePassed and Abandoned."""
         answer = self.answer
         total = sum(stage.milliseconds for stage in answer.stages)
         subtitles = [

@@ -160,7 +160,7 @@ class Match:
         )
 
     def to_svg(self, budget: Budget) -> str:
-        """The match as a drawing. Raises urquhart.budget.OutOfTime and Abandoned."""
+        """The match as a drawing. Raises urquhart.budget.DeadlinePassed and Abandoned."""
         title = f"query {self.query_id} on {self.answer.submap_id}: {self.answer.inlier_count} inliers"
         return urquhart.draw_match(self.query_xy, self.submap_xy, self.candidate, title=title, budget=budget)
 

@@ -17,7 +17,7 @@ from server.runtime import Service
 from server.schemas.common import ResourceId, check_digits
 from server.security.principal import Principal
 from urquhart import Budget
-from urquhart.budget import OutOfTime
+from urquhart.budget import DeadlinePassed
 
 
 # `async`, because the framework would send a plain function to a thread and back.
@@ -87,7 +87,7 @@ def in_time(service: Service, budget: Budget) -> Iterator[Budget]:
     seconds = service.limits.query_seconds
     try:
         yield budget.within(seconds - budget.elapsed)
-    except OutOfTime:
+    except DeadlinePassed:
         raise DeadlineExceeded(
             "query_seconds", seconds, "Ask for application/json, or try again when the service is less busy."
         ) from None

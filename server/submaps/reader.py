@@ -92,7 +92,7 @@ def geojson_page(
     """A page as GeoJSON: footprints, by the CRS of each submap's map frame; and the cursor of the next page.
 
     A submap without map_pose, or in a map frame without CRS, has no geometry, and `no_geometry` says why. Raises
-    NotAcceptable for a collection without any CRS, and urquhart.budget.OutOfTime and Abandoned.
+    NotAcceptable for a collection without any CRS, and urquhart.budget.DeadlinePassed and Abandoned.
     """
     collection, rows, following = rows_of_page(database, limits, collection_id, chosen, asked, landmarks=True)
     references = references_of(database, collection, {row.map_frame_id for row in rows if row.map_frame_id is not None})
@@ -108,7 +108,7 @@ def geojson_page(
 
 
 class Tessellated:
-    """A submap's tessellation in all its formats. Each method raises urquhart.budget.OutOfTime and Abandoned."""
+    """A submap's tessellation in all its formats. Each method raises `DeadlinePassed` and `Abandoned`."""
 
     def __init__(self, database: Database, collection_id: str, submap_id: str, budget: Budget) -> None:
         """Raises NotFound."""

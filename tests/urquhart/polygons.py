@@ -9,8 +9,8 @@ from urquhart.config import Config
 from urquhart.evaluation.simulation import paper_forest
 from urquhart.features.describe import Features, describe
 from urquhart.index.polygon_index import (
-    Hits,
     Partition,
+    PolygonHits,
     Searched,
     merge_partitions,
     search_partitions,
@@ -45,7 +45,7 @@ def whole(slots: int) -> NDArray[np.int32]:
     return np.arange(slots, dtype=np.int32)
 
 
-def find(segments: list[Searched], row: Rows, neighbours: int, count: int = 5) -> Hits:
+def find(segments: list[Searched], row: Rows, neighbours: int, count: int = 5) -> PolygonHits:
     """What one query polygon finds."""
     [hits] = search_partitions(segments, np.array([count], np.int32), row[None], neighbours=neighbours)
     return hits

@@ -4,7 +4,7 @@ from numpy.typing import NDArray
 
 from tests.urquhart.forests import all_kinds, pose, uniform
 from urquhart import SE2
-from urquhart.evaluation.simulation import Observation, observe, paper_forest
+from urquhart.evaluation.simulation import SimulatedObservation, observe, paper_forest
 from urquhart.paper.delaunay_triangles import describe_delaunay, match_triangles
 from urquhart.paper.glarot import (
     GlarotConfig,
@@ -23,7 +23,7 @@ SHARP = GlarotConfig(direction_spread=0.0, distance_spread=0.0)
 FOREST = paper_forest(np.random.default_rng(0), side=400.0)
 
 
-def overlapping(seed: int, sigma: float) -> tuple[Observation, Observation]:
+def overlapping(seed: int, sigma: float) -> tuple[SimulatedObservation, SimulatedObservation]:
     """Two observations 20 m apart."""
     rng = np.random.default_rng(seed)
     first = pose(rng, 120.0, 280.0)

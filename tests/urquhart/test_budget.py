@@ -8,7 +8,7 @@ import pytest
 
 from tests.urquhart import forests
 from urquhart import Config, Recognizer, describe
-from urquhart.budget import Abandoned, Budget, OutOfTime
+from urquhart.budget import Abandoned, Budget, DeadlinePassed
 from urquhart.options import Method
 
 
@@ -63,14 +63,14 @@ def test_work_in_small_items_asks_now_and_then() -> None:
     budget.abandon()
     with pytest.raises(Abandoned):
         list(items)
-    with pytest.raises(OutOfTime):
+    with pytest.raises(DeadlinePassed):
         list(Budget(0.0).each(range(1)))
 
 
 @pytest.mark.parametrize("method", ["robust", "paper"])
 def test_what_cannot_be_described_in_time_is_answered_at_the_deadline(method: Method) -> None:
     xy = forests.uniform(np.random.default_rng(0))
-    with pytest.raises(OutOfTime):
+    with pytest.raises(DeadlinePassed):
         describe(xy, Config(), budget=Budget(0.0))
     recognizer = Recognizer(Config())
     recognizer.add([(1, describe(xy, Config()))])

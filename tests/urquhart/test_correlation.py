@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from urquhart import SE2, Config, Recognition, Recognizer, describe
-from urquhart.evaluation.simulation import Observation, bridson, observe, paper_forest, plantation
+from urquhart.evaluation.simulation import SimulatedObservation, bridson, observe, paper_forest, plantation
 from urquhart.propose.correlation import correlate, correlate_all, covers_ends, find_peaks
 from urquhart.propose.quad_consensus import TURN, QuadConsensus
 from urquhart.verify.landmark_grid import LandmarkGrid, landmark_grid
@@ -24,12 +24,14 @@ def forest() -> NDArray[np.float64]:
     return paper_forest(np.random.default_rng(1), 400.0)
 
 
-def laid(seen: Observation) -> tuple[LandmarkGrid, SE2]:
+def laid(seen: SimulatedObservation) -> tuple[LandmarkGrid, SE2]:
     features = describe(seen.xy, CONFIG)
     return landmark_grid(features, NEAR), SE2.shift(features.origin)
 
 
-def two(forest: NDArray[np.float64], seed: int, **noise: float) -> tuple[Observation, Observation, SE2]:
+def two(
+    forest: NDArray[np.float64], seed: int, **noise: float
+) -> tuple[SimulatedObservation, SimulatedObservation, SE2]:
     rng = np.random.default_rng(seed)
     first = SE2(200.0, 200.0, float(rng.uniform(-3.0, 3.0)))
     second = SE2(220.0, 185.0, float(rng.uniform(-3.0, 3.0)))
@@ -153,7 +155,7 @@ def test_a_stand_half_seen_on_both_sides_is_recognised_by_it(forest: NDArray[np.
         recognizer = Recognizer(CONFIG)
         recognizer.add([(0, describe(here.xy, CONFIG))])
         found = recognizer.locate(there.xy)
-        if recognizer.check(describe(there.xy, CONFIG), 0, truth).verdict == "matched":
+        if recognizer.verify_pose(describe(there.xy, CONFIG), 0, truth).verdict == "matched":
             assert found.verdict == "matched"
             assert found.candidates[0].transform.distance(truth)[0] < 1.0
             levels.append(found.candidates[0].level)

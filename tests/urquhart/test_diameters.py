@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from urquhart import SE2, Config, Features, LandmarkError, Recognizer, describe
-from urquhart.evaluation.simulation import Observation, observe, paper_forest, plantation
+from urquhart.evaluation.simulation import SimulatedObservation, observe, paper_forest, plantation
 from urquhart.verify.diameters import score_diameter_pairs, standardize_diameters
 
 CONFIG = Config()
@@ -18,13 +18,15 @@ def stems(count: int, rng: np.random.Generator) -> NDArray[np.float64]:
     return np.exp(rng.normal(np.log(0.25), 0.45, count))
 
 
-def measured(seen: Observation, diameters: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
+def measured(
+    seen: SimulatedObservation, diameters: NDArray[np.float64], rng: np.random.Generator
+) -> NDArray[np.float64]:
     return diameters[seen.trees] * np.exp(rng.normal(0.0, 0.08, len(seen.trees)))
 
 
 def observations(
     forest: NDArray[np.float64], seed: int, sigma: float = 0.1
-) -> tuple[Observation, Observation, NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[SimulatedObservation, SimulatedObservation, NDArray[np.float64], NDArray[np.float64]]:
     rng = np.random.default_rng(seed)
     diameters = stems(len(forest), rng)
     stored = observe(forest, POSE, 25.0, rng, sigma=sigma, detection=0.95)
@@ -32,7 +34,7 @@ def observations(
     return stored, asked, measured(stored, diameters, rng), measured(asked, diameters, rng)
 
 
-def collection(stored: Observation, diameters: NDArray[np.float64] | None) -> Recognizer:
+def collection(stored: SimulatedObservation, diameters: NDArray[np.float64] | None) -> Recognizer:
     recognizer = Recognizer(CONFIG)
     recognizer.add([(0, describe(stored.xy, CONFIG, diameters))])
     return recognizer

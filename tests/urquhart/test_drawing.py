@@ -22,7 +22,7 @@ from urquhart import (
     draw_motion,
     draw_tessellation,
 )
-from urquhart.budget import OutOfTime
+from urquhart.budget import DeadlinePassed
 from urquhart.report.match import covered
 from urquhart.report.svg import MOST
 
@@ -173,7 +173,7 @@ def test_a_picture_ends_with_its_budget() -> None:
     features, found = describe(forests.uniform(np.random.default_rng(0)), Config()), matched(3_000)
     abandoned = Budget()
     abandoned.abandon()
-    for budget, error in ((Budget(0.0), OutOfTime), (abandoned, Abandoned)):
+    for budget, error in ((Budget(0.0), DeadlinePassed), (abandoned, Abandoned)):
         with pytest.raises(error):
             draw_match(submap, submap, found, budget=budget)
         with pytest.raises(error):

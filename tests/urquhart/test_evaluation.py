@@ -12,9 +12,9 @@ from urquhart.evaluation.scores import (
     alignment_errors,
     is_right,
     mean_outcome,
+    outcomes_by_threshold,
     pose_errors,
     score,
-    sweep,
 )
 
 
@@ -44,7 +44,7 @@ def test_pairs_are_counted_as_the_paper_says() -> None:
 def test_a_sweep_reports_ever_fewer_pairs() -> None:
     rng = np.random.default_rng(0)
     strength, right, positive = rng.integers(0, 50, 400), rng.random(400) < 0.6, rng.random(400) < 0.5
-    outcomes = sweep(strength.astype(np.float64), right, positive, range(0, 60, 5))
+    outcomes = outcomes_by_threshold(strength.astype(np.float64), right, positive, range(0, 60, 5))
     said = [o.true_positives + o.false_positives for o in outcomes]
     assert said == sorted(said, reverse=True)
     assert said[0] == 400

@@ -8,7 +8,7 @@ import pytest
 
 from tests.urquhart import forests
 from urquhart import SE2, Budget, Stage
-from urquhart.budget import OutOfTime
+from urquhart.budget import DeadlinePassed
 from urquhart.decide.verdict import Reason
 from urquhart.report.explanation import (
     REASONS,
@@ -147,7 +147,7 @@ def test_partners_are_each_others_nearest_and_near() -> None:
 
 def test_the_picture_ends_with_its_budget() -> None:
     laid = PoseDrawing("best: p7", "", XY, SE2(0.0, 0.0, 0.0))
-    with pytest.raises(OutOfTime):
+    with pytest.raises(DeadlinePassed):
         draw_explanation(explanation([], (laid,)), Budget(0.0))
 
 
@@ -156,7 +156,7 @@ def test_partners_in_the_middle_of_a_ring_are_not_compared_with_all_of_it() -> N
     turn = np.linspace(0.0, 2.0 * np.pi, 3_000, endpoint=False)
     ring = 0.5 * np.column_stack([np.cos(turn), np.sin(turn)])
     middle = np.random.default_rng(0).normal(0.0, 1e-3, (3_000, 2))
-    with pytest.raises(OutOfTime):
+    with pytest.raises(DeadlinePassed):
         partners(middle, ring, Budget(0.0))
     first, second = partners(middle, ring)
     assert 0 < len(first) == len(second) < 3_000

@@ -24,8 +24,8 @@ from urquhart.budget import Abandoned, Budget
 from urquhart.features.describe import Features
 from urquhart.index import polygon_index
 from urquhart.index.polygon_index import (
-    Hits,
     Partition,
+    PolygonHits,
     build_partitions,
     merge_partitions,
     search_partitions,
@@ -150,13 +150,13 @@ def test_lists_find_nearly_all_that_a_full_search_finds(real: tuple[Partition, R
     [theirs] = search_partitions([searched([exact], 1_000)], counts, queries, neighbours=48)
     assert len(ours.rows) == len(theirs.rows) == 48 * len(queries)
 
-    def polygons(hits: Hits) -> set[tuple[int, bytes]]:
+    def polygons(hits: PolygonHits) -> set[tuple[int, bytes]]:
         return {(row, outline.tobytes()) for row, outline in zip(hits.rows.tolist(), hits.outlines, strict=True)}
 
     # 0.991 when it was written: codes are rounded, and what is missed lies next to the last place of all.
     assert len(polygons(ours) & polygons(theirs)) > 0.98 * len(theirs.rows)
     first = np.tile(np.arange(48), len(queries)) < 5
-    nearest = Hits(5, theirs.rows[first], theirs.keys[first], theirs.outlines[first], theirs.distances[first])
+    nearest = PolygonHits(5, theirs.rows[first], theirs.keys[first], theirs.outlines[first], theirs.distances[first])
     assert len(polygons(ours) & polygons(nearest)) > 0.995 * first.sum()
 
 

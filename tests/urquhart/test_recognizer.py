@@ -3,7 +3,7 @@ import pytest
 
 from tests.urquhart import forests
 from urquhart import SE2, Config, LandmarkError, Recognition, Recognizer, describe
-from urquhart.evaluation.simulation import Observation, observe, paper_forest, plantation
+from urquhart.evaluation.simulation import SimulatedObservation, observe, paper_forest, plantation
 from urquhart.options import Method
 
 FOREST = paper_forest(np.random.default_rng(0), side=400.0)
@@ -25,13 +25,13 @@ def build(config: Config | None = None) -> Recognizer:
 RECOGNIZER = build()
 
 
-def look(seed: int, sigma: float = 0.1, detection: float = 0.9) -> Observation:
+def look(seed: int, sigma: float = 0.1, detection: float = 0.9) -> SimulatedObservation:
     rng = np.random.default_rng(1000 + seed)
     pose = forests.pose(rng, 80.0, 320.0)
     return observe(FOREST, pose, 40.0, rng, sigma=sigma, detection=detection)
 
 
-def error(found: Recognition, observation: Observation) -> tuple[float, float]:
+def error(found: Recognition, observation: SimulatedObservation) -> tuple[float, float]:
     best = found.candidates[0]
     shift, turn = (CENTRES[best.key] @ best.transform).distance(observation.pose)
     return shift, float(np.degrees(turn))

@@ -160,10 +160,8 @@ class Gates:
     @staticmethod
     def of(config: Config) -> "Gates":
         """The gates of a configuration."""
-        slope, even = CALIBRATION.chance
         sure = 1.0 / (1.0 + math.exp(-config.gate))
-        steep, level = CALIBRATION.rival
-        odds, lead = config.gate / slope + even, config.gate / steep + level
+        odds, lead = (config.gate / line.slope + line.even for line in CALIBRATION)
         return Gates(sure, odds, lead, config.lead_per_landmark, CONFIDENCE.rival_penalty)
 
 

@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from urquhart.budget import OutOfTime
+from urquhart.budget import DeadlinePassed
 from urquhart.decide.candidates import Finding, make_finding
 from urquhart.decide.confidence import (
     CONFIDENCE,
@@ -86,7 +86,7 @@ def rank(query: Query, proposals: list[Proposal], earlier: Ranking = NOTHING) ->
             return Ranking(ranked, findings=findings)
         try:
             ranking = _against_rivals(query, ranked)
-        except OutOfTime:
+        except DeadlinePassed:
             return Ranking(ranked, complete=False, findings=findings)
         counts["rivals"] = len(ranking.rivals)
         return replace(ranking, findings=findings)
@@ -108,7 +108,7 @@ def _against_rivals(query: Query, ranked: list[Proposal]) -> Ranking:
     """The ranking of proposals that are sorted already. If a rival in its own submap is better, it becomes the first.
 
     Raises:
-        OutOfTime: the deadline passed before all rivals were compared.
+        DeadlinePassed: the deadline passed before all rivals were compared.
     """
     config, budget = query.config, query.budget
     here, key = query.submaps.grid(ranked[0].key), ranked[0].key

@@ -78,7 +78,7 @@ def same_place(
         first_pose, second_pose: `submap_T_query`, centred frames.
 
     Raises:
-        OutOfTime: the deadline passed first.
+        DeadlinePassed: the deadline passed first.
     """
     margin = config.lead_per_landmark
     chained = verify(second, first, first_pose @ second_pose.inverse(), config.reach, budget)
@@ -112,7 +112,7 @@ def hill_climb(
         for a rival that pairs other trees of the query.
 
     Raises:
-        OutOfTime: the deadline passed before all rivals were compared.
+        DeadlinePassed: the deadline passed before all rivals were compared.
     """
     reach, margin = config.reach, config.lead_per_landmark
     seen = [np.empty((0, 6))]
@@ -155,7 +155,7 @@ def polish(
     There, partners are easily mistaken for their neighbours: refinement may end between two trees, at a local optimum.
 
     Raises:
-        OutOfTime: the deadline passed first.
+        DeadlinePassed: the deadline passed first.
     """
     if best.noise < RIVALS.close * neighbour_distance(query.landmarks):
         return best
@@ -197,7 +197,7 @@ def find_rivals(
         Rows (R, 6), as `refine_and_score` returns them.
 
     Raises:
-        OutOfTime: the deadline passed first.
+        DeadlinePassed: the deadline passed first.
     """
     if budget.fits(_QUARTERS * peaks, pose_cost(query, submap)):
         return find_rivals_at_once(query, submap, best, reach, least, peaks)

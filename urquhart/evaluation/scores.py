@@ -60,7 +60,7 @@ def score(reported: NDArray[np.bool_], right: NDArray[np.bool_], positive: NDArr
     return Outcomes(int((reported & right).sum()), int((reported & ~right).sum()), int((positive & ~reported).sum()))
 
 
-def sweep(
+def outcomes_by_threshold(
     strength: NDArray[np.float64],
     right: NDArray[np.bool_],
     positive: NDArray[np.bool_],

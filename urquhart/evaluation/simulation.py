@@ -14,7 +14,7 @@ from urquhart.se2 import SE2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Observation:
+class SimulatedObservation:
     """The landmarks that a sensor saw from one pose.
 
     Attributes:
@@ -129,7 +129,7 @@ def observe(
     sigma: float = 0.0,
     detection: float = 1.0,
     clutter: float = 0.0,
-) -> Observation:
+) -> SimulatedObservation:
     """The observation by a sensor at `pose` (`map_T_sensor`) of `trees` (N, 2), metres, map frame.
 
     Args:
@@ -147,4 +147,4 @@ def observe(
     ghosts = np.column_stack([distance * np.cos(bearing), distance * np.sin(bearing)])
     order = rng.permutation(len(seen) + false)
     landmarks = np.concatenate([seen, np.full(false, -1)])[order].astype(np.int64)
-    return Observation(np.ascontiguousarray(np.concatenate([xy, ghosts])[order]), landmarks, pose)
+    return SimulatedObservation(np.ascontiguousarray(np.concatenate([xy, ghosts])[order]), landmarks, pose)

@@ -191,7 +191,7 @@ def describe(xy: ArrayLike, config: Config, diameters: ArrayLike | None = None, 
 
     Raises:
         LandmarkError: the landmarks or diameters cannot be used. Nothing is repaired silently.
-        OutOfTime: the deadline passed first.
+        DeadlinePassed: the deadline passed first.
         Abandoned: nobody waits for the result any more.
     """
     posted = check_landmarks(xy)

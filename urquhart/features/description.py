@@ -6,7 +6,7 @@ from typing import Final, Literal
 
 from numpy.typing import ArrayLike
 
-from urquhart.budget import UNBOUNDED, Budget, OutOfTime
+from urquhart.budget import UNBOUNDED, Budget, DeadlinePassed
 from urquhart.config import Config
 from urquhart.features.describe import Features, describe
 from urquhart.features.landmarks import LandmarkError
@@ -55,6 +55,6 @@ def describe_observation(
         if error.code not in OBSTACLES:
             raise
         return Description(OBSTACLES[error.code], trace.done())
-    except OutOfTime:
+    except DeadlinePassed:
         return Description("deadline", trace.done())
     return Description(features, trace.done())

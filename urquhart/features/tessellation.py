@@ -77,7 +77,7 @@ def tessellate(landmarks: NDArray[np.float64], *, keep_hull: bool = False, budge
 
     Raises:
         LandmarkError: code `collinear`: the landmarks are so close to one line that no triangulation exists.
-        OutOfTime: the deadline passed first.
+        DeadlinePassed: the deadline passed first.
         Abandoned: nobody waits for the result any more.
     """
     budget.check()

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from urquhart.budget import UNBOUNDED, Budget
 from urquhart.config import Config
 from urquhart.features.describe import Features
-from urquhart.index.polygon_index import Hits, search_partitions
+from urquhart.index.polygon_index import PolygonHits, search_partitions
 from urquhart.index.quad_search import QuadShard
 from urquhart.index.segment import Segment, merge_segments
 
@@ -135,7 +135,7 @@ class CollectionIndex:
         neighbours: int,
         window: int = 0,
         budget: Budget = UNBOUNDED,
-    ) -> Iterator[Hits]:
+    ) -> Iterator[PolygonHits]:
         """The nearest `neighbours` living polygons of each query polygon; see `search_partitions`.
 
         Args:

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from urquhart.budget import UNBOUNDED, Budget
 from urquhart.index.polygon_merge import merge_partitions
 from urquhart.index.polygon_partition import Partition, build_partitions
-from urquhart.index.polygon_scan import Heaps, Outlines, Scan, gather_places, scan_partition, sort_heaps
+from urquhart.index.polygon_scan import Heaps, Outlines, Scan, gather_addresses, scan_partition, sort_heaps
 
-__all__ = ["Hits", "Partition", "Searched", "build_partitions", "merge_partitions", "search_partitions"]
+__all__ = ["Partition", "PolygonHits", "Searched", "build_partitions", "merge_partitions", "search_partitions"]
 
 Searched = tuple[Mapping[int, Partition], NDArray[np.int64], NDArray[np.float32], NDArray[np.uint8] | NDArray[np.bool_]]
 """A segment for search: its partitions by vertex count; and by slot, (S,) each: the submap's key, the unit of its
@@ -46,7 +46,7 @@ POLYGONS: Final = PolygonSearchNumbers()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Hits:
+class PolygonHits:
     """Stored polygons with one vertex count that are near polygons of the query; for each of those, nearest first.
 
     Attributes:
@@ -73,7 +73,7 @@ def search_partitions(
     neighbours: int,
     window: int = 0,
     budget: Budget = UNBOUNDED,
-) -> Iterator[Hits]:
+) -> Iterator[PolygonHits]:
     """The nearest `neighbours` living polygons of each query polygon, for each vertex count within `window` of its own.
 
     Hits of one vertex count come in one or several portions, in the order of the query polygons. The budget is checked
@@ -117,7 +117,7 @@ def _search(
     rows: NDArray[np.int64],
     descriptors: NDArray[np.float32],
     neighbours: int,
-) -> Hits:
+) -> PolygonHits:
     """Hits with `count` vertices for the query polygons `rows` (K,); `living`: the mask (S,) of each segment."""
     queries = np.ascontiguousarray(descriptors[rows], np.float32)
     heaps = Heaps(
@@ -143,8 +143,8 @@ def _search(
         p = partitions[count]
         # numba dispatches far more slowly on a subclass such as `np.memmap` than on a plain array.
         source = Outlines(i, p.owners, p.outlines, np.asarray(owner_keys), np.asarray(units))
-        gather_places(found, source, keys, outlines)
-    return Hits(count, which, keys, outlines, near_by)
+        gather_addresses(found, source, keys, outlines)
+    return PolygonHits(count, which, keys, outlines, near_by)
 
 
 def _alive(segment: Searched) -> NDArray[np.uint8]:

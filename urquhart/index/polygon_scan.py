@@ -17,7 +17,7 @@ from urquhart.index.polygon_partition import draw_outline
 _BLOCK: Final = 512
 """Rows whose distances are summed together: so many stay in the first-level cache."""
 _ROW_BITS: Final = 40
-"""Bits of a place that hold the row; the bits above hold the number of the segment."""
+"""Bits of an address that hold the row; the bits above hold the number of the segment."""
 
 
 class Scan(NamedTuple):
@@ -26,7 +26,7 @@ class Scan(NamedTuple):
     Attributes:
         owners, codes, low, step, centroids, lists: see `Partition`; the codes are its `descriptors`.
         alive: (S,) uint8, 0 for slots whose submap was deleted or replaced.
-        segment: number of the segment, which becomes part of the places.
+        segment: number of the segment, which becomes part of the addresses.
         probes: nearest lists that are read for each query row.
         budget: most rows that are read for each query row in an inverted partition.
     """
@@ -48,12 +48,12 @@ class Heaps(NamedTuple):
 
     Attributes:
         distances: (Q, K) float32, squared descriptor distances.
-        places: (Q, K) int64, segment and row of each polygon; `gather_places` resolves them.
+        addresses: (Q, K) int64, segment and row of each polygon; `gather_addresses` resolves them.
         sizes: (Q,) int64, entries in each heap.
     """
 
     distances: NDArray[np.float32]
-    places: NDArray[np.int64]
+    addresses: NDArray[np.int64]
     sizes: NDArray[np.int64]
 
 
@@ -100,7 +100,7 @@ def _scan_list(scan: Scan, listed: tuple[int, int, int], shift: NDArray[np.float
     """
     owners, codes, step, alive, segment = scan.owners, scan.codes, scan.step, scan.alive, scan.segment
     first, read, length = listed
-    distances, places, size = heaps.distances[q], heaps.places[q], heaps.sizes[q]
+    distances, addresses, size = heaps.distances[q], heaps.addresses[q], heaps.sizes[q]
     width, sums = len(shift), np.empty(_BLOCK, np.float32)
     for begin in range(0, read, _BLOCK):
         rows = min(_BLOCK, read - begin)
@@ -119,14 +119,16 @@ def _scan_list(scan: Scan, listed: tuple[int, int, int], shift: NDArray[np.float
                 row = first + begin + r
                 owner = owners[row]
                 if 0 <= owner < len(alive) and alive[owner] != 0:
-                    size = _offer(distances, places, size, sums[r], (segment << _ROW_BITS) | row)
+                    size = _offer(distances, addresses, size, sums[r], (segment << _ROW_BITS) | row)
                     if size == len(distances):
                         worst = distances[0]
     heaps.sizes[q] = size
 
 
 @kernel
-def _offer(distances: NDArray[np.float32], places: NDArray[np.int64], size: int, distance: float, place: int) -> int:
+def _offer(
+    distances: NDArray[np.float32], addresses: NDArray[np.int64], size: int, distance: float, address: int
+) -> int:
     """Add an entry to a heap, in place of the farthest one if it is full; returns the new number of entries."""
     if size < len(distances):
         at = size
@@ -134,17 +136,19 @@ def _offer(distances: NDArray[np.float32], places: NDArray[np.int64], size: int,
             parent = (at - 1) // 2
             if not distances[parent] < distance:
                 break
-            distances[at], places[at] = distances[parent], places[parent]
+            distances[at], addresses[at] = distances[parent], addresses[parent]
             at = parent
-        distances[at], places[at] = distance, place
+        distances[at], addresses[at] = distance, address
         return size + 1
     if distance < distances[0]:
-        _sink(distances, places, size, distance, place)
+        _sink(distances, addresses, size, distance, address)
     return size
 
 
 @kernel
-def _sink(distances: NDArray[np.float32], places: NDArray[np.int64], size: int, distance: float, place: int) -> None:
+def _sink(
+    distances: NDArray[np.float32], addresses: NDArray[np.int64], size: int, distance: float, address: int
+) -> None:
     """Replace the root of a heap of `size` entries by a new entry, and sift that down."""
     at = 0
     while True:
@@ -155,18 +159,18 @@ def _sink(distances: NDArray[np.float32], places: NDArray[np.int64], size: int, 
             child += 1
         if not distances[child] > distance:
             break
-        distances[at], places[at] = distances[child], places[child]
+        distances[at], addresses[at] = distances[child], addresses[child]
         at = child
-    distances[at], places[at] = distance, place
+    distances[at], addresses[at] = distance, address
 
 
 @kernel
-def sort_heap(distances: NDArray[np.float32], places: NDArray[np.int64], size: int) -> None:
+def sort_heap(distances: NDArray[np.float32], addresses: NDArray[np.int64], size: int) -> None:
     """Sort a heap of `size` entries by rising distance."""
     for last in range(size - 1, 0, -1):
-        distance, place = distances[last], places[last]
-        distances[last], places[last] = distances[0], places[0]
-        _sink(distances, places, last, distance, place)
+        distance, address = distances[last], addresses[last]
+        distances[last], addresses[last] = distances[0], addresses[0]
+        _sink(distances, addresses, last, distance, address)
 
 
 @kernel
@@ -176,16 +180,16 @@ def sort_heaps(
     """Sort all heaps, and concatenate them.
 
     Returns:
-        Query rows (H,), distances (H,), places (H,); and (G,) bool, which segments occur among the places.
+        Query rows (H,), distances (H,), addresses (H,); and (G,) bool, which segments occur among the addresses.
     """
-    distances, places, sizes = heaps
+    distances, addresses, sizes = heaps
     total, highest = 0, 0
     for q in range(len(sizes)):
-        sort_heap(distances[q], places[q], sizes[q])
+        sort_heap(distances[q], addresses[q], sizes[q])
         for i in range(sizes[q]):
-            highest = max(highest, places[q, i] >> _ROW_BITS)
+            highest = max(highest, addresses[q, i] >> _ROW_BITS)
         total += sizes[q]
-    out_rows, out_distances, out_places = (
+    out_rows, out_distances, out_addresses = (
         np.empty(total, np.int64),
         np.empty(total, np.float32),
         np.empty(total, np.int64),
@@ -194,17 +198,17 @@ def sort_heaps(
     at = 0
     for q in range(len(sizes)):
         for i in range(sizes[q]):
-            out_rows[at], out_distances[at], out_places[at] = rows[q], distances[q, i], places[q, i]
-            occurs[places[q, i] >> _ROW_BITS] = True
+            out_rows[at], out_distances[at], out_addresses[at] = rows[q], distances[q, i], addresses[q, i]
+            occurs[addresses[q, i] >> _ROW_BITS] = True
             at += 1
-    return out_rows, out_distances, out_places, occurs
+    return out_rows, out_distances, out_addresses, occurs
 
 
 class Outlines(NamedTuple):
     """The outlines of one partition, and the submaps they belong to.
 
     Attributes:
-        segment: number of the segment, as in the places.
+        segment: number of the segment, as in the addresses.
         owners, outlines: see `Partition`.
         keys: (S,) int64, the submap in each slot.
         units: (S,) float32, metres, the unit of the submap's outlines.
@@ -218,18 +222,18 @@ class Outlines(NamedTuple):
 
 
 @kernel
-def gather_places(
-    places: NDArray[np.int64],
+def gather_addresses(
+    addresses: NDArray[np.int64],
     source: Outlines,
     out_keys: NDArray[np.int64],
     out_outlines: NDArray[np.float32],
 ) -> None:
-    """Fill in keys (H,) and outlines (H, count, 2), metres, of those places (H,) that lie in the source's segment."""
+    """Fill in keys (H,) and outlines (H, count, 2), metres, of the addresses (H,) in the source's segment."""
     owners, outlines, keys, units = source.owners, source.outlines, source.keys, source.units
-    for i in range(len(places)):
-        if places[i] >> _ROW_BITS != source.segment:
+    for i in range(len(addresses)):
+        if addresses[i] >> _ROW_BITS != source.segment:
             continue
-        row = places[i] & ((1 << _ROW_BITS) - 1)
+        row = addresses[i] & ((1 << _ROW_BITS) - 1)
         owner = owners[row]
         if not 0 <= owner < len(keys):  # the file was damaged since the row was found
             out_keys[i], out_outlines[i] = -1, 0.0

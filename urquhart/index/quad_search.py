@@ -112,7 +112,7 @@ class WantedQuads(NamedTuple):
     most: int
 
 
-class Reach(NamedTuple):
+class CellSpan(NamedTuple):
     """The cells within the tolerance of a query quad, read from one end of its diagonal.
 
     Attributes:
@@ -144,7 +144,7 @@ def gather(
     done = passed = looked = 0
     width = int(2.0 * quads.tolerance / (STEP * SIDE)) + 3
     low, high, cells = np.empty(5, np.int64), np.empty(5, np.int64), np.empty(5, np.int64)
-    reach = Reach(np.empty(5), low, high, np.empty((5, width), np.uint64), cells)
+    span = CellSpan(np.empty(5), low, high, np.empty((5, width), np.uint64), cells)
     spread = 1.0 / (2.0 * (SEARCH.spread * quads.tolerance) ** 2)
     while done < len(chunk) and looked < SEARCH.slice:
         q = chunk[done]
@@ -153,9 +153,9 @@ def gather(
             # Read from the other end of the diagonal too, where either side may be the longer one in truth.
             if reading == 1 and quads.lengths[q, 0] - quads.lengths[q, 2] > 2.0 * quads.tolerance:
                 break
-            set_reach(reach, quads.lengths[q], reading, quads.tolerance)
+            set_span(span, quads.lengths[q], reading, quads.tolerance)
             turn = (TURNS // 2) * reading - quads.directions[q]
-            count, seen, full = gather_reading(shard, reach, (q, turn, spread), hits, count, before + quads.most)
+            count, seen, full = gather_reading(shard, span, (q, turn, spread), hits, count, before + quads.most)
             looked += seen
             if full:
                 return done, before, passed, True
@@ -168,12 +168,12 @@ def gather(
 
 
 @kernel
-def set_reach(reach: Reach, lengths: NDArray[np.float64], reading: int, tolerance: float) -> None:
-    """Set `reach` to the cells within `tolerance`, metres, of a quad with these lengths (5,), metres.
+def set_span(span: CellSpan, lengths: NDArray[np.float64], reading: int, tolerance: float) -> None:
+    """Set `span` to the cells within `tolerance`, metres, of a quad with these lengths (5,), metres.
 
     `reading`: 0, or 1 to read the quad from the other end of its diagonal.
     """
-    wanted, low, high, masks, _ = reach
+    wanted, low, high, masks, _ = span
     for k in range(4):
         wanted[k] = lengths[(k + 2 * reading) % 4]
     wanted[4] = lengths[4]
@@ -182,14 +182,14 @@ def set_reach(reach: Reach, lengths: NDArray[np.float64], reading: int, toleranc
         highest = math.floor((wanted[k] + tolerance) / STEP)
         low[k], high[k] = min(lowest // SIDE, LAST), min(highest // SIDE, LAST)
         for c in range(low[k], high[k] + 1):
-            masks[k, c - low[k]] = places(lowest - SIDE * c, highest - SIDE * c if c < LAST else SIDE)
+            masks[k, c - low[k]] = place_mask(lowest - SIDE * c, highest - SIDE * c if c < LAST else SIDE)
         if low[k] == LAST:
             masks[k, 0] = np.uint64(255)
 
 
 @kernel
 def gather_reading(
-    shard: SearchedShard, reach: Reach, quad: tuple[int, int, float], hits: NDArray[Any], count: int, limit: int
+    shard: SearchedShard, span: CellSpan, quad: tuple[int, int, float], hits: NDArray[Any], count: int, limit: int
 ) -> tuple[int, int, bool]:
     """Append the hits of one reading of a query quad to the first `count` rows of `hits`, up to more than `limit`.
 
@@ -199,7 +199,7 @@ def gather_reading(
         The number of hits, the number of the shard's quads that were read, and whether `hits` was full.
     """
     codes, starts, words, scales, alive, first = shard
-    wanted, low, high, masks, cells = reach
+    wanted, low, high, masks, cells = span
     q, turned, spread = quad
     one, six, three, byte = np.uint64(1), np.uint64(63), np.uint64(7), np.uint64(255)
     looked, rows = 0, np.int64(1)
@@ -211,8 +211,8 @@ def gather_reading(
             wide = high[k] - low[k] + 1
             cells[k] = low[k] + rest % wide
             rest //= wide
-        mask01 = combined(masks[0, cells[0] - low[0]], masks[1, cells[1] - low[1]])
-        mask23 = combined(masks[2, cells[2] - low[2]], masks[3, cells[3] - low[3]])
+        mask01 = combine_masks(masks[0, cells[0] - low[0]], masks[1, cells[1] - low[1]])
+        mask23 = combine_masks(masks[2, cells[2] - low[2]], masks[3, cells[3] - low[3]])
         cells[4] = low[4]
         begin = cell_code(cells)
         end = begin + high[4] - low[4]
@@ -263,7 +263,7 @@ def misfit(word: np.uint64, cells: NDArray[np.int64], wanted: NDArray[np.float64
 
 
 @kernel
-def places(lowest: int, highest: int) -> np.uint64:
+def place_mask(lowest: int, highest: int) -> np.uint64:
     """A mask of the places in a cell from `lowest` to `highest`, a bit each."""
     mask = np.uint64(0)
     for r in range(max(lowest, 0), min(highest, SIDE - 1) + 1):
@@ -272,7 +272,7 @@ def places(lowest: int, highest: int) -> np.uint64:
 
 
 @kernel
-def combined(first: np.uint64, second: np.uint64) -> np.uint64:
+def combine_masks(first: np.uint64, second: np.uint64) -> np.uint64:
     """The mask (64 bits) of the pairs of places that two masks of eight bits allow; the first length varies fastest."""
     mask = np.uint64(0)
     for r in range(SIDE):

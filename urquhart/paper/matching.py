@@ -77,7 +77,7 @@ def match_landmarks(
     the partners of its two edges share. If several triangles disagree, the most frequent claim wins.
 
     Raises:
-        OutOfTime: the deadline passed before all polygons were compared.
+        DeadlinePassed: the deadline passed before all polygons were compared.
     """
     first = sampled_polygons(query, config, rng)
     budget.check()

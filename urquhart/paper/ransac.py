@@ -60,7 +60,7 @@ def ransac(
         rotation.
 
     Raises:
-        OutOfTime: the deadline passed first.
+        DeadlinePassed: the deadline passed first.
     """
     n = len(source)
     if n < 2:

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from urquhart.budget import OutOfTime
+from urquhart.budget import DeadlinePassed
 from urquhart.index.collection_index import CollectionIndex
 from urquhart.propose.by_quads import verify_rough
 from urquhart.propose.correlation import correlate
@@ -39,7 +39,7 @@ class SurveyNumbers(NamedTuple):
 
 SURVEY: Final = SurveyNumbers()
 
-Place = tuple[int, float, float]
+SurveyEntry = tuple[int, float, float]
 """A submap's key, and the rotations to try in it, radians: their middle, and how far they extend to either side."""
 Peaks = tuple[int, NDArray[np.float64]]
 """A submap's key, and the peaks (P, 4) found in it, as `correlation.correlate` returns them."""
@@ -65,14 +65,14 @@ def propose_by_correlation(query: Query, index: CollectionIndex, quads: QuadCons
         Abandoned: nobody waits for the answer any more.
     """
     with query.trace.timed("survey") as counts:
-        places = _survey(query, index, quads)
-        counts["places"] = len(places)
+        surveyed = _survey(query, index, quads)
+        counts["places"] = len(surveyed)
     with query.trace.timed("exhaustive") as counts:
-        found = _correlate(query, places)
+        found = _correlate(query, surveyed)
         counts["peaks"] = sum(len(peaks) for _, peaks in found)
     with query.trace.timed("verify exhaustive") as counts:
         proposals = []
-        with suppress(OutOfTime):
+        with suppress(DeadlinePassed):
             for key, peaks in found[: query.config.exhaustive_submaps]:
                 verified = verify_rough(query, key, np.ascontiguousarray(peaks[:, :3]))
                 proposals.append(Proposal(key, "exhaustive", len(peaks), verified))
@@ -80,7 +80,7 @@ def propose_by_correlation(query: Query, index: CollectionIndex, quads: QuadCons
     return proposals
 
 
-def _survey(query: Query, index: CollectionIndex, quads: QuadConsensus | None) -> list[Place]:
+def _survey(query: Query, index: CollectionIndex, quads: QuadConsensus | None) -> list[SurveyEntry]:
     """The submaps and rotations to try, the most promising first."""
     if quads is None or is_small(index):
         return [(key, 0.0, math.pi) for key in index]
@@ -89,16 +89,16 @@ def _survey(query: Query, index: CollectionIndex, quads: QuadConsensus | None) -
     return [(key, yaw, TURN) for key, yaw in zip(index.keys_of(slots), rotations.tolist(), strict=True)]
 
 
-def _correlate(query: Query, places: list[Place]) -> list[Peaks]:
-    """The correlation peaks at `places`, the strongest submap first, as far as time and memory allow."""
+def _correlate(query: Query, surveyed: list[SurveyEntry]) -> list[Peaks]:
+    """The correlation peaks at `surveyed`, the strongest submap first, as far as time and memory allow."""
     found = list[Peaks]()
-    with suppress(OutOfTime):
+    with suppress(DeadlinePassed):
         read = 0
-        for begin in range(0, len(places), READ_TOGETHER):
+        for begin in range(0, len(surveyed), READ_TOGETHER):
             if read > SURVEY.most_landmarks:
                 query.trace.skip("exhaustive_rest")
                 break
-            block = places[begin : begin + READ_TOGETHER]
+            block = surveyed[begin : begin + READ_TOGETHER]
             query.read(key for key, _, _ in block)
             for key, yaw, half in block:
                 read += len(query.submaps.features(key).landmarks)

@@ -4,7 +4,7 @@ from contextlib import suppress
 
 import numpy as np
 
-from urquhart.budget import OutOfTime
+from urquhart.budget import DeadlinePassed
 from urquhart.index.collection_index import CollectionIndex
 from urquhart.paper.matching import match_landmarks
 from urquhart.paper.ransac import ransac
@@ -32,7 +32,7 @@ def propose_by_paper(query: Query, index: CollectionIndex, rng: np.random.Genera
     with query.trace.timed("match and verify") as counts:
         chosen = np.argsort(-votes, kind="stable")[: config.candidates].tolist()
         counts["candidates"] = len(chosen)
-        with suppress(OutOfTime):
+        with suppress(DeadlinePassed):
             query.read(keys[chosen].tolist())
             for i in chosen:
                 verified = _paper_pose(query, int(keys[i]), rng)
@@ -46,7 +46,7 @@ def _paper_pose(query: Query, key: int, rng: np.random.Generator) -> PoseEvidenc
     """The pose on which correspondences in submap `key` agree, verified; None if there are too few of them.
 
     Raises:
-        OutOfTime: the deadline passed first.
+        DeadlinePassed: the deadline passed first.
     """
     config, submap = query.config, query.submaps.features(key)
     first, second = match_landmarks(query.features, submap, config, rng, query.budget)

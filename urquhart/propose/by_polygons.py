@@ -5,7 +5,7 @@ from contextlib import suppress
 import numpy as np
 from numpy.typing import NDArray
 
-from urquhart.budget import OutOfTime
+from urquhart.budget import DeadlinePassed
 from urquhart.index.collection_index import CollectionIndex
 from urquhart.propose.by_quads import QUADS
 from urquhart.propose.polygon_votes import Votes, vote_polygons
@@ -30,7 +30,7 @@ def propose_by_polygons(query: Query, index: CollectionIndex) -> list[Proposal]:
     with trace.timed("verify polygons") as counts:
         keys: NDArray[np.int64] = votes.keys[: config.candidates]
         proposals = []
-        with suppress(OutOfTime):
+        with suppress(DeadlinePassed):
             query.read(keys.tolist())
             for i, key in enumerate(keys.tolist()):
                 proposals.append(_best_aligned(query, votes, i, key))
@@ -39,7 +39,7 @@ def propose_by_polygons(query: Query, index: CollectionIndex) -> list[Proposal]:
 
 
 def _best_aligned(query: Query, votes: Votes, i: int, key: int) -> Proposal:
-    """The best of the poses that polygons voted for in submap `votes.keys[i]`, verified. Raises OutOfTime."""
+    """The best of the poses that polygons voted for in submap `votes.keys[i]`, verified. Raises DeadlinePassed."""
     submap = query.submaps.grid(key)
     hypotheses = votes.hypotheses(i)[: query.config.hypotheses]
     starts = best_hypotheses(query.grid, submap, hypotheses, query.reach, 1, query.budget)

@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from urquhart.budget import OutOfTime
+from urquhart.budget import DeadlinePassed
 from urquhart.index.collection_index import CollectionIndex
 from urquhart.propose.hit_buffer import HitBuffer
 from urquhart.propose.quad_consensus import QuadConsensus
@@ -66,7 +66,7 @@ def propose_by_quads(
     with query.trace.timed("verify quads") as counts:
         keys = index.keys_of(leaders.slots)
         proposals = []
-        with suppress(OutOfTime):
+        with suppress(DeadlinePassed):
             query.read(keys)
             for key, support, poses in zip(keys, leaders.support.tolist(), leaders.poses, strict=True):
                 verified = verify_rough(query, key, poses[~np.isnan(poses[:, 0])])
@@ -82,7 +82,7 @@ def verify_rough(query: Query, key: int, poses: NDArray[np.float64]) -> PoseEvid
         poses: (P, 3), P > 0: x, y, yaw of `submap_T_query`, centred frames, right to a metre or two.
 
     Raises:
-        OutOfTime: the deadline passed first.
+        DeadlinePassed: the deadline passed first.
     """
     submap = query.submaps.grid(key)
     scored = refine_rough(query.grid, submap, poses, query.reach, QUADS.verified, query.budget)

@@ -102,7 +102,7 @@ def correlate(
         a step of the rotation; and the score, the natural logarithm of the odds against chance.
 
     Raises:
-        OutOfTime: the deadline passed first.
+        DeadlinePassed: the deadline passed first.
     """
     spacing = max(query.spacing, submap.spacing)
     cell = min(max(CORRELATION.cell_share * spacing, CORRELATION.finest), CORRELATION.coarsest)
@@ -122,7 +122,7 @@ def find_peaks(
     """The peaks (P, 4) of `correlate`, for landmarks (N, 2) and (M, 2), metres, and cells of at least `cell` metres.
 
     Raises:
-        OutOfTime: the deadline passed first.
+        DeadlinePassed: the deadline passed first.
     """
     pairs = len(query) * len(submap)
     if budget.fits(CORRELATION.most_turns, pairs):

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from urquhart._kernel import kernel
 from urquhart.features.describe import Features
-from urquhart.index.polygon_index import Hits
+from urquhart.index.polygon_index import PolygonHits
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,7 +50,7 @@ def outlines(features: Features, count: int) -> tuple[NDArray[np.int32], NDArray
     return ordinals, features.landmarks[t.vertices[at]]
 
 
-def vote_polygons(query: Features, found: Iterable[Hits], tolerance: float) -> Votes:
+def vote_polygons(query: Features, found: Iterable[PolygonHits], tolerance: float) -> Votes:
     """Align every polygon hit, keep those with an RMS misfit of at most `tolerance` metres, and count by submap."""
     keys, weights, transforms = [], [], []
     for hits in found:

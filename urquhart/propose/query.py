@@ -66,7 +66,7 @@ class Query:
         return self.config.reach
 
     def read(self, keys: Iterable[int]) -> None:
-        """Read submaps by key into the cache, a few at a time. Raises OutOfTime if the deadline passes."""
+        """Read submaps by key into the cache, a few at a time. Raises DeadlinePassed if the deadline passes."""
         wanted = list(keys)
         for begin in range(0, len(wanted), READ_TOGETHER):
             self.budget.check()

@@ -156,7 +156,7 @@ def draw_explanation(explanation: Explanation, budget: Budget = UNBOUNDED) -> st
     """Draw an explanation as SVG, `WIDTH` pixels wide.
 
     Raises:
-        OutOfTime: the deadline passed first.
+        DeadlinePassed: the deadline passed first.
         Abandoned: nobody waits for the picture any more.
     """
     page = _Page()

@@ -31,7 +31,7 @@ def draw_match(
         budget: when the work must end; by default never.
 
     Raises:
-        OutOfTime: the deadline passed first.
+        DeadlinePassed: the deadline passed first.
         Abandoned: nobody waits for the picture any more.
     """
     submap = np.asarray(submap_xy, dtype=np.float64)
@@ -68,7 +68,7 @@ def overlay(
         first, second: (K,), indices of the partners in `query` and `submap`.
 
     Raises:
-        OutOfTime: the deadline passed first.
+        DeadlinePassed: the deadline passed first.
         Abandoned: nobody waits for the picture any more.
     """
     rng = np.random.default_rng(0)
@@ -142,7 +142,7 @@ def partners(
     Partners are at most `PARTNERS` metres apart.
 
     Raises:
-        OutOfTime: the deadline passed first.
+        DeadlinePassed: the deadline passed first.
         Abandoned: nobody waits for the picture any more.
     """
     there, back = _nearest(query, submap, budget), _nearest(submap, query, budget)

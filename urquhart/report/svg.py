@@ -130,7 +130,7 @@ def draw_tessellation(features: Features, *, title: str = "", budget: Budget = U
     Of more than `MOST` landmarks, those nearest to the middle are drawn, with the triangles and polygons among them.
 
     Raises:
-        OutOfTime: the deadline passed first.
+        DeadlinePassed: the deadline passed first.
         Abandoned: nobody waits for the picture any more.
     """
     counts, t, xy = features.counts(), features.tessellation, features.landmarks

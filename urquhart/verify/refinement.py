@@ -43,7 +43,7 @@ def verify(
     apart, they are searched again within `GRID.loose` times `reach`, and the better result is kept.
 
     Raises:
-        OutOfTime: the deadline passed first.
+        DeadlinePassed: the deadline passed first.
     """
     return verify_best(query, submap, np.array([[start.x, start.y, start.yaw]]), reach, budget)
 
@@ -56,7 +56,7 @@ def verify_best(
     `starts`: x, y, yaw of `submap_T_query`, centred frames, metres and radians.
 
     Raises:
-        OutOfTime: the deadline passed first.
+        DeadlinePassed: the deadline passed first.
     """
     scored = refine_and_score_all(query, submap, starts, reach, 0.0, budget)
     return evidence_of_row(query, submap, scored[scored[:, 3].argmax()])
@@ -76,7 +76,7 @@ def refine_rough(
     have the most partners are refined again, and scored.
 
     Raises:
-        OutOfTime: the deadline passed first.
+        DeadlinePassed: the deadline passed first.
     """
     cost = pose_cost(query, submap)
     if budget.fits(len(starts), cost):
@@ -123,7 +123,7 @@ def refine_all(
 def refine_and_score_all(
     query: LandmarkGrid, submap: LandmarkGrid, starts: NDArray[np.float64], reach: float, least: float, budget: Budget
 ) -> NDArray[np.float64]:
-    """The result of `refine_and_score`, computed in portions. Raises OutOfTime if the deadline passes between them."""
+    """The result of `refine_and_score`, computed in portions. Raises DeadlinePassed."""
     portions = budget.portions(len(starts), pose_cost(query, submap))
     return np.concatenate([refine_and_score(query, submap, starts[rows], reach, least) for rows in portions])
 
@@ -168,7 +168,7 @@ def best_hypotheses(
     `hypotheses`: (H, 3), x, y, yaw of `submap_T_query`, centred frames; `reach`: metres, largest distance of partners.
 
     Raises:
-        OutOfTime: the deadline passed first.
+        DeadlinePassed: the deadline passed first.
     """
     if len(hypotheses) > 2 * REFINEMENT.semifinalists:
         third = np.ascontiguousarray(query.landmarks[::3])
@@ -181,6 +181,6 @@ def best_hypotheses(
 def count_all(
     landmarks: NDArray[np.float64], submap: LandmarkGrid, poses: NDArray[np.float64], reach: float, budget: Budget
 ) -> NDArray[np.float64]:
-    """The result of `count_inliers`, computed in portions. Raises OutOfTime if the deadline passes between them."""
+    """The result of `count_inliers`, computed in portions. Raises DeadlinePassed."""
     portions = budget.portions(len(poses), 20.0 * len(landmarks))
     return np.concatenate([count_inliers(landmarks, submap, poses[rows], reach) for rows in portions])

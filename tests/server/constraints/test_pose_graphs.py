@@ -31,7 +31,7 @@ def pairs(offset: float) -> tuple[list[dict[str, Any]], list[SE2]]:
         recognizer = Recognizer(config)
         recognizer.add([(0, describe(first, config))])
         truth = frames[0] @ frames[1].inverse()
-        best = recognizer.check(describe(second, config), 0, truth).candidates[0]
+        best = recognizer.verify_pose(describe(second, config), 0, truth).candidates[0]
         found.append({"from": f"a{number}", "to": f"b{number}", **measured(best), "stale": False})
         truths.append(truth)
     return found, truths
