@@ -13,7 +13,7 @@ from rich.table import Table
 
 from benchmarks.everyday import Forest, QueryCost, build, describe_cost, ingest_rate, query_cost
 from benchmarks.machine import machine
-from benchmarks.service import bulk_rate, http_cost
+from benchmarks.service import BulkRate, HttpCost, bulk_rate, http_cost
 from urquhart import Config, warm_up
 
 SETTINGS = {"20 cm, 90 % seen": (0.2, 0.9), "40 cm, 80 % seen": (0.4, 0.8)}
@@ -77,6 +77,11 @@ def main(
         f"describe {count / describing:,.0f} submaps/s and index {count / indexing:,.0f} submaps/s on one core; "
         f"store {rate:,.0f} submaps/s with description, {size / 1000.0:.1f} kB each on disk"
     )
+    _print_service(console, http, stored)
+    console.print(f"figures: {out}")
+
+
+def _print_service(console: Console, http: HttpCost, stored: BulkRate | None) -> None:
     console.print(
         f"the same query, 20 cm and 90 % seen: library {http.library:.2f} ms, over HTTP {http.http:.2f} ms, "
         f"which adds {http.added:.2f} ms; answers of {http.answer_bytes / 1000.0:.1f} kB, "
@@ -87,7 +92,6 @@ def main(
             f"store {stored.submaps:,} submaps with {stored.processes} processes: {stored.overall:,.0f} submaps/s, "
             f"{stored.sustained:,.0f} in the second half"
         )
-    console.print(f"figures: {out}")
 
 
 def _print_description(console: Console, description: dict[str, float]) -> None:

@@ -42,19 +42,7 @@ def section(figures: Figures) -> str:
         ),
         _hull(figures, chosen, plain),
         "What tau does, plain distance, M = 20:",
-        table(
-            ["tau", "as there", "inliers", "verified", "collection"],
-            [
-                [
-                    f"{row['tau']:g}",
-                    number(max(row["letter"])),
-                    number(max(row["inliers"])),
-                    number(verified(row, figures)),
-                    number(row["collection"]),
-                ]
-                for row in sweep
-            ],
-        ),
+        _tau(sweep, figures),
         prose(
             """Over pairs, verification forgives any tau: the larger, the more correspondences, right and wrong, RANSAC
             has to choose from, until the polygons' descriptor no longer decides anything. In a collection a large tau
@@ -72,6 +60,23 @@ def section(figures: Figures) -> str:
                 for name, means in figures["glare"].items()
             ],
         ),
+    )
+
+
+def _tau(sweep: list[Figures], figures: Figures) -> str:
+    columns = ["tau", "as there", "inliers", "verified", "collection"]
+    return table(
+        columns,
+        [
+            [
+                f"{row['tau']:g}",
+                number(max(row["letter"])),
+                number(max(row["inliers"])),
+                number(verified(row, figures)),
+                number(row["collection"]),
+            ]
+            for row in sweep
+        ],
     )
 
 

@@ -32,13 +32,7 @@ def run(*, quick: bool, seed: int) -> Figures:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "crowd.db"
         began = time.perf_counter()
-        database = Database(path)
-        try:
-            migrations_runner.upgrade(database)
-            for number in range(count):
-                registry.ensure(database, f"c{number}", CollectionPut())
-        finally:
-            database.dispose()
+        _make(path, count)
         made = time.perf_counter() - began
         with (
             served(path, Path(folder) / "log") as server,
@@ -48,14 +42,7 @@ def run(*, quick: bool, seed: int) -> Figures:
             for number in range(0, count, count // _FILLED):
                 client.put(f"/v1/collections/c{number}/submaps/p", json=body(seed, number)).raise_for_status()
             began = time.perf_counter()
-            listed, url = 0, "/v1/collections?limit=1000"
-            slowest = 0.0
-            while url:
-                page_began = time.perf_counter()
-                page = client.get(url).json()
-                slowest = max(slowest, time.perf_counter() - page_began)
-                listed += len(page["collections"])
-                url = f"/v1/collections?limit=1000&cursor={page['next']}" if "next" in page else ""
+            listed, slowest = _list(client)
             listing = time.perf_counter() - began
             if listed != count:
                 problems.append(f"{listed} of {count} collections are listed")
@@ -94,6 +81,28 @@ def run(*, quick: bool, seed: int) -> Figures:
         "metrics_bytes": metrics,
         "problems": problems[:20],
     }
+
+
+def _make(path: Path, count: int) -> None:
+    database = Database(path)
+    try:
+        migrations_runner.upgrade(database)
+        for number in range(count):
+            registry.ensure(database, f"c{number}", CollectionPut())
+    finally:
+        database.dispose()
+
+
+def _list(client: httpx.Client) -> tuple[int, float]:
+    """How many collections all pages list, and the seconds of the slowest page."""
+    listed, slowest, url = 0, 0.0, "/v1/collections?limit=1000"
+    while url:
+        began = time.perf_counter()
+        page = client.get(url).json()
+        slowest = max(slowest, time.perf_counter() - began)
+        listed += len(page["collections"])
+        url = f"/v1/collections?limit=1000&cursor={page['next']}" if "next" in page else ""
+    return listed, slowest
 
 
 def _cpu_seconds(server: BenchmarkServer) -> float:
