@@ -183,7 +183,8 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         service.database.dispose()
         raise
     # Bodies are read on the event loop, which must not wait for a compiler.
-    await anyio.to_thread.run_sync(strict_json.warm_up)
+    with kernel_progress.reports(_log.info):
+        await anyio.to_thread.run_sync(strict_json.warm_up)
     service.readiness.passed("migrations")
     # A few more than there are places, so that probes and metrics always find a thread.
     threads = anyio.to_thread.current_default_thread_limiter()
@@ -240,9 +241,10 @@ def _warm_up(service: Service, stop: threading.Event, warm: threading.Event) -> 
             if stop.is_set():
                 return
         service.readiness.passed("index")
-    except DomainError as error:
+    except Exception as error:  # noqa: BLE001  whatever it is: without a report nobody would know why it is not ready
         # Stays not ready and says why. Queries try again by themselves.
         _log.exception("the warm-up failed")
-        service.readiness.report("index", str(error))
+        why = str(error) if isinstance(error, DomainError) else "the warm-up failed; the log says why"
+        service.readiness.report("kernels" if service.readiness.is_open("kernels") else "index", why)
     finally:
         warm.set()

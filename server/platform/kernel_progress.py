@@ -16,13 +16,14 @@ _EVERY: Final = 5.0
 
 
 def warm_up(say: Callable[[str], object]) -> None:
-    """Compile the kernels or load them from the cache, and `say` how far it is, unless it is done at once."""
-    with _reports(say):
+    """Compile the kernels of the method, or load them from the cache, and `say` how far that is unless it is quick."""
+    with reports(say):
         urquhart.warm_up(urquhart.Config())
 
 
 @contextmanager
-def _reports(say: Callable[[str], object]) -> Iterator[None]:
+def reports(say: Callable[[str], object]) -> Iterator[None]:
+    """Call `say` with the progress of kernels that are compiled within the block, unless it is quick."""
     done = threading.Event()
     reporter = threading.Thread(target=_report, args=(say, done), name="kernel-progress", daemon=True)
     reporter.start()
