@@ -3,8 +3,6 @@
 from alembic import context
 from sqlalchemy import Connection
 
-from server.store.tables import CollectionRow
-
 
 def run() -> None:
     """Run the migrations that were asked for."""
@@ -12,7 +10,7 @@ def run() -> None:
     if not isinstance(connection, Connection):
         raise RuntimeError("run migrations by `urquhart db upgrade`, which hands in a connection")
     # SQLite's schema statements are transactional as long as BEGIN is explicit, which it is here.
-    context.configure(connection=connection, target_metadata=CollectionRow.metadata, transactional_ddl=True)
+    context.configure(connection=connection, transactional_ddl=True)
     with context.begin_transaction():
         context.run_migrations()
 

@@ -1,6 +1,5 @@
 """${message}."""
 
-import sqlalchemy as sa
 from alembic import op
 
 revision = ${repr(up_revision)}
@@ -10,10 +9,5 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Apply this revision."""
-    ${upgrades if upgrades else "pass"}
-
-
-def downgrade() -> None:
-    """Undo this revision."""
-    ${downgrades if downgrades else "pass"}
+    """Change the tables. There is no way back: restore a snapshot."""
+    ${upgrades if upgrades else "op.execute()"}

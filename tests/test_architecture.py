@@ -211,6 +211,23 @@ def test_functions_of_the_service_are_short_and_take_few_parameters() -> None:
     assert not found
 
 
+def test_only_the_store_knows_tables() -> None:
+    tables = {"server.store.tables", "server.store.service_tables"}
+    outside = [
+        path for path in sources("server", "benchmarks", "urquhart") if ROOT / "server/store" not in path.parents
+    ]
+    assert not [str(path.relative_to(ROOT)) for path in outside if imports(path) & tables]
+
+
+def test_only_one_room_knows_sqlite() -> None:
+    room = ROOT / "server/store/sqlite"
+    marks = re.compile(
+        r"^import sqlite3|^from sqlalchemy\.dialects|\bexec_driver_sql\b|\bPRAGMA [a-z]|\bjson_each\b", re.M
+    )
+    found = [path for path in sources("server") if room not in path.parents and marks.search(path.read_text())]
+    assert not [str(path.relative_to(ROOT)) for path in found]
+
+
 def test_every_public_name_is_explained() -> None:
     bare = [
         f"{path.relative_to(ROOT)}: {node.name}"

@@ -179,7 +179,7 @@ def test_the_wheel_holds_the_packages_and_not_the_stem_maps(tmp_path: Path) -> N
     assert tops == {"urquhart", "server", "migrations"}
     assert not [name for name in names if name.endswith(".csv")]
     assert [name for name in names if name.endswith("licenses/LICENSE")]
-    assert [name for name in names if name.startswith("migrations/versions/0001")]
+    assert [name for name in names if name.startswith("migrations/versions/0012")]
     assert "urquhart/calibration.json" in names
 
 

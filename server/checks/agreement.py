@@ -10,11 +10,11 @@ from server.checks.integrity import Discrepancy
 from server.index.derived import config_of
 from server.index.live_index import assemble
 from server.index.segment_folder import SegmentFolder
+from server.store.records import CollectionRecord
 from server.store.repositories.collections import Collections
 from server.store.repositories.feature_rows import FeatureRows
 from server.store.repositories.segments import SegmentRecord, Segments, trusted
 from server.store.sqlite.database import Database
-from server.store.tables import CollectionRow
 from urquhart.index.segment import Segment
 from urquhart.index.segment_file import SegmentDamaged
 
@@ -54,7 +54,7 @@ def _current(database: Database, folder: SegmentFolder, collection_id: str) -> l
             return wrong
 
 
-def _collection(session: Session, folder: SegmentFolder, collection: CollectionRow) -> Iterator[str]:
+def _collection(session: Session, folder: SegmentFolder, collection: CollectionRecord) -> Iterator[str]:
     config, described = config_of(collection), FeatureRows(session, collection.key)
     chain = Segments(session, collection.key).chain()
     if trusted(chain) < len(chain):

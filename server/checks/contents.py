@@ -4,44 +4,35 @@ from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
-from sqlalchemy import select
-from sqlalchemy.orm import Session, undefer
 
 from server.checks.integrity import Discrepancy
 from server.schemas.common import check_id
 from server.schemas.poses import PlacedPose
 from server.store.codec import unpack_positions
-from server.store.repositories.submaps import Place, stored_place
+from server.store.records import Place, SubmapContent
+from server.store.repositories.collections import Collections
+from server.store.repositories.submaps import Submaps
 from server.store.sqlite.database import Database
-from server.store.tables import CollectionRow, SubmapRow
 from server.submaps.preparation import place_from, row_etag
 
-_BATCH: Final = 200
 _FOOTPRINT: Final = ("map_min_x", "map_min_y", "map_max_x", "map_max_y")
 
 
 def content_discrepancies(database: Database) -> Iterator[Discrepancy]:
     """All submaps whose derived columns do not agree with their content. Raises StorageError."""
     with database.read() as session:
-        for collection in session.scalars(select(CollectionRow).order_by(CollectionRow.key)).all():
+        for collection in Collections(session).all():
             if not _is_id(collection.id):
                 yield Discrepancy(collection.id, "its id is none that a collection can have")
-            for row in _rows(session, collection.key):
+            for row in Submaps(session, collection.key).every(SubmapContent):
                 for what in _submap(row):
                     yield Discrepancy(f"{collection.id}/{row.id}", what)
-                session.expunge(row)
 
 
-def _rows(session: Session, collection_key: int) -> Iterator[SubmapRow]:
-    query = select(SubmapRow).where(SubmapRow.collection_key == collection_key).order_by(SubmapRow.key)
-    landmarks = (undefer(column) for column in (SubmapRow.landmarks, SubmapRow.landmark_ids, SubmapRow.attributes))
-    return iter(session.scalars(query.options(*landmarks).execution_options(yield_per=_BATCH)))
-
-
-def _submap(row: SubmapRow) -> Iterator[str]:
+def _submap(row: SubmapContent) -> Iterator[str]:
     if not _is_id(row.id):
         yield "its id is none that a submap can have"
-    place = stored_place(row)
+    place = row.place
     if place is not None:
         yield from _footprint(row, place)
     etag = row_etag(row, place, row.properties)
@@ -49,7 +40,7 @@ def _submap(row: SubmapRow) -> Iterator[str]:
         yield f"the entity tag is {row.etag}, its content's is {etag}"
 
 
-def _footprint(row: SubmapRow, place: Place) -> Iterator[str]:
+def _footprint(row: SubmapContent, place: Place) -> Iterator[str]:
     try:
         pose = PlacedPose(
             frame_id=place.map_frame_id,

@@ -4,18 +4,19 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 import urquhart
-from server.checks.row_invariants import row_violations
 from server.store import migrations_runner
 from server.store.codec import digest, unpack_attributes, unpack_diameters, unpack_ids, unpack_positions
+from server.store.records import CollectionRecord, SubmapWhole
+from server.store.repositories.collections import Collections
+from server.store.repositories.feature_rows import FeatureRows
+from server.store.repositories.queries import Queries
+from server.store.repositories.submaps import Submaps
 from server.store.sqlite.database import Database
-from server.store.tables import CollectionRow, DeletionRow, QueryRow, SubmapRow
+from server.store.sqlite.file_checks import broken_invariants, file_faults
 from urquhart import Config, ConfigError, Features, FeaturesError, LandmarkError
-
-_BATCH = 200
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,37 +44,28 @@ def discrepancies(database: Database) -> Iterator[Discrepancy]:
     if broken:
         return  # what follows would read the damaged pages
     for difference in migrations_runner.drift(database):
+        broken = True
         yield Discrepancy("", f"the schema differs from what this version needs: {difference}")
+    if broken:
+        return  # what follows relies on the rules of the tables
     with database.read() as session:
-        unreadable = False
-        for impossible in row_violations(session):
-            unreadable = unreadable or impossible.unreadable
-            yield Discrepancy(impossible.where, impossible.what)
-        if unreadable:
-            return  # what follows would fail on them
-        for collection in session.scalars(select(CollectionRow).order_by(CollectionRow.key)).all():
+        for where, what in broken_invariants(session.connection()):
+            yield Discrepancy(where, what)
+        for collection in Collections(session).all():
             yield from _collection(session, collection)
 
 
 def file_discrepancies(database: Database, *, quick: bool = False) -> Iterator[Discrepancy]:
-    """What SQLite itself finds wrong with the file. `quick` skips the comparison of indexes with their tables.
+    """What SQLite itself finds wrong: pages, types and rules of rows, references to rows that are not there.
 
-    Raises StorageError.
+    `quick` leaves out whether indexes agree with their tables. Raises StorageError.
     """
-    check = "PRAGMA quick_check" if quick else "PRAGMA integrity_check"
     with database.read() as session:
-        connection, broken = session.connection(), False
-        for (line,) in connection.exec_driver_sql(check).all():
-            if line != "ok":
-                broken = True
-                yield Discrepancy("", f"integrity check: {line}")
-        if broken:
-            return
-        for table, row, parent, _ in connection.exec_driver_sql("PRAGMA foreign_key_check").all():
-            yield Discrepancy("", f"row {row} of {table} belongs to a row of {parent} that is not there")
+        for fault in file_faults(session.connection(), quick=quick):
+            yield Discrepancy("", fault)
 
 
-def _collection(session: Session, collection: CollectionRow) -> Iterator[Discrepancy]:
+def _collection(session: Session, collection: CollectionRecord) -> Iterator[Discrepancy]:
     try:
         config = Config.from_dict(collection.config)
     except ConfigError as error:
@@ -84,27 +76,11 @@ def _collection(session: Session, collection: CollectionRow) -> Iterator[Discrep
             collection.id, f"the fingerprint is {collection.fingerprint}, the configuration's is {config.fingerprint()}"
         )
     yield from _totals(session, collection)
-    rows = select(
-        SubmapRow.id,
-        SubmapRow.landmark_count,
-        SubmapRow.polygon_count,
-        SubmapRow.counts,
-        SubmapRow.landmarks_hash,
-        SubmapRow.landmarks,
-        SubmapRow.landmark_ids,
-        SubmapRow.attributes,
-        SubmapRow.features,
-        SubmapRow.revision,
-        SubmapRow.content_revision,
-    ).where(SubmapRow.collection_key == collection.key)
-    for row in session.execute(rows.execution_options(yield_per=_BATCH)):
+    for row in Submaps(session, collection.key).every(SubmapWhole):
         where = f"{collection.id}/{row.id}"
-        if not 0 < row.content_revision <= row.revision <= collection.revision:
-            yield Discrepancy(
-                where,
-                f"revisions {row.content_revision}, {row.revision} do not fit the collection's {collection.revision}",
-            )
-        if len(row.landmarks) != 16 * row.landmark_count or digest(row.landmarks) != row.landmarks_hash:
+        if row.revision > collection.revision:
+            yield Discrepancy(where, f"revision {row.revision} is beyond the collection's {collection.revision}")
+        if digest(row.landmarks) != row.landmarks_hash:
             yield Discrepancy(where, "the landmarks are not those that were stored")
             continue
         try:
@@ -122,30 +98,20 @@ def _collection(session: Session, collection: CollectionRow) -> Iterator[Discrep
             yield Discrepancy(where, what)
 
 
-def _totals(session: Session, collection: CollectionRow) -> Iterator[Discrepancy]:
-    counted = session.execute(
-        select(
-            func.count(),
-            func.coalesce(func.sum(SubmapRow.landmark_count), 0),
-            func.coalesce(func.sum(SubmapRow.polygon_count), 0),
-        ).where(SubmapRow.collection_key == collection.key)
-    ).one()
+def _totals(session: Session, collection: CollectionRecord) -> Iterator[Discrepancy]:
+    counted = Submaps(session, collection.key).totals()
     kept = (collection.submap_count, collection.landmark_count, collection.polygon_count)
     for name, there, said in zip(("submaps", "landmarks", "polygons"), counted, kept, strict=True):
         if there != said:
             yield Discrepancy(collection.id, f"holds {there} {name}, its row says {said}")
-    ghosts = select(func.count()).where(
-        DeletionRow.collection_key == collection.key, DeletionRow.submap_key.in_(select(SubmapRow.key))
-    )
-    if session.scalar(ghosts):
+    indexed = FeatureRows(session, collection.key)
+    if indexed.deleted_and_there():
         yield Discrepancy(collection.id, "submaps are noted as deleted that are there")
-    last_deletion = session.scalar(
-        select(func.max(DeletionRow.revision)).where(DeletionRow.collection_key == collection.key)
-    )
-    if (last_deletion or 0) > collection.revision:
+    last_deletion = indexed.last_deletion()
+    if last_deletion > collection.revision:
         yield Discrepancy(collection.id, f"a deletion is of revision {last_deletion}, after {collection.revision}")
-    last_query = session.scalar(select(func.max(QueryRow.number)).where(QueryRow.collection_key == collection.key))
-    if (last_query or 0) > collection.query_sequence:
+    last_query = Queries(session, collection.key).last_number()
+    if last_query > collection.query_sequence:
         yield Discrepancy(
             collection.id, f"query {last_query} is stored, but the last number is {collection.query_sequence}"
         )

@@ -7,8 +7,8 @@ from sqlalchemy.orm import Session
 from server.collections.georeference import Georeference, check_crs
 from server.errors import Conflict, InvalidField
 from server.schemas.collections import MapFrame
+from server.store.records import CollectionRecord
 from server.store.repositories.map_frames import DEFAULT_FRAME, FrameReference, MapFrames
-from server.store.tables import CollectionRow
 
 
 def check_frames(frames: Mapping[str, MapFrame | None] | None) -> None:
@@ -24,7 +24,7 @@ def check_frames(frames: Mapping[str, MapFrame | None] | None) -> None:
             check_crs(frame.crs, f"{_pointer(frame_id)}/crs")
 
 
-def must_agree(session: Session, row: CollectionRow, frames: Mapping[str, MapFrame] | None) -> None:
+def must_agree(session: Session, row: CollectionRecord, frames: Mapping[str, MapFrame] | None) -> None:
     """Raise Conflict if one of the frames differs from that of the collection."""
     known = MapFrames(session, row).some(list(frames or {}))
     for frame_id, frame in (frames or {}).items():
@@ -35,7 +35,7 @@ def must_agree(session: Session, row: CollectionRow, frames: Mapping[str, MapFra
             )
 
 
-def set_frames(session: Session, row: CollectionRow, frames: Mapping[str, MapFrame | None] | None) -> bool:
+def set_frames(session: Session, row: CollectionRecord, frames: Mapping[str, MapFrame | None] | None) -> bool:
     """Set the given frames; None removes a frame's CRS. Returns whether anything changed.
 
     Raises InvalidField if a submap would be outside of the area of the frame's system.
@@ -54,7 +54,7 @@ def set_frames(session: Session, row: CollectionRow, frames: Mapping[str, MapFra
     return changed
 
 
-def check_default_frame(session: Session, row: CollectionRow, pointer: str) -> None:
+def check_default_frame(session: Session, row: CollectionRecord, pointer: str) -> None:
     """Raise InvalidField if a submap in the default frame would be outside of the area of the collection's CRS."""
     repository = MapFrames(session, row)
     reference = repository.some([DEFAULT_FRAME]).get(DEFAULT_FRAME)

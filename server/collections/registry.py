@@ -1,6 +1,6 @@
 """Collections: created, read, changed, deleted."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from sqlalchemy.orm import Session
@@ -27,10 +27,10 @@ from server.schemas.collections import (
 )
 from server.schemas.common import Counts
 from server.security.principal import Principal
+from server.store.records import CollectionRecord
 from server.store.repositories.collections import Collections
 from server.store.repositories.map_frames import MapFrames
 from server.store.sqlite.database import Database
-from server.store.tables import CollectionRow
 from urquhart import Config, ConfigError
 
 
@@ -141,20 +141,18 @@ def patch_in(
     preconditions.check(etag_of(row))
     if "config" in given and config != config_of(row):
         raise _other_config(row.id)
-    before = (row.title, row.crs, row.origin_x, row.origin_y)
-    if "title" in given:
-        row.title = body.title
-    if "crs" in given:
-        row.crs = body.crs
+    changes: dict[str, Any] = {name: getattr(body, name) for name in ("title", "crs") if name in given}
     if "origin" in given:
-        row.origin_x, row.origin_y = body.origin or (None, None)
-    if (row.crs, row.origin_x, row.origin_y) != before[1:]:
-        check_default_frame(session, row, "/crs" if "crs" in given else "/origin")
-    if set_frames(session, row, body.frames) or (row.title, row.crs, row.origin_x, row.origin_y) != before:
-        session.flush()
-        Collections(session).advance(row.key)
-        session.refresh(row)
-    return Ensured(_full(session, row), etag_of(row), created=False)
+        changes["origin_x"], changes["origin_y"] = body.origin or (None, None)
+    changed = replace(row, **changes)
+    if (changed.crs, changed.origin) != (row.crs, row.origin):
+        check_default_frame(session, changed, "/crs" if "crs" in given else "/origin")
+    if set_frames(session, changed, body.frames) or changed != row:
+        collections = Collections(session)
+        collections.describe(changed)
+        collections.advance(row.key)
+        changed = get_collection(session, collection_id)
+    return Ensured(_full(session, changed), etag_of(changed), created=False)
 
 
 def delete(database: Database, collection_id: str, preconditions: Preconditions = ANYTHING) -> None:
@@ -171,7 +169,7 @@ def delete_in(session: Session, collection_id: str, preconditions: Preconditions
     return NO_CONTENT
 
 
-def get_collection(session: Session, collection_id: str) -> CollectionRow:
+def get_collection(session: Session, collection_id: str) -> CollectionRecord:
     """The collection. Raises NotFound."""
     row = Collections(session).get(collection_id)
     if row is None:
@@ -179,7 +177,7 @@ def get_collection(session: Session, collection_id: str) -> CollectionRow:
     return row
 
 
-def etag_of(row: CollectionRow) -> str:
+def etag_of(row: CollectionRecord) -> str:
     """Entity tag of a collection: every write raises its revision, and no key is used twice.
 
     The time of the last write is part of it, because a restored database reaches the same revision again.
@@ -195,14 +193,13 @@ def read_config(values: dict[str, Any] | None) -> Config:
         raise InvalidField(str(error)[:500], code="config", pointer="/config") from error
 
 
-def _must_agree(session: Session, row: CollectionRow, body: CollectionPut, config: Config) -> None:
+def _must_agree(session: Session, row: CollectionRecord, body: CollectionPut, config: Config) -> None:
     if body.config is not None and config != config_of(row):
         raise _other_config(row.id)
-    origin = None if row.origin_x is None else (row.origin_x, row.origin_y)
     for name, wanted, stored in (
         ("title", body.title, row.title),
         ("crs", body.crs, row.crs),
-        ("origin", body.origin, origin),
+        ("origin", body.origin, row.origin),
     ):
         if wanted is not None and wanted != stored:
             raise Conflict(f"The collection {row.id!r} exists, with another {name}. Change it with PATCH.")
@@ -216,12 +213,12 @@ def _other_config(collection_id: str) -> Conflict:
     )
 
 
-def _summary(row: CollectionRow) -> dict[str, Any]:
+def _summary(row: CollectionRecord) -> dict[str, Any]:
     return {
         "id": row.id,
         "title": row.title,
         "crs": row.crs,
-        "origin": None if row.origin_x is None or row.origin_y is None else (row.origin_x, row.origin_y),
+        "origin": row.origin,
         "fingerprint": row.fingerprint,
         "revision": row.revision,
         "counts": Counts(submaps=row.submap_count, landmarks=row.landmark_count, polygons=row.polygon_count),
@@ -233,7 +230,7 @@ def _summary(row: CollectionRow) -> dict[str, Any]:
     }
 
 
-def _full(session: Session, row: CollectionRow) -> Collection:
+def _full(session: Session, row: CollectionRecord) -> Collection:
     collections = Collections(session)
     spatial = [
         SpatialExtent(frame_id=extent.frame_id, bbox=(extent.min_x, extent.min_y, extent.max_x, extent.max_y))

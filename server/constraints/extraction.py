@@ -17,10 +17,10 @@ from server.queries.lookup import LookupResult
 from server.queries.poses import flat, transform_answer
 from server.schemas.constraints import ConstraintsInput
 from server.schemas.queries import Exclude, QueryInput
+from server.store.records import SubmapMetadata
 from server.store.repositories.submaps import Submaps
 from server.store.sqlite.database import Database
 from server.store.submap_filter import SubmapFilter
-from server.store.tables import SubmapRow
 from server.submaps.reader import submap_filter
 from urquhart import SE2, Candidate
 
@@ -52,7 +52,7 @@ def check_ids(database: Database, collection_id: str, body: ConstraintsInput) ->
             raise InvalidField(f"there is no submap {name!r}", code="not_found", pointer=f"/submap_ids/{number}")
 
 
-def question(row: SubmapRow, body: ConstraintsInput, most: int) -> QueryInput:
+def question(row: SubmapMetadata, body: ConstraintsInput, most: int) -> QueryInput:
     """The query that looks a submap up among all others that it may be paired with, with `most` candidates."""
     wanted = body.exclude
     # A submap without a session shares it with no other, and one without a stamp is close to none in time.
@@ -65,7 +65,7 @@ def question(row: SubmapRow, body: ConstraintsInput, most: int) -> QueryInput:
     return QueryInput(submap_id=row.id, limit=min(body.per_submap, most), exclude=exclude, pairs=False)
 
 
-def from_look(row: SubmapRow, look: LookupResult, body: ConstraintsInput) -> list[Found]:
+def from_look(row: SubmapMetadata, look: LookupResult, body: ConstraintsInput) -> list[Found]:
     """The candidates of a submap's look-up that are accepted and pass the gates, as constraints."""
     gates = body.gates
     if look.answer.verdict != "matched":

@@ -22,10 +22,10 @@ from server.index.flushing import FlushContext, Stopped, flush
 from server.index.live_index import CatchUpError, IndexVersion, LiveIndex, TooManyChanges, UnusableSegment
 from server.index.segment_folder import SegmentFolder
 from server.observability.metrics import Metrics
+from server.store.records import CollectionRecord
 from server.store.repositories.collections import Collections
 from server.store.repositories.segments import SegmentRecord, Segments
 from server.store.sqlite.database import Database
-from server.store.tables import CollectionRow
 from urquhart import Abandoned, Recognizer
 from urquhart.index.collection_index import LiveSegment
 from urquhart.index.segment_file import SegmentDamaged
@@ -43,7 +43,7 @@ class View:
     """A collection at one revision. Index and rows agree for as long as the view is held."""
 
     session: Session
-    collection: CollectionRow
+    collection: CollectionRecord
     recognizer: Recognizer
     revision: int
 
@@ -241,7 +241,7 @@ class Catalog:
             except (SegmentDamaged, OSError) as error:
                 raise UnusableSegment(listed, error) from error
 
-    def _live(self, collection: CollectionRow) -> LiveIndex:
+    def _live(self, collection: CollectionRecord) -> LiveIndex:
         with self._guard:
             live = self._indexes.get(collection.id)
             # A collection that was deleted and created again has another key, whichever process did it.

@@ -5,13 +5,13 @@ import logging
 import urquhart
 from server.errors import StorageUnavailable
 from server.store.codec import unpack_diameters, unpack_positions
-from server.store.tables import CollectionRow
+from server.store.records import CollectionRecord
 from urquhart import Config, ConfigError, Features, FeaturesError
 
 _log = logging.getLogger(__name__)
 
 
-def config_of(collection: CollectionRow) -> Config:
+def config_of(collection: CollectionRecord) -> Config:
     """The configuration of a stored collection. Raises StorageUnavailable if this version cannot use it."""
     try:
         return Config.from_dict(collection.config)

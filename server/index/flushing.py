@@ -17,11 +17,11 @@ from sqlalchemy.orm import Session
 from server.index.derived import config_of, features_of
 from server.index.live_index import IndexVersion
 from server.index.segment_folder import SegmentFolder, is_of
+from server.store.records import CollectionRecord
 from server.store.repositories.collections import Collections
 from server.store.repositories.feature_rows import FeatureRows
 from server.store.repositories.segments import SegmentRecord, Segments, trusted
 from server.store.sqlite.database import Database
-from server.store.tables import CollectionRow
 from urquhart import Config
 from urquhart.index.collection_index import LiveSegment
 from urquhart.index.segment import Segment, merge_segments
@@ -206,7 +206,7 @@ def _write_block(flush_context: FlushContext, collection_id: str) -> tuple[int, 
 
 
 def _read_block(
-    flush_context: FlushContext, session: Session, collection: CollectionRow, since: int
+    flush_context: FlushContext, session: Session, collection: CollectionRecord, since: int
 ) -> tuple[list[LiveSegment], int]:
     """The submaps that changed first after `since`, as segments in memory, and the revision up to which they are
     complete.

@@ -19,9 +19,9 @@ from sqlalchemy.orm import Session
 from server.index.derived import config_of, features_of
 from server.index.feature_cache import FeatureCache
 from server.index.segment_folder import SegmentFolder
+from server.store.records import CollectionRecord
 from server.store.repositories.feature_rows import FeatureRows, StoredFeatures
 from server.store.repositories.segments import SegmentRecord, Segments, trusted
-from server.store.tables import CollectionRow
 from urquhart import Config, Features
 from urquhart.index.collection_index import CollectionIndex, LiveSegment
 from urquhart.index.segment import Segment
@@ -86,7 +86,7 @@ class IndexVersion:
         """The revision up to which files contain everything."""
         return self.chain[self.opened - 1].revision if self.opened else 0
 
-    def is_of(self, collection: CollectionRow) -> bool:
+    def is_of(self, collection: CollectionRecord) -> bool:
         """Whether this is the index of the collection in that row."""
         return self.revision == collection.revision and self.updated == collection.updated
 
@@ -107,7 +107,7 @@ def assemble(segments: Sequence[Segment], gone: NDArray[np.int64]) -> list[LiveS
 class LiveIndex:
     """The index of one collection, and its changes from one version to the next."""
 
-    def __init__(self, collection: CollectionRow, folder: SegmentFolder, cache: FeatureCache) -> None:
+    def __init__(self, collection: CollectionRecord, folder: SegmentFolder, cache: FeatureCache) -> None:
         """The index of a stored collection. Raises StorageUnavailable if its configuration cannot be used."""
         self.key, self.id = collection.key, collection.id
         self.config: Config = config_of(collection)
@@ -120,7 +120,7 @@ class LiveIndex:
         self._folder, self._cache = folder, cache
 
     def catch_up(
-        self, session: Session, collection: CollectionRow, seen: IndexVersion | None, most: int | None
+        self, session: Session, collection: CollectionRecord, seen: IndexVersion | None, most: int | None
     ) -> IndexVersion:
         """The index at the revision of the session's snapshot, in which `collection` was read.
 
@@ -148,7 +148,7 @@ class LiveIndex:
                 state = None
             return self._go_on(session, collection, state, most)
 
-    def refresh(self, session: Session, collection: CollectionRow) -> None:
+    def refresh(self, session: Session, collection: CollectionRecord) -> None:
         """Use segments that were written, merged or repaired since this version was built.
 
         Raises UnusableSegment.
@@ -169,7 +169,7 @@ class LiveIndex:
             self._cache.forget(self.owner)
 
     def _go_on(
-        self, session: Session, collection: CollectionRow, state: IndexVersion | None, most: int | None
+        self, session: Session, collection: CollectionRecord, state: IndexVersion | None, most: int | None
     ) -> IndexVersion:
         chain = Segments(session, self.key).chain()
         if state is not None and state.chain == chain and collection.pruned_revision <= state.revision:
@@ -180,7 +180,7 @@ class LiveIndex:
         return new
 
     def _advanced(
-        self, session: Session, collection: CollectionRow, state: IndexVersion, most: int | None
+        self, session: Session, collection: CollectionRecord, state: IndexVersion, most: int | None
     ) -> IndexVersion:
         described = FeatureRows(session, self.key)
         if most is not None and state.opened == len(state.chain):
@@ -198,7 +198,7 @@ class LiveIndex:
     def _assembled(
         self,
         session: Session,
-        collection: CollectionRow,
+        collection: CollectionRecord,
         state: IndexVersion | None,
         chain: tuple[SegmentRecord, ...],
         most: int | None,

@@ -13,10 +13,10 @@ from server.errors import NotFound
 from server.index.catalog import Catalog
 from server.jobs.folder import JobFolder
 from server.observability.metrics import Metrics
+from server.store.records import CollectionRecord, JobRecord
 from server.store.repositories.collections import Collections
 from server.store.repositories.jobs import Jobs, Queue
 from server.store.sqlite.database import Database
-from server.store.tables import CollectionRow, JobRow
 from urquhart import Budget
 
 _CHANCES: Final = 2
@@ -63,7 +63,9 @@ class JobFunction(Protocol):
 class Assignment:
     """A job as its runner sees it."""
 
-    def __init__(self, row: JobRow, database: Database, stopping: threading.Event, turn: float, budget: Budget) -> None:
+    def __init__(
+        self, row: JobRecord, database: Database, stopping: threading.Event, turn: float, budget: Budget
+    ) -> None:
         """`budget` is abandoned when the service stops. Long work checks it and may raise Abandoned."""
         self.budget = budget
         self._queue, self._turn = Queue(row.caller, row.collection_key), turn
@@ -76,7 +78,7 @@ class Assignment:
         self._reported = time.monotonic()
         self._began, self._before = self._reported, float(row.progress.get("worked", 0.0))
 
-    def collection(self, session: Session) -> CollectionRow:
+    def collection(self, session: Session) -> CollectionRecord:
         """The collection of the job. Raises NotFound, also if another collection has its name by now."""
         collection = Collections(session).get(self.collection_id)
         if collection is None or collection.key != self.collection_key:

@@ -6,9 +6,9 @@ from datetime import datetime
 
 from server.errors import Conflict, NotFound
 from server.problem_types import plain, problem_type_of
+from server.store.records import JobRecord
 from server.store.repositories.jobs import UNFINISHED, Jobs
 from server.store.sqlite.database import Database
-from server.store.tables import JobRow
 
 _CANCELLED = plain(problem_type_of(Conflict("")), "The operator of the service cancelled this job.")
 
@@ -53,5 +53,5 @@ def cancel(database: Database, *, ids: Sequence[str] = (), key: str | None = Non
         return chosen
 
 
-def _info(row: JobRow) -> JobInfo:
+def _info(row: JobRecord) -> JobInfo:
     return JobInfo(row.id, row.kind, row.collection_id, row.caller, row.state, row.done, row.total, row.created)

@@ -23,11 +23,11 @@ from server.schemas.common import to_json
 from server.schemas.constraints import ConstraintFormat
 from server.schemas.jobs import JobAnswer, JobLinks, JobPage, JobState
 from server.security.principal import Principal, Scope
+from server.store.records import JobRecord, SubmapMetadata
 from server.store.repositories.jobs import UNFINISHED, Jobs
-from server.store.repositories.submaps import Submaps, stored_place
+from server.store.repositories.submaps import Submaps
 from server.store.sqlite.database import Database
 from server.store.sqlite.sqlite_errors import storage_errors
-from server.store.tables import JobRow
 
 JobType = Literal["import", "reindex", "constraints"]
 
@@ -167,8 +167,7 @@ def dismiss(
             case _:
                 jobs.remove([job_id])
         if row.state in UNFINISHED:
-            session.refresh(row)
-            answer = describe(row)
+            answer = describe(_row(session, caller, job_id))
         response = store_response(
             session,
             idempotency_key,
@@ -235,14 +234,14 @@ def constraints(
     with database.read() as session:
         submaps = Submaps(session, left.collection_key)
         known = {
-            row.id: StoredSubmap(row.content_revision, stored_place(row))
-            for row in submaps.rows(submaps.keys(names).values())
+            row.id: StoredSubmap(row.content_revision, row.place)
+            for row in submaps.some(submaps.keys(names).values(), SubmapMetadata)
         }
     told = [one | {"stale": is_stale(one, known)} for one in found]
     return write_out(told, wanted, known, frame_id), sum(one["stale"] for one in told)
 
 
-def describe(row: JobRow) -> JobAnswer:
+def describe(row: JobRecord) -> JobAnswer:
     """A job as it is answered."""
     eta = None
     worked = row.progress.get("worked")
@@ -271,7 +270,7 @@ def describe(row: JobRow) -> JobAnswer:
     )
 
 
-def _row(session: Session, caller: Principal, job_id: str) -> JobRow:
+def _row(session: Session, caller: Principal, job_id: str) -> JobRecord:
     jobs = Jobs(session)
     row = jobs.get(job_id)
     if row is None or not caller.sees(row.collection_id):

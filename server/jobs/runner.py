@@ -9,6 +9,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any, Final
@@ -138,13 +139,13 @@ class Runner:
             if row is None:
                 return False
             starts = int(row.progress.get("starts", 0)) + 1
-            jobs.change(
-                row.id,
-                state="running",
-                started=row.started or datetime.now(UTC),
-                progress={**row.progress, "starts": starts},
-            )
-            session.refresh(row)
+            changes: dict[str, Any] = {
+                "state": "running",
+                "started": row.started or datetime.now(UTC),
+                "progress": {**row.progress, "starts": starts},
+            }
+            jobs.change(row.id, **changes)
+            row = replace(row, **changes)
             turn = self._context.settings.jobs.slice_seconds
             assignment = Assignment(row, self._context.database, self._stopping, turn, self._budget)
             dismissed = row.dismissed

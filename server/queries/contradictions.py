@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from server.collections.georeference import Crossing, Georeference
 from server.queries.poses import place_pose
+from server.store.records import Place
 from server.store.repositories.map_frames import FrameReference
-from server.store.repositories.submaps import Place
 from urquhart import SE2, Candidate, Recognition, Rival
 from urquhart.se2 import wrap
 from urquhart.uncertainty import PoseUncertainty, compose

@@ -34,10 +34,10 @@ from server.resources import links
 from server.schemas.candidates import CandidateAnswer
 from server.schemas.queries import QueryAnswer, QueryInput, QueryLinks
 from server.store.codec import diameters_of, position_names, unpack_diameters, unpack_ids, unpack_positions
+from server.store.records import CollectionRecord, SubmapContent
 from server.store.repositories.candidate_rows import found_submaps
 from server.store.repositories.submaps import Submaps
 from server.store.sqlite.database import Database
-from server.store.tables import CollectionRow, SubmapRow
 from server.submaps.preparation import check_landmark_count
 from urquhart import (
     Budget,
@@ -102,7 +102,7 @@ class LookupResult:
     """
 
     asked: QueryLandmarks
-    collection: CollectionRow
+    collection: CollectionRecord
     answer: QueryAnswer
     candidates: tuple[Candidate, ...]
     submaps: dict[str, NDArray[np.float64]]
@@ -220,12 +220,12 @@ def look_up(
     return LookupResult(asked, view.collection, answer, found.candidates, landmarks, revisions)
 
 
-def _asked(submaps: Submaps, body: QueryInput) -> tuple[QueryLandmarks, SubmapRow | None]:
+def _asked(submaps: Submaps, body: QueryInput) -> tuple[QueryLandmarks, SubmapContent | None]:
     """The landmarks of the query, and the stored submap that they are from if it names one. Raises NotFound."""
     if body.submap_id is None:
         xy, diameters, ids = body.positions(), diameters_of(body.attributes()), body.landmark_ids()
         return QueryLandmarks(xy, diameters, ids, body.frame_id, body.stamp), None
-    row = submaps.get_whole(body.submap_id)
+    row = submaps.get(body.submap_id, SubmapContent)
     if row is None:
         raise NotFound("submap", body.submap_id)
     xy = unpack_positions(row.landmarks)

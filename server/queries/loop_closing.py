@@ -13,9 +13,9 @@ from server.index.derived import config_of, features_of
 from server.queries.filters import keys_excluded, keys_near
 from server.queries.lookup import PendingSubmap, QueryContext, look_up, share_of, shown
 from server.schemas.queries import QueryAnswer, QueryInput
+from server.store.records import CollectionRecord
 from server.store.repositories.feature_rows import FeatureRows
 from server.store.repositories.submaps import Submaps
-from server.store.tables import CollectionRow
 from server.submaps.question import SearchOutdated
 from urquhart import Budget, Description, Features, Recognizer
 
@@ -54,7 +54,7 @@ class LoopQuestion:
         self._observation, self._answer = observation, shown(look.answer, self._body)
         return self._answer
 
-    def confirm(self, session: Session, collection: CollectionRow, own_key: int | None, turn: int) -> QueryAnswer:
+    def confirm(self, session: Session, collection: CollectionRecord, own_key: int | None, turn: int) -> QueryAnswer:
         """The last answer, if nothing that was committed since could change it. Raises SearchOutdated."""
         answer = self._answer
         assert answer is not None, "ask comes before confirm"
@@ -63,7 +63,7 @@ class LoopQuestion:
             raise SearchOutdated
         return answer.model_copy(update={"revision": collection.revision})
 
-    def _unseen(self, session: Session, collection: CollectionRow, revision: int, own_key: int | None) -> list[int]:
+    def _unseen(self, session: Session, collection: CollectionRecord, revision: int, own_key: int | None) -> list[int]:
         """Keys of the submaps that were stored after the search and that the question covers; only some if there are
         very many.
         """
@@ -79,7 +79,7 @@ class LoopQuestion:
         # Others may follow after those that were read.
         return changed if len(changed) + 1 >= 2 * _FEW else left
 
-    def _may_find(self, session: Session, collection: CollectionRow, keys: list[int]) -> bool:
+    def _may_find(self, session: Session, collection: CollectionRecord, keys: list[int]) -> bool:
         """Whether one of these submaps may be the place or a rival, so that all must be compared."""
         observation = None if self._observation is None else self._observation.result
         if not isinstance(observation, Features):

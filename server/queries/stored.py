@@ -22,12 +22,12 @@ from server.resources.idempotency import IdempotencyKey, StoredResponse, find_re
 from server.schemas.candidates import CandidateAnswer, CandidateLinks, GatesAnswer
 from server.schemas.queries import MatchAnswer, QueryAnswer, QueryLinks
 from server.store.codec import pack_json, pack_positions, unpack_positions
+from server.store.records import CollectionRecord, QueryRecord, SubmapContent
 from server.store.repositories.candidate_rows import found_submaps
 from server.store.repositories.collections import Collections
 from server.store.repositories.queries import Queries
 from server.store.repositories.submaps import Submaps
 from server.store.sqlite.database import Database
-from server.store.tables import CollectionRow, QueryRow
 from urquhart import SE2, Budget, Candidate
 from urquhart.uncertainty import PoseUncertainty
 
@@ -41,7 +41,7 @@ class AnswerKey:
     idempotency_key: IdempotencyKey | None = None
     position: int = 0
 
-    def operation(self, collection: CollectionRow) -> str:
+    def operation(self, collection: CollectionRecord) -> str:
         """The operation under which the idempotency key is stored."""
         return f"query {collection.key}" if self.position == 0 else f"query {collection.key} {self.position}"
 
@@ -55,7 +55,7 @@ _FORMERLY: Final = {"overlap": "overlap_ratio", "votes": "support"}
 class NewAnswer:
     """An answer to store, with the query's landmarks (N, 2) float64, metres, query frame, and their ids."""
 
-    collection: CollectionRow
+    collection: CollectionRecord
     xy: NDArray[np.float64]
     ids: list[str] | None
     found: Sequence[Candidate]
@@ -78,16 +78,12 @@ def keep(database: Database, limits: Limits, new: NewAnswer, key: AnswerKey) -> 
         number = Collections(session).next_query_number(collection.key)
         answer = _numbered(new.answer, collection.id, number)
         queries = Queries(session, collection.key)
-        queries.add(
-            number,
-            landmarks=pack_positions(new.xy),
-            landmark_ids=pack_json(new.ids),
-            answer=answer.model_dump_json().encode(),
-            candidates=[
-                _pack(candidate if not shown.inliers_omitted else _without_pairs(candidate))
-                for candidate, shown in zip(new.found, answer.candidates, strict=True)
-            ],
-        )
+        candidates = [
+            _pack(candidate if not shown.inliers_omitted else _without_pairs(candidate))
+            for candidate, shown in zip(new.found, answer.candidates, strict=True)
+        ]
+        packed = answer.model_dump_json().encode()
+        queries.add(QueryRecord(number, candidates, pack_positions(new.xy), pack_json(new.ids), packed))
         queries.drop_through(number - limits.stored_queries)
         # The answer itself is stored with the query; this refers to it.
         named = StoredResponse(200, {}, str(number).encode())
@@ -126,7 +122,7 @@ def kept_answer(database: Database, collection_id: str, key: AnswerKey) -> Query
         return None if response is None else _again(session, collection, response)
 
 
-def _again(session: Session, collection: CollectionRow, response: StoredResponse) -> QueryAnswer:
+def _again(session: Session, collection: CollectionRecord, response: StoredResponse) -> QueryAnswer:
     if not response.body.isdigit():  # earlier versions stored the whole answer here, too
         return read_older(QueryAnswer, orjson.loads(response.body), "The answer to this Idempotency-Key")
     number = response.body.decode()
@@ -207,12 +203,12 @@ def stored_explanation(database: Database, collection_id: str, query_id: str) ->
         answer = read_older(QueryAnswer, _answer_of(stored, collection), f"Query {query_id}")
         submaps = Submaps(session, collection.key)
         shown = {one.submap_id for one in answer.candidates[:1]} | {one.submap_id for one in answer.rivals[:1]}
-        rows = [row for row in map(submaps.get_whole, shown) if row is not None]
+        rows = [row for name in shown if (row := submaps.get(name, SubmapContent)) is not None]
         landmarks = {row.id: unpack_positions(row.landmarks) for row in rows if row.content_revision <= answer.revision}
         return QueryExplanation(f"query {query_id}", answer, unpack_positions(stored.landmarks), landmarks)
 
 
-def _answer_of(stored: QueryRow, collection: CollectionRow) -> dict[str, Any]:
+def _answer_of(stored: QueryRecord, collection: CollectionRecord) -> dict[str, Any]:
     """The members of a stored answer, whichever version wrote it. Members that it did not write say that there is
     none.
     """
@@ -240,7 +236,7 @@ def _answer_of(stored: QueryRow, collection: CollectionRow) -> dict[str, Any]:
     return completed(QueryAnswer, members)
 
 
-def _stored(session: Session, collection: CollectionRow, query_id: str) -> QueryRow:
+def _stored(session: Session, collection: CollectionRecord, query_id: str) -> QueryRecord:
     number = int(query_id) if query_id.isascii() and query_id.isdigit() and len(query_id) <= 18 else 0
     row = Queries(session, collection.key).get(number)
     if row is not None:

@@ -15,9 +15,9 @@ from datetime import UTC, datetime, timedelta
 from sqlalchemy.orm import Session
 
 from server.errors import KeyReused
+from server.store.records import ResponseRecord
 from server.store.repositories.stored_responses import StoredResponses
 from server.store.sqlite.database import Database
-from server.store.tables import IdempotencyRow
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +72,7 @@ def store_response(
 ) -> StoredResponse:
     """Store the response that is about to be sent, and return it."""
     if idempotency_key is not None:
-        row = IdempotencyRow(
+        record = ResponseRecord(
             caller=idempotency_key.caller,
             operation=operation,
             name=idempotency_key.name,
@@ -80,9 +80,8 @@ def store_response(
             status=answer.status,
             headers=answer.headers,
             body=answer.body,
-            created=datetime.now(UTC),
         )
-        StoredResponses(session).keep(row, idempotency_key.since)
+        StoredResponses(session).keep(record, idempotency_key.since)
     return answer
 
 

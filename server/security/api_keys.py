@@ -9,17 +9,16 @@ import re
 import secrets
 import string
 from collections.abc import Sequence
-from dataclasses import dataclass
-from datetime import datetime
+from datetime import UTC, datetime
 from typing import Final
 
 from server.errors import Conflict, InvalidField, NotFound, Unauthorized
 from server.problem_types import plain, problem_type_of
 from server.security.principal import Scope
+from server.store.records import ApiKeyRecord
 from server.store.repositories.api_keys import ApiKeys
 from server.store.repositories.jobs import Jobs
 from server.store.sqlite.database import Database
-from server.store.tables import KeyRow
 
 _ALPHABET: Final = string.ascii_letters + string.digits
 _ID, _SECRET = 8, 43
@@ -27,28 +26,9 @@ KEY_FORMAT: Final = re.compile(rf"urq_([A-Za-z0-9]{{{_ID}}})_([A-Za-z0-9]{{{_SEC
 _PATTERN: Final = re.compile(r"[\w.~*?-]{1,128}")
 
 
-@dataclass(frozen=True, slots=True)
-class KeyInfo:
-    """The public part of a key."""
-
-    id: str
-    name: str
-    scopes: tuple[str, ...]
-    patterns: tuple[str, ...]
-    created: datetime
-    expires: datetime | None
-    revoked: datetime | None
-
-    def state(self, now: datetime) -> str:
-        """The state of the key in one word."""
-        if self.revoked is not None:
-            return "revoked"
-        return "expired" if self.expires is not None and self.expires <= now else "usable"
-
-
 def make(
     database: Database, name: str, scopes: Sequence[Scope], patterns: Sequence[str], expires: datetime | None = None
-) -> tuple[str, KeyInfo]:
+) -> tuple[str, ApiKeyRecord]:
     """Create a key. Returns the key, which is shown only now, and what is stored of it.
 
     Raises:
@@ -70,22 +50,25 @@ def make(
                 parameter="pattern",
             )
     key_id, secret = _random(_ID), _random(_SECRET)
+    record = ApiKeyRecord(
+        id=key_id,
+        name=name,
+        digest=digest_of(secret),
+        scopes=tuple(sorted({scope.value for scope in scopes})),
+        patterns=tuple(dict.fromkeys(patterns)),
+        created=datetime.now(UTC),
+        expires=expires,
+        revoked=None,
+    )
     with database.write() as session:
-        row = ApiKeys(session).add(
-            key_id=key_id,
-            name=name,
-            digest=digest_of(secret),
-            scopes=sorted({scope.value for scope in scopes}),
-            patterns=list(dict.fromkeys(patterns)),
-            expires=expires,
-        )
-        return f"urq_{key_id}_{secret}", info_of(row)
+        ApiKeys(session).add(record)
+    return f"urq_{key_id}_{secret}", record
 
 
-def listed(database: Database) -> list[KeyInfo]:
+def listed(database: Database) -> list[ApiKeyRecord]:
     """All keys, oldest first, including revoked and expired ones."""
     with database.read() as session:
-        return [info_of(row) for row in ApiKeys(session).all()]
+        return ApiKeys(session).all()
 
 
 def revoke(database: Database, key_id: str) -> None:
@@ -103,11 +86,6 @@ def revoke(database: Database, key_id: str) -> None:
         keys.revoke(key_id)
         problem = plain(problem_type_of(Unauthorized("")), f"The key {key_id}, which began the job, was revoked.")
         Jobs(session).end_those_of(key_id, problem)
-
-
-def info_of(row: KeyRow) -> KeyInfo:
-    """The public part of the key in this row."""
-    return KeyInfo(row.id, row.name, tuple(row.scopes), tuple(row.patterns), row.created, row.expires, row.revoked)
 
 
 def _random(length: int) -> str:

@@ -9,11 +9,11 @@ from typing import Final
 
 from server.config.settings import Settings
 from server.errors import Conflict, Unauthorized
-from server.security.api_keys import KEY_FORMAT, digest_of, info_of
+from server.security.api_keys import KEY_FORMAT, digest_of
 from server.security.principal import UNRESTRICTED, Principal, Scope
+from server.store.records import ApiKeyRecord
 from server.store.repositories.api_keys import ApiKeys
 from server.store.sqlite.database import Database
-from server.store.tables import KeyRow
 
 _FRESH: Final = 1.0
 """Seconds for which a key is cached, and so for which a revoked key may still work."""
@@ -49,7 +49,7 @@ class Authenticator:
         self._always = is_exposed(settings)
         self._guard = threading.Lock()
         self._asks_for_keys: tuple[float, bool] | None = None
-        self._known: dict[str, tuple[float, KeyRow | None]] = {}
+        self._known: dict[str, tuple[float, ApiKeyRecord | None]] = {}
 
     def asks_for_keys(self) -> bool:
         """Whether callers need a key. Raises StorageError."""
@@ -86,10 +86,10 @@ class Authenticator:
         same = hmac.compare_digest(digest_of(match[2]), row.digest if row is not None else bytes(32))
         if row is None or not same:
             raise Unauthorized("There is no such key. Check that you copied all of it.")
-        state = info_of(row).state(datetime.now(UTC))
+        state = row.state(datetime.now(UTC))
         if state != "usable":
             raise Unauthorized(f"The key {row.id} is {state}. Ask the operator for another.")
-        return Principal(row.id, frozenset(map(Scope, row.scopes)), tuple(row.patterns))
+        return Principal(row.id, frozenset(map(Scope, row.scopes)), row.patterns)
 
     def _keys_exist(self, *, ask: bool) -> bool | None:
         if self._always:
@@ -104,7 +104,7 @@ class Authenticator:
         self._asks_for_keys = (now, required)
         return required
 
-    def _row(self, key_id: str, *, ask: bool) -> tuple[KeyRow | None] | None:
+    def _row(self, key_id: str, *, ask: bool) -> tuple[ApiKeyRecord | None] | None:
         now = time.monotonic()
         with self._guard:
             known = self._known.get(key_id)

@@ -4,26 +4,17 @@ If this is interrupted, either the old database or the new one is in place.
 """
 
 import logging
-import os
-import shutil
-import sqlite3
-import stat
-from collections.abc import Iterator
-from contextlib import closing, contextmanager
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
-from typing import Final
 
 from server.checks.integrity import file_discrepancies
 from server.collections.registry import get_collection
-from server.errors import Conflict, NotADatabase, NotFound, StorageDamaged, StorageUnavailable
+from server.errors import Conflict, NotADatabase, NotFound, StorageDamaged
 from server.index.derived import config_of
 from server.index.segment_folder import SegmentFolder
 from server.problem_types import document
 from server.schemas.snapshots import Snapshot
 from server.snapshots.snapshot_folder import SnapshotFolder, is_name, read_manifest, sha256
-from server.snapshots.snapshots import moment_name
 from server.store import migrations_runner
 from server.store.feature_backfill import bring_up_to_date
 from server.store.repositories.collections import Collections
@@ -31,12 +22,10 @@ from server.store.repositories.jobs import Jobs
 from server.store.repositories.segments import Segments
 from server.store.sqlite.database import Database
 from server.store.sqlite.database_lock import exclusive
+from server.store.sqlite.replacing import fold, has_content, mend, swap, workshop
 from server.store.sqlite.sqlite_errors import storage_errors
-from urquhart.index.segment_file import SegmentDamaged, sync
+from urquhart.index.segment_file import SegmentDamaged
 
-_BESIDE: Final = ("-wal", "-journal", "-shm")
-"""Files that SQLite keeps beside a database, and would apply to any other file of the same name."""
-_PATIENCE: Final = 2.0
 _log = logging.getLogger(__name__)
 
 
@@ -97,20 +86,18 @@ def restore(source: RestoreSource, path: Path, *, force: bool = False, discard: 
     path = path.resolve()
     _no_log_beside(source.file)
     with storage_errors(path), exclusive(path):
-        _mend(path)
+        mend(path)
         if path.exists() and not force:
             raise Conflict(f"{path} exists already. Use --force to set it aside and restore in its place.")
-        with _workshop(path) as folder:
+        with workshop(path, "restore") as folder:
             fresh = folder / path.name
             with fresh.open("xb") as copy:
                 found = sha256(source.file, between=copy.write)
             _check_sum(source, found)
-            _fold(fresh)
+            fold(fresh)
             _prove(source, fresh)
             ended = _make_ready(fresh)
-            _belong(fresh, path)
-            sync(fresh)
-            aside = _swap(fresh, path, discard=discard)
+            aside = swap(fresh, path, "restore", discard=discard)
     return RestoreReport(aside, ended)
 
 
@@ -142,7 +129,7 @@ def _check_sum(source: RestoreSource, found: str) -> None:
 
 def _no_log_beside(file: Path) -> None:
     log = file.with_name(f"{file.name}-wal")
-    if _has_content(log):
+    if has_content(log):
         raise Conflict(
             f"{file} is a database in use, or one that was not closed ({log.name} is beside it). Restore a snapshot "
             "instead."
@@ -178,90 +165,5 @@ def _make_ready(file: Path) -> int:
             ended = Jobs(session).end_unfinished(problem)
     finally:
         store.dispose()
-    _fold(file)
+    fold(file)
     return ended
-
-
-def _fold(file: Path) -> bool:
-    """Fold a log into its database, which needs exclusive access. Returns whether SQLite can read it at all."""
-    if not _has_header(file):
-        return False
-    try:
-        with closing(sqlite3.connect(f"{file.as_uri()}?mode=rw", uri=True, timeout=_PATIENCE)) as connection:
-            return bool(connection.execute("PRAGMA journal_mode = DELETE").fetchone()[0] == "delete")
-    except sqlite3.DatabaseError as error:
-        code = (error.sqlite_errorcode or 0) & 0xFF
-        if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
-            raise Conflict(f"{file} is open in another program. Close it and try again.") from error
-        if code in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB):
-            return False
-        raise StorageUnavailable(f"{file} cannot be written: {error}.") from error
-
-
-def _has_header(file: Path) -> bool:
-    """Whether a file begins like a database with the log beside it. SQLite deletes the log of any other file."""
-    log = file.with_name(f"{file.name}-wal")
-    with file.open("rb") as opened:
-        header = opened.read(20)
-    return header.startswith(b"SQLite format 3\0") and (header[18:] == b"\2\2" or not _has_content(log))
-
-
-def _has_content(file: Path) -> bool:
-    return file.exists() and file.stat().st_size > 0
-
-
-def _belong(fresh: Path, path: Path) -> None:
-    """Give the new file the owner and the permissions of the old one."""
-    if not path.exists():
-        return
-    old = path.stat()
-    fresh.chmod(stat.S_IMODE(old.st_mode))
-    if (old.st_uid, old.st_gid) != (os.getuid(), os.getgid()) and os.geteuid() == 0:
-        os.chown(fresh, old.st_uid, old.st_gid)
-
-
-def _swap(fresh: Path, path: Path, *, discard: bool) -> Path | None:
-    aside = path.with_name(f"{path.name}.before-restore-{moment_name(datetime.now(UTC))}")
-    there = path.exists()
-    if there:
-        _fold(path)  # if SQLite cannot read the database, it keeps its log, and both are set aside
-        if not discard:
-            aside.hardlink_to(path)
-    for ending in _BESIDE:
-        beside = path.with_name(path.name + ending)
-        if beside.exists():
-            if discard or ending == "-shm":
-                beside.unlink()
-            else:
-                beside.rename(aside.with_name(aside.name + ending))
-    sync(path.parent)
-    fresh.replace(path)
-    sync(path.parent)
-    return aside if there and not discard else None
-
-
-def _mend(path: Path) -> None:
-    """Undo an interrupted restore: the database has two names for a moment, and must have one."""
-    if _workshop_path(path).exists():
-        shutil.rmtree(_workshop_path(path))
-    for aside in list(path.parent.iterdir()):
-        if aside.name.startswith(f"{path.name}.before-restore-") and path.exists() and aside.samefile(path):
-            for ending in _BESIDE:
-                beside = aside.with_name(aside.name + ending)
-                if beside.exists():
-                    beside.rename(path.with_name(path.name + ending))
-            aside.unlink()
-
-
-def _workshop_path(path: Path) -> Path:
-    return path.with_name(f"{path.name}.restoring")
-
-
-@contextmanager
-def _workshop(path: Path) -> Iterator[Path]:
-    folder = _workshop_path(path)
-    folder.mkdir(0o700)  # files in it get the old database's permissions only at the end
-    try:
-        yield folder
-    finally:
-        shutil.rmtree(folder)

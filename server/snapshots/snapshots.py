@@ -15,6 +15,7 @@ from sqlalchemy.orm import Session
 from server.checks.integrity import file_discrepancies
 from server.config.settings import Limits
 from server.errors import Conflict, StorageDamaged, StorageFull, StorageReadOnly
+from server.platform.ids import moment_name
 from server.platform.version import service_version
 from server.resources import links
 from server.resources.idempotency import (
@@ -122,11 +123,6 @@ def page(folder: SnapshotFolder, limits: Limits, limit: int | None, cursor: str 
 def snapshot_etag(snapshot: Snapshot) -> str:
     """Entity tag of a snapshot's document. That of its file is the checksum alone."""
     return f"{snapshot.sha256}-document"
-
-
-def moment_name(moment: datetime) -> str:
-    """A time as a name: `20260504T093000.000000Z`."""
-    return moment.astimezone(UTC).strftime("%Y%m%dT%H%M%S.%fZ")
 
 
 def _check_room(database: Database, folder: SnapshotFolder) -> None:

@@ -16,6 +16,7 @@ import urquhart
 from server.store import migrations_runner
 from server.store.codec import unpack_diameters, unpack_positions
 from server.store.sqlite.database import Database
+from server.store.sqlite.file_checks import set_user_version, user_version
 from server.store.tables import CollectionRow, SubmapRow
 from urquhart import Config, ConfigError, Features, LandmarkError
 from urquhart.features.describe import FEATURES_VERSION, HEAD
@@ -56,7 +57,7 @@ def backfill(database: Database, *, all_rows: bool = False) -> Iterator[Backfill
     if database.read_only:
         return
     with database.read() as session:
-        marked = session.connection().exec_driver_sql("PRAGMA user_version").scalar() == FEATURES_VERSION
+        marked = user_version(session.connection()) == FEATURES_VERSION
         stale = [] if marked and not all_rows else _stale(session)
     made = 0
     for start in range(0, len(stale), _BATCH):
@@ -64,7 +65,7 @@ def backfill(database: Database, *, all_rows: bool = False) -> Iterator[Backfill
         yield BackfillProgress(min(start + _BATCH, len(stale)), len(stale), made)
     if not marked:
         with database.write_connection() as connection:
-            connection.exec_driver_sql(f"PRAGMA user_version = {FEATURES_VERSION}")
+            set_user_version(connection, FEATURES_VERSION)
 
 
 def _stale(session: Session) -> list[tuple[int, Config]]:

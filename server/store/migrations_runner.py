@@ -1,18 +1,25 @@
 """The schema's version: upgrade a database, or say plainly why not."""
 
+import time
 from functools import cache
 from importlib import resources
 from pathlib import Path
+from typing import Final
 
 from alembic import command
 from alembic.config import Config
 from alembic.migration import MigrationContext
 from alembic.script import ScriptDirectory
-from sqlalchemy import Connection, inspect
+from sqlalchemy import Connection, create_engine
 
-from server.errors import DatabaseNotUpgraded, DatabaseTooNew, NotADatabase
+from server.errors import Conflict, DatabaseNotUpgraded, DatabaseTooNew, NotADatabase
+from server.store.sqlite import rebuilding
 from server.store.sqlite.database import Database
 from server.store.sqlite.database_lock import lock_path
+from server.store.sqlite.file_checks import schema_of
+
+_AGAIN: Final = 0.05
+"""Seconds after which a database that is in use is looked at again."""
 
 
 @cache
@@ -49,7 +56,12 @@ def upgrade(database: Database) -> bool:
     """Bring the database to the expected revision, and hold it; True when something had to be done.
 
     All steps are one transaction, and several processes may start at once: the later ones find the work done.
-    Raises what `current_revision` does, and DatabaseNotUpgraded for an old file that may not be written.
+    A database from before the tables were strict is rebuilt, and the old file kept: see `sqlite.rebuilding`.
+
+    Raises:
+        DatabaseNotUpgraded: an old file that may not be written, or that holds what the tables refuse.
+        Conflict: it must be rebuilt, and somebody else has it open.
+        StorageError: what `current_revision` raises, and what the disk says.
     """
     expected = expected_revision()
     found = claim(database)
@@ -61,35 +73,60 @@ def upgrade(database: Database) -> bool:
             f"{database.path.name} has schema {found}, this version needs {expected}, and it is opened read-only. "
             "Run `urquhart db upgrade` with write access."
         )
+    if found in rebuilding.REVISIONS:
+        _rebuild(database)
     database.use_wal()
     with database.write_connection() as connection:
         if _current(connection, database.path) == expected:
-            return False
-        command.upgrade(_alembic(connection), "head")
+            return found in rebuilding.REVISIONS
+        create_tables(connection)
     return True
 
 
-def downgrade(database: Database, revision: str) -> None:
-    """Take the schema back to `revision` ("base" for none); what later revisions added is lost."""
-    with database.write_connection() as connection:
-        command.downgrade(_alembic(connection), revision)
+def _rebuild(database: Database) -> None:
+    """Rebuild a database, or wait for another process to do it; it is held in the end, as after `claim`."""
+    deadline = time.monotonic() + database.busy_timeout
+    while True:
+        database.dispose()  # nobody may have it open while another file takes its place
+        try:
+            rebuilding.rebuild(database.path, create_tables)
+        except Conflict:
+            # It is in use: by an older service, by one that comes to rebuild it as well, or by one that has done so.
+            if claim(database) not in rebuilding.REVISIONS:
+                return
+            if time.monotonic() > deadline:
+                raise
+            database.dispose()
+            time.sleep(_AGAIN)
+        else:
+            claim(database)
+            return
 
 
-def drift(database: Database) -> list[object]:
-    """Differences between the database's schema and the tables as declared; empty when they agree."""
-    from alembic.autogenerate import compare_metadata
+def create_tables(connection: Connection) -> None:
+    """Make the tables of this version, or change those of an earlier one, in the transaction of the connection."""
+    command.upgrade(_alembic(connection), "head")
 
-    from server.store.tables import CollectionRow
 
+def drift(database: Database) -> list[str]:
+    """Tables and indexes of the database that are not as the migrations make them; empty when all are."""
+    with create_engine("sqlite://").begin() as fresh:
+        create_tables(fresh)
+        expected = schema_of(fresh)
     with database.read_connection() as connection:
-        context = MigrationContext.configure(connection, opts={"compare_type": True})
-        return list(compare_metadata(context, CollectionRow.metadata))
+        found = schema_of(connection)
+    names = sorted(expected.keys() | found.keys())
+    return [
+        f"{name} {'is missing' if name not in found else 'is not known' if name not in expected else 'is another'}"
+        for name in names
+        if found.get(name) != expected.get(name)
+    ]
 
 
 def _current(connection: Connection, path: Path) -> str | None:
     revision = MigrationContext.configure(connection).get_current_revision()
     if revision is None:
-        strangers = [name for name in inspect(connection).get_table_names() if name != "alembic_version"]
+        strangers = [name for name in schema_of(connection) if name != "alembic_version"]
         if strangers:
             raise NotADatabase(
                 f"{path.name} is a SQLite database of something else (it has the table {strangers[0]!r}) and is left "
@@ -97,7 +134,7 @@ def _current(connection: Connection, path: Path) -> str | None:
             )
         return None
     known = {script.revision for script in ScriptDirectory.from_config(_alembic()).walk_revisions()}
-    if revision not in known:
+    if revision not in known | rebuilding.REVISIONS:
         raise DatabaseTooNew(
             f"{path.name} has schema {revision}, which this version does not know: a newer version of the service "
             f"wrote it. Install that version, or give another database; this one is left as it is."

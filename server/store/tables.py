@@ -1,53 +1,77 @@
-"""The tables. Migrations are written by hand; a test holds them to what stands here."""
+"""The tables of collections and what is in them. Migrations are written by hand; a test holds them to the tables.
 
-from collections.abc import Sequence
+Every table is STRICT, and its rules say what a row cannot be: SQLite refuses other rows, whoever writes them.
+`service_tables` has the other tables.
+"""
+
 from datetime import datetime
 from typing import Any
 
 from sqlalchemy import (
-    JSON,
-    Boolean,
-    ColumnElement,
+    REAL,
     Computed,
-    Float,
     ForeignKey,
+    ForeignKeyConstraint,
     Index,
     Integer,
     LargeBinary,
     Text,
     UniqueConstraint,
-    false,
-    literal_column,
-    or_,
     text,
 )
-from sqlalchemy.orm import InstrumentedAttribute, Mapped, mapped_column
+from sqlalchemy.orm import Mapped, mapped_column
 
-from server.store.columns import BaseRow, Instant
+from server.store.columns import (
+    KEYS_ONCE,
+    STRICT,
+    BaseRow,
+    Instant,
+    Json,
+    are_moments,
+    holds_json,
+    holds_packed_json,
+    rule,
+)
+
+_WHOLE_POSE = (
+    "(map_frame_id IS NULL) + (map_x IS NULL) + (map_y IS NULL) + (map_yaw IS NULL) + (map_min_x IS NULL) "
+    "+ (map_min_y IS NULL) + (map_max_x IS NULL) + (map_max_y IS NULL) IN (0, 8) "
+    "AND (map_covariance IS NULL OR map_frame_id IS NOT NULL)"
+)
 
 
 class CollectionRow(BaseRow):
     """Submaps that share a configuration. Counts live here so that reading them never scans."""
 
     __tablename__ = "collections"
-    # AUTOINCREMENT: the key of a dropped collection must not come back, live indexes are known by it.
-    __table_args__ = {"sqlite_autoincrement": True}  # noqa: RUF012
+    # Live indexes are known by the collection's key, which is not given out again.
+    __table_args__ = (
+        rule(
+            "counts_from_zero",
+            "min(revision, submap_count, landmark_count, polygon_count, query_sequence, pruned_revision) >= 0",
+        ),
+        rule("pruned_up_to_its_revision", "pruned_revision <= revision"),
+        rule("whole_origin", "(origin_x IS NULL) = (origin_y IS NULL)"),
+        holds_json("config", "object"),
+        are_moments("created", "updated"),
+        KEYS_ONCE,
+    )
 
     key: Mapped[int] = mapped_column(Integer, primary_key=True)
     id: Mapped[str] = mapped_column(Text, unique=True)
     title: Mapped[str | None] = mapped_column(Text)
-    config: Mapped[dict[str, Any]] = mapped_column(JSON)
+    config: Mapped[dict[str, Any]] = mapped_column(Json)
     fingerprint: Mapped[str] = mapped_column(Text)
     crs: Mapped[str | None] = mapped_column(Text)
-    origin_x: Mapped[float | None] = mapped_column(Float)
-    origin_y: Mapped[float | None] = mapped_column(Float)
+    origin_x: Mapped[float | None] = mapped_column(REAL)
+    origin_y: Mapped[float | None] = mapped_column(REAL)
     revision: Mapped[int] = mapped_column(Integer)
     submap_count: Mapped[int] = mapped_column(Integer)
     landmark_count: Mapped[int] = mapped_column(Integer)
     polygon_count: Mapped[int] = mapped_column(Integer)
     query_sequence: Mapped[int] = mapped_column(Integer)
     # Deletions up to here are forgotten; see DeletionRow.
-    pruned_revision: Mapped[int] = mapped_column(Integer, server_default="0")
+    pruned_revision: Mapped[int] = mapped_column(Integer)
     created: Mapped[datetime] = mapped_column(Instant)
     updated: Mapped[datetime] = mapped_column(Instant)
 
@@ -80,8 +104,21 @@ class SubmapRow(BaseRow):
         ),
         # Its end is the widest footprint, which bounds how far a search by `map_min_x` goes.
         Index("ix_submaps_width", "collection_key", "map_frame_id", "map_width"),
-        Index(None, "stand_key", sqlite_where=text("stand_key IS NOT NULL")),
-        {"sqlite_autoincrement": True},
+        Index(None, "collection_key", "stand_key", sqlite_where=text("stand_key IS NOT NULL")),
+        # A stand of its own collection.
+        ForeignKeyConstraint(["collection_key", "stand_key"], ["stands.collection_key", "stands.key"]),
+        rule("whole_map_pose", _WHOLE_POSE),
+        rule("map_box_in_order", "map_min_x <= map_max_x AND map_min_y <= map_max_y"),
+        rule("counts_from_zero", "polygon_count >= 0"),
+        rule("positions_of_every_landmark", "length(landmarks) = 16 * landmark_count"),
+        rule("revisions_in_order", "0 < content_revision AND content_revision <= revision"),
+        holds_json("counts", "object"),
+        holds_json("map_covariance", "array", optional=True),
+        holds_json("properties", "object", optional=True),
+        holds_packed_json("landmark_ids", optional=True),
+        holds_packed_json("attributes", optional=True),
+        are_moments("stamp", "created", "updated"),
+        KEYS_ONCE,
     )
 
     key: Mapped[int] = mapped_column(Integer, primary_key=True)
@@ -92,20 +129,22 @@ class SubmapRow(BaseRow):
     stamp: Mapped[datetime | None] = mapped_column(Instant)
     landmark_count: Mapped[int] = mapped_column(Integer)
     polygon_count: Mapped[int] = mapped_column(Integer)
-    counts: Mapped[dict[str, int]] = mapped_column(JSON)
+    counts: Mapped[dict[str, int]] = mapped_column(Json)
     map_frame_id: Mapped[str | None] = mapped_column(Text)
-    map_x: Mapped[float | None] = mapped_column(Float)
-    map_y: Mapped[float | None] = mapped_column(Float)
-    map_yaw: Mapped[float | None] = mapped_column(Float)
-    map_covariance: Mapped[list[float] | None] = mapped_column(JSON(none_as_null=True))
-    map_min_x: Mapped[float | None] = mapped_column(Float)
-    map_min_y: Mapped[float | None] = mapped_column(Float)
-    map_max_x: Mapped[float | None] = mapped_column(Float)
-    map_max_y: Mapped[float | None] = mapped_column(Float)
+    map_x: Mapped[float | None] = mapped_column(REAL)
+    map_y: Mapped[float | None] = mapped_column(REAL)
+    map_yaw: Mapped[float | None] = mapped_column(REAL)
+    map_covariance: Mapped[list[float] | None] = mapped_column(Json)
+    map_min_x: Mapped[float | None] = mapped_column(REAL)
+    map_min_y: Mapped[float | None] = mapped_column(REAL)
+    map_max_x: Mapped[float | None] = mapped_column(REAL)
+    map_max_y: Mapped[float | None] = mapped_column(REAL)
     map_width: Mapped[float | None] = mapped_column(
-        Float, Computed("map_max_x - map_min_x", persisted=False), deferred=True
+        REAL, Computed("map_max_x - map_min_x", persisted=False), deferred=True
     )
-    properties: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
+    properties: Mapped[dict[str, Any] | None] = mapped_column(Json)
+    # The stand that stored it as one of its discs.
+    stand_key: Mapped[int | None] = mapped_column(Integer, deferred=True)
     landmarks_hash: Mapped[str] = mapped_column(Text)
     etag: Mapped[str] = mapped_column(Text)
     revision: Mapped[int] = mapped_column(Integer)
@@ -117,9 +156,6 @@ class SubmapRow(BaseRow):
     landmark_ids: Mapped[bytes | None] = mapped_column(LargeBinary, deferred=True)
     attributes: Mapped[bytes | None] = mapped_column(LargeBinary, deferred=True)
     features: Mapped[bytes] = mapped_column(LargeBinary, deferred=True)
-    # The stand that stored it as one of its discs. It stands behind the large columns, and without a constraint of its
-    # own, because SQLite adds a column to a table only so; `db check` proves what a constraint would.
-    stand_key: Mapped[int | None] = mapped_column(Integer, deferred=True)
 
 
 class StandRow(BaseRow):
@@ -130,7 +166,13 @@ class StandRow(BaseRow):
     """
 
     __tablename__ = "stands"
-    __table_args__ = (UniqueConstraint("collection_key", "name"), {"sqlite_autoincrement": True})
+    __table_args__ = (
+        UniqueConstraint("collection_key", "name"),
+        UniqueConstraint("collection_key", "key"),  # what submaps refer to
+        rule("sizes_of_a_grid", "tree_count >= 0 AND radius > 0 AND spacing > 0"),
+        are_moments("created", "updated"),
+        KEYS_ONCE,
+    )
 
     key: Mapped[int] = mapped_column(Integer, primary_key=True)
     collection_key: Mapped[int] = mapped_column(ForeignKey("collections.key", ondelete="CASCADE"))
@@ -139,8 +181,8 @@ class StandRow(BaseRow):
     source_hash: Mapped[str] = mapped_column(Text)
     trees_hash: Mapped[str] = mapped_column(Text)
     tree_count: Mapped[int] = mapped_column(Integer)
-    radius: Mapped[float] = mapped_column(Float)
-    spacing: Mapped[float] = mapped_column(Float)
+    radius: Mapped[float] = mapped_column(REAL)
+    spacing: Mapped[float] = mapped_column(REAL)
     created: Mapped[datetime] = mapped_column(Instant)
     updated: Mapped[datetime] = mapped_column(Instant)
 
@@ -149,24 +191,15 @@ class MapFrameRow(BaseRow):
     """Where a map frame other than the default one is on Earth: its system, and its origin there in metres."""
 
     __tablename__ = "map_frames"
+    __table_args__ = (rule("whole_origin", "(origin_x IS NULL) = (origin_y IS NULL)"), STRICT)
 
     collection_key: Mapped[int] = mapped_column(
         ForeignKey("collections.key", ondelete="CASCADE"), primary_key=True, autoincrement=False
     )
     frame_id: Mapped[str] = mapped_column(Text, primary_key=True)
     crs: Mapped[str] = mapped_column(Text)
-    origin_x: Mapped[float | None] = mapped_column(Float)
-    origin_y: Mapped[float | None] = mapped_column(Float)
-
-
-def beside_key(collection_key: Any) -> ColumnElement[bool]:
-    """Whether a submap is of a collection, in a statement that names submaps by their keys.
-
-    SQLite takes a list of keys for more work than an index that begins with the collection, and would read all of that.
-    The plus keeps it from doing so.
-    """
-    same: ColumnElement[bool] = literal_column("+submaps.collection_key", Integer) == collection_key
-    return same
+    origin_x: Mapped[float | None] = mapped_column(REAL)
+    origin_y: Mapped[float | None] = mapped_column(REAL)
 
 
 class DeletionRow(BaseRow):
@@ -176,7 +209,7 @@ class DeletionRow(BaseRow):
     """
 
     __tablename__ = "deletions"
-    __table_args__ = (Index(None, "collection_key", "revision"),)
+    __table_args__ = (Index(None, "collection_key", "revision"), rule("revision_from_one", "revision > 0"), STRICT)
 
     submap_key: Mapped[int] = mapped_column(Integer, primary_key=True, autoincrement=False)
     collection_key: Mapped[int] = mapped_column(ForeignKey("collections.key", ondelete="CASCADE"))
@@ -191,7 +224,13 @@ class SegmentRow(BaseRow):
     """
 
     __tablename__ = "segments"
-    __table_args__ = (Index(None, "collection_key", "since"), {"sqlite_autoincrement": True})
+    __table_args__ = (
+        Index(None, "collection_key", "since"),
+        rule("revisions_in_order", "0 <= since AND since < revision"),
+        rule("counts_from_zero", "submaps >= 0 AND bytes >= 0"),
+        are_moments("created"),
+        KEYS_ONCE,
+    )
 
     key: Mapped[int] = mapped_column(Integer, primary_key=True)
     collection_key: Mapped[int] = mapped_column(ForeignKey("collections.key", ondelete="CASCADE"))
@@ -203,88 +242,26 @@ class SegmentRow(BaseRow):
     created: Mapped[datetime] = mapped_column(Instant)
 
 
-def matches(column: InstrumentedAttribute[str], patterns: Sequence[str]) -> ColumnElement[bool]:
-    """Whether an id matches one of some shell patterns, as `Caller.sees` has it."""
-    return or_(false(), *(column.op("GLOB")(pattern) for pattern in patterns))
-
-
-class KeyRow(BaseRow):
-    """An API key: its secret is not here, only the SHA-256 of it. `id` is the part of the key that may be shown."""
-
-    __tablename__ = "api_keys"
-
-    key: Mapped[int] = mapped_column(Integer, primary_key=True)
-    id: Mapped[str] = mapped_column(Text, unique=True)
-    name: Mapped[str] = mapped_column(Text)
-    digest: Mapped[bytes] = mapped_column(LargeBinary)
-    scopes: Mapped[list[str]] = mapped_column(JSON)
-    patterns: Mapped[list[str]] = mapped_column(JSON)
-    created: Mapped[datetime] = mapped_column(Instant)
-    expires: Mapped[datetime | None] = mapped_column(Instant)
-    revoked: Mapped[datetime | None] = mapped_column(Instant)
-
-
-class JobRow(BaseRow):
-    """Long work. It outlives the process that took it; a lock on a file tells whether somebody is at it.
-
-    `collection_id` is a name, not a reference: the job is still listed when the collection is gone.
-    """
-
-    __tablename__ = "jobs"
-    __table_args__ = (
-        Index(None, "state", "key"),
-        Index(None, "collection_id", "key"),
-        {"sqlite_autoincrement": True},
-    )
-
-    key: Mapped[int] = mapped_column(Integer, primary_key=True)
-    id: Mapped[str] = mapped_column(Text, unique=True)
-    kind: Mapped[str] = mapped_column(Text)
-    collection_id: Mapped[str] = mapped_column(Text)
-    collection_key: Mapped[int] = mapped_column(Integer)
-    caller: Mapped[str] = mapped_column(Text)
-    state: Mapped[str] = mapped_column(Text)
-    parameters: Mapped[dict[str, Any]] = mapped_column(JSON)
-    total: Mapped[int | None] = mapped_column(Integer)
-    done: Mapped[int] = mapped_column(Integer)
-    counts: Mapped[dict[str, int]] = mapped_column(JSON)
-    # Where a restart goes on: what of the input is done, and how much of the results is written.
-    progress: Mapped[dict[str, Any]] = mapped_column(JSON)
-    problem: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
-    dismissed: Mapped[bool] = mapped_column(Boolean)
-    created: Mapped[datetime] = mapped_column(Instant)
-    started: Mapped[datetime | None] = mapped_column(Instant)
-    finished: Mapped[datetime | None] = mapped_column(Instant)
-
-
-class IdempotencyRow(BaseRow):
-    """The answer to a POST that carried an Idempotency-Key, written with what the POST did, to be given again."""
-
-    __tablename__ = "idempotency"
-    __table_args__ = (UniqueConstraint("caller", "operation", "name"), Index(None, "created"))
-
-    key: Mapped[int] = mapped_column(Integer, primary_key=True)
-    caller: Mapped[str] = mapped_column(Text)
-    operation: Mapped[str] = mapped_column(Text)
-    name: Mapped[str] = mapped_column(Text)
-    digest: Mapped[str] = mapped_column(Text)
-    status: Mapped[int] = mapped_column(Integer)
-    headers: Mapped[dict[str, str]] = mapped_column(JSON)
-    body: Mapped[bytes] = mapped_column(LargeBinary)
-    created: Mapped[datetime] = mapped_column(Instant)
-
-
 class QueryRow(BaseRow):
     """A stored query. `number` counts up within its collection: one that was given out but has no row is gone."""
 
     __tablename__ = "queries"
-    __table_args__ = (UniqueConstraint("collection_key", "number"), {"sqlite_autoincrement": True})
+    __table_args__ = (
+        UniqueConstraint("collection_key", "number"),
+        rule("number_from_one", "number > 0"),
+        rule("whole_positions", "length(landmarks) % 16 = 0"),
+        holds_json("candidates", "array"),
+        holds_packed_json("landmark_ids", optional=True),
+        holds_packed_json("answer"),
+        are_moments("created"),
+        KEYS_ONCE,
+    )
 
     key: Mapped[int] = mapped_column(Integer, primary_key=True)
     collection_key: Mapped[int] = mapped_column(ForeignKey("collections.key", ondelete="CASCADE"))
     number: Mapped[int] = mapped_column(Integer)
     created: Mapped[datetime] = mapped_column(Instant)
-    candidates: Mapped[list[dict[str, Any]]] = mapped_column(JSON)
+    candidates: Mapped[list[dict[str, Any]]] = mapped_column(Json)
     landmarks: Mapped[bytes] = mapped_column(LargeBinary, deferred=True)
     landmark_ids: Mapped[bytes | None] = mapped_column(LargeBinary, deferred=True)
     answer: Mapped[bytes] = mapped_column(LargeBinary, deferred=True)

@@ -12,7 +12,8 @@ from server.errors import Conflict, DomainError
 from server.platform.process_pool import PoolTask, ProcessPool
 from server.platform.threads import pin_threads
 from server.schemas.submaps import NamedSubmap
-from server.store.repositories.submaps import SubmapRecord, Submaps
+from server.store.records import SubmapRecord
+from server.store.repositories.submaps import Submaps
 from server.store.sqlite.database import Database
 from server.submaps import batches
 from server.submaps.batches import BlankLines, DescribedBatch, Refusal

@@ -5,13 +5,12 @@ from typing import Any
 from server.collections.georeference import Georeference
 from server.errors import NotAcceptable
 from server.store.codec import unpack_positions
+from server.store.records import CollectionRecord, SubmapContent
 from server.store.repositories.map_frames import DEFAULT_FRAME, FrameReference, MapFrames
-from server.store.repositories.submaps import stored_place
 from server.store.sqlite.database import Database
-from server.store.tables import CollectionRow, SubmapRow
 
 
-def references_of(database: Database, collection: CollectionRow, frame_ids: set[str]) -> dict[str, FrameReference]:
+def references_of(database: Database, collection: CollectionRecord, frame_ids: set[str]) -> dict[str, FrameReference]:
     """Where map frames are on Earth. Raises NotAcceptable if no frame of the collection has a CRS."""
     with database.read() as session:
         frames = MapFrames(session, collection)
@@ -24,9 +23,9 @@ def references_of(database: Database, collection: CollectionRow, frame_ids: set[
         return frames.some(frame_ids)
 
 
-def geometry_of(row: SubmapRow, references: dict[str, FrameReference]) -> tuple[dict[str, Any] | None, str | None]:
+def geometry_of(row: SubmapContent, references: dict[str, FrameReference]) -> tuple[dict[str, Any] | None, str | None]:
     """A submap's footprint, or why it has none."""
-    place = stored_place(row)
+    place = row.place
     if place is None:
         return None, "it has no map_pose"
     reference = references.get(place.map_frame_id)

@@ -21,12 +21,12 @@ from server.resources.idempotency import NO_CONTENT, IdempotencyKey, StoredRespo
 from server.resources.preconditions import ANYTHING, Preconditions
 from server.schemas.submaps import SubmapInput, SubmapPatch
 from server.store.codec import MEMBERS
+from server.store.records import CollectionRecord, Identity, Place, SubmapContent, SubmapRecord
 from server.store.repositories.collections import Collections
 from server.store.repositories.feature_rows import FeatureRows
 from server.store.repositories.map_frames import MapFrames
-from server.store.repositories.submaps import Identity, Place, SubmapRecord, Submaps
+from server.store.repositories.submaps import Submaps
 from server.store.sqlite.database import Database
-from server.store.tables import CollectionRow
 from server.submaps import reader
 from server.submaps.preparation import Prepared, Trees, check_properties, patched, reconcile
 from server.submaps.question import Question, SearchOutdated
@@ -103,13 +103,13 @@ def put(
     return _store(database, collection, prepared, known, terms)
 
 
-def _operation(collection: CollectionRow, submap_id: str, terms: WriteTerms) -> str:
+def _operation(collection: CollectionRecord, submap_id: str, terms: WriteTerms) -> str:
     """The operation that an idempotency key is bound to."""
     return f"putSubmap {collection.key} {submap_id}" if terms.is_named else f"postSubmap {collection.key}"
 
 
 def _store(
-    database: Database, collection: CollectionRow, prepared: Prepared, known: Identity | None, terms: WriteTerms
+    database: Database, collection: CollectionRecord, prepared: Prepared, known: Identity | None, terms: WriteTerms
 ) -> Stored:
     """Search, then store in a transaction, until nothing was committed in between that the search should have seen."""
     config, question = config_of(collection), terms.question
@@ -138,7 +138,9 @@ def _store(
     )
 
 
-def _write(database: Database, collection: CollectionRow, prepared: Prepared, terms: WriteTerms, turn: int) -> Stored:
+def _write(
+    database: Database, collection: CollectionRecord, prepared: Prepared, terms: WriteTerms, turn: int
+) -> Stored:
     """One transaction with the submap and its answer. Raises SearchOutdated."""
     config, submap_id = config_of(collection), prepared.id
     operation = _operation(collection, submap_id, terms)
@@ -190,7 +192,7 @@ def patch(
         if response is not None:
             return response
         submaps = Submaps(session, now.key)
-        row, known = submaps.get_whole(submap_id), submaps.identities([submap_id]).get(submap_id)
+        row, known = submaps.get(submap_id, SubmapContent), submaps.identities([submap_id]).get(submap_id)
         if row is None or known is None:
             raise NotFound("submap", submap_id)
         terms.preconditions.check(row.etag)
@@ -198,8 +200,7 @@ def patch(
         if "map_pose" in body.model_fields_set:
             check_place(session, now, record.place)
         store(session, now, [(known, record)])
-        session.expire(row)
-        changed = submaps.get_whole(submap_id)
+        changed = submaps.get(submap_id, SubmapContent)
         assert changed is not None
         return store_response(
             session, terms.idempotency_key, operation, submap_answer(reader.submap_of(collection_id, changed))
@@ -233,13 +234,13 @@ def delete(
         return store_response(session, idempotency_key, operation, NO_CONTENT)
 
 
-def _stored_features(session: Session, collection: CollectionRow, key: int) -> Features:
+def _stored_features(session: Session, collection: CollectionRecord, key: int) -> Features:
     """The features of a stored submap."""
     row = next(FeatureRows(session, collection.key).stored([key]))
     return features_of(row.features, row.landmarks, row.attributes, config_of(collection))
 
 
-def check_place(session: Session, collection: CollectionRow, place: Place | None) -> None:
+def check_place(session: Session, collection: CollectionRecord, place: Place | None) -> None:
     """Raise InvalidField if the pose in the map is outside the area of the map frame's CRS."""
     if place is not None:
         georeference.check_place(
@@ -247,7 +248,7 @@ def check_place(session: Session, collection: CollectionRow, place: Place | None
         )
 
 
-def same_collection(session: Session, collection_id: str, key: int) -> CollectionRow:
+def same_collection(session: Session, collection_id: str, key: int) -> CollectionRecord:
     """The collection, if it still has that key. Raises NotFound and Conflict."""
     now = get_collection(session, collection_id)
     if now.key != key:
@@ -259,7 +260,7 @@ def same_collection(session: Session, collection_id: str, key: int) -> Collectio
 
 
 def store(
-    session: Session, collection: CollectionRow, pairs: Sequence[tuple[Identity | None, SubmapRecord]]
+    session: Session, collection: CollectionRecord, pairs: Sequence[tuple[Identity | None, SubmapRecord]]
 ) -> list[Receipt]:
     """Write what differs from what is stored, under one new revision."""
     config = config_of(collection)

@@ -1,17 +1,18 @@
 """Rows of a page of submaps: as many as requested, and as fit into its bytes."""
 
-from typing import Final
+from typing import Final, TypeVar
 
 import orjson
 
 from server.collections.registry import get_collection
 from server.config.settings import Limits
 from server.resources.paging import PageRequest, page_size, read_cursor, write_cursor
+from server.store.records import CollectionRecord, SubmapContent, SubmapMetadata
 from server.store.repositories.submaps import Submaps
 from server.store.sqlite.database import Database
 from server.store.submap_filter import SubmapFilter
-from server.store.tables import CollectionRow, SubmapRow
 
+_K = TypeVar("_K", bound=SubmapMetadata)
 _ROWS: Final = 50
 """Rows that are read at once if landmarks are read, too."""
 _SUMMARY: Final = 700
@@ -24,29 +25,27 @@ def rows_of_page(
     collection_id: str,
     chosen: SubmapFilter,
     asked: PageRequest,
-    *,
-    landmarks: bool = False,
-) -> tuple[CollectionRow, list[SubmapRow], str | None]:
+    kind: type[_K],
+) -> tuple[CollectionRecord, list[_K], str | None]:
     """The collection, the rows of the page in the order they were stored, and the cursor of the next page if there is
     one.
 
-    The page ends at `limits.page_bytes`, but has at least one row. With `landmarks`, landmarks are read and counted,
-    too.
+    The page ends at `limits.page_bytes`, but has at least one row. Landmarks count if the records of `kind` have them.
 
     Raises NotFound and InvalidField.
     """
     size = page_size(asked.limit, limits)
     after = read_cursor("submaps", asked.cursor)
-    rows: list[SubmapRow] = []
+    rows: list[_K] = []
     left = limits.page_bytes
     with database.read() as session:
         collection = get_collection(session, collection_id)
         submaps = Submaps(session, collection.key)
         while len(rows) < size:
-            most = min(size - len(rows), _ROWS if landmarks else size)
-            piece = submaps.page(chosen, after_key=after, limit=most + 1, landmarks=landmarks)
+            most = min(size - len(rows), _ROWS if issubclass(kind, SubmapContent) else size)
+            piece = submaps.page(chosen, kind, after_key=after, limit=most + 1)
             for row in piece[:most]:
-                left -= _weight(row, landmarks=landmarks)
+                left -= _weight(row)
                 if left < 0 and rows:
                     return collection, rows, write_cursor("submaps", rows[-1].key)
                 rows.append(row)
@@ -56,5 +55,6 @@ def rows_of_page(
     return collection, rows, write_cursor("submaps", rows[-1].key)
 
 
-def _weight(row: SubmapRow, *, landmarks: bool) -> int:
-    return _SUMMARY + len(orjson.dumps(row.properties)) + (len(row.landmarks) if landmarks else 0)
+def _weight(row: SubmapMetadata) -> int:
+    landmarks = len(row.landmarks) if isinstance(row, SubmapContent) else 0
+    return _SUMMARY + len(orjson.dumps(row.properties)) + landmarks

@@ -22,8 +22,7 @@ from server.store.codec import (
     unpack_diameters,
     unpack_positions,
 )
-from server.store.repositories.submaps import Identity, Place, SubmapRecord, stored_place
-from server.store.tables import SubmapRow
+from server.store.records import Identity, Place, SubmapContent, SubmapRecord
 from urquhart import SE2, Config, Features, LandmarkError
 
 
@@ -103,7 +102,7 @@ class Prepared:
         )
 
 
-def patched(row: SubmapRow, body: SubmapPatch, trees: Trees | None, config: Config) -> SubmapRecord:
+def patched(row: SubmapContent, body: SubmapPatch, trees: Trees | None, config: Config) -> SubmapRecord:
     """The record that replaces `row`: with the members of the patch and, if given, the landmarks `trees`.
 
     Raises InvalidLandmarks, unless the trees were described before.
@@ -119,7 +118,7 @@ def patched(row: SubmapRow, body: SubmapPatch, trees: Trees | None, config: Conf
         xy, blobs = trees.xy, (trees.landmarks_hash, trees.landmarks, trees.ids, trees.attributes)
         made = trees.describe(config)
         counts, polygons, features = made.counts(), len(made.tessellation), made.pack()
-    place = place_from(body.map_pose, xy) if "map_pose" in given else stored_place(row)
+    place = place_from(body.map_pose, xy) if "map_pose" in given else row.place
     if place is not None and trees is not None:
         box = _footprint(place.map_x, place.map_y, place.map_yaw, xy)
         place = Place(place.map_frame_id, place.map_x, place.map_y, place.map_yaw, place.map_covariance, **box)
@@ -234,7 +233,7 @@ def content_etag(landmarks_hash: str, ids: bytes | None, attributes: bytes | Non
     return digest(landmarks_hash.encode(), ids, attributes, packed)
 
 
-def row_etag(row: SubmapRow, place: Place | None, properties: dict[str, Any] | None) -> str:
+def row_etag(row: SubmapContent, place: Place | None, properties: dict[str, Any] | None) -> str:
     """Entity tag of a stored submap with a map pose and properties, its own or others."""
     rest = Circumstances(row.frame_id, row.session, row.stamp, place, properties)
     return content_etag(row.landmarks_hash, row.landmark_ids, row.attributes, rest)

@@ -28,12 +28,12 @@ from server.schemas.submaps import (
     TessellationPolygon,
 )
 from server.store.codec import digest, unpack_attributes, unpack_ids, unpack_positions
+from server.store.records import SubmapContent, SubmapMetadata, SubmapWhole
 from server.store.repositories.map_frames import MapFrames
 from server.store.repositories.sessions import Sessions
-from server.store.repositories.submaps import Submaps, stored_place
+from server.store.repositories.submaps import Submaps
 from server.store.sqlite.database import Database
 from server.store.submap_filter import SubmapFilter
-from server.store.tables import SubmapRow
 from server.submaps.footprints import geometry_of, outside, references_of, without_crs
 from server.submaps.pages import rows_of_page
 from urquhart import Budget
@@ -43,13 +43,13 @@ def read(database: Database, collection_id: str, submap_id: str) -> Submap:
     """A submap with its landmarks. Raises NotFound."""
     with database.read() as session:
         collection = get_collection(session, collection_id)
-        row = Submaps(session, collection.key).get_whole(submap_id)
+        row = Submaps(session, collection.key).get(submap_id, SubmapContent)
         if row is None:
             raise NotFound("submap", submap_id)
         return submap_of(collection_id, row)
 
 
-def submap_of(collection_id: str, row: SubmapRow) -> Submap:
+def submap_of(collection_id: str, row: SubmapContent) -> Submap:
     """The answer for a row with its landmarks."""
     return Submap(**_summary(collection_id, row), landmarks=_landmarks(row))
 
@@ -58,7 +58,7 @@ def page(
     database: Database, limits: Limits, collection_id: str, chosen: SubmapFilter, asked: PageRequest
 ) -> SubmapPage:
     """A page of submaps without landmarks, in the order they were stored. Raises NotFound and InvalidField."""
-    rows, following = rows_of_page(database, limits, collection_id, chosen, asked)[1:]
+    rows, following = rows_of_page(database, limits, collection_id, chosen, asked, SubmapMetadata)[1:]
     return SubmapPage(submaps=[SubmapSummary(**_summary(collection_id, row)) for row in rows], next=following)
 
 
@@ -94,8 +94,8 @@ def geojson_page(
     A submap without map_pose, or in a map frame without CRS, has no geometry, and `no_geometry` says why. Raises
     NotAcceptable for a collection without any CRS, and urquhart.budget.DeadlinePassed and Abandoned.
     """
-    collection, rows, following = rows_of_page(database, limits, collection_id, chosen, asked, landmarks=True)
-    references = references_of(database, collection, {row.map_frame_id for row in rows if row.map_frame_id is not None})
+    collection, rows, following = rows_of_page(database, limits, collection_id, chosen, asked, SubmapContent)
+    references = references_of(database, collection, {row.place.map_frame_id for row in rows if row.place is not None})
     features = []
     for row in rows:
         budget.check()
@@ -115,11 +115,11 @@ class Tessellated:
         self._budget = budget
         with database.read() as session:
             self._collection = get_collection(session, collection_id)
-            row = Submaps(session, self._collection.key).get_whole(submap_id, features=True)
+            row = Submaps(session, self._collection.key).get(submap_id, SubmapWhole)
             if row is None:
                 raise NotFound("submap", submap_id)
             self._row = row
-            frame_id = row.map_frame_id
+            frame_id = None if row.place is None else row.place.map_frame_id
             self._reference = (
                 None if frame_id is None else MapFrames(session, self._collection).some([frame_id]).get(frame_id)
             )
@@ -148,7 +148,7 @@ class Tessellated:
     def to_geojson(self) -> dict[str, Any]:
         """The polygons in longitude and latitude. Raises NotAcceptable without CRS or map_pose."""
         others = ["application/json", "image/svg+xml"]
-        place = stored_place(self._row)
+        place = self._row.place
         if place is None:
             raise NotAcceptable(
                 f"The submap {self._row.id!r} has no map_pose, so it has no longitude and latitude. Set one with "
@@ -190,8 +190,8 @@ def submap_filter(
     return SubmapFilter(session=session, bbox=_bbox(bbox), map_frame_id=frame_id, since=since, until=until)
 
 
-def _summary(collection_id: str, row: SubmapRow) -> dict[str, Any]:
-    place = stored_place(row)
+def _summary(collection_id: str, row: SubmapMetadata) -> dict[str, Any]:
+    place = row.place
     return {
         "id": row.id,
         "collection": collection_id,
@@ -222,7 +222,7 @@ def submap_links(collection_id: str, submap_id: str) -> SubmapLinks:
     return SubmapLinks(self=own, collection=links.collection(collection_id), tessellation=f"{own}/tessellation")
 
 
-def _landmarks(row: SubmapRow) -> list[StoredLandmark]:
+def _landmarks(row: SubmapContent) -> list[StoredLandmark]:
     ids = unpack_ids(row.landmark_ids, row.landmark_count)
     attributes = unpack_attributes(row.attributes)
     return [

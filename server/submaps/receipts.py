@@ -9,8 +9,7 @@ from server.resources.idempotency import StoredResponse
 from server.schemas.common import to_json
 from server.schemas.queries import QueryAnswer
 from server.schemas.submaps import Submap, SubmapReceipt
-from server.store.repositories.submaps import Identity
-from server.store.tables import CollectionRow
+from server.store.records import CollectionRecord, Identity
 from server.submaps import reader
 
 Outcome = Literal["created", "replaced", "unchanged"]
@@ -50,7 +49,7 @@ def receipt_answer(collection_id: str, submap_id: str, receipt: Receipt, found: 
 
 
 def refusal_answer(
-    collection: CollectionRow,
+    collection: CollectionRecord,
     submap_id: str | None,
     known: Identity | None,
     error: InvalidLandmarks,

@@ -16,9 +16,9 @@ from server.queries.contradictions import REASON
 from server.queries.lookup import LookupResult, QueryContext, look_up
 from server.queries.older_answers import completed
 from server.schemas.constraints import ConstraintsInput
+from server.store.records import SubmapMetadata
 from server.store.repositories.submaps import Submaps
 from server.store.sqlite.sqlite_errors import storage_errors
-from server.store.tables import SubmapRow
 
 _PAGE: Final = 50
 """Submaps that are looked up before the job reports progress."""
@@ -79,7 +79,7 @@ def run_constraints(assignment: Assignment, context: JobContext) -> None:
         assignment.report(written=size)
 
 
-def _rows(assignment: Assignment, context: JobContext, body: ConstraintsInput) -> Iterator[tuple[SubmapRow, bool]]:
+def _rows(assignment: Assignment, context: JobContext, body: ConstraintsInput) -> Iterator[tuple[SubmapMetadata, bool]]:
     """Submaps to look up, in the order of their keys, from where the job stands, each with whether it is the last of a
     page.
     """
@@ -94,11 +94,12 @@ def _rows(assignment: Assignment, context: JobContext, body: ConstraintsInput) -
         after = rows[-1].key
 
 
-def _page(assignment: Assignment, session: Session, body: ConstraintsInput, after: int) -> list[SubmapRow]:
+def _page(assignment: Assignment, session: Session, body: ConstraintsInput, after: int) -> list[SubmapMetadata]:
     submaps = Submaps(session, assignment.collection(session).key)
     if body.submap_ids is None:
-        return list(submaps.page(chosen_submaps(body), after_key=after, limit=_PAGE, landmarks=False))
-    return submaps.rows(sorted(key for key in _matching(assignment, session, body) if key > after)[:_PAGE])
+        return submaps.page(chosen_submaps(body), SubmapMetadata, after_key=after, limit=_PAGE)
+    keys = sorted(key for key in _matching(assignment, session, body) if key > after)
+    return submaps.some(keys[:_PAGE], SubmapMetadata)
 
 
 def _matching(assignment: Assignment, session: Session, body: ConstraintsInput) -> set[int]:
@@ -108,7 +109,7 @@ def _matching(assignment: Assignment, session: Session, body: ConstraintsInput) 
 
 
 def _look_up(
-    assignment: Assignment, context: JobContext, row: SubmapRow, body: ConstraintsInput
+    assignment: Assignment, context: JobContext, row: SubmapMetadata, body: ConstraintsInput
 ) -> LookupResult | None:
     limits = context.settings.limits
     asked = question(row, body, limits.candidates)

@@ -1,12 +1,15 @@
 """Rows of API keys."""
 
-from collections.abc import Sequence
+from dataclasses import fields
 from datetime import UTC, datetime
+from typing import Any
 
-from sqlalchemy import exists, or_, select, update
+from sqlalchemy import Row, exists, insert, or_, select, update
 from sqlalchemy.orm import Session
 
-from server.store.tables import KeyRow
+from server.store.columns import columns_of
+from server.store.records import ApiKeyRecord
+from server.store.service_tables import KeyRow
 
 
 class ApiKeys:
@@ -15,13 +18,14 @@ class ApiKeys:
     def __init__(self, session: Session) -> None:
         self._session = session
 
-    def get(self, key_id: str) -> KeyRow | None:
+    def get(self, key_id: str) -> ApiKeyRecord | None:
         """The key of that id, also one that is revoked or expired; or None."""
-        return self._session.scalar(select(KeyRow).where(KeyRow.id == key_id))
+        row = self._session.execute(_ALL.where(KeyRow.id == key_id)).one_or_none()
+        return None if row is None else _record(row)
 
-    def all(self) -> Sequence[KeyRow]:
+    def all(self) -> list[ApiKeyRecord]:
         """All keys in the order they were made."""
-        return self._session.scalars(select(KeyRow).order_by(KeyRow.key)).all()
+        return [_record(row) for row in self._session.execute(_ALL.order_by(KeyRow.key))]
 
     def any(self) -> bool:
         """Whether there is a key, even a revoked or expired one."""
@@ -32,33 +36,23 @@ class ApiKeys:
         usable = select(KeyRow.key).where(KeyRow.revoked.is_(None), or_(KeyRow.expires.is_(None), KeyRow.expires > now))
         return bool(self._session.scalar(select(usable.exists())))
 
-    def add(
-        self,
-        *,
-        key_id: str,
-        name: str,
-        digest: bytes,
-        scopes: list[str],
-        patterns: list[str],
-        expires: datetime | None,
-    ) -> KeyRow:
+    def add(self, record: ApiKeyRecord) -> None:
         """Add a key."""
-        row = KeyRow(
-            id=key_id,
-            name=name,
-            digest=digest,
-            scopes=scopes,
-            patterns=patterns,
-            created=datetime.now(UTC),
-            expires=expires,
-            revoked=None,
+        values = {one.name: getattr(record, one.name) for one in fields(record)}
+        self._session.execute(
+            insert(KeyRow).values(values | {"scopes": list(record.scopes), "patterns": list(record.patterns)})
         )
-        self._session.add(row)
-        self._session.flush()
-        return row
 
     def revoke(self, key_id: str) -> None:
         """Note that a key may not be used any more; the first time stays."""
         self._session.execute(
             update(KeyRow).where(KeyRow.id == key_id, KeyRow.revoked.is_(None)).values(revoked=datetime.now(UTC))
         )
+
+
+_ALL = select(*columns_of(ApiKeyRecord, KeyRow))
+
+
+def _record(row: Row[Any]) -> ApiKeyRecord:
+    values = row._asdict()
+    return ApiKeyRecord(**values | {"scopes": tuple(values["scopes"]), "patterns": tuple(values["patterns"])})

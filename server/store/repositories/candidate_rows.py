@@ -6,13 +6,13 @@ from datetime import datetime
 from typing import Any
 
 import orjson
-from sqlalchemy import bindparam, func, select
-from sqlalchemy.dialects import sqlite
+from sqlalchemy import bindparam, select
 from sqlalchemy.orm import Session
 
 from server.store.columns import read_instant
-from server.store.repositories.submaps import Place
-from server.store.tables import SubmapRow, beside_key
+from server.store.records import Place
+from server.store.sqlite.expressions import DirectStatement, beside_key, listed
+from server.store.tables import SubmapRow
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,23 +35,21 @@ def found_submaps(
     session: Session, collection_key: int, keys: Collection[int], *, landmarks: bool
 ) -> dict[int, FoundSubmap]:
     """Those of the keys that are submaps of the collection, with their landmarks if asked, by key."""
-    # Said to the driver itself, in the session's transaction: the layers between cost more than SQLite does.
-    cursor = session.connection().connection.cursor()
-    cursor.execute(_WHOLE if landmarks else _BRIEF, (collection_key, orjson.dumps(list(keys)).decode()))
-    return {row[0]: _found(row) for row in cursor.fetchall()}
+    statement = _WHOLE if landmarks else _BRIEF
+    return {row[0]: _found(row) for row in statement.rows(session, collection_key=collection_key, keys=keys)}
 
 
 _HEAD = tuple(name for name in FoundSubmap.__slots__ if name not in ("place", "landmarks"))
 _PLACE = slice(len(_HEAD), len(_HEAD) + len(Place.__slots__))
 
 
-def _statement(*more: str) -> str:
+def _statement(*more: str) -> DirectStatement:
     columns = SubmapRow.__table__.c
-    chosen = select(*(columns[name] for name in (*_HEAD, *Place.__slots__, *more))).where(
-        beside_key(bindparam("collection_key")),
-        columns.key.in_(select(func.json_each(bindparam("keys")).table_valued("value").c.value)),
+    return DirectStatement(
+        select(*(columns[name] for name in (*_HEAD, *Place.__slots__, *more))).where(
+            beside_key(bindparam("collection_key")), columns.key.in_(listed("keys"))
+        )
     )
-    return str(chosen.compile(dialect=sqlite.dialect()))
 
 
 _BRIEF = _statement()

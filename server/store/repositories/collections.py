@@ -5,13 +5,18 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import bindparam, delete, func, select, update
+from sqlalchemy import bindparam, delete, func, insert, select, update
 from sqlalchemy.orm import Session
 
-from server.store.tables import CollectionRow, SubmapRow, matches
+from server.store.columns import columns_of
+from server.store.records import CollectionRecord
+from server.store.sqlite.expressions import matches
+from server.store.tables import CollectionRow, SubmapRow
 
 # Every request begins with it: put together once.
-_BY_ID = select(CollectionRow).where(CollectionRow.id == bindparam("id"))
+_COLUMNS = columns_of(CollectionRecord, CollectionRow)
+_ALL = select(*_COLUMNS)
+_BY_ID = _ALL.where(CollectionRow.id == bindparam("id"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,16 +46,21 @@ class Collections:
     def __init__(self, session: Session) -> None:
         self._session = session
 
-    def get(self, collection_id: str) -> CollectionRow | None:
+    def get(self, collection_id: str) -> CollectionRecord | None:
         """The collection of that id, or None."""
-        return self._session.scalar(_BY_ID, {"id": collection_id})
+        row = self._session.execute(_BY_ID, {"id": collection_id}).one_or_none()
+        return None if row is None else CollectionRecord(*row)
 
-    def page(self, patterns: Sequence[str], *, after_key: int = 0, limit: int) -> Sequence[CollectionRow]:
+    def all(self) -> list[CollectionRecord]:
+        """All collections, in the order they were made."""
+        return [CollectionRecord(*row) for row in self._session.execute(_ALL.order_by(CollectionRow.key))]
+
+    def page(self, patterns: Sequence[str], *, after_key: int = 0, limit: int) -> list[CollectionRecord]:
         """Up to `limit` collections whose ids match a pattern, in the order they were made, beginning after a key."""
-        query = select(CollectionRow).where(CollectionRow.key > after_key).order_by(CollectionRow.key).limit(limit)
+        query = _ALL.where(CollectionRow.key > after_key).order_by(CollectionRow.key).limit(limit)
         if "*" not in patterns:
             query = query.where(matches(CollectionRow.id, patterns))
-        return self._session.scalars(query).all()
+        return [CollectionRecord(*row) for row in self._session.execute(query)]
 
     def ids(self) -> list[str]:
         """Ids of all collections."""
@@ -88,29 +98,31 @@ class Collections:
         fingerprint: str,
         crs: str | None,
         origin: tuple[float, float] | None,
-    ) -> CollectionRow:
+    ) -> CollectionRecord:
         """Add an empty collection at revision 0."""
         now = datetime.now(UTC)
-        row = CollectionRow(
-            id=collection_id,
-            title=title,
-            config=config,
-            fingerprint=fingerprint,
-            crs=crs,
-            origin_x=origin[0] if origin else None,
-            origin_y=origin[1] if origin else None,
-            revision=0,
-            submap_count=0,
-            landmark_count=0,
-            polygon_count=0,
-            query_sequence=0,
-            pruned_revision=0,
-            created=now,
-            updated=now,
+        zero = ("revision", "submap_count", "landmark_count", "polygon_count", "query_sequence", "pruned_revision")
+        values = {
+            "id": collection_id,
+            "title": title,
+            "config": config,
+            "fingerprint": fingerprint,
+            "crs": crs,
+            "origin_x": origin[0] if origin else None,
+            "origin_y": origin[1] if origin else None,
+            "created": now,
+            "updated": now,
+        }
+        added = insert(CollectionRow).values(values | dict.fromkeys(zero, 0)).returning(*_COLUMNS)
+        return CollectionRecord(*self._session.execute(added).one())
+
+    def describe(self, record: CollectionRecord) -> None:
+        """Store title, crs and origin of a record; the revision stays."""
+        values = {name: getattr(record, name) for name in ("title", "crs", "origin_x", "origin_y")}
+        self._session.execute(
+            update(CollectionRow).where(CollectionRow.key == record.key).values(values),
+            execution_options={"synchronize_session": False},
         )
-        self._session.add(row)
-        self._session.flush()
-        return row
 
     def advance(self, key: int, *, submaps: int = 0, landmarks: int = 0, polygons: int = 0) -> int:
         """Move the revision on by one and the counts by what is given; the new revision."""

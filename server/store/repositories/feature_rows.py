@@ -4,17 +4,18 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from typing import Any, Final
 
-import orjson
-from sqlalchemy import Select, func, select
+from sqlalchemy import Select, bindparam, func, select
 from sqlalchemy.orm import Session
 
-from server.store.tables import DeletionRow, SubmapRow, beside_key
+from server.store.sqlite.expressions import DirectStatement, beside_key, listed
+from server.store.tables import DeletionRow, SubmapRow
 
 _VARIABLES: Final = 500
 """Keys of a statement, well below SQLite's limit on bound values."""
-_PACKED: Final = (
-    "SELECT key, content_revision, features FROM submaps WHERE key IN (SELECT value FROM json_each(?)) "
-    "AND +collection_key = ?"  # see tables.beside_key
+_PACKED: Final = DirectStatement(
+    select(SubmapRow.key, SubmapRow.content_revision, SubmapRow.features).where(
+        beside_key(bindparam("collection_key")), SubmapRow.key.in_(listed("keys"))
+    )
 )
 
 
@@ -60,8 +61,8 @@ class FeatureRows:
 
         A look-up reads some dozens in each of several goes: what a statement costs in itself counts here.
         """
-        values = (orjson.dumps(list(keys)).decode(), self._collection_key)
-        return [(row[0], row[1], row[2]) for row in self._session.connection().exec_driver_sql(_PACKED, values)]
+        rows = _PACKED.rows(self._session, collection_key=self._collection_key, keys=keys)
+        return [(row[0], row[1], row[2]) for row in rows]
 
     def count_changed(self, revision: int, most: int) -> int:
         """How many submaps' landmarks changed after a revision; counted up to `most`."""
@@ -87,6 +88,18 @@ class FeatureRows:
             DeletionRow.collection_key == self._collection_key, DeletionRow.revision > revision
         )
         return list(self._session.scalars(query))
+
+    def last_deletion(self) -> int:
+        """The revision of the last deletion that is not forgotten, 0 if there is none."""
+        mine = DeletionRow.collection_key == self._collection_key
+        return self._session.scalar(select(func.max(DeletionRow.revision)).where(mine)) or 0
+
+    def deleted_and_there(self) -> bool:
+        """Whether a submap is noted as deleted and is there nevertheless, which cannot be."""
+        query = select(DeletionRow.submap_key).where(
+            DeletionRow.collection_key == self._collection_key, DeletionRow.submap_key.in_(select(SubmapRow.key))
+        )
+        return self._session.scalar(query.limit(1)) is not None
 
 
 def _stored() -> Select[Any]:

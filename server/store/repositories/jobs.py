@@ -4,10 +4,14 @@ from collections.abc import Collection, Sequence
 from datetime import UTC, datetime
 from typing import Any, Final, NamedTuple
 
-from sqlalchemy import ColumnElement, delete, exists, func, or_, select, update
+from sqlalchemy import ColumnElement, Result, delete, exists, func, insert, or_, select, update
 from sqlalchemy.orm import Session
 
-from server.store.tables import CollectionRow, JobRow, matches
+from server.store.columns import columns_of
+from server.store.records import CollectionRecord, JobRecord
+from server.store.service_tables import JobRow
+from server.store.sqlite.expressions import matches
+from server.store.tables import CollectionRow
 
 UNFINISHED: Final = ("accepted", "running")
 
@@ -25,20 +29,20 @@ class Jobs:
     def __init__(self, session: Session) -> None:
         self._session = session
 
-    def get(self, job_id: str) -> JobRow | None:
+    def get(self, job_id: str) -> JobRecord | None:
         """The job of that id, or None."""
-        return self._session.scalar(select(JobRow).where(JobRow.id == job_id))
+        return _first(self._session.execute(_ALL.where(JobRow.id == job_id)))
 
     def unfinished_among(self, job_ids: Collection[str]) -> set[str]:
         """Which of these jobs are there and not finished."""
         return set(self._session.scalars(select(JobRow.id).where(JobRow.id.in_(job_ids), JobRow.state.in_(UNFINISHED))))
 
-    def is_orphaned(self, job: JobRow) -> bool:
+    def is_orphaned(self, job: JobRecord) -> bool:
         """Whether the collection that the job was accepted for is gone, even if another one has its name by now."""
         there = select(CollectionRow.key).where(CollectionRow.key == job.collection_key)
         return self._session.scalar(there) is None
 
-    def is_superseded(self, job: JobRow) -> bool:
+    def is_superseded(self, job: JobRecord) -> bool:
         """Whether another collection has the name of the one that the job was accepted for."""
         return self._session.scalar(select(JobRow.key).where(JobRow.key == job.key, _superseded())) is not None
 
@@ -47,33 +51,28 @@ class Jobs:
         *,
         job_id: str,
         kind: str,
-        collection: CollectionRow,
+        collection: CollectionRecord,
         caller: str,
         parameters: dict[str, Any],
         total: int | None,
-    ) -> JobRow:
+    ) -> JobRecord:
         """Add a job that nobody has begun."""
-        row = JobRow(
-            id=job_id,
-            kind=kind,
-            collection_id=collection.id,
-            collection_key=collection.key,
-            caller=caller,
-            state="accepted",
-            parameters=parameters,
-            total=total,
-            done=0,
-            counts={},
-            progress={},
-            problem=None,
-            dismissed=False,
-            created=datetime.now(UTC),
-            started=None,
-            finished=None,
-        )
-        self._session.add(row)
-        self._session.flush()
-        return row
+        values = {
+            "id": job_id,
+            "kind": kind,
+            "collection_id": collection.id,
+            "collection_key": collection.key,
+            "caller": caller,
+            "state": "accepted",
+            "parameters": parameters,
+            "total": total,
+            "done": 0,
+            "counts": {},
+            "progress": {},
+            "dismissed": False,
+            "created": datetime.now(UTC),
+        }
+        return JobRecord(*self._session.execute(insert(JobRow).values(values).returning(*_COLUMNS)).one())
 
     def page(
         self,
@@ -84,13 +83,13 @@ class Jobs:
         before_key: int | None,
         limit: int,
         caller: str,
-    ) -> Sequence[JobRow]:
+    ) -> list[JobRecord]:
         """Up to `limit` jobs on collections that match a pattern, the newest first, beginning before a key.
 
         Jobs of a collection whose name another one has by now are listed only for the `caller` who started them, or
         for one who sees every collection.
         """
-        query = select(JobRow).order_by(JobRow.key.desc()).limit(limit)
+        query = _ALL.order_by(JobRow.key.desc()).limit(limit)
         if before_key is not None:
             query = query.where(JobRow.key < before_key)
         if state is not None:
@@ -99,7 +98,7 @@ class Jobs:
             query = query.where(JobRow.collection_id == collection_id)
         if "*" not in patterns:
             query = query.where(matches(JobRow.collection_id, patterns), or_(JobRow.caller == caller, ~_superseded()))
-        return self._session.scalars(query).all()
+        return [JobRecord(*row) for row in self._session.execute(query)]
 
     def queues(self) -> list[Queue]:
         """The queues in which unfinished jobs wait, the one whose first job is the oldest first."""
@@ -122,10 +121,11 @@ class Jobs:
         query = select(func.count()).where(JobRow.state.in_(UNFINISHED), JobRow.caller == caller)
         return self._session.scalar(query) or 0
 
-    def all(self, states: Sequence[str] | None = None) -> Sequence[JobRow]:
+    def all(self, states: Sequence[str] | None = None) -> list[JobRecord]:
         """All jobs, or those in some states, oldest first."""
-        query = select(JobRow).order_by(JobRow.key)
-        return self._session.scalars(query if states is None else query.where(JobRow.state.in_(states))).all()
+        query = _ALL.order_by(JobRow.key)
+        found = self._session.execute(query if states is None else query.where(JobRow.state.in_(states)))
+        return [JobRecord(*row) for row in found]
 
     def end(self, ids: Collection[str], problem: dict[str, Any]) -> None:
         """Dismiss unfinished jobs, for a reason: at once where nobody is at it, else after what is in progress."""
@@ -144,14 +144,14 @@ class Jobs:
         query = select(JobRow.state, func.count()).where(JobRow.state.in_(UNFINISHED)).group_by(JobRow.state)
         return dict.fromkeys(UNFINISHED, 0) | {row[0]: row[1] for row in self._session.execute(query)}
 
-    def next(self, queue: Queue) -> JobRow | None:
+    def next(self, queue: Queue) -> JobRecord | None:
         """The oldest unfinished job of a queue, or None."""
-        query = select(JobRow).where(
+        query = _ALL.where(
             JobRow.state.in_(UNFINISHED),
             JobRow.caller == queue.caller,
             JobRow.collection_key == queue.collection_key,
         )
-        return self._session.scalar(query.order_by(JobRow.key).limit(1))
+        return _first(self._session.execute(query.order_by(JobRow.key).limit(1)))
 
     def unfinished(self, collection_key: int, kind: str) -> bool:
         """Whether the collection has an unfinished job of a kind."""
@@ -203,6 +203,15 @@ class Jobs:
             self._session.execute(
                 delete(JobRow).where(JobRow.id == job_id), execution_options={"synchronize_session": False}
             )
+
+
+_COLUMNS: Final = columns_of(JobRecord, JobRow)
+_ALL: Final = select(*_COLUMNS)
+
+
+def _first(rows: Result[*tuple[Any, ...]]) -> JobRecord | None:
+    row = rows.one_or_none()
+    return None if row is None else JobRecord(*row)
 
 
 def _superseded() -> ColumnElement[bool]:

@@ -7,7 +7,8 @@ from typing import Final
 from sqlalchemy import delete, func, select
 from sqlalchemy.orm import Session
 
-from server.store.tables import CollectionRow, MapFrameRow, SubmapRow
+from server.store.records import CollectionRecord
+from server.store.tables import MapFrameRow, SubmapRow
 
 DEFAULT_FRAME: Final = "map"
 """The map frame of poses that name none; the collection's own crs and origin are this frame's."""
@@ -25,7 +26,7 @@ class FrameReference:
 class MapFrames:
     """Repository of one collection's map frames; the session is the caller's, and so is the commit."""
 
-    def __init__(self, session: Session, collection: CollectionRow) -> None:
+    def __init__(self, session: Session, collection: CollectionRecord) -> None:
         self._session = session
         self._collection = collection
 
@@ -92,7 +93,7 @@ class MapFrames:
                 yield submap_id, x, y
 
 
-def _reference(row: MapFrameRow | CollectionRow) -> FrameReference:
+def _reference(row: MapFrameRow | CollectionRecord) -> FrameReference:
     if row.crs is None:
         raise AssertionError("only a frame with a crs has a reference")
     origin = None if row.origin_x is None or row.origin_y is None else (row.origin_x, row.origin_y)

@@ -1,12 +1,13 @@
 """Rows of stored queries, seen through one collection."""
 
-from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from datetime import UTC, datetime
-from typing import Any
 
-from sqlalchemy import delete, select
-from sqlalchemy.orm import Session, undefer
+from sqlalchemy import delete, func, insert, select
+from sqlalchemy.orm import Session
 
+from server.store.columns import columns_of
+from server.store.records import QueryRecord
 from server.store.tables import QueryRow
 
 
@@ -17,42 +18,27 @@ class Queries:
         self._session = session
         self._collection_key = collection_key
 
-    def add(
-        self,
-        number: int,
-        *,
-        candidates: Sequence[Mapping[str, Any]],
-        landmarks: bytes,
-        landmark_ids: bytes | None,
-        answer: bytes,
-    ) -> None:
-        """Store a query: its landmarks (float64 (N, 2)), their ids, the answer as JSON, and the candidates.
-
-        The candidates are the method's own, by landmark positions, which no later renaming of landmarks touches.
-        """
-        self._session.add(
-            QueryRow(
-                collection_key=self._collection_key,
-                number=number,
-                created=datetime.now(UTC),
-                candidates=[dict(candidate) for candidate in candidates],
-                landmarks=landmarks,
-                landmark_ids=landmark_ids,
-                answer=answer,
-            )
+    def add(self, record: QueryRecord) -> None:
+        """Store a query."""
+        values = {one.name: getattr(record, one.name) for one in fields(record)}
+        self._session.execute(
+            insert(QueryRow).values(**values, collection_key=self._collection_key, created=datetime.now(UTC))
         )
-        self._session.flush()
 
     def drop_through(self, number: int) -> None:
         """Remove the stored queries up to and including a number."""
         statement = delete(QueryRow).where(QueryRow.collection_key == self._collection_key, QueryRow.number <= number)
         self._session.execute(statement, execution_options={"synchronize_session": False})
 
-    def get(self, number: int) -> QueryRow | None:
+    def get(self, number: int) -> QueryRecord | None:
         """A stored query, or None."""
-        query = (
-            select(QueryRow)
-            .where(QueryRow.collection_key == self._collection_key, QueryRow.number == number)
-            .options(undefer(QueryRow.landmarks), undefer(QueryRow.landmark_ids), undefer(QueryRow.answer))
+        query = select(*columns_of(QueryRecord, QueryRow)).where(
+            QueryRow.collection_key == self._collection_key, QueryRow.number == number
         )
-        return self._session.scalar(query)
+        row = self._session.execute(query).one_or_none()
+        return None if row is None else QueryRecord(*row)
+
+    def last_number(self) -> int:
+        """The largest number of a query that is still stored, 0 if there is none."""
+        last = select(func.max(QueryRow.number)).where(QueryRow.collection_key == self._collection_key)
+        return self._session.scalar(last) or 0

@@ -7,7 +7,8 @@ from datetime import datetime
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
-from server.store.tables import SubmapRow, beside_key
+from server.store.sqlite.expressions import beside_key
+from server.store.tables import SubmapRow
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,8 @@ from sqlalchemy import delete, func, insert, literal, select, update
 from sqlalchemy.orm import Session
 
 from server.store.repositories.collections import Collections
-from server.store.tables import DeletionRow, StandRow, SubmapRow, beside_key
+from server.store.sqlite.expressions import beside_key
+from server.store.tables import DeletionRow, StandRow, SubmapRow
 
 _VARIABLES = 500  # keys per statement, well below SQLite's limit on bound values
 
@@ -63,7 +64,9 @@ class Stands:
 
     def members(self, stand_key: int) -> dict[str, int]:
         """Keys of the submaps that the stand stored, by id."""
-        query = select(SubmapRow.id, SubmapRow.key).where(SubmapRow.stand_key == stand_key)
+        query = select(SubmapRow.id, SubmapRow.key).where(
+            SubmapRow.collection_key == self._collection_key, SubmapRow.stand_key == stand_key
+        )
         return {row.id: row.key for row in self._session.execute(query)}
 
     def strays(self, name: str, frame_id: str) -> dict[str, int]:

@@ -1,11 +1,14 @@
 """Answers to writes that carried an Idempotency-Key."""
 
-from datetime import datetime
+from dataclasses import fields
+from datetime import UTC, datetime
 
-from sqlalchemy import delete, func, select
+from sqlalchemy import delete, func, insert, select
 from sqlalchemy.orm import Session
 
-from server.store.tables import IdempotencyRow
+from server.store.columns import columns_of
+from server.store.records import ResponseRecord
+from server.store.service_tables import IdempotencyRow
 
 _AT_ONCE = 100
 """Old answers that a new one removes: more than one, so that they get fewer, and few enough to be quick."""
@@ -19,26 +22,27 @@ class StoredResponses:
     def __init__(self, session: Session) -> None:
         self._session = session
 
-    def find(self, caller: str, operation: str, name: str, since: datetime) -> IdempotencyRow | None:
+    def find(self, caller: str, operation: str, name: str, since: datetime) -> ResponseRecord | None:
         """The answer that the caller got under that name, unless it is older than `since`."""
-        return self._session.scalar(
-            select(IdempotencyRow).where(
+        row = self._session.execute(
+            select(*columns_of(ResponseRecord, IdempotencyRow)).where(
                 IdempotencyRow.caller == caller,
                 IdempotencyRow.operation == operation,
                 IdempotencyRow.name == name,
                 IdempotencyRow.created >= since,
             )
-        )
+        ).one_or_none()
+        return None if row is None else ResponseRecord(*row)
 
-    def keep(self, row: IdempotencyRow, since: datetime) -> None:
+    def keep(self, record: ResponseRecord, since: datetime) -> None:
         """Store a response, in the place of one to the same key that is older than `since`.
 
         Others of that age go, too, and what is beyond the newest 100,000.
         """
         same_key = (
-            (IdempotencyRow.caller == row.caller)
-            & (IdempotencyRow.operation == row.operation)
-            & (IdempotencyRow.name == row.name)
+            (IdempotencyRow.caller == record.caller)
+            & (IdempotencyRow.operation == record.operation)
+            & (IdempotencyRow.name == record.name)
         )
         old = select(IdempotencyRow.key).where(IdempotencyRow.created < since).limit(_AT_ONCE)
         newest = select(func.max(IdempotencyRow.key)).scalar_subquery()
@@ -49,4 +53,5 @@ class StoredResponses:
             same_key,
         ):
             self._session.execute(delete(IdempotencyRow).where(stale), execution_options={"synchronize_session": False})
-        self._session.add(row)
+        values = {one.name: getattr(record, one.name) for one in fields(record)}
+        self._session.execute(insert(IdempotencyRow).values(**values, created=datetime.now(UTC)))

@@ -1,13 +1,14 @@
 """Rows of submaps, all seen through one collection: another collection's submap cannot be reached from here."""
 
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import fields
 from datetime import UTC, datetime
 from typing import Any, TypeVar, cast
 
 from sqlalchemy import (
     ColumnElement,
     Integer,
+    Row,
     Select,
     Table,
     bindparam,
@@ -18,91 +19,19 @@ from sqlalchemy import (
     select,
     update,
 )
-from sqlalchemy.orm import Session, undefer
+from sqlalchemy.orm import Session
 
 from server.store.codec import members_of, unpack_attributes
+from server.store.records import Identity, Place, SubmapMetadata, SubmapRecord
+from server.store.sqlite.expressions import beside_key
 from server.store.submap_filter import SubmapFilter, conditions_of
-from server.store.tables import DeletionRow, SubmapRow, beside_key
+from server.store.tables import DeletionRow, SubmapRow
 
 _T = TypeVar("_T")
+_K = TypeVar("_K", bound=SubmapMetadata)
 _VARIABLES = 500  # ids per statement, well below SQLite's limit on bound values
 _STRETCH = 1000  # submaps that are looked at in order before a filter's own index is
 _ROUNDING = 1e-9  # relative, and generous
-
-
-@dataclass(frozen=True, slots=True)
-class Place:
-    """A submap's pose in a map and its footprint there, metres and radians."""
-
-    map_frame_id: str
-    map_x: float
-    map_y: float
-    map_yaw: float
-    map_covariance: list[float] | None
-    map_min_x: float
-    map_min_y: float
-    map_max_x: float
-    map_max_y: float
-
-
-def stored_place(row: SubmapRow) -> Place | None:
-    """The place in a row, None when it has none."""
-    values = [getattr(row, name) for name in Place.__slots__]
-    return None if row.map_frame_id is None else Place(*values)
-
-
-_NO_PLACE: dict[str, Any] = dict.fromkeys(Place.__slots__)
-
-
-@dataclass(frozen=True, slots=True)
-class SubmapRecord:
-    """A submap as it is to be stored; the blobs are little-endian float64 (N, 2), JSON, JSON and packed features.
-
-    `features` is None where landmarks and diameters, and with them the features, are those that are stored already.
-    `stand_key` names the stand that stores it, None for a submap that belongs to none.
-    """
-
-    id: str
-    frame_id: str | None
-    session: str | None
-    stamp: datetime | None
-    landmark_count: int
-    polygon_count: int
-    counts: dict[str, int]
-    place: Place | None
-    properties: dict[str, Any] | None
-    landmarks_hash: str
-    etag: str
-    landmarks: bytes
-    landmark_ids: bytes | None
-    attributes: bytes | None
-    features: bytes | None
-    stand_key: int | None = None
-
-    def members(self) -> frozenset[str]:
-        """The optional members that it has, by their names in the API."""
-        return members_of(self.frame_id, self.session, self.stamp, self.place, self.properties, self.landmark_ids) | (
-            unpack_attributes(self.attributes).keys()
-        )
-
-    def columns(self) -> dict[str, Any]:
-        """Values by column name."""
-        values = {name: getattr(self, name) for name in self.__slots__ if name != "place"}
-        return values | (asdict(self.place) if self.place is not None else _NO_PLACE)
-
-
-@dataclass(frozen=True, slots=True)
-class Identity:
-    """What a write has to know about the submap it may replace."""
-
-    key: int
-    etag: str
-    landmarks_hash: str
-    landmark_count: int
-    polygon_count: int
-    revision: int
-    counts: dict[str, int]
-    attributes: bytes | None
 
 
 class Submaps:
@@ -112,10 +41,22 @@ class Submaps:
         self._session = session
         self._collection_key = collection_key
 
-    def get_whole(self, submap_id: str, *, features: bool = False) -> SubmapRow | None:
-        """The submap with its landmarks, and with its features if asked; or None."""
-        query = self._all().where(SubmapRow.id == submap_id).options(*_LANDMARKS)
-        return self._session.scalar(query.options(undefer(SubmapRow.features)) if features else query)
+    def get(self, submap_id: str, kind: type[_K]) -> _K | None:
+        """The submap of that id, as a record of a kind; or None."""
+        row = self._session.execute(self._select(kind).where(SubmapRow.id == submap_id)).one_or_none()
+        return None if row is None else _record(kind, row)
+
+    def every(self, kind: type[_K], batch: int = 200) -> Iterator[_K]:
+        """All submaps in the order they were added, as records of a kind, of which `batch` are read at once."""
+        query = self._select(kind).order_by(SubmapRow.key).execution_options(yield_per=batch)
+        return (_record(kind, row) for row in self._session.execute(query))
+
+    def totals(self) -> tuple[int, int, int]:
+        """How many submaps there are, and their landmarks and polygons."""
+        sums = (func.sum(SubmapRow.landmark_count), func.sum(SubmapRow.polygon_count))
+        mine = SubmapRow.collection_key == self._collection_key
+        row = self._session.execute(select(func.count(), *sums).where(mine)).one()
+        return row[0], row[1] or 0, row[2] or 0
 
     def identities(self, ids: Collection[str]) -> dict[str, Identity]:
         """Identities of those of the ids that exist."""
@@ -174,12 +115,12 @@ class Submaps:
             found.update({row.key: row.id for row in self._session.execute(query)})
         return found
 
-    def rows(self, keys: Collection[int]) -> list[SubmapRow]:
-        """Rows of submaps by key, without their landmarks, in the order of the keys."""
-        found: list[SubmapRow] = []
-        for some in _batches(sorted(keys)):
-            query = select(SubmapRow).where(beside_key(self._collection_key), SubmapRow.key.in_(some))
-            found += self._session.scalars(query.order_by(SubmapRow.key))
+    def some(self, keys: Collection[int], kind: type[_K]) -> list[_K]:
+        """Those of the submaps that exist, as records of a kind, in the order of the keys."""
+        found: list[_K] = []
+        for part in _batches(sorted(keys)):
+            query = select(*_columns(kind)).where(beside_key(self._collection_key), SubmapRow.key.in_(part))
+            found += (_record(kind, row) for row in self._session.execute(query.order_by(SubmapRow.key)))
         return found
 
     def insert(self, records: Sequence[SubmapRecord], revision: int) -> None:
@@ -222,17 +163,12 @@ class Submaps:
             execution_options={"synchronize_session": False},
         )
 
-    def page(self, chosen: SubmapFilter, *, after_key: int = 0, limit: int, landmarks: bool) -> Sequence[SubmapRow]:
-        """Up to `limit` submaps in the order they were added, beginning after a key."""
-        options = _LANDMARKS if landmarks else ()
+    def page(self, chosen: SubmapFilter, kind: type[_K], *, after_key: int = 0, limit: int) -> list[_K]:
+        """Up to `limit` submaps in the order they were added, beginning after a key, as records of a kind."""
         if chosen == SubmapFilter():
-            query = self._all().where(SubmapRow.key > after_key).order_by(SubmapRow.key).limit(limit)
-            return self._session.scalars(query.options(*options)).all()
-        rows: list[SubmapRow] = []
-        for some in _batches(self._page_keys(chosen, after_key, limit)):
-            of_keys = select(SubmapRow).where(beside_key(self._collection_key), SubmapRow.key.in_(some))
-            rows += self._session.scalars(of_keys.order_by(SubmapRow.key).options(*options))
-        return rows
+            query = self._select(kind).where(SubmapRow.key > after_key).order_by(SubmapRow.key).limit(limit)
+            return [_record(kind, row) for row in self._session.execute(query)]
+        return self.some(self._page_keys(chosen, after_key, limit), kind)
 
     def matching(self, chosen: SubmapFilter, among: Sequence[int] | None = None) -> set[int]:
         """Keys of the submaps that are chosen, of all or `among` a few hundred at most."""
@@ -273,11 +209,24 @@ class Submaps:
     def _keys(self) -> Select[int]:
         return select(SubmapRow.key).where(SubmapRow.collection_key == self._collection_key)
 
-    def _all(self) -> Select[SubmapRow]:
-        return select(SubmapRow).where(SubmapRow.collection_key == self._collection_key)
+    def _select(self, kind: type[_K]) -> Select[Any]:
+        return select(*_columns(kind)).where(SubmapRow.collection_key == self._collection_key)
 
 
-_LANDMARKS = (undefer(SubmapRow.landmarks), undefer(SubmapRow.landmark_ids), undefer(SubmapRow.attributes))
+_PLACE = tuple(one.name for one in fields(Place))
+
+
+def _names(kind: type[SubmapMetadata]) -> list[str]:
+    return [one.name for one in fields(kind) if one.name != "place"]
+
+
+def _columns(kind: type[SubmapMetadata]) -> list[Any]:
+    return [getattr(SubmapRow, name) for name in (*_PLACE, *_names(kind))]
+
+
+def _record(kind: type[_K], row: Row[Any]) -> _K:
+    place = None if row[0] is None else Place(*row[: len(_PLACE)])
+    return kind(**dict(zip(_names(kind), row[len(_PLACE) :], strict=True)), place=place)
 
 
 def _batches(items: list[_T]) -> Iterator[list[_T]]:

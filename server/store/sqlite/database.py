@@ -47,7 +47,7 @@ class Database:
         """
         self.path = Path(path).absolute()
         self.read_only = read_only
-        self._busy_timeout = busy_timeout
+        self.busy_timeout = busy_timeout
         # Queueing writers of this process here wakes them at once; SQLite's own waiting polls with growing sleeps.
         self._writer = threading.Lock()
         self._file_lock: int | None = None
@@ -106,7 +106,7 @@ class Database:
                     self._sentinel.open(self._connect)
 
     def _begin_wal(self) -> None:
-        deadline = time.monotonic() + self._busy_timeout
+        deadline = time.monotonic() + self.busy_timeout
         with closing(self._connect(create=self._create and not self._sentinel.watching)) as connection:
             while connection.execute("PRAGMA journal_mode").fetchone()[0] != "wal":
                 try:
@@ -122,7 +122,7 @@ class Database:
         with self._moving_in:
             if self._file_lock is None:
                 with storage_errors(self.path):
-                    self._file_lock = database_lock.share(self.path, self._busy_timeout, read_only=self.read_only)
+                    self._file_lock = database_lock.share(self.path, self.busy_timeout, read_only=self.read_only)
                 # What was opened before may be a file that is not of this name any more.
                 self.engine.dispose()
 
@@ -169,7 +169,7 @@ class Database:
         connection = sqlite3.connect(
             f"{self.path.as_uri()}?mode={access}",
             uri=True,
-            timeout=self._busy_timeout,
+            timeout=self.busy_timeout,
             isolation_level=None,  # BEGIN is ours to say, see _begin
             check_same_thread=False,
         )
@@ -198,7 +198,7 @@ class Database:
 
     @contextmanager
     def _one_writer(self) -> Iterator[None]:
-        if not self._writer.acquire(timeout=self._busy_timeout):
+        if not self._writer.acquire(timeout=self.busy_timeout):
             raise errors.StorageBusy(BUSY)
         try:
             yield

@@ -48,7 +48,7 @@ def share(database: Path, patience: float, *, read_only: bool = False) -> int | 
     while not try_lock(descriptor, shared=True):
         if time.monotonic() >= deadline:
             os.close(descriptor)
-            raise errors.StorageBusy(f"{database.name} is being restored; try again when that is done.")
+            raise errors.StorageBusy(f"{database.name} is being restored or upgraded; try again when that is done.")
         time.sleep(_POLL)
     return descriptor
 

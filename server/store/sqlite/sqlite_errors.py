@@ -13,6 +13,8 @@ from server import errors
 def domain_error(error: sqlite3.Error, path: Path) -> errors.StorageError | None:
     """The error of the domain that an error of SQLite on the database at `path` is; None for one of the program."""
     code = getattr(error, "sqlite_errorcode", None)
+    if code is None and "Could not decode to UTF-8" in str(error):
+        code = sqlite3.SQLITE_CORRUPT  # text whose bytes were damaged; the driver has no code for it
     known = _ERRORS.get(code & 0xFF) if isinstance(code, int) else None
     if known is None:
         return None
@@ -22,9 +24,14 @@ def domain_error(error: sqlite3.Error, path: Path) -> errors.StorageError | None
 
 @contextmanager
 def storage_errors(path: Path) -> Iterator[None]:
-    """What the disk says about files beside the database, in the words of the domain. Raises StorageError."""
+    """What the disk and SQLite say about a file, outside of a session, as errors of the domain. Raises StorageError."""
     try:
         yield
+    except sqlite3.Error as error:
+        known = domain_error(error, path)
+        if known is None:
+            raise
+        raise known from error
     except OSError as error:
         kind, sentence = _ERRORS[_DISK.get(error.errno or 0, sqlite3.SQLITE_IOERR)]
         raise kind(f"{sentence} ({path.name}: {error.strerror or error})") from error

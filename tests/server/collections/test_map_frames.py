@@ -1,6 +1,5 @@
 """A CRS and an origin for each map frame: where submaps are on Earth, and what cannot be there."""
 
-from pathlib import Path
 from typing import Any
 
 import httpx
@@ -9,14 +8,10 @@ import orjson
 import pytest
 from pyproj import Transformer
 
-from server.app import create_app
 from server.collections.georeference import Georeference
-from server.config.settings import Settings
-from server.store import migrations_runner
+from server.store.records import Place
 from server.store.repositories.map_frames import FrameReference
-from server.store.repositories.submaps import Place
-from server.store.sqlite.database import Database
-from tests.server.factories import TestClient, forest, points, put_submap
+from tests.server.factories import forest, points, put_submap
 
 PLOTS = "/v1/collections/plots"
 GEOJSON = {"Accept": "application/geo+json"}
@@ -227,25 +222,6 @@ def test_frames_of_a_collection_agree_or_are_changed(client: httpx.Client) -> No
     assert "frames" not in client.get("/v1/collections").json()["collections"][0]
     assert client.delete("/v1/collections/c").status_code == 204
     assert client.put("/v1/collections/c", json={}).json()["frames"] == {}
-
-
-@pytest.mark.parametrize(
-    ("frame_ids", "kept"), [(["stand"], {"stand": UTM_33}), (["map"], {}), (["a", "b"], {}), ([None], {})]
-)
-def test_an_older_collection_keeps_its_crs_for_its_only_frame(
-    tmp_path: Path, frame_ids: list[str | None], kept: dict[str, Any]
-) -> None:
-    path = tmp_path / "old.db"
-    with TestClient(create_app(Settings(database=str(path)))) as client:
-        client.put(PLOTS, json=UTM_33).raise_for_status()
-        for i, frame_id in enumerate(frame_ids):
-            pose = None if frame_id is None else {"frame_id": frame_id, "x": 0.0, "y": 0.0, "yaw": 0.0}
-            put_submap(client, "plots", f"p{i}", i, map_pose=pose).raise_for_status()
-    database = Database(path)
-    migrations_runner.downgrade(database, "0008")
-    database.dispose()
-    with TestClient(create_app(Settings(database=str(path)))) as client:
-        assert client.get(PLOTS).json()["frames"] == kept
 
 
 @pytest.mark.parametrize("trees", [[], [[1.0, 2.0]], [[1.0, 2.0], [5.0, 9.0]], [[float(i), 0.0] for i in range(5)]])

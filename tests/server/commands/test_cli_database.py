@@ -32,7 +32,11 @@ def copy(source: Path, target: Path) -> Path:
     ("damage", "where", "what"),
     [
         ("UPDATE submaps SET features = zeroblob(100) WHERE id = 'longleaf-2-2'", "stand/longleaf-2-2", "features"),
-        ("UPDATE submaps SET landmarks = zeroblob(16) WHERE id = 'longleaf-2-2'", "stand/longleaf-2-2", "landmarks"),
+        (
+            "UPDATE submaps SET landmarks_hash = '0' WHERE id = 'longleaf-2-2'",
+            "stand/longleaf-2-2",
+            "landmarks",
+        ),
         ("DELETE FROM submaps WHERE id = 'longleaf-2-2'", "stand", "submaps"),
         ("UPDATE collections SET config = '{\"bogus\": 1}'", "stand", "configuration"),
         ("DROP INDEX ix_submaps_footprint", "", "schema"),

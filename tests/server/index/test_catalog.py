@@ -19,9 +19,9 @@ from server.queries import lookup
 from server.schemas.collections import CollectionPut
 from server.schemas.queries import QueryAnswer, QueryInput
 from server.schemas.submaps import NamedSubmap, SubmapInput
+from server.store.records import CollectionRecord
 from server.store.repositories.feature_rows import FeatureRows, StoredFeatures
 from server.store.sqlite.database import Database
-from server.store.tables import CollectionRow
 from server.submaps import bulk, ingest
 from tests.server.factories import forest, points
 from tests.server.index import index_helpers
@@ -268,7 +268,7 @@ def test_a_reader_that_is_always_overtaken_gets_its_turn(
     assert two.found(1) == "a"
     catch_up, overtaken = LiveIndex.catch_up, list[int]()
 
-    def late(self: LiveIndex, session: Session, collection: CollectionRow, *rest: Any) -> IndexVersion:
+    def late(self: LiveIndex, session: Session, collection: CollectionRecord, *rest: Any) -> IndexVersion:
         # Another reader is faster, each time that it can be: between this one's snapshot and its catch-up.
         if not overtaken:
             overtaken.append(1)
@@ -344,7 +344,7 @@ def test_findings_tell_what_does_not_agree(database: Database) -> None:
         process.put(f"p{i}", i)
     statements = [
         "UPDATE collections SET submap_count = 7, landmark_count = 1, fingerprint = 'f'",
-        "UPDATE submaps SET landmarks = substr(landmarks, 1, 32) WHERE id = 'p0'",
+        "UPDATE submaps SET landmarks = zeroblob(length(landmarks)) WHERE id = 'p0'",
         "UPDATE submaps SET features = (SELECT features FROM submaps WHERE id = 'p2') WHERE id = 'p1'",
         "UPDATE submaps SET revision = 99 WHERE id = 'p3'",
         "INSERT INTO deletions SELECT key, collection_key, 99 FROM submaps WHERE id = 'p4'",
@@ -358,7 +358,8 @@ def test_findings_tell_what_does_not_agree(database: Database) -> None:
     assert ("plots/p1", "the features are not those of the landmarks") in found
     assert wheres.count("plots") == 5
     with database.write_connection() as connection:
-        connection.exec_driver_sql("UPDATE submaps SET landmark_ids = '[\"a\"]' WHERE id = 'p2'")
-    # What cannot be read is told alone: the rest would stumble over it.
-    assert {finding.where for finding in discrepancies(database)} == {"plots/p2"}
+        connection.exec_driver_sql("UPDATE submaps SET landmark_ids = CAST('[\"a\"]' AS BLOB) WHERE id = 'p2'")
+    assert ("plots/p2", "ids or attributes are not one for each landmark") in {
+        (finding.where, finding.what) for finding in discrepancies(database)
+    }
     process.database.dispose()

@@ -100,7 +100,6 @@ def test_a_job_whose_process_ended_is_resumed_with_care(tmp_path: Path) -> None:
             assert row is not None
             suspicion = []
             for starts in (1, 2, 3):
-                row.progress = {**row.progress, "starts": starts}
-                suspicion.append(Assignment(row, database, threading.Event(), 1.0, Budget()).is_suspect)
-            session.rollback()
+                begun = dataclasses.replace(row, progress={**row.progress, "starts": starts})
+                suspicion.append(Assignment(begun, database, threading.Event(), 1.0, Budget()).is_suspect)
     assert suspicion == [False, False, True]

@@ -4,6 +4,7 @@ import os
 import re
 import signal
 from collections.abc import Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 
 import httpx
@@ -189,7 +190,8 @@ def test_jobs_are_told_by_state(database: Database) -> None:
             )
             for number in range(4)
         ]
-        made[0].state, made[1].state = "running", "failed"
+        jobs.change(made[0].id, state="running", started=datetime.now(UTC))
+        jobs.change(made[1].id, state="failed", finished=datetime.now(UTC))
     samples = parsed(database_gauges.exposition(database, Metrics(), None).decode())
     told = {labels: value for (name, labels), value in samples.items() if name == "urquhart_jobs"}
     assert told == {(("state", "accepted"),): 2.0, (("state", "running"),): 1.0}

@@ -6,8 +6,9 @@ from server.collections import registry
 from server.config.settings import Limits
 from server.schemas.collections import CollectionPut
 from server.schemas.submaps import SubmapInput
+from server.store.records import SubmapContent
 from server.store.repositories.candidate_rows import FoundSubmap, found_submaps
-from server.store.repositories.submaps import Submaps, stored_place
+from server.store.repositories.submaps import Submaps
 from server.store.sqlite.database import Database
 from server.submaps import ingest
 from tests.server.factories import forest, points
@@ -29,7 +30,7 @@ def test_what_is_found_is_what_is_stored(database: Database) -> None:
     with database.read() as session:
         key = registry.get_collection(session, "plots").key
         submaps = Submaps(session, key)
-        rows = [row for row in (submaps.get_whole(f"p{seed}") for seed in range(3)) if row is not None]
+        rows = [row for row in (submaps.get(f"p{seed}", SubmapContent) for seed in range(3)) if row is not None]
         assert len(rows) == 3
         keys = [*range(10_000)]
         for landmarks in (True, False):
@@ -44,7 +45,7 @@ def test_what_is_found_is_what_is_stored(database: Database) -> None:
                     row.landmark_count,
                     row.content_revision,
                     row.landmark_ids,
-                    stored_place(row),
+                    row.place,
                     row.landmarks if landmarks else b"",
                 )
                 for row in rows

@@ -14,10 +14,11 @@ from sqlalchemy import func, select, update
 from server.security import api_keys
 from server.security.authenticator import Authenticator
 from server.security.principal import Scope
+from server.store.records import ResponseRecord
 from server.store.repositories import stored_responses
 from server.store.repositories.stored_responses import StoredResponses
+from server.store.service_tables import IdempotencyRow
 from server.store.sqlite.database import Database
-from server.store.tables import IdempotencyRow
 from tests.server.factories import forest, points
 from tests.server.processes import Server
 
@@ -54,16 +55,15 @@ def test_answers_outlive_the_process(tmp_path: Path, serve: Callable[..., Server
     assert again.headers["Idempotency-Replayed"] == "true"
 
 
-def _row(operation: str, name: str) -> IdempotencyRow:
-    return IdempotencyRow(
+def _row(operation: str, name: str) -> ResponseRecord:
+    return ResponseRecord(
         caller="",
         operation=operation,
         name=name,
-        digest="d",
+        digest="d" * 64,
         status=201,
         headers={},
         body=b"{}",
-        created=datetime.now(UTC),
     )
 
 

@@ -26,8 +26,8 @@ from server.security import api_keys, authenticator
 from server.security.principal import Principal, Scope
 from server.snapshots import restoring
 from server.store.repositories.collections import Collections
+from server.store.service_tables import KeyRow
 from server.store.sqlite.database import Database
-from server.store.tables import KeyRow
 from tests.server.factories import TestClient, forest, points, put_submap
 from tests.server.served import Served, Threaded, read_all, wait_until
 

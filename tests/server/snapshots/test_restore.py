@@ -231,20 +231,6 @@ def test_keys_are_those_of_then(process: Process) -> None:
     store.dispose()
 
 
-def test_a_snapshot_of_an_older_version_is_upgraded(process: Process, tmp_path: Path) -> None:
-    process.put("p", 1)
-    shutil.copy(snapshot(process).file, tmp_path / "older.db")
-    older = Database(tmp_path / "older.db")
-    migrations_runner.downgrade(older, "0004")
-    older.dispose()
-    with closing(sqlite3.connect(tmp_path / "older.db")) as connection:
-        connection.execute("PRAGMA journal_mode = DELETE")
-    content = (tmp_path / "older.db").read_bytes()
-    restore(find(tmp_path / "new.db", str(tmp_path / "older.db")), tmp_path / "new.db")
-    agreed(tmp_path / "new.db")
-    assert (tmp_path / "older.db").read_bytes() == content
-
-
 # ---------------------------------------------------------------- what is refused
 
 
@@ -361,7 +347,7 @@ def test_who_comes_meanwhile_waits(process: Process) -> None:
     process.close()
     with database_lock.exclusive(path):
         impatient = Database(path, busy_timeout=0.05)
-        with pytest.raises(DomainError, match="is being restored"):
+        with pytest.raises(DomainError, match="is being restored or upgraded"):
             migrations_runner.upgrade(impatient)
         impatient.dispose()
 

@@ -263,12 +263,3 @@ def test_a_running_service_answers_from_the_new_stand_only(service: Any, client:
         assert answer["verdict"] == "matched"
         assert {round(one["map_pose"]["x"], 3) for one in answer["candidates"] if not one["refused"]} == {round(x, 3)}
     assert client.get("/v1/collections/c").json()["counts"]["submaps"] == len(ids_in(service.database.path))
-
-
-def test_check_finds_submaps_whose_stand_is_not_there(database: Database) -> None:
-    put_stand(database, as_map(stand_trees()))
-    with database.write_connection() as connection:
-        connection.exec_driver_sql("DELETE FROM stands")
-    found = list(discrepancies(database))
-    assert len(found) == len(ids_in(database.path))
-    assert {one.what for one in found} == {"belongs to a stand that is not there, or to one of another collection"}

@@ -1,14 +1,16 @@
 """The file: versions, and what happens when it is another's, newer, full, read-only, busy or damaged."""
 
+import re
 import sqlite3
 import threading
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 
+import alembic.op
 import pytest
 from fastapi import FastAPI
-from sqlalchemy import event
+from sqlalchemy import create_engine, event
 
 from server.app import create_app
 from server.checks.integrity import discrepancies
@@ -29,6 +31,8 @@ from server.schemas.collections import CollectionPut
 from server.schemas.submaps import NamedSubmap, SubmapInput
 from server.store import migrations_runner
 from server.store.sqlite.database import Database
+from server.store.sqlite.file_checks import schema_of
+from server.store.tables import CollectionRow
 from server.submaps import bulk, ingest
 from tests.server.factories import Client, TestClient, forest, points, put_submap
 
@@ -39,18 +43,41 @@ def test_migrations_make_what_the_tables_declare(tmp_path: Path) -> None:
     assert migrations_runner.upgrade(database) is False
     assert migrations_runner.current_revision(database) == migrations_runner.expected_revision()
     assert migrations_runner.drift(database) == []
-    migrations_runner.downgrade(database, "base")
-    assert migrations_runner.current_revision(database) is None
-    assert migrations_runner.drift(database) != []
-    assert migrations_runner.upgrade(database) is True
-    assert migrations_runner.drift(database) == []
+    with database.read_connection() as connection:
+        made = schema_of(connection)
+    with create_engine("sqlite://").begin() as connection:
+        CollectionRow.metadata.create_all(connection)
+        declared = schema_of(connection)
+    assert {name: spelled(sql) for name, sql in made.items() if name != "alembic_version"} == {
+        name: spelled(sql) for name, sql in declared.items()
+    }
     assert list(discrepancies(database)) == []
     database.dispose()
 
 
+def spelled(statement: str) -> str:
+    """A statement without what means nothing in it: quotes around names, spaces, the ends of lines."""
+    return re.sub(r"\s*([(),])\s*|\s+", lambda found: found[1] or " ", statement.replace('"', "")).strip()
+
+
+def test_what_differs_from_the_migrations_is_named(database: Database) -> None:
+    with database.write_connection() as connection:
+        connection.exec_driver_sql("DROP INDEX ix_submaps_width")
+        connection.exec_driver_sql("CREATE TABLE birds (name TEXT)")
+        connection.exec_driver_sql("DROP TABLE map_frames")
+        connection.exec_driver_sql("CREATE TABLE map_frames (frame_id TEXT)")
+    assert migrations_runner.drift(database) == [
+        "birds is not known",
+        "ix_submaps_width is missing",
+        "map_frames is another",
+    ]
+
+
 def test_a_failed_upgrade_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     database = Database(tmp_path / "new.db")
-    monkeypatch.setattr("alembic.op.create_index", lambda *_, **__: 1 / 0)
+    statements = iter(range(5, -1, -1))
+    execute = alembic.op.execute
+    monkeypatch.setattr("alembic.op.execute", lambda statement: execute(statement) or 1 / next(statements))
     with pytest.raises(ZeroDivisionError):
         migrations_runner.upgrade(database)
     monkeypatch.undo()
@@ -248,18 +275,28 @@ def test_a_full_disk_is_an_error_of_the_domain(database: Database) -> None:
     [
         ("DROP INDEX ix_submaps_footprint", "ix_submaps_footprint"),
         ("UPDATE collections SET config = '{\"colour\": 1}'", "configuration cannot be used"),
-        ("INSERT INTO queries VALUES (1, 99, 7, 0, '[]', x'', NULL, x'')", "not there"),
-        ("INSERT INTO queries VALUES (1, 1, 7, 0, '[]', x'', NULL, x'')", "query 7 is stored"),
+        ("INSERT INTO queries VALUES (1, 99, 7, 0, '[]', x'', NULL, CAST('{}' AS BLOB))", "not there"),
+        ("INSERT INTO queries VALUES (1, 1, 7, 0, '[]', x'', NULL, CAST('{}' AS BLOB))", "query 7 is stored"),
         ("UPDATE submaps SET counts = '{}'", "the row says {}"),
-        ("UPDATE submaps SET landmark_count = 59", "the landmarks are not those"),
+        ("UPDATE submaps SET landmark_count = 59", "CHECK constraint failed in submaps"),
+        ("UPDATE submaps SET landmarks = zeroblob(960)", "the landmarks are not those"),
     ],
 )
 def test_findings_name_each_kind_of_disagreement(database: Database, statement: str, told: str) -> None:
     registry.ensure(database, "plots", CollectionPut())
     ingest.put(database, "plots", "p", SubmapInput.model_validate({"xy": points(forest(1))}), Limits())
     with closing(sqlite3.connect(database.path, isolation_level=None)) as connection:
+        connection.execute("PRAGMA ignore_check_constraints = ON")
         connection.execute(statement)
     assert told in "; ".join(finding.what for finding in discrepancies(database))
+
+
+def test_text_whose_bytes_are_damaged(database: Database) -> None:
+    registry.ensure(database, "plots", CollectionPut())
+    with database.write_connection() as connection:
+        connection.exec_driver_sql("UPDATE collections SET title = CAST(x'ff70' AS TEXT)")
+    with pytest.raises(StorageDamaged, match="db check"):
+        list(discrepancies(database))
 
 
 def test_findings_of_a_database_that_is_not_upgraded(tmp_path: Path) -> None:

@@ -11,10 +11,11 @@ import pytest
 from sqlalchemy import event
 
 from server.store import migrations_runner
+from server.store.records import Place, SubmapMetadata, SubmapRecord
 from server.store.repositories import submaps as store
 from server.store.repositories.collections import Collections
 from server.store.repositories.sessions import Sessions
-from server.store.repositories.submaps import Place, SubmapRecord, Submaps
+from server.store.repositories.submaps import Submaps
 from server.store.sqlite.database import Database
 from server.store.submap_filter import SubmapFilter
 from tests.server.factories import put_submap
@@ -29,19 +30,20 @@ def record(i: int, rng: np.random.Generator) -> SubmapRecord:
     width = 900.0 if i % 100 == 7 else float(rng.uniform(10.0, 60.0))
     frame = str(rng.choice(["map", "other"]))
     place = Place(frame, x, y, 0.0, None, x - width / 2, y - 20.0, x + width / 2, y + 20.0)
+    trees = int(rng.integers(3, 10))
     return SubmapRecord(
         id=f"s{i}",
         frame_id=None,
         session=None if rng.random() < 0.2 else f"d{rng.integers(5)}",
         stamp=None if rng.random() < 0.2 else START + timedelta(hours=float(rng.uniform(0, 100))),
-        landmark_count=int(rng.integers(3, 10)),
+        landmark_count=trees,
         polygon_count=0,
         counts={},
         place=None if rng.random() < 0.2 else place,
         properties=None,
         landmarks_hash="h",
         etag=f"e{i}",
-        landmarks=b"",
+        landmarks=bytes(16 * trees),
         landmark_ids=None,
         attributes=None,
         features=b"",
@@ -117,7 +119,7 @@ def test_pages_hold_what_is_chosen_in_order(
             by, limit = a_filter(rng, records), int(rng.integers(1, 60))
             expected = [one.id for one in records if chosen(one, by)]
             seen, after = list[str](), 0
-            while rows := submaps.page(by, after_key=after, limit=limit, landmarks=False):
+            while rows := submaps.page(by, SubmapMetadata, after_key=after, limit=limit):
                 assert len(rows) <= limit
                 seen += [row.id for row in rows]
                 after = rows[-1].key
@@ -145,7 +147,7 @@ def test_filters_are_answered_by_their_index(tmp_path: Path, by: SubmapFilter, i
     said: list[str] = []
     event.listen(database.engine, "connect", lambda connection, _: connection.set_trace_callback(said.append))
     with database.read() as session:
-        Submaps(session, 1).page(by, limit=10, landmarks=False)
+        Submaps(session, 1).page(by, SubmapMetadata, limit=10)
         last = [statement for statement in said if " submaps" in statement][-1]
         plan = [row[-1] for row in session.connection().exec_driver_sql(f"EXPLAIN QUERY PLAN {last}").all()]
     assert index in plan[0]
