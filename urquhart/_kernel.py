@@ -3,20 +3,30 @@
 No fast-math: two triangles must find the same length for the edge they share.
 """
 
+import hashlib
+import re
 from collections.abc import Callable
+from functools import cache
+from pathlib import Path
 from typing import Final, ParamSpec, TypeVar, cast
 
-from numba import njit
+from numba import config, njit
+from numba.core import caching
 from numba.core.dispatcher import Dispatcher
 
 P = ParamSpec("P")
 R = TypeVar("R")
 _KERNELS: Final[list[Dispatcher]] = []
+_IMPORT: Final = re.compile(r"^from ((?:urquhart|server)[\w.]*) import (\([^)]*\)|.*)$", re.MULTILINE)
 
 
 def kernel(function: Callable[P, R]) -> Callable[P, R]:
     """Compile `function` at its first call; keep its type for the checker."""
-    dispatcher = njit(cache=True, nogil=True, error_model="numpy")(function)
+    before, config.CACHE_LOCATOR_CLASSES = config.CACHE_LOCATOR_CLASSES, _LOCATORS
+    try:
+        dispatcher = njit(cache=True, nogil=True, error_model="numpy")(function)
+    finally:
+        config.CACHE_LOCATOR_CLASSES = before
     _KERNELS.append(dispatcher)
     return cast(Callable[P, R], dispatcher)
 
@@ -24,3 +34,67 @@ def kernel(function: Callable[P, R]) -> Callable[P, R]:
 def count_kernels() -> tuple[int, int]:
     """Number of kernels that this process has compiled or loaded from the cache, and number of all kernels."""
     return sum(bool(dispatcher.signatures) for dispatcher in _KERNELS), len(_KERNELS)
+
+
+class _BySources:
+    """Keeps what is compiled in a folder that is named after a hash of the sources.
+
+    numba looks at the time and size of the kernel's own file alone. But a compiled kernel contains the kernels that it
+    calls and the constants that it uses, also those of other files, and would go on with them after an update.
+    """
+
+    _py_file: str
+    _cache_path: str
+
+    def get_cache_path(self) -> str:
+        """Where it is kept."""
+        return str(Path(self._cache_path) / f"kernels-{_digest(self._py_file)}")
+
+    def get_source_stamp(self) -> str:
+        """Nothing: the name of the folder says all, also where files were copied and have other times."""
+        return ""
+
+
+class NamedFolder(_BySources, caching.UserProvidedCacheLocator):  # type: ignore[misc]
+    """The folder that NUMBA_CACHE_DIR names."""
+
+
+class BesideSources(_BySources, caching.InTreeCacheLocator):  # type: ignore[misc]
+    """Beside the package, where that can be written."""
+
+
+class OfTheUser(_BySources, caching.UserWideCacheLocator):  # type: ignore[misc]
+    """The user's folder for caches."""
+
+
+_LOCATORS: Final = ",".join(f"{__name__}.{one.__name__}" for one in (NamedFolder, BesideSources, OfTheUser))
+
+
+def _digest(path: str) -> str:
+    """Hash of a module, and of all modules of the product that it imports, directly or not."""
+    known, left = dict[Path, bytes](), [Path(path)]
+    while left:
+        source = left.pop()
+        if source not in known:
+            known[source], imported = _read(source)
+            left += imported
+    return hashlib.sha256(b"".join(sorted(known.values()))).hexdigest()[:16]
+
+
+@cache
+def _read(source: Path) -> tuple[bytes, tuple[Path, ...]]:
+    """Hash of a file, and the files of the modules that it imports by `from ... import`."""
+    content, root, imported = source.read_bytes(), _root(source).parent, list[Path]()
+    for module, names in _IMPORT.findall(content.decode("utf-8")):
+        place = root.joinpath(*module.split("."))
+        for name in ("", *re.findall(r"\w+", names)):
+            imported += [(place / name).with_suffix(".py"), place / name / "__init__.py"]
+    return hashlib.sha256(content).digest(), tuple(file for file in imported if file.is_file())
+
+
+def _root(source: Path) -> Path:
+    """The folder of the outermost package that a file belongs to."""
+    folder = source.parent
+    while (folder.parent / "__init__.py").is_file():
+        folder = folder.parent
+    return folder

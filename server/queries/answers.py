@@ -153,6 +153,22 @@ def finding_answers(findings: Sequence[Finding], ids: Mapping[int, str]) -> list
     ]
 
 
+def _inliers(candidate: Candidate, found: FoundSubmap, query_names: Sequence[str]) -> list[Inlier]:
+    """The pairs of landmarks: most of an answer, and made several times faster by pydantic than one by one."""
+    submap_names = unpack_ids(found.landmark_ids, found.landmark_count)
+    return _INLIERS.validate_python(
+        [
+            {"query": query_names[q], "submap": submap_names[s], "residual": residual}
+            for q, s, residual in zip(
+                candidate.query_indices.tolist(),
+                candidate.submap_indices.tolist(),
+                candidate.residuals.tolist(),
+                strict=True,
+            )
+        ]
+    )
+
+
 def _candidate_answer(
     rank: int,
     collection_id: str,
@@ -163,22 +179,7 @@ def _candidate_answer(
 ) -> CandidateAnswer:
     count = len(candidate.query_indices)
     given = allowance.take(count)
-    submap_names = unpack_ids(found.landmark_ids, found.landmark_count)
     place = found.place
-    # Inliers are most of an answer. Passed as dicts, pydantic builds them several times faster than Python would.
-    inliers = (
-        [
-            {"query": query_names[q], "submap": submap_names[s], "residual": residual}
-            for q, s, residual in zip(
-                candidate.query_indices.tolist(),
-                candidate.submap_indices.tolist(),
-                candidate.residuals.tolist(),
-                strict=True,
-            )
-        ]
-        if given
-        else []
-    )
     return CandidateAnswer(
         rank=rank,
         submap_id=found.id,
@@ -187,7 +188,7 @@ def _candidate_answer(
         frame_id=found.frame_id,
         transform=transform_answer(candidate.transform, candidate.uncertainty),
         map_pose=None if place is None else query_in_map(place, candidate.transform, candidate.uncertainty),
-        inliers=_INLIERS.validate_python(inliers),
+        inliers=_inliers(candidate, found, query_names) if given else [],
         inlier_count=count,
         inliers_omitted=0 if given else count,
         inlier_ratio=candidate.inlier_ratio,

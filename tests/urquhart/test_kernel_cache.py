@@ -1,0 +1,85 @@
+"""Compiled kernels on the disk: used again while their sources are the same, and never after that."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import urquhart._kernel
+
+INNER = """\
+from typing import NamedTuple
+
+from urquhart._kernel import kernel
+
+
+class {name}(NamedTuple):
+    factor: float = {factor}
+
+
+NUMBERS = {name}()
+
+
+@kernel
+def scaled(x: float) -> float:
+    return NUMBERS.factor * x
+"""
+OUTER = """\
+from urquhart._kernel import kernel
+from urquhart.inner import (
+    scaled,
+)
+
+
+@kernel
+def shifted(x: float) -> float:
+    return scaled(x) + 1.0
+"""
+ASK = "from urquhart.outer import shifted as f; print(f(1.0), sum(f.stats.cache_hits.values()))"
+
+
+@pytest.fixture
+def package(tmp_path: Path) -> Path:
+    """A package of two modules, one of which calls a kernel of the other."""
+    folder = tmp_path / "urquhart"
+    folder.mkdir()
+    (folder / "__init__.py").touch()
+    shutil.copy(urquhart._kernel.__file__, folder / "_kernel.py")
+    (folder / "inner.py").write_text(INNER.format(name="Numbers", factor="2.0"))
+    (folder / "outer.py").write_text(OUTER)
+    return folder
+
+
+def asked(package: Path) -> tuple[float, int]:
+    """What the outer kernel says in a new process, and whether it came from the disk."""
+    environment = {**os.environ, "PYTHONPATH": str(package.parent), "PYTHONDONTWRITEBYTECODE": "1"}
+    environment.pop("NUMBA_CACHE_DIR", None)
+    done = subprocess.run(
+        [sys.executable, "-c", ASK], cwd=package.parent, env=environment, capture_output=True, text=True, check=True
+    )
+    value, hits = done.stdout.split()
+    return float(value), int(hits)
+
+
+@pytest.mark.parametrize("change", [("Numbers", "3.0"), ("Factors", "3.0")], ids=["a constant", "a class, too"])
+def test_a_kernel_is_compiled_again_when_one_that_it_calls_has_changed(package: Path, change: tuple[str, str]) -> None:
+    """Also where file times and sizes say nothing of it, as after an update that was unpacked with old times."""
+    inner = package / "inner.py"
+    times = inner.stat()
+    assert asked(package) == (3.0, 0)
+    assert asked(package) == (3.0, 1)
+    name, factor = change
+    inner.write_text(INNER.format(name=name, factor=factor))
+    os.utime(inner, ns=(times.st_atime_ns, times.st_mtime_ns))
+    assert asked(package) == (4.0, 0)
+
+
+def test_copied_files_keep_their_compiled_kernels(package: Path, tmp_path: Path) -> None:
+    """An image that was built elsewhere does not compile again, though its files have other times."""
+    assert asked(package) == (3.0, 0)
+    os.utime(package / "outer.py", (0, 0))
+    os.utime(package / "inner.py", (0, 0))
+    assert asked(package) == (3.0, 1)
