@@ -10,8 +10,8 @@ from functools import cache
 from pathlib import Path
 from typing import Final, ParamSpec, TypeVar, cast
 
-from numba import config, njit
-from numba.core import caching
+from numba import njit
+from numba.core import caching, config
 from numba.core.dispatcher import Dispatcher
 
 P = ParamSpec("P")
@@ -22,11 +22,12 @@ _IMPORT: Final = re.compile(r"^from ((?:urquhart|server)[\w.]*) import (\([^)]*\
 
 def kernel(function: Callable[P, R]) -> Callable[P, R]:
     """Compile `function` at its first call; keep its type for the checker."""
-    before, config.CACHE_LOCATOR_CLASSES = config.CACHE_LOCATOR_CLASSES, _LOCATORS
+    before = vars(config)["CACHE_LOCATOR_CLASSES"]
+    vars(config)["CACHE_LOCATOR_CLASSES"] = _LOCATORS
     try:
         dispatcher = njit(cache=True, nogil=True, error_model="numpy")(function)
     finally:
-        config.CACHE_LOCATOR_CLASSES = before
+        vars(config)["CACHE_LOCATOR_CLASSES"] = before
     _KERNELS.append(dispatcher)
     return cast(Callable[P, R], dispatcher)
 
@@ -55,15 +56,15 @@ class _BySources:
         return ""
 
 
-class NamedFolder(_BySources, caching.UserProvidedCacheLocator):  # type: ignore[misc]
+class NamedFolder(_BySources, caching.UserProvidedCacheLocator):
     """The folder that NUMBA_CACHE_DIR names."""
 
 
-class BesideSources(_BySources, caching.InTreeCacheLocator):  # type: ignore[misc]
+class BesideSources(_BySources, caching.InTreeCacheLocator):
     """Beside the package, where that can be written."""
 
 
-class OfTheUser(_BySources, caching.UserWideCacheLocator):  # type: ignore[misc]
+class OfTheUser(_BySources, caching.UserWideCacheLocator):
     """The user's folder for caches."""
 
 
