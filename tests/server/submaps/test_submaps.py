@@ -77,7 +77,7 @@ def test_stamps_are_kept_to_the_microsecond(client: httpx.Client) -> None:
         assert (again.json()["outcome"], again.headers["ETag"]) == ("unchanged", first.headers["ETag"])
     other = put_submap(client, "plots", "p1", 1, stamp="2026-05-04T09:30:00.123457Z")
     assert other.json()["outcome"] == "replaced"
-    assert "Kept to the microsecond" in client.get("/openapi.json").text
+    assert "Stored to the microsecond" in client.get("/openapi.json").text
 
 
 def test_a_stamp_is_the_same_moment_in_every_offset(client: httpx.Client, service: Service) -> None:
