@@ -48,7 +48,7 @@ def make_old(path: Path, submaps: int = 3) -> Database:
     return database
 
 
-def test_features_are_made_anew_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_features_are_rebuilt_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     database = make_old(tmp_path / "old.db", submaps=5)
     monkeypatch.setattr(feature_backfill, "_BATCH", 2)
     migrations_runner.upgrade(database)
