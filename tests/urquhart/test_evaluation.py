@@ -41,7 +41,7 @@ def test_pairs_are_counted_as_the_paper_says() -> None:
     assert score(reported, right, positive) == Outcomes(2, 1, 1)
 
 
-def test_a_outcomes_reports_ever_fewer_pairs() -> None:
+def test_higher_thresholds_report_fewer_pairs() -> None:
     rng = np.random.default_rng(0)
     strength, right, positive = rng.integers(0, 50, 400), rng.random(400) < 0.6, rng.random(400) < 0.5
     outcomes = outcomes_by_threshold(strength.astype(np.float64), right, positive, range(0, 60, 5))
