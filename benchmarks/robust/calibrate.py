@@ -7,6 +7,7 @@ differ, and so does every tree but the real ones.
 import hashlib
 import json
 import os
+from datetime import date
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
@@ -183,6 +184,7 @@ def write(fitted: Calibration, answers: NDArray[Any], seed: int, *, adopt: bool)
     held["fit"] = {
         "command": f"{COMMAND} --record",
         "seed": seed,
+        "date": date.today().isoformat(),
         "commit": commit(),
         "answers": len(answers),
         **described,

@@ -7,6 +7,8 @@ import numpy as np
 
 from benchmarks.experiments import Figures, provenance
 from benchmarks.markdown import number, page, picture, prose, table
+from benchmarks.robust.calibrate import read as read_calibration
+from benchmarks.robust.calibration_report import calibration_section
 from benchmarks.robust.grid import CLUTTERS, DETECTIONS, SIGMAS
 from benchmarks.robust.plots import KINDS, NAMES, grid_rates
 from benchmarks.robust.table1 import PEERS
@@ -19,7 +21,8 @@ COUNTED: Final = 10
 
 def write_report(results: Mapping[str, Figures]) -> str:
     """The part of the page, from the figures of the experiments that were run, by name."""
-    return page(_head(results), *(write(results[name]) for name, write in SECTIONS.items() if name in results))
+    sections = [write(results[name]) for name, write in SECTIONS.items() if name in results]
+    return page(_head(results), *sections, calibration_section(read_calibration()))
 
 
 def _head(results: Mapping[str, Figures]) -> str:
@@ -31,9 +34,8 @@ def _head(results: Mapping[str, Figures]) -> str:
             forest it is in. The *oracle* is the same verification with the same gate, handed the true pose: what no
             search can beat. A match is *wrong* when the pose is not the true one (off by more than 1 m or 3 degrees; in
             the paper's own forests by more than the paper's bounds), and *false* when the place is not in the
-            database at all. The numbers of the confidence are fitted on
-            other forests (`python -m benchmarks.robust.calibrate`, other seeds), rounded within what two fits differ
-            by."""
+            database at all. The numbers of the confidence are fitted on other forests, with other seeds:
+            [below](#where-the-confidence-comes-from)."""
         ),
         provenance({name: figures for name, figures in results.items() if figures["seconds"]}),
     )
