@@ -1,4 +1,5 @@
-"""The tables of the database, how columns are encoded, and the versions of the schema.
+"""The tables of the database, the records that stand for their rows, how columns are encoded, the schema's versions.
 
-`sqlite/` holds the file, `repositories/` the queries. Imports `store.sqlite`, `platform` and `errors`.
+`sqlite/` holds the file, `repositories/` the queries. Rows of tables are used only here.
+Imports `store.sqlite`, `platform` and `errors`.
 """

@@ -24,6 +24,8 @@ from server.store.sqlite.sqlite_errors import BUSY, domain_error, storage_errors
 _WRITE = "urquhart_write"
 _PIECE = 256  # pages of a copy that are written at once, about a megabyte
 _POOL_SIZE = 64  # above the threads that serve requests, so that no request waits for a connection
+_OLDEST = (3, 37, 0)
+"""The first version of SQLite with strict tables; older ones call a database that has them damaged."""
 _log = logging.getLogger(__name__)
 
 
@@ -45,6 +47,11 @@ class Database:
 
         `create`: `use_wal` makes the file where there is none. Nothing else does.
         """
+        if sqlite3.sqlite_version_info < _OLDEST:
+            raise errors.StorageUnavailable(
+                f"This Python has SQLite {sqlite3.sqlite_version}, and strict tables need 3.37 or newer. Install the "
+                "service with a newer Python or a newer SQLite library."
+            )
         self.path = Path(path).absolute()
         self.read_only = read_only
         self.busy_timeout = busy_timeout

@@ -103,6 +103,12 @@ def test_several_processes_may_upgrade_at_once(tmp_path: Path) -> None:
         database.dispose()
 
 
+def test_an_older_sqlite_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sqlite3, "sqlite_version_info", (3, 34, 1))
+    with pytest.raises(StorageUnavailable, match=r"3\.37 or newer"):
+        Database(tmp_path / "new.db")
+
+
 def test_pragmas(database: Database) -> None:
     with database.read() as session:
         connection = session.connection()
