@@ -37,7 +37,7 @@ def groups(model: type[BaseModel]) -> list[str]:
 
 
 def variable(name: str) -> str:
-    """The environment variable of a setting: `limits.page_default` -> `URQUHART_LIMITS__PAGE`."""
+    """The environment variable of a setting: `limits.page_default` -> `URQUHART_LIMITS__PAGE_DEFAULT`."""
     return PREFIX + name.replace(".", NESTED).upper()
 
 
