@@ -137,7 +137,7 @@ def sentence(report: StandReport) -> str:
         f"{report.name}: {stand.trees} trees -> {report.submaps} submaps "
         f"({outcome.created} new, {outcome.replaced} replaced, {outcome.unchanged} unchanged) "
         f"in {report.seconds:.1f} s, {rate}",
-        f"{outcome.removed} old ones removed",
+        f"{outcome.removed} removed that the stand had before",
         f"{stand.skipped} grid points skipped (fewer than {MINIMUM_TREES} trees)",
         f"{stand.merged} trees merged with a thicker neighbour within 1 cm",
     ]
