@@ -17,6 +17,7 @@ from server.commands.support.options import DatabaseOption, DbhUnit, Ignored
 from server.index.catalog import Catalog
 from server.observability.metrics import Metrics
 from server.queries.lookup import LookupResult, QueryContext, look_up
+from server.queries.query import PlaceQuery
 from server.schemas.queries import QueryAnswer, QueryInput
 from server.stem_maps.reader import StemMap, read_stem_map
 from server.stem_maps.stands import landmarks_of
@@ -65,7 +66,8 @@ def locate(
         catalog, metrics = Catalog(store, Metrics()), Metrics()
         query = _query(observation, limit, seed, file, explain=explain or explain_svg is not None)
         to_draw = svg is not None or explain_svg is not None
-        look = look_up(QueryContext(store, catalog, metrics, settings.limits), collection, query, to_draw=to_draw)
+        asked = PlaceQuery.of(query, settings.limits)
+        look = look_up(QueryContext(store, catalog, metrics, settings.limits), collection, asked, to_draw=to_draw)
         _draw(look, observation.name, svg, explain_svg)
     finally:
         store.dispose()

@@ -15,8 +15,8 @@ from server.collections.registry import get_collection
 from server.errors import InvalidField
 from server.queries.lookup import LookupResult
 from server.queries.poses import flat, transform_answer
+from server.queries.query import Exclusion, PlaceQuery
 from server.schemas.constraints import ConstraintsInput
-from server.schemas.queries import Exclude, QueryInput
 from server.store.records import SubmapMetadata
 from server.store.repositories.submaps import Submaps
 from server.store.sqlite.database import Database
@@ -52,17 +52,16 @@ def check_ids(database: Database, collection_id: str, body: ConstraintsInput) ->
             raise InvalidField(f"there is no submap {name!r}", code="not_found", pointer=f"/submap_ids/{number}")
 
 
-def question(row: SubmapMetadata, body: ConstraintsInput, most: int) -> QueryInput:
+def question(row: SubmapMetadata, body: ConstraintsInput, most: int) -> PlaceQuery:
     """The query that looks a submap up among all others that it may be paired with, with `most` candidates."""
     wanted = body.exclude
     # A submap without a session shares it with no other, and one without a stamp is close to none in time.
     possible = row.session is not None or not wanted.same_session
     possible = possible and (row.stamp is not None or wanted.within_seconds is None)
-    exclude = Exclude()
+    exclude = Exclusion()
     if possible:
-        session = row.session if wanted.same_session else None
-        exclude = Exclude(session=session, within_seconds=wanted.within_seconds)
-    return QueryInput(submap_id=row.id, limit=min(body.per_submap, most), exclude=exclude, pairs=False)
+        exclude = Exclusion((), row.session if wanted.same_session else None, wanted.within_seconds)
+    return PlaceQuery(None, submap_id=row.id, limit=min(body.per_submap, most), exclude=exclude, pairs=False)
 
 
 def from_look(row: SubmapMetadata, look: LookupResult, body: ConstraintsInput) -> list[Found]:

@@ -11,6 +11,7 @@ from server.parsing.field_errors import invalid_body
 from server.problem_types import document
 from server.queries.answers import Shares, carried
 from server.queries.lookup import QueryContext, answer_query, shown
+from server.queries.query import PlaceQuery
 from server.queries.stored import AnswerKey, kept_answer
 from server.resources.idempotency import IdempotencyKey
 from server.schemas.queries import BatchAnswer, BatchInput, BatchProblem, QueryAnswer, QueryInput
@@ -76,7 +77,7 @@ class _Member:
         Raises KeyReused, and errors of the service, which concern the whole batch.
         """
         try:
-            query = QueryInput.model_validate(members)
+            query = PlaceQuery.of(QueryInput.model_validate(members), self.context.limits)
             if query.store:
                 self.caller.require(Scope.WRITE)
                 stored = kept_answer(self.context.database, self.collection_id, self.key)

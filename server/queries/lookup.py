@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from datetime import datetime
 from functools import wraps
 from typing import Concatenate, Final, ParamSpec
 
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 
 import urquhart
 from server.config.settings import Limits
-from server.errors import InvalidField, NotFound, TooLarge
+from server.errors import NotFound
 from server.index.catalog import Catalog, View
 from server.observability.metrics import Metrics
 from server.observability.request_log import note_query
@@ -27,18 +26,17 @@ from server.queries.answers import (
     within,
 )
 from server.queries.explanations import QueryExplanation, sentences
-from server.queries.filters import keys_excluded, keys_near
+from server.queries.query import PlaceQuery, QueryLandmarks
 from server.queries.search import SubmapSearch, describe_query
 from server.queries.stored import NO_KEY, AnswerKey, NewAnswer, keep
 from server.resources import links
 from server.schemas.candidates import CandidateAnswer
-from server.schemas.queries import QueryAnswer, QueryInput, QueryLinks
-from server.store.codec import diameters_of, position_names, unpack_diameters, unpack_ids, unpack_positions
+from server.schemas.queries import QueryAnswer, QueryLinks
+from server.store.codec import unpack_diameters, unpack_ids, unpack_positions
 from server.store.records import CollectionRecord, SubmapContent
 from server.store.repositories.candidate_rows import found_submaps
 from server.store.repositories.submaps import Submaps
 from server.store.sqlite.database import Database
-from server.submaps.preparation import check_landmark_count
 from urquhart import (
     Budget,
     Candidate,
@@ -64,24 +62,6 @@ class QueryContext:
     catalog: Catalog
     metrics: Metrics
     limits: Limits
-
-
-@dataclass(frozen=True, slots=True)
-class QueryLandmarks:
-    """The landmarks of a query: (N, 2) float64, metres, query frame. `ids` is None if they are the positions in the
-    list.
-
-    `diameters`: (N,) float64, metres, NaN where unknown; None if all are.
-    """
-
-    xy: NDArray[np.float64]
-    diameters: NDArray[np.float64] | None
-    ids: list[str] | None
-    frame_id: str | None
-    stamp: datetime | None
-
-    def names(self) -> list[str]:
-        return self.ids if self.ids is not None else position_names(len(self.xy))
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +101,7 @@ class LookupResult:
 def answer_query(
     context: QueryContext,
     collection_id: str,
-    body: QueryInput,
+    query: PlaceQuery,
     *,
     key: AnswerKey = NO_KEY,
     pairs: int | None = None,
@@ -134,23 +114,23 @@ def answer_query(
     `pairs`: most pairs of landmarks in the answer, by default `limits.answer_pairs`. With a `budget`, the search ends
     `limits.query_seconds` or `timeout_ms` after the budget began; without one it takes as long as it needs.
     """
-    budget = None if budget is None else share_of(budget, body, context.limits)
-    look = look_up(context, collection_id, body, budget=budget)
+    budget = None if budget is None else share_of(budget, query, context.limits)
+    look = look_up(context, collection_id, query, budget=budget)
     answer = look.answer
-    if body.store:
+    if query.store:
         new = NewAnswer(look.collection, look.asked.xy, look.asked.ids, look.candidates, answer)
         answer = keep(context.database, context.limits, new, key)
-    return shown(answer, body, pairs)
+    return shown(answer, query, pairs)
 
 
-def shown(answer: QueryAnswer, body: QueryInput, pairs: int | None = None) -> QueryAnswer:
+def shown(answer: QueryAnswer, query: PlaceQuery, pairs: int | None = None) -> QueryAnswer:
     """An answer with at most so many pairs. A stored answer has more of them, for later requests."""
-    if not body.pairs:
+    if not query.pairs:
         pairs = 0
     if pairs is not None:
         answer = within(answer, pairs)
     unasked = {"findings": None, "findings_total": None, "sentences": None}
-    return answer if body.explain else answer.model_copy(update=unasked)
+    return answer if query.explain else answer.model_copy(update=unasked)
 
 
 def _retry_without_damaged_segments(
@@ -169,7 +149,7 @@ def _retry_without_damaged_segments(
 def look_up(
     context: QueryContext,
     collection_id: str,
-    body: QueryInput,
+    query: PlaceQuery,
     *,
     pending: PendingSubmap | None = None,
     to_draw: bool = False,
@@ -181,37 +161,35 @@ def look_up(
     the search ends when that is spent, and without an answer if it is abandoned.
 
     Too few or collinear landmarks are an answer, not an error. Raises NotFound (the collection, or `submap_id`),
-    InvalidLandmarks, InvalidField, TooLarge, StorageError, and Abandoned (the caller has gone).
+    InvalidLandmarks, InvalidField, StorageError, and Abandoned (the caller has gone).
     """
     limits = context.limits
-    check_landmark_count(body, limits)
-    _check_sizes(body, limits)
     pin_threads()
     with context.catalog.view(collection_id) as view:
         submaps = Submaps(view.session, view.collection.key)
-        asked, own = _asked(submaps, body)
-        excluded = keys_excluded(submaps, body.exclude, asked.stamp)
+        asked, own = _asked(submaps, query)
+        excluded = query.exclude.keys(submaps, asked.stamp)
         if own is not None:
             excluded.add(own.key)
         if pending is not None and pending.id is not None:
             excluded.update(submaps.keys([pending.id]).values())
-        most = min(body.limit, limits.candidates)  # the default is lower only if the operator's limit is
         if pending is not None:
             observation = pending.description
         else:
             own_key = None if own is None else own.key
-            observation = describe_query(view, body, asked.xy, asked.diameters, own_key, budget)
+            observation = describe_query(view, asked, query.pointer, own_key, budget)
         if isinstance(observation.result, Features):
-            search = SubmapSearch(view, body, observation.result, most, keys_near(submaps, body.near), budget)
+            only = None if query.near is None else query.near.keys(submaps)
+            search = SubmapSearch(view, query, observation.result, query.limit, only, budget)
             found, warnings = search.find(excluded)
         else:
             found, warnings = unsearched(observation.result), ()
         found = replace(found, stages=observation.stages + found.stages)
         keys = {candidate.key for candidate in found.candidates} | {rival.key for rival in found.rivals[:1]}
         rows = found_submaps(view.session, view.collection.key, keys, landmarks=to_draw)
-        pairs = limits.answer_pairs if body.pairs or body.store else 0
+        pairs = limits.answer_pairs if query.pairs or query.store else 0
         candidates = candidate_answers(view.collection.id, found.candidates, rows, asked.names(), pairs)
-        answer = _answer(view, body, asked, found, candidates, warnings)
+        answer = _answer(view, query, asked, found, candidates, warnings)
         landmarks = {one.id: unpack_positions(one.landmarks) for one in rows.values()} if to_draw else {}
         revisions = {one.id: one.content_revision for one in rows.values()}
         if own is not None:
@@ -220,18 +198,17 @@ def look_up(
     return LookupResult(asked, view.collection, answer, found.candidates, landmarks, revisions)
 
 
-def _asked(submaps: Submaps, body: QueryInput) -> tuple[QueryLandmarks, SubmapContent | None]:
+def _asked(submaps: Submaps, query: PlaceQuery) -> tuple[QueryLandmarks, SubmapContent | None]:
     """The landmarks of the query, and the stored submap that they are from if it names one. Raises NotFound."""
-    if body.submap_id is None:
-        xy, diameters, ids = body.positions(), diameters_of(body.attributes()), body.landmark_ids()
-        return QueryLandmarks(xy, diameters, ids, body.frame_id, body.stamp), None
-    row = submaps.get(body.submap_id, SubmapContent)
+    if query.landmarks is not None:
+        return query.landmarks, None
+    row = None if query.submap_id is None else submaps.get(query.submap_id, SubmapContent)
     if row is None:
-        raise NotFound("submap", body.submap_id)
+        raise NotFound("submap", query.submap_id or "")
     xy = unpack_positions(row.landmarks)
     ids = None if row.landmark_ids is None else unpack_ids(row.landmark_ids, len(xy))
-    diameters = unpack_diameters(row.attributes)
-    return QueryLandmarks(xy, diameters, ids, body.frame_id or row.frame_id, body.stamp or row.stamp), row
+    frame_id, stamp = query.frame_id or row.frame_id, query.stamp or row.stamp
+    return QueryLandmarks(xy, unpack_diameters(row.attributes), ids, frame_id, stamp), row
 
 
 def _observe(metrics: Metrics, answer: QueryAnswer) -> None:
@@ -241,26 +218,15 @@ def _observe(metrics: Metrics, answer: QueryAnswer) -> None:
     note_query(answer.verdict, ((stage.name, stage.milliseconds) for stage in answer.stages))
 
 
-def share_of(budget: Budget, body: QueryInput, limits: Limits) -> Budget:
+def share_of(budget: Budget, query: PlaceQuery, limits: Limits) -> Budget:
     """The part of a request's budget that the search may use, so that the answer is ready at the deadline."""
-    seconds = limits.query_seconds
-    if body.timeout_ms is not None:
-        seconds = min(seconds, body.timeout_ms / 1000.0)
+    seconds = limits.query_seconds if query.seconds is None else min(limits.query_seconds, query.seconds)
     return budget.within(seconds - min(_TO_ANSWER, _ANSWER_SHARE * seconds) - budget.elapsed)
-
-
-def _check_sizes(body: QueryInput, limits: Limits) -> None:
-    if body.limit > limits.candidates and "limit" in body.model_fields_set:
-        detail = f"must be at most {limits.candidates}, the limit candidates"
-        raise InvalidField(detail, code="less_than_equal", pointer="/limit")
-    excluded = len(body.exclude.submap_ids)
-    if excluded > limits.excluded_submaps:
-        raise TooLarge("excluded_submaps", limits.excluded_submaps, excluded, "Exclude fewer submaps.")
 
 
 def _answer(
     view: View,
-    body: QueryInput,
+    query: PlaceQuery,
     asked: QueryLandmarks,
     found: Recognition,
     candidates: list[CandidateAnswer],
@@ -268,7 +234,7 @@ def _answer(
 ) -> QueryAnswer:
     collection_id, submaps = view.collection.id, Submaps(view.session, view.collection.key)
     # Stored answers are complete, so that they can always be explained.
-    findings = strongest(found.findings) if body.explain or body.store else None
+    findings = strongest(found.findings) if query.explain or query.store else None
     ids = submaps.ids({known.key for known in (*found.rivals, *(findings or ()))})
     answer = QueryAnswer(
         id=None,
@@ -277,7 +243,7 @@ def _answer(
         reason=found.reason,
         frame_id=asked.frame_id,
         stamp=asked.stamp,
-        method=body.method,
+        method=query.method,
         revision=view.revision,
         landmark_count=len(asked.xy),
         lead=found.lead,

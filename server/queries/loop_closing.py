@@ -10,9 +10,9 @@ from sqlalchemy.orm import Session
 
 from server.errors import InvalidField
 from server.index.derived import config_of, features_of
-from server.queries.filters import keys_excluded, keys_near
 from server.queries.lookup import PendingSubmap, QueryContext, look_up, share_of, shown
-from server.schemas.queries import QueryAnswer, QueryInput
+from server.queries.query import PlaceQuery
+from server.schemas.queries import QueryAnswer
 from server.store.records import CollectionRecord
 from server.store.repositories.feature_rows import FeatureRows
 from server.store.repositories.submaps import Submaps
@@ -31,11 +31,11 @@ class LoopQuestion:
     """Where else a submap was seen, among all that is stored before it."""
 
     def __init__(
-        self, context: QueryContext, collection_id: str, body: QueryInput, own_id: str | None, budget: Budget
+        self, context: QueryContext, collection_id: str, query: PlaceQuery, own_id: str | None, budget: Budget
     ) -> None:
         """`own_id`: id of the submap if the caller gave one. What is stored under it is left out of the search."""
         self._context = context
-        self._collection_id, self._body, self._own_id, self._budget = collection_id, body, own_id, budget
+        self._collection_id, self._query, self._own_id, self._budget = collection_id, query, own_id, budget
         self._observation: Description | None = None
         self._answer: QueryAnswer | None = None
 
@@ -45,13 +45,13 @@ class LoopQuestion:
             look = look_up(
                 self._context,
                 self._collection_id,
-                self._body,
+                self._query,
                 pending=PendingSubmap(self._own_id, observation),
-                budget=share_of(self._budget, self._body, self._context.limits),
+                budget=share_of(self._budget, self._query, self._context.limits),
             )
         except InvalidField as error:
             raise error.below("/query") from error
-        self._observation, self._answer = observation, shown(look.answer, self._body)
+        self._observation, self._answer = observation, shown(look.answer, self._query)
         return self._answer
 
     def confirm(self, session: Session, collection: CollectionRecord, own_key: int | None, turn: int) -> QueryAnswer:
@@ -73,8 +73,8 @@ class LoopQuestion:
         changed = [key for key in submaps.changed_since(revision, 2 * _FEW) if key != own_key]
         if not changed:
             return []
-        near = keys_near(submaps, self._body.near, among=changed)
-        excluded = keys_excluded(submaps, self._body.exclude, self._body.stamp, among=changed)
+        near = None if self._query.near is None else self._query.near.keys(submaps, changed)
+        excluded = self._query.exclude.keys(submaps, self._query.stamp, changed)
         left = [key for key in changed if key not in excluded and (near is None or key in near)]
         # Others may follow after those that were read.
         return changed if len(changed) + 1 >= 2 * _FEW else left

@@ -4,12 +4,11 @@ import time
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from server.index.catalog import View
 from server.queries.contradictions import COMPARED, without_contradictions
 from server.queries.per_session import by_session
-from server.schemas.queries import QueryInput
+from server.queries.query import PlaceQuery, QueryLandmarks
 from server.store.repositories.candidate_rows import found_submaps
 from server.store.repositories.map_frames import MapFrames
 from server.store.repositories.sessions import Sessions
@@ -21,28 +20,18 @@ _UNFOUND = frozenset({"below_gate", "verification_failed", "no_proposal"})
 
 
 def describe_query(
-    view: View,
-    body: QueryInput,
-    xy: NDArray[np.float64],
-    diameters: NDArray[np.float64] | None,
-    key: int | None,
-    budget: Budget | None,
+    view: View, landmarks: QueryLandmarks, pointer: str, key: int | None, budget: Budget | None
 ) -> Description:
     """Describe the landmarks of a query, unless they are those of the stored submap `key`, whose features are stored.
 
-    Args:
-        xy: (N, 2), metres, query frame.
-        diameters: (N,), NaN where one is not known; None where none is.
-
-    Raises:
-        InvalidLandmarks, Abandoned.
+    `pointer`: JSON pointer to the landmarks in the request. Raises InvalidLandmarks and Abandoned.
     """
     if key is not None:
         return Description(view.recognizer.features(key))
     try:
-        return describe_observation(xy, view.recognizer.config, diameters, budget or Budget())
+        return describe_observation(landmarks.xy, view.recognizer.config, landmarks.diameters, budget or Budget())
     except LandmarkError as error:
-        raise invalid_landmarks(error, body) from error
+        raise invalid_landmarks(error, pointer) from error
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +40,7 @@ class SubmapSearch:
 
     Attributes:
         view: the collection at the revision that is searched.
-        body: the query, for its method and its seed.
+        query: for its method and its seed.
         observation: features of the query's landmarks.
         most: candidates to find.
         only: keys of the submaps to search; None for all.
@@ -59,7 +48,7 @@ class SubmapSearch:
     """
 
     view: View
-    body: QueryInput
+    query: PlaceQuery
     observation: Features
     most: int
     only: set[int] | None
@@ -67,23 +56,23 @@ class SubmapSearch:
 
     def find(self, excluded: set[int]) -> tuple[Recognition, tuple[str, ...]]:
         """The answer, and warnings."""
-        if self.body.per_session:
+        if self.query.per_session:
             sessions = Sessions(self.view.session, self.view.collection.key)
             found = by_session(self, sessions, excluded, self.most)
         else:
             found = self(excluded)
         # A search for the mirror image takes as long again.
-        return self._try_mirrored(found, excluded) if self.body.explain else (found, ())
+        return self._try_mirrored(found, excluded) if self.query.explain else (found, ())
 
     def __call__(self, excluded: set[int]) -> Recognition:
         """The best candidates in all submaps except those with these keys."""
         found = self.view.recognizer.recognize(
             self.observation,
             limit=max(self.most, COMPARED),
-            method=self.body.method,
+            method=self.query.method,
             exclude=excluded,
             only=self.only,
-            rng=None if self.body.seed is None else np.random.default_rng(self.body.seed),
+            rng=None if self.query.seed is None else np.random.default_rng(self.query.seed),
             budget=self.budget,
         )
         accepted = [one.key for one in found.candidates if one.refused is None]

@@ -10,6 +10,7 @@ from server.http.negotiation import JSON, SVG, choose
 from server.http.responses import json_response, problems
 from server.queries import lookup, stored
 from server.queries.batch import answer_batch
+from server.queries.query import PlaceQuery
 from server.routes.dependencies import Accept, CollectionId, IdempotencyKeyDep, PrincipalDep, ServiceDep, in_time
 from server.schemas import examples
 from server.schemas.queries import BatchAnswer, BatchInput, ExplanationAnswer, MatchAnswer, QueryAnswer, QueryInput
@@ -55,12 +56,12 @@ def query(
     headers = {}
     if body.store:
         caller.require(Scope.WRITE)
-    key = stored.AnswerKey(idempotency_key)
-    answer = stored.kept_answer(service.database, collection, key) if body.store else None
+    asked, key = PlaceQuery.of(body, service.limits), stored.AnswerKey(idempotency_key)
+    answer = stored.kept_answer(service.database, collection, key) if asked.store else None
     if answer is not None:
-        answer, headers = lookup.shown(answer, body), {"Idempotency-Replayed": "true"}
+        answer, headers = lookup.shown(answer, asked), {"Idempotency-Replayed": "true"}
     else:
-        answer = lookup.answer_query(service.queries, collection, body, key=key, budget=budget)
+        answer = lookup.answer_query(service.queries, collection, asked, key=key, budget=budget)
     if answer.links.self:
         headers["Location"] = answer.links.self
     return json_response(answer, headers=headers)

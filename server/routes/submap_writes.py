@@ -4,12 +4,14 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Response
 
+from server.errors import InvalidField
 from server.http.admission.admission import BudgetDep
 from server.http.json_body import JsonRoute
 from server.http.negotiation import JSON
 from server.http.responses import problems, stored_response
 from server.platform.ids import new_id
 from server.queries.loop_closing import LoopQuestion
+from server.queries.query import PlaceQuery
 from server.routes.dependencies import (
     CollectionId,
     IdempotencyKeyDep,
@@ -110,7 +112,11 @@ def _question(
 ) -> LoopQuestion:
     """The query before the submap is stored, None without one. Raises Forbidden."""
     caller.require(Scope.READ)
-    return LoopQuestion(service.queries, collection, body.question(), submap, budget)
+    try:
+        query = PlaceQuery.of(body.question(), service.limits)
+    except InvalidField as error:
+        raise error.below("/query") from error
+    return LoopQuestion(service.queries, collection, query, submap, budget)
 
 
 def _answered(service: Service, stored: ingest.Stored) -> Response:

@@ -50,7 +50,7 @@ class Trees:
             try:
                 self._features = urquhart.describe(self.xy, config, unpack_diameters(self.attributes))
             except LandmarkError as error:
-                raise invalid_landmarks(error, self._body) from error
+                raise invalid_landmarks(error, self._body.landmark_pointer) from error
         return self._features
 
 
@@ -184,9 +184,9 @@ def check_properties(properties: dict[str, Any] | None, limits: Limits) -> None:
         )
 
 
-def invalid_landmarks(error: LandmarkError, body: LandmarkBody) -> InvalidLandmarks:
+def invalid_landmarks(error: LandmarkError, pointer: str) -> InvalidLandmarks:
     """The method's error, with a pointer to the field that has the landmarks."""
-    return InvalidLandmarks(body.landmark_pointer, error.code, str(error), error.indices)
+    return InvalidLandmarks(pointer, error.code, str(error), error.indices)
 
 
 def place_from(pose: MapPose | PlacedPose | None, xy: NDArray[np.float64]) -> Place | None:

@@ -16,6 +16,7 @@ from server.index.catalog import Catalog
 from server.index.maintenance import Maintenance
 from server.observability.metrics import Metrics
 from server.queries import lookup
+from server.queries.query import PlaceQuery
 from server.schemas.queries import QueryAnswer, QueryInput
 from server.schemas.submaps import NamedSubmap, SubmapInput
 from server.store.repositories.segments import SegmentRecord, Segments
@@ -62,9 +63,9 @@ class Process:
 
     def ask(self, seed: int) -> QueryAnswer:
         """Query with a forest."""
-        body = QueryInput.model_validate({"xy": points(trees(seed))})
+        query = PlaceQuery.of(QueryInput.model_validate({"xy": points(trees(seed))}), LIMITS)
         return lookup.answer_query(
-            lookup.QueryContext(self.database, self.catalog, self.metrics, LIMITS), "plots", body
+            lookup.QueryContext(self.database, self.catalog, self.metrics, LIMITS), "plots", query
         )
 
     def found(self, seed: int) -> str | None:

@@ -16,6 +16,7 @@ from server.index.catalog import Catalog
 from server.index.live_index import IndexVersion, LiveIndex
 from server.observability.metrics import Metrics
 from server.queries import lookup
+from server.queries.query import PlaceQuery
 from server.schemas.collections import CollectionPut
 from server.schemas.queries import QueryAnswer, QueryInput
 from server.schemas.submaps import NamedSubmap, SubmapInput
@@ -46,8 +47,8 @@ class CatalogProcess:
 
     def ask(self, seed: int) -> QueryAnswer:
         """Query with a forest."""
-        body = QueryInput.model_validate({"xy": points(forest(seed))})
-        return lookup.answer_query(lookup.QueryContext(self.database, self.catalog, Metrics(), LIMITS), "plots", body)
+        query = PlaceQuery.of(QueryInput.model_validate({"xy": points(forest(seed))}), LIMITS)
+        return lookup.answer_query(lookup.QueryContext(self.database, self.catalog, Metrics(), LIMITS), "plots", query)
 
     def found(self, seed: int) -> str | None:
         """The submap that a forest is matched to."""
