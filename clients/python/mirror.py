@@ -30,7 +30,7 @@ _WORDS = {
     "__enter__": "__aenter__",
     "__exit__": "__aexit__",
     "The blocking client": "The awaiting client",
-    "is made of it by": "is made by",
+    "generates `_async` from it": "generates it from `_sync`",
 }
 
 

@@ -47,7 +47,7 @@ def merge(flush_context: FlushContext, collection_key: int, state: IndexVersion,
     make it look intact.
 
     Raises:
-        Unusable: a segment is not what was written.
+        UnusableSegment: a segment is not what was written.
         OSError, StorageError, Stopped.
     """
     with flush_context.folder.lock("merge") as held:

@@ -129,7 +129,7 @@ class LiveIndex:
             most: changed submaps that may be held in memory; None for any number.
 
         Raises:
-            Overtaken, TooMany, Unusable: it cannot be had so; the state is as it was.
+            Superseded, TooManyChanges, UnusableSegment: it cannot be had so; the state is as it was.
         """
         state = self.state
         if state is not None and state.is_of(collection):

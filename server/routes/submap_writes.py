@@ -110,7 +110,7 @@ def post_submap(
 def _question(
     service: Service, caller: Principal, collection: str, submap: str | None, body: ArrivingSubmap, budget: Budget
 ) -> LoopQuestion:
-    """The query before the submap is stored, None without one. Raises Forbidden."""
+    """The query before the submap is stored. Raises Forbidden."""
     caller.require(Scope.READ)
     try:
         query = PlaceQuery.of(body.question(), service.limits)

@@ -54,7 +54,7 @@ def unpack_attributes(blob: bytes | None) -> dict[str, list[Any]]:
 def diameters_of(attributes: Mapping[str, list[Any]] | None) -> NDArray[np.float64] | None:
     """Stem diameters (N,) float64, metres, NaN where one is not known; None where none is.
 
-    `attributes` are lists by position, by name. Centimetres become metres here and nowhere else.
+    `attributes` are lists by position, by name. The arrays of diameters inside the service are in metres.
     """
     known = (attributes or {}).get("dbh_cm")
     if known is None:

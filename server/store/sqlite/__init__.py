@@ -1,4 +1,4 @@
 """The SQLite file: connections, transactions, its lock, and errors translated to the domain's.
 
-The only room that knows SQLite. Imports `platform` and `errors`.
+The only room that knows SQLite, but for a word in the definitions of the tables. Imports `platform` and `errors`.
 """

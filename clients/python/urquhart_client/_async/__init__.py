@@ -1,1 +1,1 @@
-"""The awaiting client. `mirror.py` generates `_async` from it."""
+"""The awaiting client. `mirror.py` generates it from `_sync`."""
