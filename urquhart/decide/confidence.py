@@ -2,7 +2,8 @@
 
 Chance. Evidence is a log-likelihood ratio at the best pose. A collection offers very many poses, and the best of many
 wrong ones looks better than a single wrong one. So the log-odds are the evidence minus a penalty: the logarithm of how
-many times more poses there are in all than the landmarks leave possible (Laplace's approximation of the Bayes factor: the Occam factor).
+many times more poses there are in all than the landmarks leave possible (Laplace's approximation of the Bayes factor:
+the Occam factor).
 
 Rivals. A forest that repeats itself, such as rows of a plantation, gives wrong poses more evidence than a model of
 independent trees predicts. So the evidence that a wrong pose can reach is measured in the data at hand: it is that of
