@@ -13,9 +13,9 @@ from functools import partial
 from typing import Final
 
 from server.index.catalog import Catalog
-from server.index.compaction import due, merge
 from server.index.flushing import Progress, Stopped, count_uncovered, flush, flush_state
 from server.index.live_index import LiveIndex, UnusableSegment
+from server.index.merging import due, merge
 from server.observability.metrics import Metrics
 from server.platform.threads import pin_threads
 from server.store.repositories.collections import Collections

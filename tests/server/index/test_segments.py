@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 
 from server.checks.agreement import index_discrepancies
 from server.collections import registry
-from server.index.compaction import FANOUT, plan
 from server.index.flushing import flush, rebuild
+from server.index.merging import FANOUT, plan
 from server.index.segment_folder import SegmentFolder
 from server.schemas.collections import CollectionPut
 from server.store.repositories.feature_rows import FeatureRows
