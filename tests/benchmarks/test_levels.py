@@ -17,7 +17,7 @@ from benchmarks.markdown import FOLDER
 from urquhart import Features
 from urquhart.features.description import describe_observation
 
-SMALL = ("extended grid, one submap each", "plantations, 36 submaps", "real stands")
+SMALL = ("extended grid, one submap each", "plantations, 36 submaps")
 
 
 @pytest.mark.parametrize("name", SMALL)

@@ -136,7 +136,7 @@ def test_little_or_nothing_to_merge() -> None:
 
 
 def test_unusable_input_is_refused() -> None:
-    with pytest.raises(ValueError, match="2 submaps and 1 poses"):
+    with pytest.raises(ValueError, match="2 submaps but 1 poses"):
         merge([np.zeros((1, 2)), np.zeros((1, 2))], [STILL])
     with pytest.raises(ValueError, match="finite"):
         merge([np.array([[np.nan, 0.0]])], [STILL])

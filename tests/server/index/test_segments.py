@@ -344,7 +344,7 @@ def test_the_file_of_another(process: Process) -> None:
             folder.open(listed, key, other)
     assert len(folder.open(first, 1, config)) == 5
     shutil.copy(folder.file(second.name), folder.file(first.name))
-    with pytest.raises(ValueError, match="is of name"):
+    with pytest.raises(ValueError, match="says name"):
         folder.open(first, 1, config)
     process = again(process)
     assert process.held() == {f"p{i}" for i in (*range(5), *range(10, 15))}
