@@ -290,3 +290,12 @@ def test_lines_that_are_refused_leave_nothing_in_memory(database: Database) -> N
     assert sum(len(result.refused) for result in results) == 200
     del results
     assert refusals() <= before
+
+
+def test_refused_lines_hold_no_functions_that_hold_them(plots: Database) -> None:
+    """Such cycles are left to the garbage collector, and while it looks through thousands nobody is answered."""
+    kinds = [b'{"id": "a", "xy": 5}', b'{"id": "a b", "xy": []}', b'{"id": 1', b'{"id": "a", "xy": [[1, 2]]}']
+    results = list(ingest_lines(plots, "plots", kinds * 20, LineOptions(workers=describers(1))))
+    errors = [refusal.error for result in results for refusal in result.refused]
+    assert len(errors) == 80
+    assert [error.__traceback__ for error in errors] == [None] * 80
