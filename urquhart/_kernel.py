@@ -71,6 +71,7 @@ class OfTheUser(_BySources, caching.UserWideCacheLocator):
 _LOCATORS: Final = ",".join(f"{__name__}.{one.__name__}" for one in (NamedFolder, BesideSources, OfTheUser))
 
 
+@cache
 def _digest(path: str) -> str:
     """Hash of a module, and of all modules of the product that it imports, directly or not."""
     known, left = dict[Path, bytes](), [Path(path)]
