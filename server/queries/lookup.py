@@ -168,7 +168,9 @@ def look_up(
     with context.catalog.view(collection_id) as view:
         submaps = Submaps(view.session, view.collection.key)
         asked, own = _asked(submaps, query)
-        excluded = query.exclude.keys(submaps, asked.stamp)
+        if own is not None:
+            query = replace(query, frame_id=query.frame_id or own.frame_id, stamp=query.stamp or own.stamp)
+        excluded = query.exclude.keys(submaps, query.stamp)
         if own is not None:
             excluded.add(own.key)
         if pending is not None and pending.id is not None:
@@ -207,8 +209,7 @@ def _asked(submaps: Submaps, query: PlaceQuery) -> tuple[QueryLandmarks, SubmapC
         raise NotFound("submap", query.submap_id or "")
     xy = unpack_positions(row.landmarks)
     ids = None if row.landmark_ids is None else unpack_ids(row.landmark_ids, len(xy))
-    frame_id, stamp = query.frame_id or row.frame_id, query.stamp or row.stamp
-    return QueryLandmarks(xy, unpack_diameters(row.attributes), ids, frame_id, stamp), row
+    return QueryLandmarks(xy, unpack_diameters(row.attributes), ids), row
 
 
 def _observe(metrics: Metrics, answer: QueryAnswer) -> None:
@@ -241,8 +242,8 @@ def _answer(
         collection=collection_id,
         verdict=found.verdict,
         reason=found.reason,
-        frame_id=asked.frame_id,
-        stamp=asked.stamp,
+        frame_id=query.frame_id,
+        stamp=query.stamp,
         method=query.method,
         revision=view.revision,
         landmark_count=len(asked.xy),

@@ -28,8 +28,6 @@ class QueryLandmarks:
     xy: NDArray[np.float64]
     diameters: NDArray[np.float64] | None
     ids: list[str] | None
-    frame_id: str | None
-    stamp: datetime | None
 
     def names(self) -> list[str]:
         """The ids, or the positions in the list as text."""
@@ -131,8 +129,7 @@ class PlaceQuery:
             )
         landmarks = None
         if body.submap_id is None:
-            xy, diameters, ids = body.positions(), diameters_of(body.attributes()), body.landmark_ids()
-            landmarks = QueryLandmarks(xy, diameters, ids, body.frame_id, body.stamp)
+            landmarks = QueryLandmarks(body.positions(), diameters_of(body.attributes()), body.landmark_ids())
         return cls(
             landmarks,
             body.landmark_pointer,
