@@ -240,3 +240,18 @@ class DatabaseTooNew(StorageError):
 
 class DatabaseNotUpgraded(StorageError):
     """The file has the schema of an older version, and was not or cannot be upgraded here."""
+
+
+def forget_frames(error: BaseException) -> None:
+    """Drop the tracebacks of a handled error and its causes, and with them what the functions held that it passed.
+
+    Some of these hold the error, which holds them: a large body, or thousands of refused lines, would wait for the
+    garbage collector, and everybody for 100 ms while it looks through them.
+    """
+    chain, seen = [error], set[int]()  # an error may be the cause of its own cause
+    while chain:
+        one = chain.pop()
+        if id(one) not in seen:
+            seen.add(id(one))
+            one.__traceback__ = None
+            chain += [other for other in (one.__cause__, one.__context__) if other is not None]

@@ -2,7 +2,6 @@
 
 import logging
 import math
-import traceback
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -63,23 +62,8 @@ def domain_problem(error: errors.DomainError, scope: Scope) -> Response:
         _log.error(
             "request %s: %s", _request_id(scope), error, exc_info=error.__cause__ if kind.status == 500 else None
         )
-    forget_frames(error)
+    errors.forget_frames(error)
     return _response(document(error), scope, headers)
-
-
-def forget_frames(error: BaseException) -> None:
-    """Release the local variables of the functions that a handled error has passed through, such as the body.
-
-    Some of them refer to the error, which refers to them. In such a cycle a large body would wait for the garbage
-    collector, whose pass delays everybody by 50 ms.
-    """
-    chain, seen = [error], set[int]()  # an error may be the cause of its own cause
-    while chain:
-        one = chain.pop()
-        if id(one) not in seen:
-            seen.add(id(one))
-            traceback.clear_frames(one.__traceback__)
-            chain += [other for other in (one.__cause__, one.__context__) if other is not None]
 
 
 def install(app: FastAPI) -> None:
@@ -92,7 +76,7 @@ def install(app: FastAPI) -> None:
     @app.exception_handler(RequestValidationError)
     async def on_invalid_request(request: Request, error: RequestValidationError) -> Response:
         entries = field_problems(error.errors())
-        forget_frames(error)
+        errors.forget_frames(error)
         return problem(VALIDATION, describe(entries), request.scope, errors=entries)
 
     @app.exception_handler(HTTPException)

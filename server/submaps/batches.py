@@ -18,7 +18,7 @@ import urquhart
 from server.collections.georeference import check_place
 from server.collections.registry import get_collection
 from server.config.settings import Limits
-from server.errors import DomainError, InvalidBody, InvalidField, MalformedBody, TooCostly, TooLarge
+from server.errors import DomainError, InvalidBody, InvalidField, MalformedBody, TooCostly, TooLarge, forget_frames
 from server.index.derived import config_of
 from server.parsing.field_errors import invalid_body
 from server.parsing.strict_json import read_json
@@ -50,8 +50,7 @@ class Refusal:
 
     Attributes:
         submap_id: None where not even that could be read.
-        error: what is wrong with it. Without its traceback: thousands of refused lines, each in a cycle with the
-            functions that it passed, hold everybody up for 100 ms when the garbage collector finds them.
+        error: what is wrong with it, without its traceback.
         position: in what was given, from 0.
     """
 
@@ -231,7 +230,8 @@ def _describe_lines(
                 )
             submaps.append((position, read_line(line, limits)))
         except DomainError as error:
-            refused.append(Refusal(_id_in(line, error), error.with_traceback(None), position))
+            forget_frames(error)
+            refused.append(Refusal(_id_in(line, error), error, position))
     return _describe(database, collection_id, limits, following, submaps, refused)
 
 
@@ -258,7 +258,8 @@ def _describe(
                 check_place(prepared.place, references.get(prepared.place.map_frame_id))
             record = prepared.record(known.get(submap.id), config)
         except DomainError as error:
-            refused.append(Refusal(submap.id, error.with_traceback(None), position))
+            forget_frames(error)
+            refused.append(Refusal(submap.id, error, position))
             continue
         described.records.append((position, record))
         described.landmarks += submap.landmark_count

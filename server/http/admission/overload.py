@@ -3,9 +3,9 @@
 from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from server.errors import Overloaded, TooSlow
+from server.errors import Overloaded, TooSlow, forget_frames
 from server.http.admission.admission import Admission, AdmissionState
-from server.http.problems import domain_problem, forget_frames
+from server.http.problems import domain_problem
 from urquhart import Abandoned
 
 
