@@ -39,7 +39,6 @@ from server.observability.metrics import Metrics
 from server.schemas.collections import CollectionPut
 from server.schemas.submaps import NamedSubmap
 from server.store import migrations_runner
-from server.store.repositories.submaps import Submaps
 from server.store.sqlite.database import Database
 from server.submaps import bulk, ingest
 from urquhart import Recognizer
@@ -192,7 +191,7 @@ def _problems(path: Path, expected: Expected, rng: random.Random) -> list[str]:
         # Before anything is mended: what a process finds when it starts again.
         problems += [f"{found.where}: {found.what}" for found in index_discrepancies(database)]
         with catalog.view(_COLLECTION) as view:
-            keys = Submaps(view.session, view.collection.key).keys({*expected.submaps, *(expected.under_way or ())})
+            keys = view.tx.submaps(view.collection.key).keys({*expected.submaps, *(expected.under_way or ())})
             if len(view.recognizer) != len(keys) or set(view.recognizer.index) != set(keys.values()):
                 problems.append(f"{len(view.recognizer)} submaps in the index, {len(keys)} in the database")
             if expected.under_way is not None:

@@ -19,7 +19,6 @@ from server.observability.metrics import Metrics
 from server.schemas.collections import CollectionPut
 from server.store import migrations_runner
 from server.store.feature_backfill import bring_up_to_date
-from server.store.repositories.submaps import Submaps
 from server.store.sqlite.database import Database
 from server.submaps import batches, bulk
 
@@ -103,4 +102,4 @@ def opened(path: Path) -> Iterator[Catalog]:
 
 def index_of(view: View, key: int) -> int:
     """Which submap of the world a key of the collection is."""
-    return int(Submaps(view.session, view.collection.key).ids([key])[key].removeprefix("s"))
+    return int(view.tx.submaps(view.collection.key).ids([key])[key].removeprefix("s"))

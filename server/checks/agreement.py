@@ -4,17 +4,15 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
-from sqlalchemy.orm import Session
 
 from server.checks.integrity import Discrepancy
 from server.index.derived import config_of
 from server.index.live_index import assemble
 from server.index.segment_folder import SegmentFolder
 from server.store.records import CollectionRecord
-from server.store.repositories.collections import Collections
-from server.store.repositories.feature_rows import FeatureRows
-from server.store.repositories.segments import SegmentRecord, Segments, trusted
+from server.store.repositories.segments import SegmentRecord, trusted
 from server.store.sqlite.database import Database
+from server.store.storage import ReadTransaction
 from urquhart.index.segment import Segment
 from urquhart.index.segment_file import SegmentDamaged
 
@@ -26,8 +24,8 @@ def index_discrepancies(database: Database) -> Iterator[Discrepancy]:
     None of it makes an answer wrong, because a segment that cannot be used is rebuilt. Raises StorageError.
     """
     folder = SegmentFolder(database)
-    with database.read() as session:
-        ids = [collection_id for _, collection_id, _ in Collections(session).revisions()]
+    with database.read() as tx:
+        ids = [collection_id for _, collection_id, _ in tx.collections.revisions()]
     for collection_id in ids:
         for what in _current(database, folder, collection_id):
             yield Discrepancy(collection_id, what)
@@ -40,23 +38,23 @@ def _current(database: Database, folder: SegmentFolder, collection_id: str) -> l
     is no longer listed, another snapshot is taken.
     """
     while True:
-        with database.read() as session:
-            collection = Collections(session).get(collection_id)
+        with database.read() as tx:
+            collection = tx.collections.get(collection_id)
             if collection is None:
                 return []
-            chain = Segments(session, collection.key).chain()
-            wrong = list(_collection(session, folder, collection))
+            chain = tx.segments(collection.key).chain()
+            wrong = list(_collection(tx, folder, collection))
         if not wrong:
             return wrong
-        with database.read() as session:
-            listed = set(Segments(session, collection.key).chain())
+        with database.read() as tx:
+            listed = set(tx.segments(collection.key).chain())
         if set(chain) <= listed:
             return wrong
 
 
-def _collection(session: Session, folder: SegmentFolder, collection: CollectionRecord) -> Iterator[str]:
-    config, described = config_of(collection), FeatureRows(session, collection.key)
-    chain = Segments(session, collection.key).chain()
+def _collection(tx: ReadTransaction, folder: SegmentFolder, collection: CollectionRecord) -> Iterator[str]:
+    config, described = config_of(collection), tx.features(collection.key)
+    chain = tx.segments(collection.key).chain()
     if trusted(chain) < len(chain):
         yield f"the segments leave a gap before {chain[trusted(chain)].name}"
         return

@@ -10,8 +10,6 @@ from server.schemas.common import check_id
 from server.schemas.poses import PlacedPose
 from server.store.codec import unpack_positions
 from server.store.records import Place, SubmapContent
-from server.store.repositories.collections import Collections
-from server.store.repositories.submaps import Submaps
 from server.store.sqlite.database import Database
 from server.submaps.preparation import place_from, row_etag
 
@@ -20,11 +18,11 @@ _FOOTPRINT: Final = ("map_min_x", "map_min_y", "map_max_x", "map_max_y")
 
 def content_discrepancies(database: Database) -> Iterator[Discrepancy]:
     """All submaps whose derived columns do not agree with their content. Raises StorageError."""
-    with database.read() as session:
-        for collection in Collections(session).all():
+    with database.read() as tx:
+        for collection in tx.collections.all():
             if not _is_id(collection.id):
                 yield Discrepancy(collection.id, "its id is none that a collection can have")
-            for row in Submaps(session, collection.key).every(SubmapContent):
+            for row in tx.submaps(collection.key).every(SubmapContent):
                 for what in _submap(row):
                     yield Discrepancy(f"{collection.id}/{row.id}", what)
 

@@ -4,18 +4,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from sqlalchemy.orm import Session
 
 import urquhart
 from server.store import migrations_runner
 from server.store.codec import digest, unpack_attributes, unpack_diameters, unpack_ids, unpack_positions
 from server.store.records import CollectionRecord, SubmapWhole
-from server.store.repositories.collections import Collections
-from server.store.repositories.feature_rows import FeatureRows
-from server.store.repositories.queries import Queries
-from server.store.repositories.submaps import Submaps
 from server.store.sqlite.database import Database
 from server.store.sqlite.file_checks import broken_invariants, file_faults
+from server.store.storage import ReadTransaction
 from urquhart import Config, ConfigError, Features, FeaturesError, LandmarkError
 
 
@@ -28,10 +24,10 @@ class Discrepancy:
 
 
 def discrepancies(database: Database) -> Iterator[Discrepancy]:
-    """Everything that does not agree, in one snapshot: file, schema, counts, revisions, features. Nothing is changed.
+    """Everything that does not agree: file and schema, then, in one snapshot, counts, revisions and features.
 
-    Features are unpacked and compared with those rebuilt from the stored landmarks and diameters. Raises StorageError
-    if the file cannot be read at all, DatabaseTooNew, NotADatabase.
+    Nothing is changed. Features are unpacked and compared with those rebuilt from the stored landmarks and diameters.
+    Raises StorageError if the file cannot be read at all, DatabaseTooNew, NotADatabase.
     """
     revision, expected = migrations_runner.current_revision(database), migrations_runner.expected_revision()
     if revision != expected:
@@ -48,11 +44,12 @@ def discrepancies(database: Database) -> Iterator[Discrepancy]:
         yield Discrepancy("", f"the schema differs from what this version needs: {difference}")
     if broken:
         return  # what follows relies on the rules of the tables
-    with database.read() as session:
-        for where, what in broken_invariants(session.connection()):
+    with database.read_connection() as connection:
+        for where, what in broken_invariants(connection):
             yield Discrepancy(where, what)
-        for collection in Collections(session).all():
-            yield from _collection(session, collection)
+    with database.read() as tx:
+        for collection in tx.collections.all():
+            yield from _collection(tx, collection)
 
 
 def file_discrepancies(database: Database, *, quick: bool = False) -> Iterator[Discrepancy]:
@@ -60,12 +57,12 @@ def file_discrepancies(database: Database, *, quick: bool = False) -> Iterator[D
 
     `quick` leaves out whether indexes agree with their tables. Raises StorageError.
     """
-    with database.read() as session:
-        for fault in file_faults(session.connection(), quick=quick):
+    with database.read_connection() as connection:
+        for fault in file_faults(connection, quick=quick):
             yield Discrepancy("", fault)
 
 
-def _collection(session: Session, collection: CollectionRecord) -> Iterator[Discrepancy]:
+def _collection(tx: ReadTransaction, collection: CollectionRecord) -> Iterator[Discrepancy]:
     try:
         config = Config.from_dict(collection.config)
     except ConfigError as error:
@@ -75,8 +72,8 @@ def _collection(session: Session, collection: CollectionRecord) -> Iterator[Disc
         yield Discrepancy(
             collection.id, f"the fingerprint is {collection.fingerprint}, the configuration's is {config.fingerprint()}"
         )
-    yield from _totals(session, collection)
-    for row in Submaps(session, collection.key).every(SubmapWhole):
+    yield from _totals(tx, collection)
+    for row in tx.submaps(collection.key).every(SubmapWhole):
         where = f"{collection.id}/{row.id}"
         if row.revision > collection.revision:
             yield Discrepancy(where, f"revision {row.revision} is beyond the collection's {collection.revision}")
@@ -98,19 +95,19 @@ def _collection(session: Session, collection: CollectionRecord) -> Iterator[Disc
             yield Discrepancy(where, what)
 
 
-def _totals(session: Session, collection: CollectionRecord) -> Iterator[Discrepancy]:
-    counted = Submaps(session, collection.key).totals()
+def _totals(tx: ReadTransaction, collection: CollectionRecord) -> Iterator[Discrepancy]:
+    counted = tx.submaps(collection.key).totals()
     kept = (collection.submap_count, collection.landmark_count, collection.polygon_count)
     for name, there, said in zip(("submaps", "landmarks", "polygons"), counted, kept, strict=True):
         if there != said:
             yield Discrepancy(collection.id, f"holds {there} {name}, its row says {said}")
-    indexed = FeatureRows(session, collection.key)
+    indexed = tx.features(collection.key)
     if indexed.deleted_and_there():
         yield Discrepancy(collection.id, "submaps are noted as deleted that are there")
     last_deletion = indexed.last_deletion()
     if last_deletion > collection.revision:
         yield Discrepancy(collection.id, f"a deletion is of revision {last_deletion}, after {collection.revision}")
-    last_query = Queries(session, collection.key).last_number()
+    last_query = tx.queries(collection.key).last_number()
     if last_query > collection.query_sequence:
         yield Discrepancy(
             collection.id, f"query {last_query} is stored, but the last number is {collection.query_sequence}"

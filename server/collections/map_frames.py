@@ -2,13 +2,12 @@
 
 from collections.abc import Mapping
 
-from sqlalchemy.orm import Session
-
 from server.collections.georeference import Georeference, check_crs
 from server.errors import Conflict, InvalidField
 from server.schemas.collections import MapFrame
 from server.store.records import CollectionRecord
-from server.store.repositories.map_frames import DEFAULT_FRAME, FrameReference, MapFrames
+from server.store.repositories.map_frames import DEFAULT_FRAME, FrameReference, MapFrameReader
+from server.store.storage import ReadTransaction, WriteTransaction
 
 
 def check_frames(frames: Mapping[str, MapFrame | None] | None) -> None:
@@ -24,9 +23,9 @@ def check_frames(frames: Mapping[str, MapFrame | None] | None) -> None:
             check_crs(frame.crs, f"{_pointer(frame_id)}/crs")
 
 
-def must_agree(session: Session, row: CollectionRecord, frames: Mapping[str, MapFrame] | None) -> None:
+def must_agree(tx: ReadTransaction, row: CollectionRecord, frames: Mapping[str, MapFrame] | None) -> None:
     """Raise Conflict if one of the frames differs from that of the collection."""
-    known = MapFrames(session, row).some(list(frames or {}))
+    known = tx.map_frames(row).some(list(frames or {}))
     for frame_id, frame in (frames or {}).items():
         if known.get(frame_id) != _reference(frame):
             raise Conflict(
@@ -35,12 +34,12 @@ def must_agree(session: Session, row: CollectionRecord, frames: Mapping[str, Map
             )
 
 
-def set_frames(session: Session, row: CollectionRecord, frames: Mapping[str, MapFrame | None] | None) -> bool:
+def set_frames(tx: WriteTransaction, row: CollectionRecord, frames: Mapping[str, MapFrame | None] | None) -> bool:
     """Set the given frames; None removes a frame's CRS. Returns whether anything changed.
 
     Raises InvalidField if a submap would be outside of the area of the frame's system.
     """
-    repository = MapFrames(session, row)
+    repository = tx.map_frames(row)
     known = repository.some(list(frames or {}))
     changed = False
     for frame_id, frame in (frames or {}).items():
@@ -54,15 +53,15 @@ def set_frames(session: Session, row: CollectionRecord, frames: Mapping[str, Map
     return changed
 
 
-def check_default_frame(session: Session, row: CollectionRecord, pointer: str) -> None:
+def check_default_frame(tx: ReadTransaction, row: CollectionRecord, pointer: str) -> None:
     """Raise InvalidField if a submap in the default frame would be outside of the area of the collection's CRS."""
-    repository = MapFrames(session, row)
+    repository = tx.map_frames(row)
     reference = repository.some([DEFAULT_FRAME]).get(DEFAULT_FRAME)
     if reference is not None:
         check_submaps(repository, DEFAULT_FRAME, reference, pointer)
 
 
-def check_submaps(repository: MapFrames, frame_id: str, reference: FrameReference, pointer: str) -> None:
+def check_submaps(repository: MapFrameReader, frame_id: str, reference: FrameReference, pointer: str) -> None:
     """Raise InvalidField for the first submap of a frame that would be outside of the area of its system."""
     extent = repository.extent(frame_id)
     if extent is None:

@@ -3,8 +3,6 @@
 from dataclasses import dataclass, replace
 from typing import Any
 
-from sqlalchemy.orm import Session
-
 from server.collections.georeference import check_crs
 from server.collections.map_frames import check_default_frame, check_frames, must_agree, set_frames
 from server.config.settings import Limits
@@ -28,9 +26,7 @@ from server.schemas.collections import (
 from server.schemas.common import Counts
 from server.security.principal import Principal
 from server.store.records import CollectionRecord
-from server.store.repositories.collections import Collections
-from server.store.repositories.map_frames import MapFrames
-from server.store.sqlite.database import Database
+from server.store.storage import ReadTransaction, Storage, WriteTransaction
 from urquhart import Config, ConfigError
 
 
@@ -44,7 +40,7 @@ class Ensured:
 
 
 def ensure(
-    database: Database, collection_id: str, body: CollectionPut, preconditions: Preconditions = ANYTHING
+    database: Storage, collection_id: str, body: CollectionPut, preconditions: Preconditions = ANYTHING
 ) -> Ensured:
     """Create a collection, or check that it agrees with the body.
 
@@ -52,14 +48,14 @@ def ensure(
     a given member, and InvalidField for a configuration or CRS that cannot be used.
     """
     config = checked(body)
-    with database.read() as session:
-        row = Collections(session).get(collection_id)
+    with database.read() as tx:
+        row = tx.collections.get(collection_id)
         if row is not None:
             preconditions.check(etag_of(row))
-            _must_agree(session, row, body, config)
-            return Ensured(_full(session, row), etag_of(row), created=False)
-    with database.write() as session:
-        return ensure_in(session, collection_id, body, config, preconditions)
+            _must_agree(tx, row, body, config)
+            return Ensured(_full(tx, row), etag_of(row), created=False)
+    with database.write() as tx:
+        return ensure_in(tx, collection_id, body, config, preconditions)
 
 
 def checked(body: CollectionPut | CollectionPatch) -> Config:
@@ -71,10 +67,10 @@ def checked(body: CollectionPut | CollectionPatch) -> Config:
 
 
 def ensure_in(
-    session: Session, collection_id: str, body: CollectionPut, config: Config, preconditions: Preconditions
+    tx: WriteTransaction, collection_id: str, body: CollectionPut, config: Config, preconditions: Preconditions
 ) -> Ensured:
     """The same as `ensure`, within a write transaction; `config` is the result of `checked`."""
-    collections = Collections(session)
+    collections = tx.collections
     row = collections.get(collection_id)
     created = row is None
     preconditions.check(None if row is None else etag_of(row))
@@ -87,32 +83,30 @@ def ensure_in(
             crs=body.crs,
             origin=body.origin,
         )
-        set_frames(session, row, body.frames)
+        set_frames(tx, row, body.frames)
     else:
-        _must_agree(session, row, body, config)
-    return Ensured(_full(session, row), etag_of(row), created)
+        _must_agree(tx, row, body, config)
+    return Ensured(_full(tx, row), etag_of(row), created)
 
 
-def read(database: Database, collection_id: str) -> tuple[Collection, str]:
+def read(database: Storage, collection_id: str) -> tuple[Collection, str]:
     """A collection and its entity tag. Raises NotFound."""
-    with database.read() as session:
-        row = get_collection(session, collection_id)
-        return _full(session, row), etag_of(row)
+    with database.read() as tx:
+        row = get_collection(tx, collection_id)
+        return _full(tx, row), etag_of(row)
 
 
-def known_collections(database: Database) -> list[str]:
+def known_collections(database: Storage) -> list[str]:
     """Ids of all collections, oldest first."""
-    with database.read() as session:
-        return Collections(session).ids()
+    with database.read() as tx:
+        return tx.collections.ids()
 
 
-def page(
-    database: Database, limits: Limits, caller: Principal, limit: int | None, cursor: str | None
-) -> CollectionPage:
+def page(database: Storage, limits: Limits, caller: Principal, limit: int | None, cursor: str | None) -> CollectionPage:
     """A page of the collections that the caller may see, oldest first. Raises InvalidField."""
     size = page_size(limit, limits)
-    with database.read() as session:
-        rows = Collections(session).page(caller.patterns, after_key=read_cursor("collections", cursor), limit=size + 1)
+    with database.read() as tx:
+        rows = tx.collections.page(caller.patterns, after_key=read_cursor("collections", cursor), limit=size + 1)
     more = len(rows) > size
     return CollectionPage(
         collections=[CollectionSummary(**_summary(row)) for row in rows[:size]],
@@ -121,23 +115,23 @@ def page(
 
 
 def patch(
-    database: Database, collection_id: str, body: CollectionPatch, preconditions: Preconditions = ANYTHING
+    database: Storage, collection_id: str, body: CollectionPatch, preconditions: Preconditions = ANYTHING
 ) -> tuple[Collection, str]:
     """Change title, crs, origin or frames. Raises NotFound, Conflict (the configuration cannot change),
     InvalidField.
     """
     config = checked(body)
-    with database.write() as session:
-        changed = patch_in(session, collection_id, body, config, preconditions)
+    with database.write() as tx:
+        changed = patch_in(tx, collection_id, body, config, preconditions)
         return changed.collection, changed.etag
 
 
 def patch_in(
-    session: Session, collection_id: str, body: CollectionPatch, config: Config, preconditions: Preconditions
+    tx: WriteTransaction, collection_id: str, body: CollectionPatch, config: Config, preconditions: Preconditions
 ) -> Ensured:
     """The same as `patch`, within a write transaction; `config` is the result of `checked`."""
     given = body.model_fields_set
-    row = get_collection(session, collection_id)
+    row = get_collection(tx, collection_id)
     preconditions.check(etag_of(row))
     if "config" in given and config != config_of(row):
         raise _other_config(row.id)
@@ -146,32 +140,32 @@ def patch_in(
         changes["origin_x"], changes["origin_y"] = body.origin or (None, None)
     changed = replace(row, **changes)
     if (changed.crs, changed.origin) != (row.crs, row.origin):
-        check_default_frame(session, changed, "/crs" if "crs" in given else "/origin")
-    if set_frames(session, changed, body.frames) or changed != row:
-        collections = Collections(session)
+        check_default_frame(tx, changed, "/crs" if "crs" in given else "/origin")
+    if set_frames(tx, changed, body.frames) or changed != row:
+        collections = tx.collections
         collections.describe(changed)
         collections.advance(row.key)
-        changed = get_collection(session, collection_id)
-    return Ensured(_full(session, changed), etag_of(changed), created=False)
+        changed = get_collection(tx, collection_id)
+    return Ensured(_full(tx, changed), etag_of(changed), created=False)
 
 
-def delete(database: Database, collection_id: str, preconditions: Preconditions = ANYTHING) -> None:
+def delete(database: Storage, collection_id: str, preconditions: Preconditions = ANYTHING) -> None:
     """Delete a collection with everything in it. Raises NotFound and PreconditionFailed."""
-    with database.write() as session:
-        delete_in(session, collection_id, preconditions)
+    with database.write() as tx:
+        delete_in(tx, collection_id, preconditions)
 
 
-def delete_in(session: Session, collection_id: str, preconditions: Preconditions) -> StoredResponse:
+def delete_in(tx: WriteTransaction, collection_id: str, preconditions: Preconditions) -> StoredResponse:
     """The same as `delete`, within a write transaction. Returns the answer."""
-    row = get_collection(session, collection_id)
+    row = get_collection(tx, collection_id)
     preconditions.check(etag_of(row))
-    Collections(session).delete(row.key)
+    tx.collections.delete(row.key)
     return NO_CONTENT
 
 
-def get_collection(session: Session, collection_id: str) -> CollectionRecord:
+def get_collection(tx: ReadTransaction, collection_id: str) -> CollectionRecord:
     """The collection. Raises NotFound."""
-    row = Collections(session).get(collection_id)
+    row = tx.collections.get(collection_id)
     if row is None:
         raise NotFound("collection", collection_id)
     return row
@@ -193,7 +187,7 @@ def read_config(values: dict[str, Any] | None) -> Config:
         raise InvalidField(str(error)[:500], code="config", pointer="/config") from error
 
 
-def _must_agree(session: Session, row: CollectionRecord, body: CollectionPut, config: Config) -> None:
+def _must_agree(tx: ReadTransaction, row: CollectionRecord, body: CollectionPut, config: Config) -> None:
     if body.config is not None and config != config_of(row):
         raise _other_config(row.id)
     for name, wanted, stored in (
@@ -203,7 +197,7 @@ def _must_agree(session: Session, row: CollectionRecord, body: CollectionPut, co
     ):
         if wanted is not None and wanted != stored:
             raise Conflict(f"The collection {row.id!r} exists, with another {name}. Change it with PATCH.")
-    must_agree(session, row, body.frames)
+    must_agree(tx, row, body.frames)
 
 
 def _other_config(collection_id: str) -> Conflict:
@@ -230,8 +224,8 @@ def _summary(row: CollectionRecord) -> dict[str, Any]:
     }
 
 
-def _full(session: Session, row: CollectionRecord) -> Collection:
-    collections = Collections(session)
+def _full(tx: ReadTransaction, row: CollectionRecord) -> Collection:
+    collections = tx.collections
     spatial = [
         SpatialExtent(frame_id=extent.frame_id, bbox=(extent.min_x, extent.min_y, extent.max_x, extent.max_y))
         for extent in collections.extents(row.key)
@@ -242,7 +236,7 @@ def _full(session: Session, row: CollectionRecord) -> Collection:
         config=Config().to_dict() | row.config,
         frames={
             frame_id: MapFrame(crs=reference.crs, origin=reference.origin)
-            for frame_id, reference in MapFrames(session, row).named().items()
+            for frame_id, reference in tx.map_frames(row).named().items()
         },
         extent=Extent(spatial=spatial, temporal=collections.interval(row.key)),
     )

@@ -18,8 +18,7 @@ from server.queries.poses import flat, transform_answer
 from server.queries.query import Exclusion, PlaceQuery
 from server.schemas.constraints import ConstraintsInput
 from server.store.records import SubmapMetadata
-from server.store.repositories.submaps import Submaps
-from server.store.sqlite.database import Database
+from server.store.storage import Storage
 from server.store.submap_filter import SubmapFilter
 from server.submaps.reader import submap_filter
 from urquhart import SE2, Candidate
@@ -42,11 +41,11 @@ def chosen_submaps(body: ConstraintsInput) -> SubmapFilter:
         raise InvalidField(str(error), code=error.code, pointer=f"/{error.parameter}") from error
 
 
-def check_ids(database: Database, collection_id: str, body: ConstraintsInput) -> None:
+def check_ids(database: Storage, collection_id: str, body: ConstraintsInput) -> None:
     """Refuse ids of submaps that do not exist. Raises NotFound and InvalidField."""
-    with database.read() as session:
-        collection = get_collection(session, collection_id)
-        there = Submaps(session, collection.key).keys(body.submap_ids or ())
+    with database.read() as tx:
+        collection = get_collection(tx, collection_id)
+        there = tx.submaps(collection.key).keys(body.submap_ids or ())
     for number, name in enumerate(body.submap_ids or ()):
         if name not in there:
             raise InvalidField(f"there is no submap {name!r}", code="not_found", pointer=f"/submap_ids/{number}")

@@ -13,8 +13,6 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import Final, TypeVar
 
-from sqlalchemy.orm import Session
-
 from server.config.settings_groups import IndexSettings
 from server.errors import DomainError, NotFound, StorageError
 from server.index.feature_cache import FeatureCache, FeatureReader
@@ -23,9 +21,8 @@ from server.index.live_index import CatchUpError, IndexVersion, LiveIndex, TooMa
 from server.index.segment_folder import SegmentFolder
 from server.observability.metrics import Metrics
 from server.store.records import CollectionRecord
-from server.store.repositories.collections import Collections
-from server.store.repositories.segments import SegmentRecord, Segments
-from server.store.sqlite.database import Database
+from server.store.repositories.segments import SegmentRecord
+from server.store.storage import ReadTransaction, Storage
 from urquhart import Abandoned, Recognizer
 from urquhart.index.collection_index import LiveSegment
 from urquhart.index.segment_file import SegmentDamaged
@@ -42,7 +39,7 @@ Result = TypeVar("Result")
 class View:
     """A collection at one revision. Index and rows agree for as long as the view is held."""
 
-    session: Session
+    tx: ReadTransaction
     collection: CollectionRecord
     recognizer: Recognizer
     revision: int
@@ -51,7 +48,7 @@ class View:
 class Catalog:
     """The live indexes of one process."""
 
-    def __init__(self, database: Database, metrics: Metrics, settings: IndexSettings | None = None) -> None:
+    def __init__(self, database: Storage, metrics: Metrics, settings: IndexSettings | None = None) -> None:
         self._database = database
         self._metrics = metrics
         self.settings = settings or IndexSettings()
@@ -142,8 +139,8 @@ class Catalog:
         """Open or catch up the index of every collection that is not empty. Yields the id of each, the number done and
         the number of all. An empty one takes no time to open later.
         """
-        with self._database.read() as session:
-            ids = [collection_id for _, collection_id, _ in Collections(session).revisions(least=1)]
+        with self._database.read() as tx:
+            ids = [collection_id for _, collection_id, _ in tx.collections.revisions(least=1)]
         for done, collection_id in enumerate(ids, start=1):
             try:
                 with self.view(collection_id):
@@ -167,10 +164,10 @@ class Catalog:
         if live is None:
             return
         try:
-            with self._database.read() as session:
-                collection = Collections(session).get(collection_id)
+            with self._database.read() as tx:
+                collection = tx.collections.get(collection_id)
                 if collection is not None and collection.key == live.key:
-                    live.refresh(session, collection)
+                    live.refresh(tx, collection)
                     self._observe(live)
         except UnusableSegment as obstacle:
             self._look_into(collection_id, obstacle, set())
@@ -187,8 +184,8 @@ class Catalog:
             if not lost or self._database.read_only:
                 live.left_out[name] = why
             else:
-                with self._database.write() as session:
-                    Segments(session, live.key).drop_from(name)
+                with self._database.write() as tx:
+                    tx.segments(live.key).drop_from(name)
         except StorageError:
             _log.exception("collection %s: the segment %s cannot be taken off the list", live.id, name)
             live.left_out[name] = why
@@ -211,19 +208,19 @@ class Catalog:
             return self._snapshot(stack, collection_id, live.state, most)
 
     def _snapshot(self, stack: ExitStack, collection_id: str, seen: IndexVersion | None, most: int | None) -> View:
-        session = stack.enter_context(self._database.read())
-        collection = Collections(session).get(collection_id)
+        tx = stack.enter_context(self._database.read())
+        collection = tx.collections.get(collection_id)
         if collection is None:
             self.forget(collection_id)
             raise NotFound("collection", collection_id)
         live = self._live(collection)
         before = live.state
-        state = live.catch_up(session, collection, seen, most)
+        state = live.catch_up(tx, collection, seen, most)
         if state is not before:
             self._observe(live)
         self._check_touched(state)
-        source = FeatureReader(session, live.key, live.config, self._cache, live.owner, state.revision)
-        return View(session, collection, Recognizer(live.config, state.index, source), state.revision)
+        source = FeatureReader(tx, live.key, live.config, self._cache, live.owner, state.revision)
+        return View(tx, collection, Recognizer(live.config, state.index, source), state.revision)
 
     def _check_touched(self, state: IndexVersion) -> None:
         """Check segments whose files were written to, which must not happen, against their checksums. Raises

@@ -4,10 +4,8 @@ import threading
 from collections import OrderedDict
 from collections.abc import Collection, Iterable, Mapping
 
-from sqlalchemy.orm import Session
-
 from server.index.derived import features_of
-from server.store.repositories.feature_rows import FeatureRows
+from server.store.storage import ReadTransaction
 from urquhart import Config, Features, FeaturesError
 
 _OVERHEAD = 2_000
@@ -96,10 +94,10 @@ class FeatureReader:
     """The features of a collection at a view's revision: a `urquhart.index.collection.FeatureSource`."""
 
     def __init__(
-        self, session: Session, collection_key: int, config: Config, cache: FeatureCache, owner: int, revision: int
+        self, tx: ReadTransaction, collection_key: int, config: Config, cache: FeatureCache, owner: int, revision: int
     ) -> None:
         """`session` is on a snapshot at `revision`. `owner` is known to the cache."""
-        self._described = FeatureRows(session, collection_key)
+        self._described = tx.features(collection_key)
         self._config = config
         self._cache, self._owner, self._revision = cache, owner, revision
 

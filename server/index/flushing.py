@@ -12,16 +12,13 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from sqlalchemy.orm import Session
 
 from server.index.derived import config_of, features_of
 from server.index.live_index import IndexVersion
 from server.index.segment_folder import SegmentFolder, is_of
 from server.store.records import CollectionRecord
-from server.store.repositories.collections import Collections
-from server.store.repositories.feature_rows import FeatureRows
-from server.store.repositories.segments import SegmentRecord, Segments, trusted
-from server.store.sqlite.database import Database
+from server.store.repositories.segments import SegmentRecord, trusted
+from server.store.storage import ReadTransaction, Storage
 from urquhart import Config
 from urquhart.index.collection_index import LiveSegment
 from urquhart.index.segment import Segment, merge_segments
@@ -48,7 +45,7 @@ class FlushContext:
         stopping: asked now and then whether to give up.
     """
 
-    database: Database
+    database: Storage
     folder: SegmentFolder
     block: int = 20_000
     stopping: Callable[[], bool] = lambda: False
@@ -124,13 +121,13 @@ def rebuild(flush_context: FlushContext, collection_id: str, *, progress: Progre
         try:
             while True:
                 flush_context.check()  # if set, the locks may not be held
-                with flush_context.database.read() as session:
-                    collection = Collections(session).get(collection_id)
+                with flush_context.database.read() as tx:
+                    collection = tx.collections.get(collection_id)
                     if collection is None or collection.key != (key := key or collection.key):
                         flush_context.folder.remove(segment.name for segment in made)
                         return 0
                     since = made[-1].revision if made else 0
-                    parts, end = _read_block(flush_context, session, collection, since)
+                    parts, end = _read_block(flush_context, tx, collection, since)
                 if not parts:
                     break
                 made.append(write(flush_context, collection.key, parts, since, end))
@@ -169,8 +166,8 @@ def register(
     listed = False
     try:
         flush_context.check()
-        with flush_context.database.write() as session:
-            segments = Segments(session, collection_key)
+        with flush_context.database.write() as tx:
+            segments = tx.segments(collection_key)
             done = segments.exchange(segments.chain() if old is None else old, new)
         listed = done
     finally:
@@ -179,24 +176,24 @@ def register(
     return listed
 
 
-def count_uncovered(database: Database, collection_id: str, most: int) -> int:
+def count_uncovered(database: Storage, collection_id: str, most: int) -> int:
     """Number of submaps of a collection that are in no segment, counted up to `most`. Raises StorageError."""
-    with database.read() as session:
-        collection = Collections(session).get(collection_id)
+    with database.read() as tx:
+        collection = tx.collections.get(collection_id)
         if collection is None:
             return 0
-        chain = Segments(session, collection.key).chain()
-        return FeatureRows(session, collection.key).count_changed(_end(chain), most)
+        chain = tx.segments(collection.key).chain()
+        return tx.features(collection.key).count_changed(_end(chain), most)
 
 
 def _write_block(flush_context: FlushContext, collection_id: str) -> tuple[int, bool]:
     """Write and list the next block. Returns its number of submaps, and whether it was the last one."""
-    with flush_context.database.read() as session:
-        collection = Collections(session).get(collection_id)
+    with flush_context.database.read() as tx:
+        collection = tx.collections.get(collection_id)
         if collection is None:
             return 0, True
-        chain = Segments(session, collection.key).chain()
-        parts, end = _read_block(flush_context, session, collection, _end(chain))
+        chain = tx.segments(collection.key).chain()
+        parts, end = _read_block(flush_context, tx, collection, _end(chain))
     if not parts:
         return 0, True
     listed = write(flush_context, collection.key, parts, _end(chain), end)
@@ -206,7 +203,7 @@ def _write_block(flush_context: FlushContext, collection_id: str) -> tuple[int, 
 
 
 def _read_block(
-    flush_context: FlushContext, session: Session, collection: CollectionRecord, since: int
+    flush_context: FlushContext, tx: ReadTransaction, collection: CollectionRecord, since: int
 ) -> tuple[list[LiveSegment], int]:
     """The submaps that changed first after `since`, as segments in memory, and the revision up to which they are
     complete.
@@ -214,7 +211,7 @@ def _read_block(
     config, parts, count = config_of(collection), list[LiveSegment](), 0
     batch: list[tuple[int, Any]] = []
     last = since
-    for row in FeatureRows(session, collection.key).changed_since(since, batch=_BATCH):
+    for row in tx.features(collection.key).changed_since(since, batch=_BATCH):
         if count >= flush_context.block and row.content_revision != last:
             parts.extend(_part(batch, config))
             return parts, last

@@ -14,14 +14,14 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from sqlalchemy.orm import Session
 
 from server.index.derived import config_of, features_of
 from server.index.feature_cache import FeatureCache
 from server.index.segment_folder import SegmentFolder
 from server.store.records import CollectionRecord
 from server.store.repositories.feature_rows import FeatureRows, StoredFeatures
-from server.store.repositories.segments import SegmentRecord, Segments, trusted
+from server.store.repositories.segments import SegmentRecord, trusted
+from server.store.storage import ReadTransaction
 from urquhart import Config, Features
 from urquhart.index.collection_index import CollectionIndex, LiveSegment
 from urquhart.index.segment import Segment
@@ -120,7 +120,7 @@ class LiveIndex:
         self._folder, self._cache = folder, cache
 
     def catch_up(
-        self, session: Session, collection: CollectionRecord, seen: IndexVersion | None, most: int | None
+        self, tx: ReadTransaction, collection: CollectionRecord, seen: IndexVersion | None, most: int | None
     ) -> IndexVersion:
         """The index at the revision of the session's snapshot, in which `collection` was read.
 
@@ -146,9 +146,9 @@ class LiveIndex:
                 _log.warning("collection %s went back to revision %d", self.id, collection.revision)
                 self.drop()
                 state = None
-            return self._go_on(session, collection, state, most)
+            return self._go_on(tx, collection, state, most)
 
-    def refresh(self, session: Session, collection: CollectionRecord) -> None:
+    def refresh(self, tx: ReadTransaction, collection: CollectionRecord) -> None:
         """Use segments that were written, merged or repaired since this version was built.
 
         Raises UnusableSegment.
@@ -157,10 +157,10 @@ class LiveIndex:
             state = self.state
             if state is None or collection.revision < state.revision:
                 return  # the next view builds one, or finds out what happened
-            chain = Segments(session, self.key).chain()
+            chain = tx.segments(self.key).chain()
             more = state.opened < len(chain) and chain[state.opened].name not in self.left_out
             if chain != state.chain or more:
-                self.state = self._assembled(session, collection, state, chain, None)
+                self.state = self._assembled(tx, collection, state, chain, None)
 
     def drop(self) -> None:
         """Drop the index. The next view rebuilds it."""
@@ -169,20 +169,20 @@ class LiveIndex:
             self._cache.forget(self.owner)
 
     def _go_on(
-        self, session: Session, collection: CollectionRecord, state: IndexVersion | None, most: int | None
+        self, tx: ReadTransaction, collection: CollectionRecord, state: IndexVersion | None, most: int | None
     ) -> IndexVersion:
-        chain = Segments(session, self.key).chain()
+        chain = tx.segments(self.key).chain()
         if state is not None and state.chain == chain and collection.pruned_revision <= state.revision:
-            new = self._advanced(session, collection, state, most)
+            new = self._advanced(tx, collection, state, most)
         else:
-            new = self._assembled(session, collection, state, chain, most)
+            new = self._assembled(tx, collection, state, chain, most)
         self.state = new
         return new
 
     def _advanced(
-        self, session: Session, collection: CollectionRecord, state: IndexVersion, most: int | None
+        self, tx: ReadTransaction, collection: CollectionRecord, state: IndexVersion, most: int | None
     ) -> IndexVersion:
-        described = FeatureRows(session, self.key)
+        described = tx.features(self.key)
         if most is not None and state.opened == len(state.chain):
             room = max(most - sum(part.living for part in state.delta), 0)
             if described.count_changed(state.revision, room + 1) > room:
@@ -197,14 +197,14 @@ class LiveIndex:
 
     def _assembled(
         self,
-        session: Session,
+        tx: ReadTransaction,
         collection: CollectionRecord,
         state: IndexVersion | None,
         chain: tuple[SegmentRecord, ...],
         most: int | None,
     ) -> IndexVersion:
         """A new version from the listed segments and from what `state` has in memory and is still valid."""
-        described = FeatureRows(session, self.key)
+        described = tx.features(self.key)
         segments = self._opened(chain, state)
         covered = chain[len(segments) - 1].revision if segments else 0
         # Submaps that must be left out of a segment must not be written again, so they are read into memory.

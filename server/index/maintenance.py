@@ -18,9 +18,8 @@ from server.index.live_index import LiveIndex, UnusableSegment
 from server.index.merging import due, merge
 from server.observability.metrics import Metrics
 from server.platform.threads import pin_threads
-from server.store.repositories.collections import Collections
-from server.store.repositories.segments import SegmentRecord, all_chains
-from server.store.sqlite.database import Database
+from server.store.repositories.segments import SegmentRecord
+from server.store.storage import Storage
 from urquhart.index.collection_index import LiveSegment
 
 _CLEAN_UP_SECONDS: Final = 60.0
@@ -50,7 +49,7 @@ class _FailedTask:
 class Maintenance:
     """Maintenance of one database's segments, as a thread or at once with `run`."""
 
-    def __init__(self, database: Database, catalog: Catalog, metrics: Metrics) -> None:
+    def __init__(self, database: Storage, catalog: Catalog, metrics: Metrics) -> None:
         self._database, self._catalog, self._metrics = database, catalog, metrics
         self._up_to_date: dict[int, tuple[int, tuple[SegmentRecord, ...]]] = {}
         """Revision and segments at which there was nothing to do for a collection, by key."""
@@ -80,9 +79,9 @@ class Maintenance:
         Raises StorageError if due work cannot be determined. Raises Stopped.
         """
         began = time.monotonic()
-        with self._database.read() as session:
-            revisions = Collections(session).revisions(least=1)
-            chains = all_chains(session)
+        with self._database.read() as tx:
+            revisions = tx.collections.revisions(least=1)
+            chains = tx.all_segments.chains()
         self._look_seconds = time.monotonic() - began
         for key, collection_id, revision in revisions:
             seen = (revision, chains.get(key, ()))

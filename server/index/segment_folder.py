@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Final, Literal
 
 from server.platform.file_locks import try_lock
-from server.store.repositories.segments import SegmentRecord, all_names
-from server.store.sqlite.database import Database
+from server.store.repositories.segments import SegmentRecord
+from server.store.storage import Storage
 from urquhart import Config
 from urquhart.index.segment import Segment
 from urquhart.index.segment_file import SegmentDamaged
@@ -30,7 +30,7 @@ _POLL: Final = 0.01
 class SegmentFolder:
     """The folder `<database file>.index`, made when something is first written to it."""
 
-    def __init__(self, database: Database) -> None:
+    def __init__(self, database: Storage) -> None:
         # SQLite follows links too: all who use the file must meet in one folder.
         file = database.path.resolve()
         self.path = file.with_name(f"{file.name}.index")
@@ -103,8 +103,8 @@ class SegmentFolder:
     def _clean_up(self, grace: float) -> int:
         # Looked at before the list is read: what is written in between is young.
         aged = [path for path in self.path.iterdir() if _age(path) >= grace]
-        with self._database.read() as session:
-            listed = {f"{name}{_ENDING}" for name in all_names(session)}
+        with self._database.read() as tx:
+            listed = {f"{name}{_ENDING}" for name in tx.all_segments.names()}
         left = [p for p in aged if p.suffix == ".tmp" or (p.suffix == _ENDING and p.name not in listed)]
         for path in left:
             path.unlink(missing_ok=True)

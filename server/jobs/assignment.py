@@ -6,17 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final, Protocol
 
-from sqlalchemy.orm import Session
-
 from server.config.settings import Settings
 from server.errors import NotFound
 from server.index.catalog import Catalog
 from server.jobs.folder import JobFolder
 from server.observability.metrics import Metrics
 from server.store.records import CollectionRecord, JobRecord
-from server.store.repositories.collections import Collections
-from server.store.repositories.jobs import Jobs, Queue
-from server.store.sqlite.database import Database
+from server.store.repositories.jobs import Queue
+from server.store.storage import ReadTransaction, Storage, WriteTransaction
 from urquhart import Budget
 
 _CHANCES: Final = 2
@@ -42,7 +39,7 @@ class JobContext:
     """What jobs need from the service."""
 
     settings: Settings
-    database: Database
+    database: Storage
     catalog: Catalog
     metrics: Metrics
     folder: JobFolder
@@ -64,7 +61,7 @@ class Assignment:
     """A job as its runner sees it."""
 
     def __init__(
-        self, row: JobRecord, database: Database, stopping: threading.Event, turn: float, budget: Budget
+        self, row: JobRecord, database: Storage, stopping: threading.Event, turn: float, budget: Budget
     ) -> None:
         """`budget` is abandoned when the service stops. Long work checks it and may raise Abandoned."""
         self.budget = budget
@@ -78,21 +75,21 @@ class Assignment:
         self._reported = time.monotonic()
         self._began, self._before = self._reported, float(row.progress.get("worked", 0.0))
 
-    def collection(self, session: Session) -> CollectionRecord:
+    def collection(self, tx: ReadTransaction) -> CollectionRecord:
         """The collection of the job. Raises NotFound, also if another collection has its name by now."""
-        collection = Collections(session).get(self.collection_id)
+        collection = tx.collections.get(self.collection_id)
         if collection is None or collection.key != self.collection_key:
             raise NotFound("collection", self.collection_id)
         return collection
 
-    def report(self, session: Session | None = None, **progress: Any) -> None:
+    def report(self, tx: WriteTransaction | None = None, **progress: Any) -> None:
         """Store `done`, `total`, `counts` and the progress. Raises Interrupted, Dismissed and StorageError."""
         if self._stopping.is_set():
             raise Interrupted
         self.progress.update(progress, starts=0, worked=self._before + time.monotonic() - self._began)
         self._reported = time.monotonic()
-        if session is not None:
-            self._note(session)
+        if tx is not None:
+            self._note(tx)
         else:
             with self._database.write() as own:
                 self._note(own)
@@ -114,12 +111,12 @@ class Assignment:
         """
         if time.monotonic() - self._began < self._turn:
             return
-        with self._database.read() as session:
-            if Jobs(session).others_wait(self._queue):
+        with self._database.read() as tx:
+            if tx.jobs.others_wait(self._queue):
                 raise Yielded
 
-    def _note(self, session: Session) -> None:
-        jobs = Jobs(session)
+    def _note(self, tx: WriteTransaction) -> None:
+        jobs = tx.jobs
         if jobs.is_dismissed(self.id):
             raise Dismissed
         if self.total is not None:

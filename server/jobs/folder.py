@@ -9,7 +9,7 @@ from typing import IO, Any, BinaryIO, Final
 
 from server.errors import StorageUnavailable
 from server.platform.file_locks import try_lock
-from server.store.sqlite.database import Database
+from server.store.storage import Storage
 from urquhart.index.segment_file import sync
 
 ARRIVING: Final = ".part"
@@ -26,7 +26,7 @@ Unwanted = Callable[[Sequence[Path]], list[Path]]
 class JobFolder:
     """The folder `<database file>.jobs`, created when something is first written to it."""
 
-    def __init__(self, database: Database) -> None:
+    def __init__(self, database: Storage) -> None:
         file = database.path.resolve()
         self.path = file.with_name(f"{file.name}.jobs")
 

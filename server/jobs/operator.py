@@ -7,8 +7,8 @@ from datetime import datetime
 from server.errors import Conflict, NotFound
 from server.problem_types import plain, problem_type_of
 from server.store.records import JobRecord
-from server.store.repositories.jobs import UNFINISHED, Jobs
-from server.store.sqlite.database import Database
+from server.store.repositories.jobs import UNFINISHED
+from server.store.storage import Storage
 
 _CANCELLED = plain(problem_type_of(Conflict("")), "The operator of the service cancelled this job.")
 
@@ -27,19 +27,19 @@ class JobInfo:
     created: datetime
 
 
-def listed(database: Database, *, finished: bool = False) -> list[JobInfo]:
+def listed(database: Storage, *, finished: bool = False) -> list[JobInfo]:
     """Unfinished jobs, oldest first. With `finished`, finished ones as well. Raises StorageError."""
-    with database.read() as session:
-        return [_info(row) for row in Jobs(session).all(UNFINISHED if not finished else None)]
+    with database.read() as tx:
+        return [_info(row) for row in tx.jobs.all(UNFINISHED if not finished else None)]
 
 
-def cancel(database: Database, *, ids: Sequence[str] = (), key: str | None = None, every: bool = False) -> list[str]:
+def cancel(database: Storage, *, ids: Sequence[str] = (), key: str | None = None, every: bool = False) -> list[str]:
     """Cancel the jobs with these `ids`, all of a `key`, or `every` one. Returns the ids of those that were unfinished.
 
     All or none. Raises NotFound, Conflict (it has finished already) and StorageError.
     """
-    with database.write() as session:
-        jobs = Jobs(session)
+    with database.write() as tx:
+        jobs = tx.jobs
         unfinished = jobs.all(UNFINISHED)
         if ids:
             for job_id in ids:

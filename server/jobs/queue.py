@@ -5,8 +5,6 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any, BinaryIO, Literal
 
-from sqlalchemy.orm import Session
-
 from server.collections.registry import get_collection
 from server.config.settings import Limits
 from server.constraints.extraction import read_found
@@ -24,10 +22,9 @@ from server.schemas.constraints import ConstraintFormat
 from server.schemas.jobs import JobAnswer, JobLinks, JobPage, JobState
 from server.security.principal import Principal, Scope
 from server.store.records import JobRecord, SubmapMetadata
-from server.store.repositories.jobs import UNFINISHED, Jobs
-from server.store.repositories.submaps import Submaps
-from server.store.sqlite.database import Database
+from server.store.repositories.jobs import UNFINISHED
 from server.store.sqlite.sqlite_errors import storage_errors
+from server.store.storage import ReadTransaction, Storage
 
 JobType = Literal["import", "reindex", "constraints"]
 
@@ -54,7 +51,7 @@ class NewJob:
 
 
 def accept(
-    database: Database,
+    database: Storage,
     collection_id: str,
     caller: Principal,
     job: NewJob,
@@ -65,17 +62,17 @@ def accept(
 
     Raises NotFound, Conflict, KeyReused, TooManyJobs, Unauthorized (the key was just revoked) and StorageError.
     """
-    with database.write() as session:
-        collection = get_collection(session, collection_id)
+    with database.write() as tx:
+        collection = get_collection(tx, collection_id)
         if job.collection_key not in (None, collection.key):
             raise NotFound("collection", collection_id)
         operation = f"{job.type} {collection.key}"
-        response = find_response(session, idempotency_key, operation)
+        response = find_response(tx, idempotency_key, operation)
         if response is not None:
             return response
-        jobs = Jobs(session)
-        check_key(session, caller)
-        check_quota(session, caller, limits)
+        jobs = tx.jobs
+        check_key(tx, caller)
+        check_quota(tx, caller, limits)
         if job.exclusive and jobs.unfinished(collection.key, job.type):
             raise Conflict(
                 f"Another job of the type {job.type} works on {collection_id!r}. Wait until it ends, or dismiss it."
@@ -89,29 +86,29 @@ def accept(
             total=job.total,
         )
         answer = StoredResponse(202, {"Location": links.job(row.id), "Retry-After": "1"}, to_json(describe(row)))
-        return store_response(session, idempotency_key, operation, answer)
+        return store_response(tx, idempotency_key, operation, answer)
 
 
-def check(database: Database, collection_id: str) -> int:
+def check(database: Storage, collection_id: str) -> int:
     """Refuse a job that could not be accepted before its upload is sent. Returns the collection's key.
 
     Raises NotFound and StorageError.
     """
-    with database.read() as session:
-        collection = get_collection(session, collection_id)
+    with database.read() as tx:
+        collection = get_collection(tx, collection_id)
     if database.read_only:
         raise StorageReadOnly("The service has opened the database read-only, so nothing can be imported.")
     return collection.key
 
 
-def read(database: Database, caller: Principal, job_id: str) -> JobAnswer:
+def read(database: Storage, caller: Principal, job_id: str) -> JobAnswer:
     """A job. Raises NotFound."""
-    with database.read() as session:
-        return describe(_row(session, caller, job_id))
+    with database.read() as tx:
+        return describe(_row(tx, caller, job_id))
 
 
 def page(
-    database: Database,
+    database: Storage,
     limits: Limits,
     caller: Principal,
     asked: PageRequest,
@@ -121,8 +118,8 @@ def page(
 ) -> JobPage:
     """A page of the jobs on collections that the caller may see, newest first. Raises InvalidField."""
     size = page_size(asked.limit, limits)
-    with database.read() as session:
-        rows = Jobs(session).page(
+    with database.read() as tx:
+        rows = tx.jobs.page(
             caller.patterns,
             state=state,
             collection_id=collection_id,
@@ -137,25 +134,25 @@ def page(
         )
 
 
-def unfinished(database: Database, job_ids: Collection[str]) -> set[str]:
+def unfinished(database: Storage, job_ids: Collection[str]) -> set[str]:
     """Those of these jobs that are not finished. Raises StorageError."""
-    with database.read() as session:
-        return Jobs(session).unfinished_among(job_ids)
+    with database.read() as tx:
+        return tx.jobs.unfinished_among(job_ids)
 
 
 def dismiss(
-    database: Database, folder: JobFolder, caller: Principal, job_id: str, idempotency_key: IdempotencyKey | None
+    database: Storage, folder: JobFolder, caller: Principal, job_id: str, idempotency_key: IdempotencyKey | None
 ) -> StoredResponse:
     """End a job, at once or after the work in progress, or delete a finished one with its files. Returns the response.
 
     Raises NotFound, Forbidden (the job of another key, and a key that may only read), KeyReused and StorageError.
     """
     operation = f"deleteJob {job_id}"
-    with database.write() as session:
-        response = find_response(session, idempotency_key, operation)
+    with database.write() as tx:
+        response = find_response(tx, idempotency_key, operation)
         if response is not None:
             return response
-        row, jobs = _row(session, caller, job_id), Jobs(session)
+        row, jobs = _row(tx, caller, job_id), tx.jobs
         if not (row.caller == caller.id or caller.scopes & {Scope.WRITE, Scope.ADMIN}):
             raise Forbidden("The job belongs to another key. To dismiss it, your key needs the scope write or admin.")
         answer = None
@@ -167,9 +164,9 @@ def dismiss(
             case _:
                 jobs.remove([job_id])
         if row.state in UNFINISHED:
-            answer = describe(_row(session, caller, job_id))
+            answer = describe(_row(tx, caller, job_id))
         response = store_response(
-            session,
+            tx,
             idempotency_key,
             operation,
             NO_CONTENT if answer is None else StoredResponse(202, {}, to_json(answer)),
@@ -193,14 +190,14 @@ class Results:
     rest: bytes
 
 
-def results(database: Database, folder: JobFolder, caller: Principal, job_id: str) -> Results:
+def results(database: Storage, folder: JobFolder, caller: Principal, job_id: str) -> Results:
     """The results of a job, to be closed by the caller.
 
     Raises NotFound, Conflict (unfinished), Gone (deleted after a time, or with the collection).
     """
-    with database.read() as session:
-        row = _row(session, caller, job_id)
-        orphaned = Jobs(session).is_orphaned(row)
+    with database.read() as tx:
+        row = _row(tx, caller, job_id)
+        orphaned = tx.jobs.is_orphaned(row)
     if row.state in UNFINISHED:
         raise Conflict(f"The job {job_id} is {row.state}. Read its results when it has ended.")
     if orphaned:
@@ -217,7 +214,7 @@ def results(database: Database, folder: JobFolder, caller: Principal, job_id: st
 
 
 def constraints(
-    database: Database, left: Results, wanted: ConstraintFormat, frame_id: str | None = None
+    database: Storage, left: Results, wanted: ConstraintFormat, frame_id: str | None = None
 ) -> tuple[bytes, int]:
     """The constraints that a job found, in a format, and the number of stale ones. Closes the results.
 
@@ -231,8 +228,8 @@ def constraints(
             )
         found = [read_found(line) for line in file.read(left.size).splitlines()]
     names = {name for one in found for name in (one["from"], one["to"])}
-    with database.read() as session:
-        submaps = Submaps(session, left.collection_key)
+    with database.read() as tx:
+        submaps = tx.submaps(left.collection_key)
         known = {
             row.id: StoredSubmap(row.content_revision, row.place)
             for row in submaps.some(submaps.keys(names).values(), SubmapMetadata)
@@ -270,8 +267,8 @@ def describe(row: JobRecord) -> JobAnswer:
     )
 
 
-def _row(session: Session, caller: Principal, job_id: str) -> JobRecord:
-    jobs = Jobs(session)
+def _row(tx: ReadTransaction, caller: Principal, job_id: str) -> JobRecord:
+    jobs = tx.jobs
     row = jobs.get(job_id)
     if row is None or not caller.sees(row.collection_id):
         raise NotFound("job", job_id[:100])

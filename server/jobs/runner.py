@@ -19,7 +19,7 @@ from server.jobs.assignment import Assignment, Dismissed, Interrupted, JobContex
 from server.jobs.folder import ARRIVING, FOUND, INPUT, RESULTS
 from server.platform.threads import pin_threads
 from server.problem_types import INTERNAL, document
-from server.store.repositories.jobs import Jobs, Queue
+from server.store.repositories.jobs import Queue
 from urquhart import Abandoned, Budget
 
 _LOOK: Final = 0.5
@@ -96,8 +96,8 @@ class Runner:
         Callers take turns, and so do the collections of one caller: however many jobs a caller has, another's job waits
         for one turn of each caller.
         """
-        with self._context.database.read() as session:
-            queues = Jobs(session).queues()
+        with self._context.database.read() as tx:
+            queues = tx.jobs.queues()
         callers = {queue.caller for queue in queues}
         self._served = {one: turn for one, turn in self._served.items() if one in callers or one in queues}
         for queue in sorted(queues, key=self._last_served):
@@ -116,25 +116,25 @@ class Runner:
 
         Raises OSError and StorageError.
         """
-        with self._context.database.read() as session:
-            surplus = Jobs(session).surplus(self._context.settings.jobs.keep_jobs)
+        with self._context.database.read() as tx:
+            surplus = tx.jobs.surplus(self._context.settings.jobs.keep_jobs)
         if surplus:
-            with self._context.database.write() as session:
-                Jobs(session).remove(surplus)
+            with self._context.database.write() as tx:
+                tx.jobs.remove(surplus)
         self._context.folder.clean_up(self._unwanted)
 
     def _unwanted(self, paths: Sequence[Path]) -> list[Path]:
         since = datetime.now(UTC) - timedelta(days=self._context.settings.jobs.keep_days)
-        with self._context.database.read() as session:
-            unfinished, with_results = Jobs(session).unfinished_ids(), Jobs(session).with_results(since)
+        with self._context.database.read() as tx:
+            unfinished, with_results = tx.jobs.unfinished_ids(), tx.jobs.with_results(since)
         wanted = {INPUT: unfinished, FOUND: unfinished, RESULTS: with_results, ARRIVING: set[str]()}
         return [path for path in paths if path.suffix in wanted and path.stem not in wanted[path.suffix]]
 
     def _take(self, queue: Queue) -> bool:
         self._turns += 1
         self._served[queue.caller] = self._served[queue] = self._turns
-        with self._context.database.write() as session:
-            jobs = Jobs(session)
+        with self._context.database.write() as tx:
+            jobs = tx.jobs
             row = jobs.next(queue)
             if row is None:
                 return False
@@ -186,10 +186,10 @@ class Runner:
 
     def _finish(self, job_id: str, state: str, problem: dict[str, Any] | None = None) -> None:
         def note() -> None:
-            with self._context.database.write() as session:
+            with self._context.database.write() as tx:
                 # Whoever dismissed it may have stored a reason.
                 why = {} if state == "dismissed" else {"problem": problem}
-                Jobs(session).change(job_id, state=state, finished=datetime.now(UTC), **why)
+                tx.jobs.change(job_id, state=state, finished=datetime.now(UTC), **why)
 
         def make_room() -> None:
             self._context.folder.clear(job_id)
@@ -204,8 +204,8 @@ class Runner:
         """Leave a job to the next runner, with this many more starts on its count."""
 
         def note() -> None:
-            with self._context.database.write() as session:
-                jobs = Jobs(session)
+            with self._context.database.write() as tx:
+                jobs = tx.jobs
                 # The assignment's progress may be from a transaction that was undone.
                 if (row := jobs.get(job_id)) is not None:
                     count = max(int(row.progress.get("starts", 0)) + starts, 0)

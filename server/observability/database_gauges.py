@@ -8,9 +8,8 @@ from server.errors import StorageError
 from server.observability.metric_samples import Family, Key, merged
 from server.observability.metrics import OTHER, Metrics, text_of
 from server.observability.metrics_exchange import MetricsExchange
-from server.store.repositories.collections import Collections, CollectionSize
-from server.store.repositories.jobs import Jobs
-from server.store.sqlite.database import Database
+from server.store.repositories.collections import CollectionSize
+from server.store.storage import Storage
 
 _UP: Final = "Whether the database could be read for this answer."
 
@@ -26,7 +25,7 @@ class Sizes:
     jobs: dict[str, int]
 
 
-def exposition(database: Database, metrics: Metrics, exchange: MetricsExchange | None) -> bytes:
+def exposition(database: Storage, metrics: Metrics, exchange: MetricsExchange | None) -> bytes:
     """The metrics of all processes in Prometheus' text format. One of them says whether the database can be read."""
     elsewhere = [] if exchange is None else exchange.others()
     told = merged([metrics.families(), *elsewhere])
@@ -37,12 +36,12 @@ def exposition(database: Database, metrics: Metrics, exchange: MetricsExchange |
     return text_of([*_by_name(told, sizes), *_of_rows(sizes, told), _family("database_readable", _UP, {"": 1.0})])
 
 
-def read_sizes(database: Database, most: int) -> Sizes:
+def read_sizes(database: Storage, most: int) -> Sizes:
     """At most `most` collections, largest first, and the totals. Raises StorageError."""
-    with database.read() as session:
-        collections = Collections(session)
+    with database.read() as tx:
+        collections = tx.collections
         largest = [size for size in collections.largest(most + 1) if size.id != OTHER][:most]
-        return Sizes(largest, *collections.totals(), Jobs(session).by_state())
+        return Sizes(largest, *collections.totals(), tx.jobs.by_state())
 
 
 def _by_name(told: Sequence[Family], sizes: Sizes) -> list[Family]:

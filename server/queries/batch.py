@@ -41,8 +41,8 @@ def answer_batch(
     limits = context.limits
     if len(body.queries) > limits.batch_queries:
         raise TooLarge("batch_queries", limits.batch_queries, len(body.queries), "Send the queries in several batches.")
-    with context.database.read() as session:
-        get_collection(session, collection_id)
+    with context.database.read() as tx:
+        get_collection(tx, collection_id)
     seconds = limits.batch_seconds if body.timeout_ms is None else min(limits.batch_seconds, body.timeout_ms / 1000.0)
     whole = budget.within(seconds - budget.elapsed)
     late = document(DeadlineExceeded("batch_seconds", seconds, "Send fewer queries at a time."))

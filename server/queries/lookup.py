@@ -34,9 +34,8 @@ from server.schemas.candidates import CandidateAnswer
 from server.schemas.queries import QueryAnswer, QueryLinks
 from server.store.codec import unpack_diameters, unpack_ids, unpack_positions
 from server.store.records import CollectionRecord, SubmapContent
-from server.store.repositories.candidate_rows import found_submaps
-from server.store.repositories.submaps import Submaps
-from server.store.sqlite.database import Database
+from server.store.repositories.submaps import SubmapReader
+from server.store.storage import Storage
 from urquhart import (
     Budget,
     Candidate,
@@ -58,7 +57,7 @@ P = ParamSpec("P")
 class QueryContext:
     """What all queries of a process need: database, indexes, metrics, and limits."""
 
-    database: Database
+    database: Storage
     catalog: Catalog
     metrics: Metrics
     limits: Limits
@@ -166,7 +165,7 @@ def look_up(
     limits = context.limits
     pin_threads()
     with context.catalog.view(collection_id) as view:
-        submaps = Submaps(view.session, view.collection.key)
+        submaps = view.tx.submaps(view.collection.key)
         asked, own = _asked(submaps, query)
         if own is not None:
             query = replace(query, frame_id=query.frame_id or own.frame_id, stamp=query.stamp or own.stamp)
@@ -188,7 +187,7 @@ def look_up(
             found, warnings = unsearched(observation.result), ()
         found = replace(found, stages=observation.stages + found.stages)
         keys = {candidate.key for candidate in found.candidates} | {rival.key for rival in found.rivals[:1]}
-        rows = found_submaps(view.session, view.collection.key, keys, landmarks=to_draw)
+        rows = view.tx.candidates(view.collection.key).read(keys, landmarks=to_draw)
         pairs = limits.answer_pairs if query.pairs or query.store else 0
         candidates = candidate_answers(view.collection.id, found.candidates, rows, asked.names(), pairs)
         answer = _answer(view, query, asked, found, candidates, warnings)
@@ -200,7 +199,7 @@ def look_up(
     return LookupResult(asked, view.collection, answer, found.candidates, landmarks, revisions)
 
 
-def _asked(submaps: Submaps, query: PlaceQuery) -> tuple[QueryLandmarks, SubmapContent | None]:
+def _asked(submaps: SubmapReader, query: PlaceQuery) -> tuple[QueryLandmarks, SubmapContent | None]:
     """The landmarks of the query, and the stored submap that they are from if it names one. Raises NotFound."""
     if query.landmarks is not None:
         return query.landmarks, None
@@ -233,7 +232,7 @@ def _answer(
     candidates: list[CandidateAnswer],
     warnings: tuple[str, ...],
 ) -> QueryAnswer:
-    collection_id, submaps = view.collection.id, Submaps(view.session, view.collection.key)
+    collection_id, submaps = view.collection.id, view.tx.submaps(view.collection.key)
     # Stored answers are complete, so that they can always be explained.
     findings = strongest(found.findings) if query.explain or query.store else None
     ids = submaps.ids({known.key for known in (*found.rivals, *(findings or ()))})

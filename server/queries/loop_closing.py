@@ -6,16 +6,13 @@ that stores a submap considers what was committed since the search, and whoever 
 
 from typing import Final
 
-from sqlalchemy.orm import Session
-
 from server.errors import InvalidField
 from server.index.derived import config_of, features_of
 from server.queries.lookup import PendingSubmap, QueryContext, look_up, share_of, shown
 from server.queries.query import PlaceQuery
 from server.schemas.queries import QueryAnswer
 from server.store.records import CollectionRecord
-from server.store.repositories.feature_rows import FeatureRows
-from server.store.repositories.submaps import Submaps
+from server.store.storage import ReadTransaction
 from server.submaps.question import SearchOutdated
 from urquhart import Budget, Description, Features, Recognizer
 
@@ -54,22 +51,24 @@ class LoopQuestion:
         self._observation, self._answer = observation, shown(look.answer, self._query)
         return self._answer
 
-    def confirm(self, session: Session, collection: CollectionRecord, own_key: int | None, turn: int) -> QueryAnswer:
+    def confirm(self, tx: ReadTransaction, collection: CollectionRecord, own_key: int | None, turn: int) -> QueryAnswer:
         """The last answer, if nothing that was committed since could change it. Raises SearchOutdated."""
         answer = self._answer
         assert answer is not None, "ask comes before confirm"
-        new = self._unseen(session, collection, answer.revision, own_key)
-        if new and (turn < _AT_LEISURE or len(new) > _FEW or self._may_find(session, collection, new)):
+        new = self._unseen(tx, collection, answer.revision, own_key)
+        if new and (turn < _AT_LEISURE or len(new) > _FEW or self._may_find(tx, collection, new)):
             raise SearchOutdated
         return answer.model_copy(update={"revision": collection.revision})
 
-    def _unseen(self, session: Session, collection: CollectionRecord, revision: int, own_key: int | None) -> list[int]:
+    def _unseen(
+        self, tx: ReadTransaction, collection: CollectionRecord, revision: int, own_key: int | None
+    ) -> list[int]:
         """Keys of the submaps that were stored after the search and that the question covers; only some if there are
         very many.
         """
         if collection.revision == revision:
             return []
-        submaps = Submaps(session, collection.key)
+        submaps = tx.submaps(collection.key)
         changed = [key for key in submaps.changed_since(revision, 2 * _FEW) if key != own_key]
         if not changed:
             return []
@@ -79,7 +78,7 @@ class LoopQuestion:
         # Others may follow after those that were read.
         return changed if len(changed) + 1 >= 2 * _FEW else left
 
-    def _may_find(self, session: Session, collection: CollectionRecord, keys: list[int]) -> bool:
+    def _may_find(self, tx: ReadTransaction, collection: CollectionRecord, keys: list[int]) -> bool:
         """Whether one of these submaps may be the place or a rival, so that all must be compared."""
         observation = None if self._observation is None else self._observation.result
         if not isinstance(observation, Features):
@@ -88,7 +87,7 @@ class LoopQuestion:
         recognizer = Recognizer(config)
         recognizer.add(
             (row.key, features_of(row.features, row.landmarks, row.attributes, config))
-            for row in FeatureRows(session, collection.key).stored(keys)
+            for row in tx.features(collection.key).stored(keys)
         )
         found = recognizer.recognize(observation, budget=self._budget.within(_SECONDS))
         return found.reason == "deadline" or any(candidate.log_odds > 0.0 for candidate in found.candidates)

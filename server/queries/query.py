@@ -11,7 +11,7 @@ from server.config.settings import Limits
 from server.errors import InvalidField, TooLarge
 from server.schemas.queries import QueryInput
 from server.store.codec import diameters_of, position_names
-from server.store.repositories.submaps import Submaps
+from server.store.repositories.submaps import SubmapReader
 from server.store.submap_filter import SubmapFilter
 from server.submaps.preparation import check_landmark_count
 from urquhart import Method
@@ -43,7 +43,7 @@ class Surroundings:
     y: float
     radius: float
 
-    def keys(self, submaps: Submaps, among: Sequence[int] | None = None) -> set[int]:
+    def keys(self, submaps: SubmapReader, among: Sequence[int] | None = None) -> set[int]:
         """Keys of the submaps with a footprint in there, of all or `among` some."""
         x, y, r = self.x, self.y, self.radius
         return submaps.matching(SubmapFilter(bbox=(x - r, y - r, x + r, y + r), map_frame_id=self.frame_id), among)
@@ -57,7 +57,7 @@ class Exclusion:
     session: str | None = None
     within_seconds: float | None = None
 
-    def keys(self, submaps: Submaps, stamp: datetime | None, among: Sequence[int] | None = None) -> set[int]:
+    def keys(self, submaps: SubmapReader, stamp: datetime | None, among: Sequence[int] | None = None) -> set[int]:
         """Keys of the submaps that a query of that time must not find, of all or `among` some.
 
         Raises InvalidField for a query without a time that needs one.

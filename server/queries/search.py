@@ -9,9 +9,6 @@ from server.index.catalog import View
 from server.queries.contradictions import COMPARED, without_contradictions
 from server.queries.per_session import by_session
 from server.queries.query import PlaceQuery, QueryLandmarks
-from server.store.repositories.candidate_rows import found_submaps
-from server.store.repositories.map_frames import MapFrames
-from server.store.repositories.sessions import Sessions
 from server.submaps.preparation import invalid_landmarks
 from urquhart import Budget, Description, Features, LandmarkError, Recognition, Stage, describe, describe_observation
 
@@ -57,7 +54,7 @@ class SubmapSearch:
     def find(self, excluded: set[int]) -> tuple[Recognition, tuple[str, ...]]:
         """The answer, and warnings."""
         if self.query.per_session:
-            sessions = Sessions(self.view.session, self.view.collection.key)
+            sessions = self.view.tx.sessions(self.view.collection.key)
             found = by_session(self, sessions, excluded, self.most)
         else:
             found = self(excluded)
@@ -78,10 +75,10 @@ class SubmapSearch:
         accepted = [one.key for one in found.candidates if one.refused is None]
         places = {}
         if len(accepted) > 1:
-            rows = found_submaps(self.view.session, self.view.collection.key, accepted, landmarks=False)
+            rows = self.view.tx.candidates(self.view.collection.key).read(accepted, landmarks=False)
             places = {key: row.place for key, row in rows.items() if row.place is not None}
         map_frames = {place.map_frame_id for place in places.values()}
-        frames = MapFrames(self.view.session, self.view.collection).some(map_frames) if len(map_frames) > 1 else {}
+        frames = self.view.tx.map_frames(self.view.collection).some(map_frames) if len(map_frames) > 1 else {}
         return without_contradictions(found, places, frames, self.most)
 
     def _try_mirrored(self, found: Recognition, excluded: set[int]) -> tuple[Recognition, tuple[str, ...]]:

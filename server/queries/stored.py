@@ -7,7 +7,6 @@ from typing import Any, Final
 import numpy as np
 import orjson
 from numpy.typing import NDArray
-from sqlalchemy.orm import Session
 
 import urquhart
 from server.collections.registry import get_collection
@@ -23,11 +22,7 @@ from server.schemas.candidates import CandidateAnswer, CandidateLinks, GatesAnsw
 from server.schemas.queries import MatchAnswer, QueryAnswer, QueryLinks
 from server.store.codec import pack_json, pack_positions, unpack_positions
 from server.store.records import CollectionRecord, QueryRecord, SubmapContent
-from server.store.repositories.candidate_rows import found_submaps
-from server.store.repositories.collections import Collections
-from server.store.repositories.queries import Queries
-from server.store.repositories.submaps import Submaps
-from server.store.sqlite.database import Database
+from server.store.storage import ReadTransaction, Storage
 from urquhart import SE2, Budget, Candidate
 from urquhart.uncertainty import PoseUncertainty
 
@@ -62,22 +57,22 @@ class NewAnswer:
     answer: QueryAnswer
 
 
-def keep(database: Database, limits: Limits, new: NewAnswer, key: AnswerKey) -> QueryAnswer:
+def keep(database: Storage, limits: Limits, new: NewAnswer, key: AnswerKey) -> QueryAnswer:
     """Store an answer, unless that was done before. Returns the answer with its id and links. The oldest answers beyond
     the limit are deleted.
 
     Raises NotFound and KeyReused.
     """
     collection, operation = new.collection, key.operation(new.collection)
-    with database.write() as session:
-        if get_collection(session, collection.id).key != collection.key:
+    with database.write() as tx:
+        if get_collection(tx, collection.id).key != collection.key:
             raise NotFound("collection", collection.id)
-        response = find_response(session, key.idempotency_key, operation)
+        response = find_response(tx, key.idempotency_key, operation)
         if response is not None:
-            return _again(session, collection, response)
-        number = Collections(session).next_query_number(collection.key)
+            return _again(tx, collection, response)
+        number = tx.collections.next_query_number(collection.key)
         answer = _numbered(new.answer, collection.id, number)
-        queries = Queries(session, collection.key)
+        queries = tx.queries(collection.key)
         candidates = [
             _pack(candidate if not shown.inliers_omitted else _without_pairs(candidate))
             for candidate, shown in zip(new.found, answer.candidates, strict=True)
@@ -87,7 +82,7 @@ def keep(database: Database, limits: Limits, new: NewAnswer, key: AnswerKey) -> 
         queries.drop_through(number - limits.stored_queries)
         # The answer itself is stored with the query; this refers to it.
         named = StoredResponse(200, {}, str(number).encode())
-        idempotency.store_response(session, key.idempotency_key, operation, named)
+        idempotency.store_response(tx, key.idempotency_key, operation, named)
     return answer
 
 
@@ -109,31 +104,31 @@ def _numbered(answer: QueryAnswer, collection_id: str, number: int) -> QueryAnsw
     return answer.model_copy(update={"id": str(number), "candidates": candidates, "links": own})
 
 
-def kept_answer(database: Database, collection_id: str, key: AnswerKey) -> QueryAnswer | None:
+def kept_answer(database: Storage, collection_id: str, key: AnswerKey) -> QueryAnswer | None:
     """The stored answer to the same query under the same key; None if there is none.
 
     Raises NotFound, KeyReused, and Gone for an answer that is no longer stored.
     """
     if key.idempotency_key is None:
         return None
-    with database.read() as session:
-        collection = get_collection(session, collection_id)
-        response = find_response(session, key.idempotency_key, key.operation(collection))
-        return None if response is None else _again(session, collection, response)
+    with database.read() as tx:
+        collection = get_collection(tx, collection_id)
+        response = find_response(tx, key.idempotency_key, key.operation(collection))
+        return None if response is None else _again(tx, collection, response)
 
 
-def _again(session: Session, collection: CollectionRecord, response: StoredResponse) -> QueryAnswer:
+def _again(tx: ReadTransaction, collection: CollectionRecord, response: StoredResponse) -> QueryAnswer:
     if not response.body.isdigit():  # earlier versions stored the whole answer here, too
         return read_older(QueryAnswer, orjson.loads(response.body), "The answer to this Idempotency-Key")
     number = response.body.decode()
-    return read_older(QueryAnswer, _answer_of(_stored(session, collection, number), collection), f"Query {number}")
+    return read_older(QueryAnswer, _answer_of(_stored(tx, collection, number), collection), f"Query {number}")
 
 
-def stored_answer(database: Database, collection_id: str, query_id: str) -> bytes:
+def stored_answer(database: Storage, collection_id: str, query_id: str) -> bytes:
     """A stored answer as JSON. Raises NotFound, and Gone if it is no longer kept."""
-    with database.read() as session:
-        collection = get_collection(session, collection_id)
-        return orjson.dumps(_answer_of(_stored(session, collection, query_id), collection))
+    with database.read() as tx:
+        collection = get_collection(tx, collection_id)
+        return orjson.dumps(_answer_of(_stored(tx, collection, query_id), collection))
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,15 +156,15 @@ class Match:
         return urquhart.draw_match(self.query_xy, self.submap_xy, self.candidate, title=title, budget=budget)
 
 
-def stored_match(database: Database, collection_id: str, query_id: str, rank: int) -> Match:
+def stored_match(database: Storage, collection_id: str, query_id: str, rank: int) -> Match:
     """A candidate of a stored query, to be read or drawn.
 
     Raises NotFound, and Gone if the query is no longer kept, its pairs were not stored, or the submap's landmarks have
     changed since.
     """
-    with database.read() as session:
-        collection = get_collection(session, collection_id)
-        stored = _stored(session, collection, query_id)
+    with database.read() as tx:
+        collection = get_collection(tx, collection_id)
+        stored = _stored(tx, collection, query_id)
         answer = read_older(QueryAnswer, _answer_of(stored, collection), f"Query {query_id}")
         if not 1 <= rank <= len(answer.candidates):
             raise NotFound(f"candidate of query {query_id!r} with rank", str(rank))
@@ -180,7 +175,7 @@ def stored_match(database: Database, collection_id: str, query_id: str, rank: in
             )
         if rank > len(stored.candidates) or (candidate := _unpack(stored.candidates[rank - 1])) is None:
             raise gone(f"The match of query {query_id}")
-        row = found_submaps(session, collection.key, [candidate.key], landmarks=True).get(candidate.key)
+        row = tx.candidates(collection.key).read([candidate.key], landmarks=True).get(candidate.key)
         if row is None or row.content_revision > answer.revision:
             what = "deleted" if row is None else "given other landmarks"
             raise Gone(
@@ -192,16 +187,16 @@ def stored_match(database: Database, collection_id: str, query_id: str, rank: in
         return Match(query_id, shown, query_xy, submap_xy, candidate)
 
 
-def stored_explanation(database: Database, collection_id: str, query_id: str) -> QueryExplanation:
+def stored_explanation(database: Storage, collection_id: str, query_id: str) -> QueryExplanation:
     """The explanation of a stored answer. Raises NotFound, and Gone if it is no longer kept.
 
     Submaps whose landmarks changed since are left out.
     """
-    with database.read() as session:
-        collection = get_collection(session, collection_id)
-        stored = _stored(session, collection, query_id)
+    with database.read() as tx:
+        collection = get_collection(tx, collection_id)
+        stored = _stored(tx, collection, query_id)
         answer = read_older(QueryAnswer, _answer_of(stored, collection), f"Query {query_id}")
-        submaps = Submaps(session, collection.key)
+        submaps = tx.submaps(collection.key)
         shown = {one.submap_id for one in answer.candidates[:1]} | {one.submap_id for one in answer.rivals[:1]}
         rows = [row for name in shown if (row := submaps.get(name, SubmapContent)) is not None]
         landmarks = {row.id: unpack_positions(row.landmarks) for row in rows if row.content_revision <= answer.revision}
@@ -236,9 +231,9 @@ def _answer_of(stored: QueryRecord, collection: CollectionRecord) -> dict[str, A
     return completed(QueryAnswer, members)
 
 
-def _stored(session: Session, collection: CollectionRecord, query_id: str) -> QueryRecord:
+def _stored(tx: ReadTransaction, collection: CollectionRecord, query_id: str) -> QueryRecord:
     number = int(query_id) if query_id.isascii() and query_id.isdigit() and len(query_id) <= 18 else 0
-    row = Queries(session, collection.key).get(number)
+    row = tx.queries(collection.key).get(number)
     if row is not None:
         return row
     if 1 <= number <= collection.query_sequence:

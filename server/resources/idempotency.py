@@ -3,7 +3,7 @@
 The response is stored in the transaction of the write, so neither exists without the other. A route that takes an
 Idempotency-Key passes it on as an `IdempotencyKey`, and the write is:
 
-    return run_once(database, key, f"deleteSubmap {collection}/{submap}", lambda session: ...)
+    return run_once(database, key, f"deleteSubmap {collection}/{submap}", lambda tx: ...)
 
 or, if the transaction does more, `find_response` at its beginning and `store_response` at its end.
 """
@@ -12,12 +12,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
-from sqlalchemy.orm import Session
-
 from server.errors import KeyReused
 from server.store.records import ResponseRecord
-from server.store.repositories.stored_responses import StoredResponses
-from server.store.sqlite.database import Database
+from server.store.storage import ReadTransaction, Storage, WriteTransaction
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,11 +49,11 @@ class StoredResponse:
     replayed: bool = False
 
 
-def find_response(session: Session, idempotency_key: IdempotencyKey | None, operation: str) -> StoredResponse | None:
+def find_response(tx: ReadTransaction, idempotency_key: IdempotencyKey | None, operation: str) -> StoredResponse | None:
     """The response that this write has already; None if it was not carried out yet. Raises KeyReused."""
     if idempotency_key is None:
         return None
-    row = StoredResponses(session).find(idempotency_key.caller, operation, idempotency_key.name, idempotency_key.since)
+    row = tx.responses.find(idempotency_key.caller, operation, idempotency_key.name, idempotency_key.since)
     if row is None:
         return None
     if row.digest != idempotency_key.digest:
@@ -68,7 +65,7 @@ def find_response(session: Session, idempotency_key: IdempotencyKey | None, oper
 
 
 def store_response(
-    session: Session, idempotency_key: IdempotencyKey | None, operation: str, answer: StoredResponse
+    tx: WriteTransaction, idempotency_key: IdempotencyKey | None, operation: str, answer: StoredResponse
 ) -> StoredResponse:
     """Store the response that is about to be sent, and return it."""
     if idempotency_key is not None:
@@ -81,26 +78,27 @@ def store_response(
             headers=answer.headers,
             body=answer.body,
         )
-        StoredResponses(session).keep(record, idempotency_key.since)
+        tx.responses.keep(record, idempotency_key.since)
     return answer
 
 
 def run_once(
-    database: Database, idempotency_key: IdempotencyKey | None, operation: str, do: Callable[[Session], StoredResponse]
+    database: Storage,
+    idempotency_key: IdempotencyKey | None,
+    operation: str,
+    do: Callable[[WriteTransaction], StoredResponse],
 ) -> StoredResponse:
     """Run `do` in a write transaction, unless it was done before. Raises KeyReused, and what `do` raises."""
-    with database.write() as session:
-        return find_response(session, idempotency_key, operation) or store_response(
-            session, idempotency_key, operation, do(session)
-        )
+    with database.write() as tx:
+        return find_response(tx, idempotency_key, operation) or store_response(tx, idempotency_key, operation, do(tx))
 
 
-def find_before(database: Database, idempotency_key: IdempotencyKey | None, operation: str) -> StoredResponse | None:
+def find_before(database: Storage, idempotency_key: IdempotencyKey | None, operation: str) -> StoredResponse | None:
     """The response that this write has already, read before any work is done. Raises KeyReused."""
     if idempotency_key is None:
         return None
-    with database.read() as session:
-        return find_response(session, idempotency_key, operation)
+    with database.read() as tx:
+        return find_response(tx, idempotency_key, operation)
 
 
 NO_CONTENT = StoredResponse(204, {}, b"")

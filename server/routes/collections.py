@@ -90,7 +90,7 @@ def put_collection(
             service.database,
             idempotency_key,
             operation,
-            lambda session: _answered(registry.ensure_in(session, collection, body, config, preconditions)),
+            lambda tx: _answered(registry.ensure_in(tx, collection, body, config, preconditions)),
         )
     return stored_response(response)
 
@@ -133,7 +133,7 @@ def patch_collection(
             service.database,
             idempotency_key,
             f"patchCollection {collection}",
-            lambda session: _answered(registry.patch_in(session, collection, body, config, preconditions)),
+            lambda tx: _answered(registry.patch_in(tx, collection, body, config, preconditions)),
         )
     )
 
@@ -154,7 +154,7 @@ def delete_collection(
         service.database,
         idempotency_key,
         f"deleteCollection {collection}",
-        lambda session: registry.delete_in(session, collection, preconditions),
+        lambda tx: registry.delete_in(tx, collection, preconditions),
     )
     if not response.replayed:
         service.catalog.forget(collection)

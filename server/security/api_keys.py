@@ -16,9 +16,7 @@ from server.errors import Conflict, InvalidField, NotFound, Unauthorized
 from server.problem_types import plain, problem_type_of
 from server.security.principal import Scope
 from server.store.records import ApiKeyRecord
-from server.store.repositories.api_keys import ApiKeys
-from server.store.repositories.jobs import Jobs
-from server.store.sqlite.database import Database
+from server.store.storage import Storage
 
 _ALPHABET: Final = string.ascii_letters + string.digits
 _ID, _SECRET = 8, 43
@@ -27,7 +25,7 @@ _PATTERN: Final = re.compile(r"[\w.~*?-]{1,128}")
 
 
 def make(
-    database: Database, name: str, scopes: Sequence[Scope], patterns: Sequence[str], expires: datetime | None = None
+    database: Storage, name: str, scopes: Sequence[Scope], patterns: Sequence[str], expires: datetime | None = None
 ) -> tuple[str, ApiKeyRecord]:
     """Create a key. Returns the key, which is shown only now, and what is stored of it.
 
@@ -60,24 +58,24 @@ def make(
         expires=expires,
         revoked=None,
     )
-    with database.write() as session:
-        ApiKeys(session).add(record)
+    with database.write() as tx:
+        tx.api_keys.add(record)
     return f"urq_{key_id}_{secret}", record
 
 
-def listed(database: Database) -> list[ApiKeyRecord]:
+def listed(database: Storage) -> list[ApiKeyRecord]:
     """All keys, oldest first, including revoked and expired ones."""
-    with database.read() as session:
-        return ApiKeys(session).all()
+    with database.read() as tx:
+        return tx.api_keys.all()
 
 
-def revoke(database: Database, key_id: str) -> None:
+def revoke(database: Storage, key_id: str) -> None:
     """Revoke a key, for every process within a second, and end its jobs.
 
     Raises NotFound and Conflict (it is revoked already).
     """
-    with database.write() as session:
-        keys = ApiKeys(session)
+    with database.write() as tx:
+        keys = tx.api_keys
         row = keys.get(key_id)
         if row is None:
             raise NotFound("key", key_id)
@@ -85,7 +83,7 @@ def revoke(database: Database, key_id: str) -> None:
             raise Conflict(f"The key {key_id} was revoked on {row.revoked:%Y-%m-%d}.")
         keys.revoke(key_id)
         problem = plain(problem_type_of(Unauthorized("")), f"The key {key_id}, which began the job, was revoked.")
-        Jobs(session).end_those_of(key_id, problem)
+        tx.jobs.end_those_of(key_id, problem)
 
 
 def _random(length: int) -> str:

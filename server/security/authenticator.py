@@ -12,8 +12,7 @@ from server.errors import Conflict, Unauthorized
 from server.security.api_keys import KEY_FORMAT, digest_of
 from server.security.principal import UNRESTRICTED, Principal, Scope
 from server.store.records import ApiKeyRecord
-from server.store.repositories.api_keys import ApiKeys
-from server.store.sqlite.database import Database
+from server.store.storage import Storage
 
 _FRESH: Final = 1.0
 """Seconds for which a key is cached, and so for which a revoked key may still work."""
@@ -28,12 +27,12 @@ def is_exposed(settings: Settings) -> bool:
     return not settings.insecure and not _is_loopback(settings.host)
 
 
-def check_exposure(settings: Settings, database: Database) -> None:
+def check_exposure(settings: Settings, database: Storage) -> None:
     """Raise Conflict if other machines can reach the service and there is no key."""
     if not is_exposed(settings):
         return
-    with database.read() as session:
-        if ApiKeys(session).any_usable(datetime.now(UTC)):
+    with database.read() as tx:
+        if tx.api_keys.any_usable(datetime.now(UTC)):
             return
     raise Conflict(
         f"host {settings.host!r} can be reached from other machines, and there is no API key. Create one with urquhart "
@@ -44,7 +43,7 @@ def check_exposure(settings: Settings, database: Database) -> None:
 class Authenticator:
     """Finds the principal behind an API key. Keys are required as soon as one exists, or if the service is exposed."""
 
-    def __init__(self, settings: Settings, database: Database) -> None:
+    def __init__(self, settings: Settings, database: Storage) -> None:
         self._database = database
         self._always = is_exposed(settings)
         self._guard = threading.Lock()
@@ -99,8 +98,8 @@ class Authenticator:
             return self._asks_for_keys[1]
         if not ask:
             return None
-        with self._database.read() as session:
-            required = ApiKeys(session).any()
+        with self._database.read() as tx:
+            required = tx.api_keys.any()
         self._asks_for_keys = (now, required)
         return required
 
@@ -112,8 +111,8 @@ class Authenticator:
             return (known[1],)
         if not ask:
             return None
-        with self._database.read() as session:
-            row = ApiKeys(session).get(key_id)
+        with self._database.read() as tx:
+            row = tx.api_keys.get(key_id)
         with self._guard:
             if len(self._known) >= _KNOWN:
                 self._known.clear()

@@ -17,9 +17,6 @@ from server.schemas.snapshots import Snapshot
 from server.snapshots.snapshot_folder import SnapshotFolder, is_name, read_manifest, sha256
 from server.store import migrations_runner
 from server.store.feature_backfill import bring_up_to_date
-from server.store.repositories.collections import Collections
-from server.store.repositories.jobs import Jobs
-from server.store.repositories.segments import Segments
 from server.store.sqlite.database import Database
 from server.store.sqlite.database_lock import exclusive
 from server.store.sqlite.replacing import fold, has_content, mend, swap, workshop
@@ -104,9 +101,9 @@ def restore(source: RestoreSource, path: Path, *, force: bool = False, discard: 
 def forget_unusable(database: Database) -> int:
     """Remove segments that are missing or damaged from the list. Returns their number. The service rebuilds them."""
     folder, dropped = SegmentFolder(database), 0
-    with database.write() as session:
-        for key, collection_id, _ in Collections(session).revisions():
-            config, segments = config_of(get_collection(session, collection_id)), Segments(session, key)
+    with database.write() as tx:
+        for key, collection_id, _ in tx.collections.revisions():
+            config, segments = config_of(get_collection(tx, collection_id)), tx.segments(key)
             for listed in segments.chain():
                 try:
                     segment = folder.open(listed, key, config)
@@ -145,8 +142,8 @@ def _prove(source: RestoreSource, file: Path) -> None:
             raise NotADatabase(f"{source.file} is an empty database, not one of this service.")
         for finding in file_discrepancies(copy):
             raise StorageDamaged(f"{source.file} is damaged: {finding.what}. Use another snapshot.")
-        with copy.read() as session:
-            contents = Collections(session).contents()
+        with copy.read() as tx:
+            contents = tx.collections.contents()
     finally:
         copy.dispose()
     if source.manifest is not None:
@@ -161,8 +158,8 @@ def _make_ready(file: Path) -> int:
     try:
         bring_up_to_date(store)
         problem = document(Conflict("The database was restored to an earlier state during this request."))
-        with store.write() as session:
-            ended = Jobs(session).end_unfinished(problem)
+        with store.write() as tx:
+            ended = tx.jobs.end_unfinished(problem)
     finally:
         store.dispose()
     fold(file)

@@ -10,8 +10,6 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
-from sqlalchemy.orm import Session
-
 from server.checks.integrity import file_discrepancies
 from server.config.settings import Limits
 from server.errors import Conflict, StorageDamaged, StorageFull, StorageReadOnly
@@ -30,9 +28,9 @@ from server.resources.paging import page_size, read_name_cursor, write_cursor
 from server.schemas.snapshots import Snapshot, SnapshotCollection, SnapshotPage
 from server.snapshots.snapshot_folder import SnapshotFolder, check_name, sha256
 from server.store import migrations_runner
-from server.store.repositories.collections import Collections
 from server.store.sqlite.database import Database
 from server.store.sqlite.sqlite_errors import storage_errors
+from server.store.storage import WriteTransaction
 from urquhart.index.segment_file import sync
 
 _OPERATION: Final = "postSnapshot"
@@ -71,8 +69,8 @@ def make_once(
 ) -> StoredResponse:
     """Create a snapshot, unless the same request did. Returns the answer. Raises what `make` raises, and KeyReused."""
     _must_keep(database, idempotency_key)
-    with database.read() as session:
-        response = find_response(session, idempotency_key, _OPERATION)
+    with database.read() as tx:
+        response = find_response(tx, idempotency_key, _OPERATION)
     if response is not None:
         return response
     snapshot = make(database, folder, name, keep_last)
@@ -81,8 +79,8 @@ def make_once(
     )
     if idempotency_key is None:
         return answer
-    with database.write() as session:
-        return store_response(session, idempotency_key, _OPERATION, answer)
+    with database.write() as tx:
+        return store_response(tx, idempotency_key, _OPERATION, answer)
 
 
 def remove_once(
@@ -95,7 +93,7 @@ def remove_once(
         folder.remove(name)
         return NO_CONTENT
 
-    def remove(_: Session) -> StoredResponse:
+    def remove(_: WriteTransaction) -> StoredResponse:
         folder.remove(name)
         return NO_CONTENT
 
@@ -145,8 +143,8 @@ def _described(file: Path, *, name: str, created: datetime) -> Snapshot:
                 "is intact."
             )
         revision = migrations_runner.current_revision(copy)
-        with copy.read() as session:
-            contents = Collections(session).contents()
+        with copy.read() as tx:
+            contents = tx.collections.contents()
     finally:
         copy.dispose()
     return Snapshot(

@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import Final
 
 from server.collections.registry import get_collection
-from server.store.repositories.stands import StandRecord, Stands
-from server.store.repositories.submaps import Submaps
-from server.store.sqlite.database import Database
+from server.store.repositories.stands import StandRecord
 from server.store.sqlite.sqlite_errors import storage_errors
+from server.store.storage import Storage
 from server.submaps.batches import DescribedBatch, Refusal
 from server.submaps.bulk import BatchResult, write_in
 
@@ -71,7 +70,7 @@ def keep_on_disk(batches: Iterable[DescribedBatch], folder: Path) -> Iterator[It
 
 
 def replace_stand(
-    database: Database, collection_id: str, record: StandRecord, ids: Collection[str], batches: Iterable[DescribedBatch]
+    database: Storage, collection_id: str, record: StandRecord, ids: Collection[str], batches: Iterable[DescribedBatch]
 ) -> ReplacementReport:
     """Store a stand with the submaps of `batches`, whose ids are among `ids`, and delete its other submaps.
 
@@ -83,19 +82,19 @@ def replace_stand(
         NotFound, Conflict, StorageError: as `write_in` and the database do. Nothing is changed.
     """
     done = ReplacementReport()
-    with database.write() as session:
-        collection_key = get_collection(session, collection_id).key
-        stands = Stands(session, collection_key)
+    with database.write() as tx:
+        collection_key = get_collection(tx, collection_id).key
+        stands = tx.stands(collection_key)
         there = stands.get(record.name)
         done.before = None if there is None else (there.radius, there.spacing)
         stand_key = stands.put(record)
         strays = stands.strays(record.name, record.frame_id)
         had = stands.members(stand_key) | strays
-        _check_ids(Submaps(session, collection_key).keys(ids), had, record.name)
+        _check_ids(tx.submaps(collection_key).keys(ids), had, record.name)
         stored: set[str] = set()
         for batch in batches:
             batch.records = [(position, replace(one, stand_key=stand_key)) for position, one in batch.records]
-            done.count(write_in(session, collection_id, batch, "replace"))
+            done.count(write_in(tx, collection_id, batch, "replace"))
             stored.update(one.id for _, one in batch.records)
         if had and not stored:
             raise StandError(

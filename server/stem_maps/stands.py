@@ -20,7 +20,7 @@ from server.stem_maps.replacement import ReplacementReport, StandError, keep_on_
 from server.stem_maps.tiling import Cut, cut
 from server.store.codec import digest, pack_positions
 from server.store.repositories.stands import StandRecord
-from server.store.sqlite.database import Database
+from server.store.storage import Storage
 from server.submaps.batches import DescribedBatch
 from server.submaps.bulk import USUAL, LineOptions, describe_lines
 
@@ -45,7 +45,7 @@ class StandReport:
 
 
 def store_stand(
-    database: Database,
+    database: Storage,
     collection: str,
     stem_map: StemMap,
     stand: Cut,

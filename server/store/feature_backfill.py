@@ -9,8 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Final
 
-from sqlalchemy import func, select, update
-from sqlalchemy.orm import Session
+from sqlalchemy import Connection, func, select, update
 
 import urquhart
 from server.store import migrations_runner
@@ -22,6 +21,7 @@ from urquhart import Config, ConfigError, Features, LandmarkError
 from urquhart.features.describe import FEATURES_VERSION, HEAD
 
 _BATCH: Final = 100
+_CONFIGS: Final = select(CollectionRow.key, CollectionRow.config).order_by(CollectionRow.key)
 _log = logging.getLogger(__name__)
 
 
@@ -56,9 +56,9 @@ def backfill(database: Database, *, all_rows: bool = False) -> Iterator[Backfill
     """
     if database.read_only:
         return
-    with database.read() as session:
-        marked = user_version(session.connection()) == FEATURES_VERSION
-        stale = [] if marked and not all_rows else _stale(session)
+    with database.read_connection() as connection:
+        marked = user_version(connection) == FEATURES_VERSION
+        stale = [] if marked and not all_rows else _stale(connection)
     made = 0
     for start in range(0, len(stale), _BATCH):
         made += _backfill_batch(database, stale[start : start + _BATCH])
@@ -68,18 +68,18 @@ def backfill(database: Database, *, all_rows: bool = False) -> Iterator[Backfill
             set_user_version(connection, FEATURES_VERSION)
 
 
-def _stale(session: Session) -> list[tuple[int, Config]]:
+def _stale(connection: Connection) -> list[tuple[int, Config]]:
     """Keys of the submaps whose features cannot be used, with the configuration of their collection."""
     found = []
-    for collection in session.scalars(select(CollectionRow).order_by(CollectionRow.key)).all():
+    for collection_key, chosen in connection.execute(_CONFIGS).all():
         try:
-            config = Config.from_dict(collection.config)
+            config = Config.from_dict(chosen)
         except ConfigError:
             continue  # named by whatever uses the collection, and by `urquhart db check`
         heads = select(SubmapRow.key, func.substr(SubmapRow.features, 1, HEAD)).where(
-            SubmapRow.collection_key == collection.key
+            SubmapRow.collection_key == collection_key
         )
-        for key, head in session.execute(heads.order_by(SubmapRow.key).execution_options(yield_per=1000)):
+        for key, head in connection.execute(heads.order_by(SubmapRow.key).execution_options(yield_per=1000)):
             if not Features.is_current(bytes(head), config.fingerprint()):
                 found.append((key, config))
     return found
@@ -88,8 +88,8 @@ def _stale(session: Session) -> list[tuple[int, Config]]:
 def _backfill_batch(database: Database, batch: list[tuple[int, Config]]) -> int:
     configs = dict(batch)
     columns = (SubmapRow.key, SubmapRow.id, SubmapRow.content_revision, SubmapRow.landmarks, SubmapRow.attributes)
-    with database.read() as session:
-        rows = session.execute(select(*columns).where(SubmapRow.key.in_(configs))).all()
+    with database.read_connection() as connection:
+        rows = connection.execute(select(*columns).where(SubmapRow.key.in_(configs))).all()
     made = []
     for row in rows:
         try:
@@ -98,26 +98,22 @@ def _backfill_batch(database: Database, batch: list[tuple[int, Config]]) -> int:
         except (LandmarkError, ValueError):
             _log.warning("the landmarks of the submap %s cannot be described; `urquhart db check` says why", row.id)
     # Described outside of the transaction: other writers wait for the writing alone.
-    with database.write() as session:
-        return sum(_write(session, row, features) for row, features in made)
+    with database.write_connection() as connection:
+        return sum(_write(connection, row, features) for row, features in made)
 
 
-def _write(session: Session, row: Any, features: Features) -> bool:
+def _write(connection: Connection, row: Any, features: Features) -> bool:
     # Written only where the landmarks are still those that were described.
     same = (SubmapRow.key == row.key, SubmapRow.content_revision == row.content_revision)
-    before = session.execute(select(SubmapRow.collection_key, SubmapRow.polygon_count).where(*same)).one_or_none()
+    before = connection.execute(select(SubmapRow.collection_key, SubmapRow.polygon_count).where(*same)).one_or_none()
     if before is None:
         return False
     polygons = len(features.tessellation)
     values = {"features": features.pack(), "counts": features.counts(), "polygon_count": polygons}
-    unsynchronized = {"synchronize_session": False}
-    session.execute(update(SubmapRow).where(*same).values(**values), execution_options=unsynchronized)
+    connection.execute(update(SubmapRow).where(*same).values(**values))
     total = {
         "polygon_count": CollectionRow.polygon_count + polygons - before.polygon_count,
         "fingerprint": features.fingerprint,
     }
-    session.execute(
-        update(CollectionRow).where(CollectionRow.key == before.collection_key).values(**total),
-        execution_options=unsynchronized,
-    )
+    connection.execute(update(CollectionRow).where(CollectionRow.key == before.collection_key).values(**total))
     return True

@@ -26,9 +26,8 @@ from server.platform.process_pool import PATIENCE, IsolationPolicy, PoolTask, Pr
 from server.platform.threads import pin_threads
 from server.schemas.submaps import NamedSubmap
 from server.store.records import SubmapRecord
-from server.store.repositories.map_frames import MapFrames
-from server.store.repositories.submaps import Submaps
 from server.store.sqlite.database import Database
+from server.store.storage import Storage
 from server.submaps.preparation import Prepared
 from urquhart import Config
 
@@ -111,7 +110,7 @@ def describers(processes: int | None = None, *, patience: float = PATIENCE) -> P
 
 
 def of_submaps(
-    database: Database, collection_id: str, limits: Limits
+    database: Storage, collection_id: str, limits: Limits
 ) -> PoolTask[Batch[NamedSubmap], _Task, DescribedBatch]:
     """How batches of submaps are described for a collection. The work raises NotFound and StorageError."""
 
@@ -126,7 +125,7 @@ def of_submaps(
 
 
 def of_lines(
-    database: Database, collection_id: str, limits: Limits, *, careful: bool = False
+    database: Storage, collection_id: str, limits: Limits, *, careful: bool = False
 ) -> PoolTask[Batch[bytes], _Task, DescribedBatch]:
     """How batches of NDJSON lines are described for a collection. The work raises NotFound and StorageError.
 
@@ -147,8 +146,8 @@ def of_lines(
     def refuse(batch: Batch[bytes], why: str) -> DescribedBatch:
         ((position, line),) = batch.items
         error = TooCostly("import_line_seconds", limits.import_line_seconds, why)
-        with database.read() as session:
-            collection = get_collection(session, collection_id)
+        with database.read() as tx:
+            collection = get_collection(tx, collection_id)
         submap_id = _id_in(line, error) if _is_json(line) else None
         return DescribedBatch(collection.key, batch.following, [], 0, [Refusal(submap_id, error, position)])
 
@@ -216,7 +215,7 @@ def _describe_there(task: _Task) -> DescribedBatch:
 
 
 def _describe_lines(
-    database: Database, collection_id: str, limits: Limits, lines: Iterable[tuple[int, bytes]], following: int
+    database: Storage, collection_id: str, limits: Limits, lines: Iterable[tuple[int, bytes]], following: int
 ) -> DescribedBatch:
     submaps: list[tuple[int, NamedSubmap]] = []
     refused: list[Refusal] = []
@@ -236,7 +235,7 @@ def _describe_lines(
 
 
 def _describe(
-    database: Database,
+    database: Storage,
     collection_id: str,
     limits: Limits,
     following: int,
@@ -244,11 +243,11 @@ def _describe(
     refused: list[Refusal],
 ) -> DescribedBatch:
     """The valid ones of some submaps, with features except for those whose trees are stored already."""
-    with database.read() as session:
-        collection = get_collection(session, collection_id)
-        known = Submaps(session, collection.key).identities({submap.id for _, submap in submaps})
+    with database.read() as tx:
+        collection = get_collection(tx, collection_id)
+        known = tx.submaps(collection.key).identities({submap.id for _, submap in submaps})
         maps = {submap.map_pose.frame_id for _, submap in submaps if submap.map_pose is not None}
-        references = MapFrames(session, collection).some(maps)
+        references = tx.map_frames(collection).some(maps)
     config = config_of(collection)
     described = DescribedBatch(collection.key, following, [], 0, refused)
     for position, submap in submaps:
@@ -285,7 +284,7 @@ def _is_json(line: bytes) -> bool:
 
 
 @cache
-def _opened(path: Path) -> Database:
+def _opened(path: Path) -> Storage:
     """The database of a worker, opened read-only. It is closed when the process ends."""
     return Database(path)
 

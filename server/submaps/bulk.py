@@ -5,16 +5,13 @@ from contextlib import closing, nullcontext
 from dataclasses import dataclass, field
 from typing import Final, Literal, TypeVar
 
-from sqlalchemy.orm import Session
-
 from server.config.settings import Limits
 from server.errors import Conflict, DomainError
 from server.platform.process_pool import PoolTask, ProcessPool
 from server.platform.threads import pin_threads
 from server.schemas.submaps import NamedSubmap
 from server.store.records import SubmapRecord
-from server.store.repositories.submaps import Submaps
-from server.store.sqlite.database import Database
+from server.store.storage import Storage, WriteTransaction
 from server.submaps import batches
 from server.submaps.batches import BlankLines, DescribedBatch, Refusal
 from server.submaps.ingest import same_collection, store
@@ -85,12 +82,12 @@ class BatchResult:
         return sum(line.outcome == outcome for line in self.lines)
 
 
-OnWritten = Callable[[Session, BatchResult], None]
+OnWritten = Callable[[WriteTransaction, BatchResult], None]
 """Called with a batch in its transaction, just before the commit. An exception undoes the batch."""
 
 
 def ingest_many(
-    database: Database,
+    database: Storage,
     collection_id: str,
     submaps: Iterable[NamedSubmap],
     *,
@@ -136,7 +133,7 @@ USUAL: Final = LineOptions()
 
 
 def ingest_lines(
-    database: Database,
+    database: Storage,
     collection_id: str,
     lines: Iterable[bytes | BlankLines],
     options: LineOptions = USUAL,
@@ -156,7 +153,7 @@ def ingest_lines(
 
 
 def describe_lines(
-    database: Database, collection_id: str, lines: Iterable[bytes | BlankLines], options: LineOptions = USUAL
+    database: Storage, collection_id: str, lines: Iterable[bytes | BlankLines], options: LineOptions = USUAL
 ) -> Generator[DescribedBatch, None, None]:
     """Read and describe the lines without storing them, batch by batch. Raises NotFound, StorageError and
     WorkerLost.
@@ -166,7 +163,7 @@ def describe_lines(
 
 
 def write(
-    database: Database,
+    database: Storage,
     collection_id: str,
     batch: DescribedBatch,
     on_conflict: OnConflict = "replace",
@@ -175,22 +172,22 @@ def write(
     """Store a batch in a transaction of its own. Raises NotFound, Conflict (the collection was replaced),
     StorageError.
     """
-    with database.write() as session:
-        result = write_in(session, collection_id, batch, on_conflict)
+    with database.write() as tx:
+        result = write_in(tx, collection_id, batch, on_conflict)
         if on_written is not None:
-            on_written(session, result)
+            on_written(tx, result)
     return result
 
 
-def write_in(session: Session, collection_id: str, batch: DescribedBatch, on_conflict: OnConflict) -> BatchResult:
+def write_in(tx: WriteTransaction, collection_id: str, batch: DescribedBatch, on_conflict: OnConflict) -> BatchResult:
     """Store a batch within a transaction, as if its submaps were stored one after the other.
 
     If an id comes again, the last one is written, and each has the outcome that it would have had by itself.
 
     Raises NotFound and Conflict.
     """
-    collection = same_collection(session, collection_id, batch.collection_key)
-    known = Submaps(session, collection.key).identities({record.id for _, record in batch.records})
+    collection = same_collection(tx, collection_id, batch.collection_key)
+    known = tx.submaps(collection.key).identities({record.id for _, record in batch.records})
     etags = {submap_id: identity.etag for submap_id, identity in known.items()}
     chosen: dict[str, SubmapRecord] = {}
     told: list[tuple[int, str, Outcome | Literal["skipped"]]] = []
@@ -204,7 +201,7 @@ def write_in(session: Session, collection_id: str, batch: DescribedBatch, on_con
             told.append((position, record.id, "skipped"))
         else:
             lines.append(LineOutcome(position, record.id, "refused", error=_conflict(record.id, record.id in known)))
-    receipts = store(session, collection, [(known.get(record.id), record) for record in chosen.values()])
+    receipts = store(tx, collection, [(known.get(record.id), record) for record in chosen.values()])
     revisions = {submap_id: identity.revision for submap_id, identity in known.items()}
     revisions |= {submap_id: receipt.revision for submap_id, receipt in zip(chosen, receipts, strict=True)}
     lines += [LineOutcome(position, submap_id, outcome, revisions[submap_id]) for position, submap_id, outcome in told]

@@ -6,14 +6,14 @@ from server.collections.georeference import Georeference
 from server.errors import NotAcceptable
 from server.store.codec import unpack_positions
 from server.store.records import CollectionRecord, SubmapContent
-from server.store.repositories.map_frames import DEFAULT_FRAME, FrameReference, MapFrames
-from server.store.sqlite.database import Database
+from server.store.repositories.map_frames import DEFAULT_FRAME, FrameReference
+from server.store.storage import Storage
 
 
-def references_of(database: Database, collection: CollectionRecord, frame_ids: set[str]) -> dict[str, FrameReference]:
+def references_of(database: Storage, collection: CollectionRecord, frame_ids: set[str]) -> dict[str, FrameReference]:
     """Where map frames are on Earth. Raises NotAcceptable if no frame of the collection has a CRS."""
-    with database.read() as session:
-        frames = MapFrames(session, collection)
+    with database.read() as tx:
+        frames = tx.map_frames(collection)
         if not frames.any():
             raise NotAcceptable(
                 f"The collection {collection.id!r} has no crs, so its submaps have no longitude and latitude. Set its "

@@ -9,8 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from sqlalchemy.orm import Session
-
 from server.collections import georeference
 from server.collections.registry import get_collection
 from server.config.settings import Limits
@@ -22,11 +20,7 @@ from server.resources.preconditions import ANYTHING, Preconditions
 from server.schemas.submaps import SubmapInput, SubmapPatch
 from server.store.codec import MEMBERS
 from server.store.records import CollectionRecord, Identity, Place, SubmapContent, SubmapRecord
-from server.store.repositories.collections import Collections
-from server.store.repositories.feature_rows import FeatureRows
-from server.store.repositories.map_frames import MapFrames
-from server.store.repositories.submaps import Submaps
-from server.store.sqlite.database import Database
+from server.store.storage import ReadTransaction, Storage, WriteTransaction
 from server.submaps import reader
 from server.submaps.preparation import Prepared, Trees, check_properties, patched, reconcile
 from server.submaps.question import Question, SearchOutdated
@@ -66,7 +60,7 @@ NO_TERMS: Final = WriteTerms()
 
 
 def put(
-    database: Database,
+    database: Storage,
     collection_id: str,
     submap_id: str,
     body: SubmapInput,
@@ -82,16 +76,16 @@ def put(
     """
     pin_threads()
     prepared = Prepared(submap_id, body, limits)
-    with database.read() as session:
-        collection = get_collection(session, collection_id)
+    with database.read() as tx:
+        collection = get_collection(tx, collection_id)
         operation = _operation(collection, submap_id, terms)
-        response = find_response(session, terms.idempotency_key, operation)
+        response = find_response(tx, terms.idempotency_key, operation)
         if response is not None:
             return Stored(None, response)
-        check_place(session, collection, prepared.place)
-        known = Submaps(session, collection.key).identities([submap_id]).get(submap_id)
+        check_place(tx, collection, prepared.place)
+        known = tx.submaps(collection.key).identities([submap_id]).get(submap_id)
         if known is not None and terms.question is not None and prepared.has_features(known):
-            prepared.trees.reuse(_stored_features(session, collection, known.key))
+            prepared.trees.reuse(_stored_features(tx, collection, known.key))
     terms.preconditions.check(known.etag if known else None)
     same = known is not None and known.etag == prepared.etag
     if known is not None and same and terms.idempotency_key is None:
@@ -109,7 +103,7 @@ def _operation(collection: CollectionRecord, submap_id: str, terms: WriteTerms) 
 
 
 def _store(
-    database: Database, collection: CollectionRecord, prepared: Prepared, known: Identity | None, terms: WriteTerms
+    database: Storage, collection: CollectionRecord, prepared: Prepared, known: Identity | None, terms: WriteTerms
 ) -> Stored:
     """Search, then store in a transaction, until nothing was committed in between that the search should have seen."""
     config, question = config_of(collection), terms.question
@@ -138,34 +132,30 @@ def _store(
     )
 
 
-def _write(
-    database: Database, collection: CollectionRecord, prepared: Prepared, terms: WriteTerms, turn: int
-) -> Stored:
+def _write(database: Storage, collection: CollectionRecord, prepared: Prepared, terms: WriteTerms, turn: int) -> Stored:
     """One transaction with the submap and its answer. Raises SearchOutdated."""
     config, submap_id = config_of(collection), prepared.id
     operation = _operation(collection, submap_id, terms)
-    with database.write() as session:
-        now = same_collection(session, collection.id, collection.key)
-        response = find_response(session, terms.idempotency_key, operation)
+    with database.write() as tx:
+        now = same_collection(tx, collection.id, collection.key)
+        response = find_response(tx, terms.idempotency_key, operation)
         if response is not None:
             return Stored(None, response)
-        submaps = Submaps(session, now.key)
+        submaps = tx.submaps(now.key)
         known = submaps.identities([submap_id]).get(submap_id)
         terms.preconditions.check(known.etag if known else None)
-        found = (
-            None if terms.question is None else terms.question.confirm(session, now, known.key if known else None, turn)
-        )
+        found = None if terms.question is None else terms.question.confirm(tx, now, known.key if known else None, turn)
         before = frozenset[str]() if known is None else submaps.members(known.key)
         record = prepared.record(known, config)
-        receipt = store(session, now, [(known, record)])[0]
+        receipt = store(tx, now, [(known, record)])[0]
         gone = before - record.members()
         receipt = replace(receipt, cleared=tuple(name for name in MEMBERS if name in gone))
         answer = receipt_answer(now.id, submap_id, receipt, found)
-        return Stored(receipt.outcome, store_response(session, terms.idempotency_key, operation, answer))
+        return Stored(receipt.outcome, store_response(tx, terms.idempotency_key, operation, answer))
 
 
 def patch(
-    database: Database,
+    database: Storage,
     collection_id: str,
     submap_id: str,
     body: SubmapPatch,
@@ -180,35 +170,35 @@ def patch(
     pin_threads()
     check_properties(body.properties, limits)
     trees = Trees(body, limits) if body.has_landmarks else None
-    with database.read() as session:
-        collection = get_collection(session, collection_id)
+    with database.read() as tx:
+        collection = get_collection(tx, collection_id)
     config = config_of(collection)
     if trees is not None:
         trees.describe(config)
-    with database.write() as session:
-        now = same_collection(session, collection_id, collection.key)
+    with database.write() as tx:
+        now = same_collection(tx, collection_id, collection.key)
         operation = f"patchSubmap {now.key} {submap_id}"
-        response = find_response(session, terms.idempotency_key, operation)
+        response = find_response(tx, terms.idempotency_key, operation)
         if response is not None:
             return response
-        submaps = Submaps(session, now.key)
+        submaps = tx.submaps(now.key)
         row, known = submaps.get(submap_id, SubmapContent), submaps.identities([submap_id]).get(submap_id)
         if row is None or known is None:
             raise NotFound("submap", submap_id)
         terms.preconditions.check(row.etag)
         record = patched(row, body, trees, config)
         if "map_pose" in body.model_fields_set:
-            check_place(session, now, record.place)
-        store(session, now, [(known, record)])
+            check_place(tx, now, record.place)
+        store(tx, now, [(known, record)])
         changed = submaps.get(submap_id, SubmapContent)
         assert changed is not None
         return store_response(
-            session, terms.idempotency_key, operation, submap_answer(reader.submap_of(collection_id, changed))
+            tx, terms.idempotency_key, operation, submap_answer(reader.submap_of(collection_id, changed))
         )
 
 
 def delete(
-    database: Database,
+    database: Storage,
     collection_id: str,
     submap_id: str,
     preconditions: Preconditions = ANYTHING,
@@ -216,41 +206,39 @@ def delete(
     idempotency_key: IdempotencyKey | None = None,
 ) -> StoredResponse:
     """Delete a submap. Returns the answer. Raises NotFound, PreconditionFailed, KeyReused and StorageError."""
-    with database.write() as session:
-        collection = get_collection(session, collection_id)
+    with database.write() as tx:
+        collection = get_collection(tx, collection_id)
         operation = f"deleteSubmap {collection.key} {submap_id}"
-        response = find_response(session, idempotency_key, operation)
+        response = find_response(tx, idempotency_key, operation)
         if response is not None:
             return response
-        submaps = Submaps(session, collection.key)
+        submaps = tx.submaps(collection.key)
         known = submaps.identities([submap_id]).get(submap_id)
         if known is None:
             raise NotFound("submap", submap_id)
         preconditions.check(known.etag)
-        revision = Collections(session).advance(
+        revision = tx.collections.advance(
             collection.key, submaps=-1, landmarks=-known.landmark_count, polygons=-known.polygon_count
         )
         submaps.delete(known.key, revision)
-        return store_response(session, idempotency_key, operation, NO_CONTENT)
+        return store_response(tx, idempotency_key, operation, NO_CONTENT)
 
 
-def _stored_features(session: Session, collection: CollectionRecord, key: int) -> Features:
+def _stored_features(tx: ReadTransaction, collection: CollectionRecord, key: int) -> Features:
     """The features of a stored submap."""
-    row = next(FeatureRows(session, collection.key).stored([key]))
+    row = next(tx.features(collection.key).stored([key]))
     return features_of(row.features, row.landmarks, row.attributes, config_of(collection))
 
 
-def check_place(session: Session, collection: CollectionRecord, place: Place | None) -> None:
+def check_place(tx: ReadTransaction, collection: CollectionRecord, place: Place | None) -> None:
     """Raise InvalidField if the pose in the map is outside the area of the map frame's CRS."""
     if place is not None:
-        georeference.check_place(
-            place, MapFrames(session, collection).some([place.map_frame_id]).get(place.map_frame_id)
-        )
+        georeference.check_place(place, tx.map_frames(collection).some([place.map_frame_id]).get(place.map_frame_id))
 
 
-def same_collection(session: Session, collection_id: str, key: int) -> CollectionRecord:
+def same_collection(tx: ReadTransaction, collection_id: str, key: int) -> CollectionRecord:
     """The collection, if it still has that key. Raises NotFound and Conflict."""
-    now = get_collection(session, collection_id)
+    now = get_collection(tx, collection_id)
     if now.key != key:
         raise Conflict(
             f"The collection {collection_id!r} was deleted and created again during this request. Send the submap "
@@ -260,7 +248,7 @@ def same_collection(session: Session, collection_id: str, key: int) -> Collectio
 
 
 def store(
-    session: Session, collection: CollectionRecord, pairs: Sequence[tuple[Identity | None, SubmapRecord]]
+    tx: WriteTransaction, collection: CollectionRecord, pairs: Sequence[tuple[Identity | None, SubmapRecord]]
 ) -> list[Receipt]:
     """Write what differs from what is stored, under one new revision."""
     config = config_of(collection)
@@ -272,13 +260,13 @@ def store(
     revision = collection.revision
     if changes:
         replaced = [known for known, _ in changes if known is not None]
-        revision = Collections(session).advance(
+        revision = tx.collections.advance(
             collection.key,
             submaps=len(changes) - len(replaced),
             landmarks=sum(r.landmark_count for _, r in changes) - sum(known.landmark_count for known in replaced),
             polygons=sum(r.polygon_count for _, r in changes) - sum(known.polygon_count for known in replaced),
         )
-        submaps = Submaps(session, collection.key)
+        submaps = tx.submaps(collection.key)
         submaps.insert([record for known, record in changes if known is None], revision)
         submaps.replace([(known.key, record) for known, record in changes if known is not None], revision)
     written = {record.id: record for _, record in changes}

@@ -8,8 +8,7 @@ from server.collections.registry import get_collection
 from server.config.settings import Limits
 from server.resources.paging import PageRequest, page_size, read_cursor, write_cursor
 from server.store.records import CollectionRecord, SubmapContent, SubmapMetadata
-from server.store.repositories.submaps import Submaps
-from server.store.sqlite.database import Database
+from server.store.storage import Storage
 from server.store.submap_filter import SubmapFilter
 
 _K = TypeVar("_K", bound=SubmapMetadata)
@@ -20,7 +19,7 @@ _SUMMARY: Final = 700
 
 
 def rows_of_page(
-    database: Database,
+    database: Storage,
     limits: Limits,
     collection_id: str,
     chosen: SubmapFilter,
@@ -38,9 +37,9 @@ def rows_of_page(
     after = read_cursor("submaps", asked.cursor)
     rows: list[_K] = []
     left = limits.page_bytes
-    with database.read() as session:
-        collection = get_collection(session, collection_id)
-        submaps = Submaps(session, collection.key)
+    with database.read() as tx:
+        collection = get_collection(tx, collection_id)
+        submaps = tx.submaps(collection.key)
         while len(rows) < size:
             most = min(size - len(rows), _ROWS if issubclass(kind, SubmapContent) else size)
             piece = submaps.page(chosen, kind, after_key=after, limit=most + 1)

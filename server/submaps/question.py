@@ -2,10 +2,9 @@
 
 from typing import Protocol
 
-from sqlalchemy.orm import Session
-
 from server.schemas.queries import QueryAnswer
 from server.store.records import CollectionRecord
+from server.store.storage import ReadTransaction
 from urquhart import Description
 
 
@@ -19,7 +18,7 @@ class Question(Protocol):
     def ask(self, observation: Description) -> QueryAnswer:
         """Search for the submap's landmarks, which are described already."""
 
-    def confirm(self, session: Session, collection: CollectionRecord, own_key: int | None, turn: int) -> QueryAnswer:
+    def confirm(self, tx: ReadTransaction, collection: CollectionRecord, own_key: int | None, turn: int) -> QueryAnswer:
         """The answer, in the transaction that stores the submap, after `turn` + 1 searches.
 
         `own_key`: key of what is stored under the submap's id. Raises SearchOutdated.

@@ -29,21 +29,18 @@ from server.schemas.submaps import (
 )
 from server.store.codec import digest, unpack_attributes, unpack_ids, unpack_positions
 from server.store.records import SubmapContent, SubmapMetadata, SubmapWhole
-from server.store.repositories.map_frames import MapFrames
-from server.store.repositories.sessions import Sessions
-from server.store.repositories.submaps import Submaps
-from server.store.sqlite.database import Database
+from server.store.storage import Storage
 from server.store.submap_filter import SubmapFilter
 from server.submaps.footprints import geometry_of, outside, references_of, without_crs
 from server.submaps.pages import rows_of_page
 from urquhart import Budget
 
 
-def read(database: Database, collection_id: str, submap_id: str) -> Submap:
+def read(database: Storage, collection_id: str, submap_id: str) -> Submap:
     """A submap with its landmarks. Raises NotFound."""
-    with database.read() as session:
-        collection = get_collection(session, collection_id)
-        row = Submaps(session, collection.key).get(submap_id, SubmapContent)
+    with database.read() as tx:
+        collection = get_collection(tx, collection_id)
+        row = tx.submaps(collection.key).get(submap_id, SubmapContent)
         if row is None:
             raise NotFound("submap", submap_id)
         return submap_of(collection_id, row)
@@ -54,22 +51,20 @@ def submap_of(collection_id: str, row: SubmapContent) -> Submap:
     return Submap(**_summary(collection_id, row), landmarks=_landmarks(row))
 
 
-def page(
-    database: Database, limits: Limits, collection_id: str, chosen: SubmapFilter, asked: PageRequest
-) -> SubmapPage:
+def page(database: Storage, limits: Limits, collection_id: str, chosen: SubmapFilter, asked: PageRequest) -> SubmapPage:
     """A page of submaps without landmarks, in the order they were stored. Raises NotFound and InvalidField."""
     rows, following = rows_of_page(database, limits, collection_id, chosen, asked, SubmapMetadata)[1:]
     return SubmapPage(submaps=[SubmapSummary(**_summary(collection_id, row)) for row in rows], next=following)
 
 
 def sessions(
-    database: Database, limits: Limits, collection_id: str, limit: int | None, cursor: str | None
+    database: Storage, limits: Limits, collection_id: str, limit: int | None, cursor: str | None
 ) -> SessionPage:
     """A page of the sessions of a collection, by name. Raises NotFound and InvalidField."""
     size = page_size(limit, limits)
-    with database.read() as session:
-        collection = get_collection(session, collection_id)
-        rows = Sessions(session, collection.key).page(read_name_cursor("sessions", cursor), size + 1)
+    with database.read() as tx:
+        collection = get_collection(tx, collection_id)
+        rows = tx.sessions(collection.key).page(read_name_cursor("sessions", cursor), size + 1)
     return SessionPage(
         sessions=[
             SessionSummary(
@@ -82,7 +77,7 @@ def sessions(
 
 
 def geojson_page(
-    database: Database,
+    database: Storage,
     limits: Limits,
     collection_id: str,
     chosen: SubmapFilter,
@@ -110,18 +105,18 @@ def geojson_page(
 class Tessellated:
     """A submap's tessellation in all its formats. Each method raises `DeadlinePassed` and `Abandoned`."""
 
-    def __init__(self, database: Database, collection_id: str, submap_id: str, budget: Budget) -> None:
+    def __init__(self, database: Storage, collection_id: str, submap_id: str, budget: Budget) -> None:
         """Raises NotFound."""
         self._budget = budget
-        with database.read() as session:
-            self._collection = get_collection(session, collection_id)
-            row = Submaps(session, self._collection.key).get(submap_id, SubmapWhole)
+        with database.read() as tx:
+            self._collection = get_collection(tx, collection_id)
+            row = tx.submaps(self._collection.key).get(submap_id, SubmapWhole)
             if row is None:
                 raise NotFound("submap", submap_id)
             self._row = row
             frame_id = None if row.place is None else row.place.map_frame_id
             self._reference = (
-                None if frame_id is None else MapFrames(session, self._collection).some([frame_id]).get(frame_id)
+                None if frame_id is None else tx.map_frames(self._collection).some([frame_id]).get(frame_id)
             )
         self._features = features_of(row.features, row.landmarks, row.attributes, config_of(self._collection))
         self.etag = digest(row.etag.encode(), self._features.fingerprint.encode(), self._geo_etag())

@@ -13,7 +13,7 @@ from server.config.settings import Limits
 from server.errors import StorageError
 from server.http.admission.admission import Admission
 from server.jobs import queue
-from server.store.sqlite.database import Database
+from server.store.storage import Storage
 
 _LOOK: Final = 0.2
 """Seconds between two queries for the jobs that callers wait for."""
@@ -25,7 +25,7 @@ _log = logging.getLogger(__name__)
 class JobWaits:
     """The waits of one process, on its event loop."""
 
-    def __init__(self, database: Database, limits: Limits, is_stopping: Callable[[], bool]) -> None:
+    def __init__(self, database: Storage, limits: Limits, is_stopping: Callable[[], bool]) -> None:
         self._database, self._limits, self._is_stopping = database, limits, is_stopping
         self._waiting: dict[str, set[asyncio.Event]] = {}
         self._callers: Counter[str] = Counter()

@@ -6,7 +6,6 @@ from typing import Final
 
 import orjson
 from pydantic import ValidationError
-from sqlalchemy.orm import Session
 
 from server.constraints.extraction import agree, chosen_submaps, from_look, question, read_found
 from server.errors import Conflict, NotFound
@@ -17,8 +16,8 @@ from server.queries.lookup import LookupResult, QueryContext, look_up
 from server.queries.older_answers import completed
 from server.schemas.constraints import ConstraintsInput
 from server.store.records import SubmapMetadata
-from server.store.repositories.submaps import Submaps
 from server.store.sqlite.sqlite_errors import storage_errors
+from server.store.storage import ReadTransaction
 
 _PAGE: Final = 50
 """Submaps that are looked up before the job reports progress."""
@@ -43,8 +42,8 @@ def run_constraints(assignment: Assignment, context: JobContext) -> None:
         ) from error
     found_file, results_file = context.folder.found(assignment.id), context.folder.results(assignment.id)
     if assignment.total is None:
-        with context.database.read() as session:
-            assignment.total = len(_matching(assignment, session, body))
+        with context.database.read() as tx:
+            assignment.total = len(_matching(assignment, tx, body))
     with storage_errors(context.folder.path):
         with found_file.open("a+b") as found:
             context.folder.sync()
@@ -85,8 +84,8 @@ def _rows(assignment: Assignment, context: JobContext, body: ConstraintsInput) -
     """
     after = int(assignment.progress.get("after", 0))
     while True:
-        with context.database.read() as session:
-            rows = _page(assignment, session, body, after)
+        with context.database.read() as tx:
+            rows = _page(assignment, tx, body, after)
         if not rows:
             return
         for row in rows:
@@ -94,16 +93,16 @@ def _rows(assignment: Assignment, context: JobContext, body: ConstraintsInput) -
         after = rows[-1].key
 
 
-def _page(assignment: Assignment, session: Session, body: ConstraintsInput, after: int) -> list[SubmapMetadata]:
-    submaps = Submaps(session, assignment.collection(session).key)
+def _page(assignment: Assignment, tx: ReadTransaction, body: ConstraintsInput, after: int) -> list[SubmapMetadata]:
+    submaps = tx.submaps(assignment.collection(tx).key)
     if body.submap_ids is None:
         return submaps.page(chosen_submaps(body), SubmapMetadata, after_key=after, limit=_PAGE)
-    keys = sorted(key for key in _matching(assignment, session, body) if key > after)
+    keys = sorted(key for key in _matching(assignment, tx, body) if key > after)
     return submaps.some(keys[:_PAGE], SubmapMetadata)
 
 
-def _matching(assignment: Assignment, session: Session, body: ConstraintsInput) -> set[int]:
-    submaps = Submaps(session, assignment.collection(session).key)
+def _matching(assignment: Assignment, tx: ReadTransaction, body: ConstraintsInput) -> set[int]:
+    submaps = tx.submaps(assignment.collection(tx).key)
     keys = submaps.matching(chosen_submaps(body))
     return keys if body.submap_ids is None else keys & set(submaps.keys(body.submap_ids).values())
 

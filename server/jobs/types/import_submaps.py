@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any, BinaryIO, Final
 
 import orjson
-from sqlalchemy.orm import Session
 
 from server.errors import LinesRefused, StorageError, StorageUnavailable, TooLarge
 from server.index.flushing import Stopped, flush
@@ -23,6 +22,7 @@ from server.jobs.assignment import Assignment, Interrupted, JobContext
 from server.jobs.folder import cut
 from server.jobs.refusals import Refusals
 from server.store.sqlite.sqlite_errors import storage_errors
+from server.store.storage import WriteTransaction
 from server.submaps import batches, bulk
 from server.submaps.batches import BlankLines
 from server.submaps.bulk import BatchResult, LineOutcome
@@ -36,8 +36,8 @@ def run_import(assignment: Assignment, context: JobContext) -> None:
 
     Raises NotFound and Conflict (the collection was deleted or replaced), StorageError, Interrupted, Dismissed.
     """
-    with context.database.read() as session:
-        assignment.collection(session)
+    with context.database.read() as tx:
+        assignment.collection(tx)
     with storage_errors(context.folder.path), context.folder.results(assignment.id).open("a+b") as results:
         context.folder.sync()  # the name of the file, without which its content is lost after a power cut
         cut(results, assignment.progress.get("written", 0))
@@ -126,12 +126,12 @@ def _skip_line(file: BinaryIO) -> None:
 def _one_by_one(assignment: Assignment, context: JobContext, source: _InputLines, results: BinaryIO) -> None:
     refusals = Refusals(context.settings.limits.import_refusal_bytes, assignment.progress.get("refusals"))
 
-    def on_written(session: Session, batch: BatchResult) -> None:
-        assignment.collection(session)
+    def on_written(tx: WriteTransaction, batch: BatchResult) -> None:
+        assignment.collection(tx)
         _write_results(results, _refusal_lines(batch.lines, refusals))
         _count(assignment, batch.lines, batch.following)
         assignment.report(
-            session,
+            tx,
             line=batch.following,
             offset=source.after(batch.following),
             written=results.tell(),
@@ -221,19 +221,17 @@ def _store_all(
     stored: list[BatchResult] = []
     refused: list[LineOutcome] = []
     try:
-        with context.database.write() as session:
-            assignment.collection(session)
+        with context.database.write() as tx:
+            assignment.collection(tx)
             for batch in found:
-                stored.append(
-                    bulk.write_in(session, assignment.collection_id, batch, assignment.parameters["on_conflict"])
-                )
+                stored.append(bulk.write_in(tx, assignment.collection_id, batch, assignment.parameters["on_conflict"]))
                 refused += [line for line in stored[-1].lines if line.outcome == "refused"]
             if refused:
                 raise _RolledBack
             lines = [line for batch in stored for line in batch.lines]
             _write_results(results, _refusal_lines(lines, Refusals(0)))
             _count(assignment, lines, found[-1].following if found else 0)
-            assignment.report(session, line=assignment.done, written=results.tell())
+            assignment.report(tx, line=assignment.done, written=results.tell())
     except _RolledBack:
         return refused
     for result in stored:

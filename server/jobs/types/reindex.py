@@ -21,8 +21,8 @@ def run_reindex(assignment: Assignment, context: JobContext) -> None:
 
 
 def _rebuild(assignment: Assignment, context: JobContext) -> None:
-    with context.database.read() as session:
-        assignment.total, assignment.done = assignment.collection(session).submap_count, 0
+    with context.database.read() as tx:
+        assignment.total, assignment.done = assignment.collection(tx).submap_count, 0
     assignment.report()
 
     def advance(submaps: int) -> None:
@@ -30,8 +30,8 @@ def _rebuild(assignment: Assignment, context: JobContext) -> None:
         assignment.report()
 
     written = rebuild(context.catalog.flush_context, assignment.collection_id, progress=advance)
-    with context.database.read() as session:
-        assignment.collection(session)
+    with context.database.read() as tx:
+        assignment.collection(tx)
     assignment.total = assignment.done = written
     assignment.counts = {"indexed": written}
     assignment.report(listed=True)

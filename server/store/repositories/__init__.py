@@ -1,4 +1,4 @@
-"""One module per kind of row: its SELECTs and writes, within a session that the caller holds.
+"""One module per kind of row: a class that reads, and one that also writes, within a session that the caller holds.
 
-Imports `store` and `store.sqlite`; no room above the store writes SQL for these rows.
+The rooms above reach them through a transaction of `store.storage`. Imports `store` and `store.sqlite.expressions`.
 """

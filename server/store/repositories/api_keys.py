@@ -12,8 +12,8 @@ from server.store.records import ApiKeyRecord
 from server.store.service_tables import KeyRow
 
 
-class ApiKeys:
-    """Repository of API keys; the session is the caller's, and so is the commit."""
+class ApiKeyReader:
+    """Reads API keys in a transaction of the caller."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
@@ -35,6 +35,10 @@ class ApiKeys:
         """Whether there is a key that is neither revoked nor expired."""
         usable = select(KeyRow.key).where(KeyRow.revoked.is_(None), or_(KeyRow.expires.is_(None), KeyRow.expires > now))
         return bool(self._session.scalar(select(usable.exists())))
+
+
+class ApiKeys(ApiKeyReader):
+    """Reads and writes API keys in a transaction that the caller commits."""
 
     def add(self, record: ApiKeyRecord) -> None:
         """Add a key."""

@@ -31,12 +31,18 @@ class FoundSubmap:
     landmarks: bytes
 
 
-def found_submaps(
-    session: Session, collection_key: int, keys: Collection[int], *, landmarks: bool
-) -> dict[int, FoundSubmap]:
-    """Those of the keys that are submaps of the collection, with their landmarks if asked, by key."""
-    statement = _WHOLE if landmarks else _BRIEF
-    return {row[0]: _found(row) for row in statement.rows(session, collection_key=collection_key, keys=keys)}
+class CandidateRows:
+    """Reads what answers tell of one collection's submaps, in a transaction of the caller."""
+
+    def __init__(self, session: Session, collection_key: int) -> None:
+        self._session = session
+        self._collection_key = collection_key
+
+    def read(self, keys: Collection[int], *, landmarks: bool) -> dict[int, FoundSubmap]:
+        """Those of the keys that are submaps of the collection, with their landmarks if asked, by key."""
+        statement = _WHOLE if landmarks else _BRIEF
+        rows = statement.rows(self._session, collection_key=self._collection_key, keys=keys)
+        return {row[0]: _found(row) for row in rows}
 
 
 _HEAD = tuple(name for name in FoundSubmap.__slots__ if name not in ("place", "landmarks"))

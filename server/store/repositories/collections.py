@@ -40,8 +40,8 @@ class CollectionSize:
     revision: int
 
 
-class Collections:
-    """Repository of collections; the session is the caller's, and so is the commit."""
+class CollectionReader:
+    """Reads collections in a transaction of the caller."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
@@ -88,6 +88,40 @@ class Collections:
         """Id, revision and number of submaps of all collections, oldest first."""
         query = select(CollectionRow.id, CollectionRow.revision, CollectionRow.submap_count)
         return [(row[0], row[1], row[2]) for row in self._session.execute(query.order_by(CollectionRow.key))]
+
+    def extents(self, key: int) -> list[FrameExtent]:
+        """What the collection's submaps cover, a map frame each, from the footprint index alone."""
+        query = (
+            select(
+                SubmapRow.map_frame_id,
+                func.min(SubmapRow.map_min_x),
+                func.min(SubmapRow.map_min_y),
+                func.max(SubmapRow.map_max_x),
+                func.max(SubmapRow.map_max_y),
+            )
+            .where(SubmapRow.collection_key == key, SubmapRow.map_frame_id.is_not(None))
+            .group_by(SubmapRow.map_frame_id)
+        )
+        return [
+            FrameExtent(frame_id, min_x, min_y, max_x, max_y)
+            for frame_id, min_x, min_y, max_x, max_y in self._session.execute(query)
+            if frame_id is not None
+            and min_x is not None
+            and min_y is not None
+            and max_x is not None
+            and max_y is not None
+        ]
+
+    def interval(self, key: int) -> tuple[datetime, datetime] | None:
+        """The first and the last stamp of the collection's submaps, by two seeks in the stamp index."""
+        stamped = select(SubmapRow.stamp).where(SubmapRow.collection_key == key, SubmapRow.stamp.is_not(None)).limit(1)
+        first = self._session.scalar(stamped.order_by(SubmapRow.stamp))
+        last = self._session.scalar(stamped.order_by(SubmapRow.stamp.desc()))
+        return None if first is None or last is None else (first, last)
+
+
+class Collections(CollectionReader):
+    """Reads and writes collections in a transaction that the caller commits."""
 
     def create(
         self,
@@ -157,33 +191,3 @@ class Collections:
         self._session.execute(
             delete(CollectionRow).where(CollectionRow.key == key), execution_options={"synchronize_session": False}
         )
-
-    def extents(self, key: int) -> list[FrameExtent]:
-        """What the collection's submaps cover, a map frame each, from the footprint index alone."""
-        query = (
-            select(
-                SubmapRow.map_frame_id,
-                func.min(SubmapRow.map_min_x),
-                func.min(SubmapRow.map_min_y),
-                func.max(SubmapRow.map_max_x),
-                func.max(SubmapRow.map_max_y),
-            )
-            .where(SubmapRow.collection_key == key, SubmapRow.map_frame_id.is_not(None))
-            .group_by(SubmapRow.map_frame_id)
-        )
-        return [
-            FrameExtent(frame_id, min_x, min_y, max_x, max_y)
-            for frame_id, min_x, min_y, max_x, max_y in self._session.execute(query)
-            if frame_id is not None
-            and min_x is not None
-            and min_y is not None
-            and max_x is not None
-            and max_y is not None
-        ]
-
-    def interval(self, key: int) -> tuple[datetime, datetime] | None:
-        """The first and the last stamp of the collection's submaps, by two seeks in the stamp index."""
-        stamped = select(SubmapRow.stamp).where(SubmapRow.collection_key == key, SubmapRow.stamp.is_not(None)).limit(1)
-        first = self._session.scalar(stamped.order_by(SubmapRow.stamp))
-        last = self._session.scalar(stamped.order_by(SubmapRow.stamp.desc()))
-        return None if first is None or last is None else (first, last)

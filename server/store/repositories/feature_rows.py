@@ -34,7 +34,7 @@ class StoredFeatures:
 
 
 class FeatureRows:
-    """Reads what is indexed of one collection, in the caller's session."""
+    """Reads what is indexed of one collection, in a transaction of the caller."""
 
     def __init__(self, session: Session, collection_key: int) -> None:
         self._session = session

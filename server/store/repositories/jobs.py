@@ -23,8 +23,8 @@ class Queue(NamedTuple):
     collection_key: int
 
 
-class Jobs:
-    """Repository of jobs; the session is the caller's, and so is the commit."""
+class JobReader:
+    """Reads jobs in a transaction of the caller."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
@@ -45,34 +45,6 @@ class Jobs:
     def is_superseded(self, job: JobRecord) -> bool:
         """Whether another collection has the name of the one that the job was accepted for."""
         return self._session.scalar(select(JobRow.key).where(JobRow.key == job.key, _superseded())) is not None
-
-    def add(
-        self,
-        *,
-        job_id: str,
-        kind: str,
-        collection: CollectionRecord,
-        caller: str,
-        parameters: dict[str, Any],
-        total: int | None,
-    ) -> JobRecord:
-        """Add a job that nobody has begun."""
-        values = {
-            "id": job_id,
-            "kind": kind,
-            "collection_id": collection.id,
-            "collection_key": collection.key,
-            "caller": caller,
-            "state": "accepted",
-            "parameters": parameters,
-            "total": total,
-            "done": 0,
-            "counts": {},
-            "progress": {},
-            "dismissed": False,
-            "created": datetime.now(UTC),
-        }
-        return JobRecord(*self._session.execute(insert(JobRow).values(values).returning(*_COLUMNS)).one())
 
     def page(
         self,
@@ -127,18 +99,6 @@ class Jobs:
         found = self._session.execute(query if states is None else query.where(JobRow.state.in_(states)))
         return [JobRecord(*row) for row in found]
 
-    def end(self, ids: Collection[str], problem: dict[str, Any]) -> None:
-        """Dismiss unfinished jobs, for a reason: at once where nobody is at it, else after what is in progress."""
-        for job_id in ids:
-            self.change(job_id, dismissed=True, problem=problem)
-            waiting = update(JobRow).where(JobRow.id == job_id, JobRow.state == "accepted")
-            values = {"state": "dismissed", "finished": datetime.now(UTC)}
-            self._session.execute(waiting.values(**values), execution_options={"synchronize_session": False})
-
-    def end_those_of(self, caller: str, problem: dict[str, Any]) -> None:
-        """Dismiss all unfinished jobs of a caller, for a reason."""
-        self.end([row.id for row in self.all(UNFINISHED) if row.caller == caller], problem)
-
     def by_state(self) -> dict[str, int]:
         """How many jobs there are in each of the states before the end."""
         query = select(JobRow.state, func.count()).where(JobRow.state.in_(UNFINISHED)).group_by(JobRow.state)
@@ -160,24 +120,6 @@ class Jobs:
         )
         return self._session.scalar(query.limit(1)) is not None
 
-    def change(self, job_id: str, **values: Any) -> None:
-        """Set columns of a job."""
-        self._session.execute(
-            update(JobRow).where(JobRow.id == job_id).values(**values),
-            execution_options={"synchronize_session": False},
-        )
-
-    def end_unfinished(self, problem: dict[str, Any]) -> int:
-        """Let every unfinished job fail, for one reason; how many there were."""
-        statement = (
-            update(JobRow)
-            .where(JobRow.state.in_(UNFINISHED))
-            .values(state="failed", problem=problem, finished=datetime.now(UTC))
-            .returning(JobRow.key)
-            .execution_options(synchronize_session=False)
-        )
-        return len(self._session.scalars(statement).all())
-
     def is_dismissed(self, job_id: str) -> bool:
         """Whether somebody wants the job ended, or it is no more."""
         return self._session.scalar(select(JobRow.dismissed).where(JobRow.id == job_id)) is not False
@@ -196,6 +138,68 @@ class Jobs:
         """Ids of the finished jobs beyond so many, the oldest ones."""
         query = select(JobRow.id).where(JobRow.finished.is_not(None)).order_by(JobRow.key.desc())
         return list(self._session.scalars(query.offset(most)))
+
+
+class Jobs(JobReader):
+    """Reads and writes jobs in a transaction that the caller commits."""
+
+    def add(
+        self,
+        *,
+        job_id: str,
+        kind: str,
+        collection: CollectionRecord,
+        caller: str,
+        parameters: dict[str, Any],
+        total: int | None,
+    ) -> JobRecord:
+        """Add a job that nobody has begun."""
+        values = {
+            "id": job_id,
+            "kind": kind,
+            "collection_id": collection.id,
+            "collection_key": collection.key,
+            "caller": caller,
+            "state": "accepted",
+            "parameters": parameters,
+            "total": total,
+            "done": 0,
+            "counts": {},
+            "progress": {},
+            "dismissed": False,
+            "created": datetime.now(UTC),
+        }
+        return JobRecord(*self._session.execute(insert(JobRow).values(values).returning(*_COLUMNS)).one())
+
+    def end(self, ids: Collection[str], problem: dict[str, Any]) -> None:
+        """Dismiss unfinished jobs, for a reason: at once where nobody is at it, else after what is in progress."""
+        for job_id in ids:
+            self.change(job_id, dismissed=True, problem=problem)
+            waiting = update(JobRow).where(JobRow.id == job_id, JobRow.state == "accepted")
+            values = {"state": "dismissed", "finished": datetime.now(UTC)}
+            self._session.execute(waiting.values(**values), execution_options={"synchronize_session": False})
+
+    def end_those_of(self, caller: str, problem: dict[str, Any]) -> None:
+        """Dismiss all unfinished jobs of a caller, for a reason."""
+        self.end([row.id for row in self.all(UNFINISHED) if row.caller == caller], problem)
+
+    def change(self, job_id: str, **values: Any) -> None:
+        """Set columns of a job."""
+        self._session.execute(
+            update(JobRow).where(JobRow.id == job_id).values(**values),
+            execution_options={"synchronize_session": False},
+        )
+
+    def end_unfinished(self, problem: dict[str, Any]) -> int:
+        """Let every unfinished job fail, for one reason; how many there were."""
+        statement = (
+            update(JobRow)
+            .where(JobRow.state.in_(UNFINISHED))
+            .values(state="failed", problem=problem, finished=datetime.now(UTC))
+            .returning(JobRow.key)
+            .execution_options(synchronize_session=False)
+        )
+        return len(self._session.scalars(statement).all())
 
     def remove(self, ids: Collection[str]) -> None:
         """Remove jobs."""

@@ -23,8 +23,8 @@ class FrameReference:
     origin: tuple[float, float] | None
 
 
-class MapFrames:
-    """Repository of one collection's map frames; the session is the caller's, and so is the commit."""
+class MapFrameReader:
+    """Reads one collection's map frames in a transaction of the caller."""
 
     def __init__(self, session: Session, collection: CollectionRecord) -> None:
         self._session = session
@@ -54,19 +54,6 @@ class MapFrames:
         query = select(MapFrameRow.frame_id).where(MapFrameRow.collection_key == self._collection.key).limit(1)
         return self._collection.crs is not None or self._session.scalar(query) is not None
 
-    def put(self, frame_id: str, reference: FrameReference | None) -> None:
-        """Set a frame's reference, or with None take it away; not for the default frame."""
-        key = self._collection.key
-        self._session.execute(
-            delete(MapFrameRow).where(MapFrameRow.collection_key == key, MapFrameRow.frame_id == frame_id)
-        )
-        if reference is not None:
-            x, y = reference.origin or (None, None)
-            self._session.add(
-                MapFrameRow(collection_key=key, frame_id=frame_id, crs=reference.crs, origin_x=x, origin_y=y)
-            )
-            self._session.flush()
-
     def extent(self, frame_id: str) -> tuple[float, float, float, float] | None:
         """min x, min y, max x, max y of the footprints in a frame, metres; None where there are none."""
         low_x, low_y, high_x, high_y = self._session.execute(
@@ -91,6 +78,23 @@ class MapFrames:
         for submap_id, x, y in self._session.execute(query.execution_options(yield_per=1000)):
             if x is not None and y is not None:
                 yield submap_id, x, y
+
+
+class MapFrames(MapFrameReader):
+    """Reads and writes one collection's map frames in a transaction that the caller commits."""
+
+    def put(self, frame_id: str, reference: FrameReference | None) -> None:
+        """Set a frame's reference, or with None take it away; not for the default frame."""
+        key = self._collection.key
+        self._session.execute(
+            delete(MapFrameRow).where(MapFrameRow.collection_key == key, MapFrameRow.frame_id == frame_id)
+        )
+        if reference is not None:
+            x, y = reference.origin or (None, None)
+            self._session.add(
+                MapFrameRow(collection_key=key, frame_id=frame_id, crs=reference.crs, origin_x=x, origin_y=y)
+            )
+            self._session.flush()
 
 
 def _reference(row: MapFrameRow | CollectionRecord) -> FrameReference:

@@ -11,24 +11,12 @@ from server.store.records import QueryRecord
 from server.store.tables import QueryRow
 
 
-class Queries:
-    """Repository of one collection's stored queries; the session is the caller's, and so is the commit."""
+class QueryReader:
+    """Reads one collection's stored queries in a transaction of the caller."""
 
     def __init__(self, session: Session, collection_key: int) -> None:
         self._session = session
         self._collection_key = collection_key
-
-    def add(self, record: QueryRecord) -> None:
-        """Store a query."""
-        values = {one.name: getattr(record, one.name) for one in fields(record)}
-        self._session.execute(
-            insert(QueryRow).values(**values, collection_key=self._collection_key, created=datetime.now(UTC))
-        )
-
-    def drop_through(self, number: int) -> None:
-        """Remove the stored queries up to and including a number."""
-        statement = delete(QueryRow).where(QueryRow.collection_key == self._collection_key, QueryRow.number <= number)
-        self._session.execute(statement, execution_options={"synchronize_session": False})
 
     def get(self, number: int) -> QueryRecord | None:
         """A stored query, or None."""
@@ -42,3 +30,19 @@ class Queries:
         """The largest number of a query that is still stored, 0 if there is none."""
         last = select(func.max(QueryRow.number)).where(QueryRow.collection_key == self._collection_key)
         return self._session.scalar(last) or 0
+
+
+class Queries(QueryReader):
+    """Reads and writes one collection's stored queries in a transaction that the caller commits."""
+
+    def add(self, record: QueryRecord) -> None:
+        """Store a query."""
+        values = {one.name: getattr(record, one.name) for one in fields(record)}
+        self._session.execute(
+            insert(QueryRow).values(**values, collection_key=self._collection_key, created=datetime.now(UTC))
+        )
+
+    def drop_through(self, number: int) -> None:
+        """Remove the stored queries up to and including a number."""
+        statement = delete(QueryRow).where(QueryRow.collection_key == self._collection_key, QueryRow.number <= number)
+        self._session.execute(statement, execution_options={"synchronize_session": False})

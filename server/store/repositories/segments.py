@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 from sqlalchemy import delete, func, insert, select, update
 from sqlalchemy.orm import Session
 
+from server.store.columns import columns_of
 from server.store.tables import CollectionRow, DeletionRow, SegmentRow
 
 
@@ -28,18 +29,30 @@ class SegmentRecord:
     size: int
 
 
-def all_chains(session: Session) -> dict[int, tuple[SegmentRecord, ...]]:
-    """The segments of every collection that has any, by its key, as `Segments.chain`, with one look at the table."""
-    columns = (SegmentRow.name, SegmentRow.since, SegmentRow.revision, SegmentRow.submaps, SegmentRow.size)
-    query = select(SegmentRow.collection_key, *columns).order_by(SegmentRow.since, SegmentRow.key)
-    chains: dict[int, tuple[SegmentRecord, ...]] = {}
-    for key, name, since, revision, submaps, size in session.execute(query):
-        chains[key] = (*chains.get(key, ()), SegmentRecord(name, since, revision, submaps, size))
-    return chains
+_COLUMNS = columns_of(SegmentRecord, SegmentRow)
 
 
-class Segments:
-    """Repository of one collection's segments; the session is the caller's, and so is the commit."""
+class AllSegments:
+    """Reads the segments of every collection in a transaction of the caller."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+
+    def chains(self) -> dict[int, tuple[SegmentRecord, ...]]:
+        """The segments of every collection that has any, by its key, as `SegmentReader.chain`; one query for all."""
+        query = select(SegmentRow.collection_key, *_COLUMNS).order_by(SegmentRow.since, SegmentRow.key)
+        chains: dict[int, tuple[SegmentRecord, ...]] = {}
+        for key, *values in self._session.execute(query):
+            chains[key] = (*chains.get(key, ()), SegmentRecord(*values))
+        return chains
+
+    def names(self) -> set[str]:
+        """Names of the segments of every collection."""
+        return set(self._session.scalars(select(SegmentRow.name)))
+
+
+class SegmentReader:
+    """Reads one collection's segments in a transaction of the caller."""
 
     def __init__(self, session: Session, collection_key: int) -> None:
         self._session = session
@@ -48,11 +61,15 @@ class Segments:
     def chain(self) -> tuple[SegmentRecord, ...]:
         """All segments, the oldest first, whether or not they make a chain."""
         query = (
-            select(SegmentRow.name, SegmentRow.since, SegmentRow.revision, SegmentRow.submaps, SegmentRow.size)
+            select(*_COLUMNS)
             .where(SegmentRow.collection_key == self._collection_key)
             .order_by(SegmentRow.since, SegmentRow.key)
         )
         return tuple(SegmentRecord(*row) for row in self._session.execute(query))
+
+
+class Segments(SegmentReader):
+    """Reads and writes one collection's segments in a transaction that the caller commits."""
 
     def exchange(self, old: Sequence[SegmentRecord], new: Sequence[SegmentRecord]) -> bool:
         """Put segments in the place of others and forget the deletions that no segment needs any more.
@@ -128,8 +145,3 @@ def trusted(chain: Sequence[SegmentRecord]) -> int:
             return i
         end = segment.revision
     return len(chain)
-
-
-def all_names(session: Session) -> set[str]:
-    """Names of the segments of every collection."""
-    return set(session.scalars(select(SegmentRow.name)))

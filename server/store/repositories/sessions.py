@@ -23,7 +23,7 @@ class SessionRow:
 
 
 class Sessions:
-    """Repository of one collection's sessions."""
+    """Reads one collection's sessions in a transaction of the caller."""
 
     def __init__(self, session: Session, collection_key: int) -> None:
         self._session = session

@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from sqlalchemy import delete, func, insert, literal, select, update
 from sqlalchemy.orm import Session
 
+from server.store.columns import columns_of
 from server.store.repositories.collections import Collections
 from server.store.sqlite.expressions import beside_key
 from server.store.tables import DeletionRow, StandRow, SubmapRow
@@ -17,7 +18,13 @@ _VARIABLES = 500  # keys per statement, well below SQLite's limit on bound value
 
 @dataclass(frozen=True, slots=True)
 class StandRecord:
-    """A stand as it is to be stored; the fields are those of `StandRow`."""
+    """A stand as it is to be stored.
+
+    Attributes:
+        frame_id: the map frame of its submaps.
+        source_hash: of the file as it was read; trees_hash: of the trees' positions, whatever their order.
+        radius, spacing: of the grid of discs, metres.
+    """
 
     name: str
     frame_id: str
@@ -28,32 +35,25 @@ class StandRecord:
     spacing: float
 
 
-class Stands:
-    """Repository of one collection's stands; the session is the caller's, and so is the commit."""
+@dataclass(frozen=True, slots=True)
+class StoredStand(StandRecord):
+    """A stand as it is stored; its submaps refer to its `key`."""
+
+    key: int
+
+
+class StandReader:
+    """Reads one collection's stands in a transaction of the caller."""
 
     def __init__(self, session: Session, collection_key: int) -> None:
         self._session = session
         self._collection_key = collection_key
 
-    def get(self, name: str) -> StandRow | None:
+    def get(self, name: str) -> StoredStand | None:
         """The stand of that name, or None."""
-        return self._session.scalar(
-            select(StandRow).where(StandRow.collection_key == self._collection_key, StandRow.name == name)
-        )
-
-    def put(self, record: StandRecord) -> int:
-        """Write the stand's row, new or in the place of the one of its name; its key, which stays."""
-        now = datetime.now(UTC)
-        row = self.get(record.name)
-        if row is None:
-            row = StandRow(collection_key=self._collection_key, **asdict(record), created=now, updated=now)
-            self._session.add(row)
-        else:
-            for name, value in asdict(record).items():
-                setattr(row, name, value)
-            row.updated = now
-        self._session.flush()
-        return row.key
+        named = (StandRow.collection_key == self._collection_key, StandRow.name == name)
+        row = self._session.execute(select(*columns_of(StoredStand, StandRow)).where(*named)).one_or_none()
+        return None if row is None else StoredStand(*row)
 
     def with_trees(self, trees_hash: str) -> list[str]:
         """Names of the stands whose trees stand at exactly these positions, in the order they were stored."""
@@ -83,6 +83,20 @@ class Stands:
         )
         disc = re.compile(re.escape(name) + r"-[0-9]+-[0-9]+")
         return {row.id: row.key for row in self._session.execute(query) if disc.fullmatch(row.id)}
+
+
+class Stands(StandReader):
+    """Reads and writes one collection's stands in a transaction that the caller commits."""
+
+    def put(self, record: StandRecord) -> int:
+        """Write the stand's row, new or in the place of the one of its name; its key, which stays."""
+        there = self.get(record.name)
+        values = asdict(record) | {"updated": (now := datetime.now(UTC))}
+        if there is not None:
+            self._session.execute(update(StandRow).where(StandRow.key == there.key).values(values))
+            return there.key
+        values |= {"collection_key": self._collection_key, "created": now}
+        return self._session.scalars(insert(StandRow).values(values).returning(StandRow.key)).one()
 
     def adopt(self, stand_key: int, keys: Collection[int]) -> None:
         """Note that submaps belong to the stand; nothing else of them changes."""

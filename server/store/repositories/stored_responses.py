@@ -16,8 +16,8 @@ _MOST = 100_000
 """Answers that are kept, the newest: for minutes of the busiest fleet, where a repetition comes within one."""
 
 
-class StoredResponses:
-    """Repository of kept answers; the session is the caller's, and so is the commit."""
+class ResponseReader:
+    """Reads kept answers in a transaction of the caller."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
@@ -33,6 +33,10 @@ class StoredResponses:
             )
         ).one_or_none()
         return None if row is None else ResponseRecord(*row)
+
+
+class StoredResponses(ResponseReader):
+    """Reads and writes kept answers in a transaction that the caller commits."""
 
     def keep(self, record: ResponseRecord, since: datetime) -> None:
         """Store a response, in the place of one to the same key that is older than `since`.

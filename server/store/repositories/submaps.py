@@ -34,8 +34,8 @@ _STRETCH = 1000  # submaps that are looked at in order before a filter's own ind
 _ROUNDING = 1e-9  # relative, and generous
 
 
-class Submaps:
-    """Repository of one collection's submaps; the session is the caller's, and so is the commit."""
+class SubmapReader:
+    """Reads one collection's submaps in a transaction of the caller."""
 
     def __init__(self, session: Session, collection_key: int) -> None:
         self._session = session
@@ -123,46 +123,6 @@ class Submaps:
             found += (_record(kind, row) for row in self._session.execute(query.order_by(SubmapRow.key)))
         return found
 
-    def insert(self, records: Sequence[SubmapRecord], revision: int) -> None:
-        """Add submaps that are not there yet."""
-        now = datetime.now(UTC)
-        shared = {
-            "collection_key": self._collection_key,
-            "revision": revision,
-            "content_revision": revision,
-            "created": now,
-            "updated": now,
-        }
-        if records:
-            self._session.execute(insert(SubmapRow), [record.columns() | shared for record in records])
-
-    def replace(self, records: Sequence[tuple[int, SubmapRecord]], revision: int) -> None:
-        """Put other content in the place of submaps', each given by its key, which stays."""
-        now = datetime.now(UTC)
-        kept, new = list[dict[str, Any]](), list[dict[str, Any]]()
-        for key, record in records:
-            values = record.columns() | {"revision": revision, "updated": now, "_key": key}
-            if record.features is None:
-                # The same positions: moving a submap in the map is not to write them all again.
-                del values["features"], values["landmarks"]
-                kept.append(values)
-            else:
-                new.append(values | {"content_revision": revision})
-        table = cast(Table, SubmapRow.__table__)
-        mine = (table.c.collection_key == self._collection_key, table.c.key == bindparam("_key"))
-        for rows in (kept, new):
-            if rows:
-                # One statement for all: to put one together takes longer than to run it.
-                self._session.connection().execute(update(table).where(*mine), rows)
-
-    def delete(self, key: int, revision: int) -> None:
-        """Remove a submap and note for the live indexes that it is gone."""
-        self._session.add(DeletionRow(submap_key=key, collection_key=self._collection_key, revision=revision))
-        self._session.execute(
-            delete(SubmapRow).where(SubmapRow.collection_key == self._collection_key, SubmapRow.key == key),
-            execution_options={"synchronize_session": False},
-        )
-
     def page(self, chosen: SubmapFilter, kind: type[_K], *, after_key: int = 0, limit: int) -> list[_K]:
         """Up to `limit` submaps in the order they were added, beginning after a key, as records of a kind."""
         if chosen == SubmapFilter():
@@ -211,6 +171,50 @@ class Submaps:
 
     def _select(self, kind: type[_K]) -> Select[Any]:
         return select(*_columns(kind)).where(SubmapRow.collection_key == self._collection_key)
+
+
+class Submaps(SubmapReader):
+    """Reads and writes one collection's submaps in a transaction that the caller commits."""
+
+    def insert(self, records: Sequence[SubmapRecord], revision: int) -> None:
+        """Add submaps that are not there yet."""
+        now = datetime.now(UTC)
+        shared = {
+            "collection_key": self._collection_key,
+            "revision": revision,
+            "content_revision": revision,
+            "created": now,
+            "updated": now,
+        }
+        if records:
+            self._session.execute(insert(SubmapRow), [record.columns() | shared for record in records])
+
+    def replace(self, records: Sequence[tuple[int, SubmapRecord]], revision: int) -> None:
+        """Put other content in the place of submaps', each given by its key, which stays."""
+        now = datetime.now(UTC)
+        kept, new = list[dict[str, Any]](), list[dict[str, Any]]()
+        for key, record in records:
+            values = record.columns() | {"revision": revision, "updated": now, "_key": key}
+            if record.features is None:
+                # The same positions: moving a submap in the map is not to write them all again.
+                del values["features"], values["landmarks"]
+                kept.append(values)
+            else:
+                new.append(values | {"content_revision": revision})
+        table = cast(Table, SubmapRow.__table__)
+        mine = (table.c.collection_key == self._collection_key, table.c.key == bindparam("_key"))
+        for rows in (kept, new):
+            if rows:
+                # One statement for all: to put one together takes longer than to run it.
+                self._session.connection().execute(update(table).where(*mine), rows)
+
+    def delete(self, key: int, revision: int) -> None:
+        """Remove a submap and note for the live indexes that it is gone."""
+        self._session.add(DeletionRow(submap_key=key, collection_key=self._collection_key, revision=revision))
+        self._session.execute(
+            delete(SubmapRow).where(SubmapRow.collection_key == self._collection_key, SubmapRow.key == key),
+            execution_options={"synchronize_session": False},
+        )
 
 
 _PLACE = tuple(one.name for one in fields(Place))

@@ -20,6 +20,7 @@ from server import errors
 from server.store.sqlite import database_lock
 from server.store.sqlite.sentinel import Sentinel
 from server.store.sqlite.sqlite_errors import BUSY, domain_error, storage_errors
+from server.store.storage import ReadTransaction, WriteTransaction
 
 _WRITE = "urquhart_write"
 _PIECE = 256  # pages of a copy that are written at once, about a megabyte
@@ -32,9 +33,8 @@ _log = logging.getLogger(__name__)
 class Database:
     """One SQLite file in WAL mode.
 
-    `read()` gives a session on one snapshot that no writer disturbs; `write()` a session that holds the write
-    lock from its first statement, committed at the end of the block and rolled back by any exception. Repositories
-    get such sessions handed in and never commit. Errors of SQLite leave as `errors.StorageError`.
+    A `Storage`. `read()` gives a transaction on one snapshot that no writer disturbs; `write()` one that holds the
+    write lock from its first statement. Errors of SQLite leave as `errors.StorageError`.
 
     From `use_wal` to `dispose` the file must stay what it is and where it is: else nothing is read and no write is
     acknowledged, see `sentinel`.
@@ -65,31 +65,31 @@ class Database:
         self._write_engine = self.engine.execution_options(**{_WRITE: True})
 
     @contextmanager
-    def read(self) -> Iterator[Session]:
-        """A session on a read transaction: everything read in it is of one revision."""
+    def read(self) -> Iterator[ReadTransaction]:
+        """A read transaction: everything read in it is of one revision."""
         with self._guarded(), Session(self.engine, expire_on_commit=False) as session:
-            yield session
+            yield ReadTransaction(session)
 
     @contextmanager
-    def write(self) -> Iterator[Session]:
-        """A session on a write transaction, committed at the end; durable once the block is left."""
+    def write(self) -> Iterator[WriteTransaction]:
+        """A write transaction: committed at the end of the block, rolled back by any exception, then durable."""
         with (
             self._one_writer(),
             self._guarded(),
             Session(self._write_engine, expire_on_commit=False) as session,
             session.begin(),
         ):
-            yield session
+            yield WriteTransaction(session)
 
     @contextmanager
     def write_connection(self) -> Iterator[Connection]:
-        """A connection on a write transaction, for the schema's own statements."""
+        """A connection on a write transaction, for statements about the file and its schema."""
         with self._one_writer(), self._guarded(), self._write_engine.begin() as connection:
             yield connection
 
     @contextmanager
     def read_connection(self) -> Iterator[Connection]:
-        """A connection on a read transaction, for the schema's own statements."""
+        """A connection on a read transaction, for statements about the file and its schema."""
         with self._guarded(), self.engine.connect() as connection:
             yield connection
 

@@ -55,8 +55,8 @@ def stored(served: Served) -> set[str]:
     database = Database(served.database)
     try:
         assert list(discrepancies(database)) == []
-        with database.read() as session:
-            return {row[0] for row in session.connection().exec_driver_sql("SELECT id FROM submaps")}
+        with database.read_connection() as connection:
+            return {row[0] for row in connection.exec_driver_sql("SELECT id FROM submaps")}
     finally:
         database.dispose()
 

@@ -19,7 +19,8 @@ from server.queries import lookup
 from server.queries.query import PlaceQuery
 from server.schemas.queries import QueryAnswer, QueryInput
 from server.schemas.submaps import NamedSubmap, SubmapInput
-from server.store.repositories.segments import SegmentRecord, Segments
+from server.store.records import SubmapMetadata
+from server.store.repositories.segments import SegmentRecord
 from server.store.sqlite.database import Database
 from server.submaps import bulk, ingest
 from tests.server.factories import forest, points
@@ -76,7 +77,7 @@ class Process:
     def chain(self) -> tuple[SegmentRecord, ...]:
         """The segments that are listed."""
         with self.catalog.view("plots") as view:
-            return Segments(view.session, view.collection.key).chain()
+            return view.tx.segments(view.collection.key).chain()
 
     def files(self) -> list[str]:
         """Names of the segment files that lie there, listed or not."""
@@ -88,11 +89,11 @@ class Process:
         with self.catalog.view("plots") as view:
             keys = list(view.recognizer.index)
             assert len(keys) == len(set(keys)) == len(view.recognizer) == view.collection.submap_count
-            rows = view.session.connection().exec_driver_sql("SELECT key, id FROM submaps").all()
-            assert set(keys) == {key for key, _ in rows}
+            rows = list(view.tx.submaps(view.collection.key).every(SubmapMetadata))
+            assert set(keys) == {row.key for row in rows}
             if keys:
                 as_rebuilt(view.recognizer.index, view.recognizer.features)
-            return {name for _, name in rows}
+            return {row.id for row in rows}
 
     def agreed(self) -> None:
         """Everything in the database and its index agrees."""

@@ -6,7 +6,6 @@ from functools import partial
 from typing import Any
 
 import pytest
-from sqlalchemy.orm import Session
 
 from server.checks.integrity import discrepancies
 from server.collections import registry
@@ -23,6 +22,7 @@ from server.schemas.submaps import NamedSubmap, SubmapInput
 from server.store.records import CollectionRecord
 from server.store.repositories.feature_rows import FeatureRows, StoredFeatures
 from server.store.sqlite.database import Database
+from server.store.storage import ReadTransaction
 from server.submaps import bulk, ingest
 from tests.server.factories import forest, points
 from tests.server.index import index_helpers
@@ -269,13 +269,13 @@ def test_a_reader_that_is_always_overtaken_gets_its_turn(
     assert two.found(1) == "a"
     catch_up, overtaken = LiveIndex.catch_up, list[int]()
 
-    def late(self: LiveIndex, session: Session, collection: CollectionRecord, *rest: Any) -> IndexVersion:
+    def late(self: LiveIndex, tx: ReadTransaction, collection: CollectionRecord, *rest: Any) -> IndexVersion:
         # Another reader is faster, each time that it can be: between this one's snapshot and its catch-up.
         if not overtaken:
             overtaken.append(1)
             one.put("b", 2)
             assert two.found(2) == "b"
-        return catch_up(self, session, collection, *rest)
+        return catch_up(self, tx, collection, *rest)
 
     one.put("c", 3)
     monkeypatch.setattr(LiveIndex, "catch_up", late)

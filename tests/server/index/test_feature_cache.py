@@ -106,8 +106,8 @@ def test_readers_of_a_database(database: Database) -> None:
         connection.exec_driver_sql("UPDATE submaps SET features = (SELECT zeroblob(length(features))) WHERE id = 'p3'")
     cache = FeatureCache(10**6)
     cache.advance(7, 1, [])
-    with process.database.read() as session:
-        reader = FeatureReader(session, 1, CONFIG, cache, 7, 1)
+    with process.database.read() as tx:
+        reader = FeatureReader(tx, 1, CONFIG, cache, 7, 1)
         first = reader.read([1, 2, 3, 4, 4])
         for key, features in first.items():
             made = urquhart.describe(trees(key - 1), CONFIG)
@@ -117,12 +117,12 @@ def test_readers_of_a_database(database: Database) -> None:
         assert second[3] is first[3]
         with pytest.raises(KeyError, match="99"):
             reader.read([1, 99])
-        assert FeatureReader(session, 2, CONFIG, FeatureCache(0), 7, 1).read([]) == {}
+        assert FeatureReader(tx, 2, CONFIG, FeatureCache(0), 7, 1).read([]) == {}
         with pytest.raises(KeyError):
-            FeatureReader(session, 2, CONFIG, FeatureCache(0), 7, 1).read([1])
+            FeatureReader(tx, 2, CONFIG, FeatureCache(0), 7, 1).read([1])
     other = Config(samples=12)
-    with process.database.read() as session:
-        features = FeatureReader(session, 1, other, cache, 8, 1).read([1])[1]
+    with process.database.read() as tx:
+        features = FeatureReader(tx, 1, other, cache, 8, 1).read([1])[1]
     assert features.fingerprint == other.fingerprint()
     process.close()
 

@@ -24,7 +24,6 @@ from server.index import flushing, maintenance
 from server.index.flushing import Stopped
 from server.runtime import Service
 from server.schemas.collections import CollectionPut
-from server.store.repositories.segments import all_chains
 from server.store.sqlite.database import Database
 from tests.server.factories import TestClient, forest, points, put_submap
 from tests.server.index.index_helpers import Process
@@ -72,8 +71,8 @@ def test_a_look_at_many_collections_is_one_look(process: Process) -> None:
         event.remove(process.database.engine, "before_cursor_execute", note)
     assert 0 < len(statements) < 10
     assert process.catalog.live("empty7") is None
-    with process.database.read() as session:
-        assert list(all_chains(session).values()) == [process.chain()]
+    with process.database.read() as tx:
+        assert list(tx.all_segments.chains().values()) == [process.chain()]
 
 
 def test_what_is_in_memory_is_written_when_it_is_much(process: Process) -> None:

@@ -21,7 +21,7 @@ from server.index.merging import FANOUT, plan
 from server.index.segment_folder import SegmentFolder
 from server.schemas.collections import CollectionPut
 from server.store.repositories.feature_rows import FeatureRows
-from server.store.repositories.segments import SegmentRecord, Segments, trusted
+from server.store.repositories.segments import SegmentRecord, trusted
 from server.store.sqlite.database import Database
 from tests.server.index.index_helpers import Process, damage
 from urquhart import Config
@@ -111,16 +111,16 @@ def test_deletions_are_forgotten_when_no_segment_needs_them(process: Process) ->
         process.delete(f"p{i}")
     flush(process.catalog.flush_context, "plots")  # the rows that are left; those that went are in no segment
     assert process.held() == {"p6", "p7"}
-    with process.database.read() as session:
-        assert FeatureRows(session, 1).deleted_since(0) == []
+    with process.database.read() as tx:
+        assert tx.features(1).deleted_since(0) == []
     assert other.held() == {"p6", "p7"}
     process.delete("p6")
-    with process.database.read() as session:
-        assert len(FeatureRows(session, 1).deleted_since(0)) == 1
+    with process.database.read() as tx:
+        assert len(tx.features(1).deleted_since(0)) == 1
     assert (other.held(), other.found(6), other.found(7)) == ({"p7"}, None, "p7")
     process.maintenance.flush_and_merge("plots")  # half of the segment is gone: it is rewritten, up to now
-    with process.database.read() as session:
-        assert FeatureRows(session, 1).deleted_since(0) == []
+    with process.database.read() as tx:
+        assert tx.features(1).deleted_since(0) == []
     assert [(s.since, s.revision, s.submaps) for s in process.chain()] == [(0, 8, 1)]
     assert other.held() == {"p7"}
     process.delete("p7")
@@ -169,8 +169,8 @@ def test_what_does_not_fit_is_not_listed(process: Process) -> None:
     process.put_many(range(4), batch=1)
 
     def exchange(old: list[SegmentRecord], *new: tuple[int, int]) -> bool:
-        with process.database.write() as session:
-            return Segments(session, 1).exchange(old, [SegmentRecord(f"{a}-{b}", a, b, 1, 1) for a, b in new])
+        with process.database.write() as tx:
+            return tx.segments(1).exchange(old, [SegmentRecord(f"{a}-{b}", a, b, 1, 1) for a, b in new])
 
     assert not exchange([], (1, 2))  # a gap
     assert not exchange([], (0, 0))  # nothing
@@ -178,9 +178,9 @@ def test_what_does_not_fit_is_not_listed(process: Process) -> None:
     assert not exchange([SegmentRecord("gone", 0, 1, 1, 1)], (0, 1))  # merged by another meanwhile
     assert not exchange([], (0, 2), (1, 3))
     assert exchange([], (0, 2), (2, 3))
-    with process.database.read() as session:
-        chain = Segments(session, 1).chain()
-        assert Segments(session, 2).chain() == ()
+    with process.database.read() as tx:
+        chain = tx.segments(1).chain()
+        assert tx.segments(2).chain() == ()
     assert [s.name for s in chain] == ["0-2", "2-3"]
     assert not exchange([], (2, 4))
     assert not exchange([chain[0]])

@@ -20,7 +20,6 @@ from server.jobs.types import find_constraints
 from server.runtime import Service
 from server.security import api_keys
 from server.security.principal import UNRESTRICTED, Scope
-from server.store.repositories.jobs import Jobs
 from tests.server.factories import TestClient, put_submap
 from tests.server.jobs.test_jobs import finished, line, upload
 
@@ -185,8 +184,8 @@ def test_jobs_of_a_revoked_key_end(client: httpx.Client, app: FastAPI, service: 
     jobs = client.get("/v1/jobs", headers=other).json()["jobs"]
     assert [job["state"] for job in jobs] == ["dismissed"] * QUOTA
     assert all("revoked" in job["problem"]["detail"] for job in jobs)
-    with service.database.write() as session:
-        assert Jobs(session).unfinished_of(name) == 0
+    with service.database.write() as tx:
+        assert tx.jobs.unfinished_of(name) == 0
 
 
 def test_a_key_that_was_just_revoked_begins_nothing(client: httpx.Client, app: FastAPI, service: Service) -> None:

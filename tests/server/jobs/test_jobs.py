@@ -283,13 +283,13 @@ def test_blank_lines_have_no_result_and_are_counted(client: httpx.Client, monkey
     monkeypatch.setattr(bulk, "describe_lines", _small_batches(bulk.describe_lines))
     real, stopped = Assignment.report, list[int]()
 
-    def report(self: Assignment, session: Any = None, **progress: Any) -> None:
+    def report(self: Assignment, tx: Any = None, **progress: Any) -> None:
         if self.done == 6 and not stopped:
             stopped.append(1)
             with service_folder(client).results(self.id).open("ab") as file:
                 file.write(b"never committed\n" * 100)
             raise assignment.Interrupted
-        real(self, session, **progress)
+        real(self, tx, **progress)
 
     monkeypatch.setattr(Assignment, "report", report)
     job = finished(client, upload(client, [b"", b" ", b"\t", b"", line("a", 1), b"{", b"", b""]))
@@ -307,9 +307,9 @@ def test_blank_lines_cost_next_to_nothing(
     monkeypatch.setattr(import_submaps, "_check_size", lambda *_: None)  # all of them at once, too
     real, reported = Assignment.report, list[int]()
 
-    def report(self: Assignment, session: Any = None, **progress: Any) -> None:
+    def report(self: Assignment, tx: Any = None, **progress: Any) -> None:
         reported.append(self.done)
-        real(self, session, **progress)
+        real(self, tx, **progress)
 
     monkeypatch.setattr(Assignment, "report", report)
     run = blank * 100_000
@@ -432,10 +432,10 @@ def held(monkeypatch: pytest.MonkeyPatch, until: Callable[[], bool]) -> None:
     """Batches of imports wait."""
     real = Assignment.report
 
-    def report(self: Assignment, session: Any = None, **progress: Any) -> None:
+    def report(self: Assignment, tx: Any = None, **progress: Any) -> None:
         while not until() and not self._stopping.is_set():
             time.sleep(0.01)
-        real(self, session, **progress)
+        real(self, tx, **progress)
 
     monkeypatch.setattr(Assignment, "report", report)
 
@@ -481,11 +481,11 @@ def test_a_dismissed_import_keeps_what_it_stored(client: httpx.Client, monkeypat
     monkeypatch.setattr(bulk, "describe_lines", _small_batches(bulk.describe_lines))
     real, reported = Assignment.report, list[int]()
 
-    def report(self: Assignment, session: Any = None, **progress: Any) -> None:
+    def report(self: Assignment, tx: Any = None, **progress: Any) -> None:
         reported.append(self.done)
         if len(reported) == 3:
-            Jobs(session).change(self.id, dismissed=True)
-        real(self, session, **progress)
+            tx.jobs.change(self.id, dismissed=True)
+        real(self, tx, **progress)
 
     monkeypatch.setattr(Assignment, "report", report)
     job = finished(client, upload(client, [line(f"p{i}", i) for i in range(10)]))
@@ -501,11 +501,11 @@ def test_a_stopped_job_goes_on_where_it_was(settings: Settings, monkeypatch: pyt
     monkeypatch.setattr(bulk, "describe_lines", _small_batches(bulk.describe_lines))
     real, stopping = Assignment.report, list[int]()
 
-    def report(self: Assignment, session: Any = None, **progress: Any) -> None:
+    def report(self: Assignment, tx: Any = None, **progress: Any) -> None:
         if self.done == 6 and not stopping:
             stopping.append(1)
             raise assignment.Interrupted
-        real(self, session, **progress)
+        real(self, tx, **progress)
 
     monkeypatch.setattr(Assignment, "report", report)
     with TestClient(create_app(settings)) as client:
@@ -522,11 +522,11 @@ def failing(monkeypatch: pytest.MonkeyPatch, error: Exception, times: int) -> li
     """Reports raise an error so many times, whoever makes them; how often they were made."""
     real, reports = Assignment.report, list[int]()
 
-    def report(self: Assignment, session: Any = None, **progress: Any) -> None:
+    def report(self: Assignment, tx: Any = None, **progress: Any) -> None:
         reports.append(self.done)
         if len(reports) <= times:
             raise error
-        real(self, session, **progress)
+        real(self, tx, **progress)
 
     monkeypatch.setattr(Assignment, "report", report)
     return reports

@@ -17,7 +17,6 @@ from server.schemas.collections import CollectionPut
 from server.security import api_keys
 from server.security.authenticator import Authenticator
 from server.security.principal import Scope
-from server.store.repositories.jobs import Jobs
 from server.store.sqlite.database import Database
 from tests.server.factories import put_submap
 from tests.server.jobs.test_jobs import finished, left, line, upload
@@ -127,10 +126,10 @@ def test_constraints_beside_writers_leave_a_sound_database(
     put_submap(client, "plots", "p1", 1).raise_for_status()
     real, told = assignment.Assignment.report, list[tuple[int, int | None]]()
 
-    def report(self: assignment.Assignment, session: Any = None, **progress: Any) -> None:
+    def report(self: assignment.Assignment, tx: Any = None, **progress: Any) -> None:
         if not told:
             put_submap(client, "plots", "late", 7).raise_for_status()
-        real(self, session, **progress)
+        real(self, tx, **progress)
         told.append((self.done, self.total))
         assert list(inspect(service.database)) == []
 
@@ -144,7 +143,7 @@ def test_a_job_of_an_older_version_that_did_more_than_it_counted_is_no_damage(
     client: httpx.Client, service: Service, database: Database
 ) -> None:
     job = finished(client, upload(client, [line("a", 1)]))
-    with service.database.write() as session:
-        Jobs(session).change(job["id"], done=7, total=5)
+    with service.database.write() as tx:
+        tx.jobs.change(job["id"], done=7, total=5)
     assert list(inspect(service.database)) == []
     assert orjson.loads(client.get(job["links"]["self"]).content)["done"] == 7

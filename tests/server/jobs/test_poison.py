@@ -17,7 +17,6 @@ from server.errors import WorkerLost
 from server.jobs.assignment import Assignment
 from server.platform.isolated_process import IsolatedProcess
 from server.platform.process_pool import ProcessPool
-from server.store.repositories.jobs import Jobs
 from server.submaps import batches
 from tests.server.factories import TestClient
 from tests.server.jobs.poisoning import poisoned
@@ -95,8 +94,8 @@ def test_a_job_whose_process_ended_is_resumed_with_care(tmp_path: Path) -> None:
         client.put("/v1/collections/plots", json={}).raise_for_status()
         job = finished(client, upload(client, [line("a", 1)]))
         database = app.state.service.database
-        with database.read() as session:
-            row = Jobs(session).get(job["id"])
+        with database.read() as tx:
+            row = tx.jobs.get(job["id"])
             assert row is not None
             suspicion = []
             for starts in (1, 2, 3):

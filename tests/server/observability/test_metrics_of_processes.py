@@ -20,8 +20,6 @@ from server.observability.metric_samples import cumulative, from_json, merged, t
 from server.observability.metrics import Metrics
 from server.observability.metrics_exchange import MetricsExchange
 from server.schemas.collections import CollectionPut
-from server.store.repositories.collections import Collections
-from server.store.repositories.jobs import Jobs
 from server.store.sqlite.database import Database
 from tests.server.factories import TestClient, forest, points, put_submap
 from tests.server.served import Served, wait_until
@@ -149,16 +147,16 @@ def test_the_dead_are_added_to_what_is_past_once(tmp_path: Path) -> None:
 def test_many_collections_are_few_labels(database: Database) -> None:
     for number in range(30):
         ensure(database, f"c{number:02}", CollectionPut())
-        with database.write() as session:
-            row = Collections(session).get(f"c{number:02}")
+        with database.write() as tx:
+            row = tx.collections.get(f"c{number:02}")
             assert row is not None
-            Collections(session).advance(row.key, submaps=number, landmarks=10 * number)
+            tx.collections.advance(row.key, submaps=number, landmarks=10 * number)
     # One that is called as the rest is told with it.
     ensure(database, "other", CollectionPut())
-    with database.write() as session:
-        row = Collections(session).get("other")
+    with database.write() as tx:
+        row = tx.collections.get("other")
         assert row is not None
-        Collections(session).advance(row.key, submaps=1000, landmarks=5)
+        tx.collections.advance(row.key, submaps=1000, landmarks=5)
     metrics = Metrics(collections=3)
     for number in range(30):
         metrics.observe_index(f"c{number:02}", revision=1, submaps=number)
@@ -175,10 +173,10 @@ def test_many_collections_are_few_labels(database: Database) -> None:
 
 def test_jobs_are_told_by_state(database: Database) -> None:
     ensure(database, "plots", CollectionPut())
-    with database.write() as session:
-        row = Collections(session).get("plots")
+    with database.write() as tx:
+        row = tx.collections.get("plots")
         assert row is not None
-        jobs = Jobs(session)
+        jobs = tx.jobs
         made = [
             jobs.add(
                 job_id=f"j{number}",

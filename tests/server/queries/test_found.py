@@ -7,8 +7,7 @@ from server.config.settings import Limits
 from server.schemas.collections import CollectionPut
 from server.schemas.submaps import SubmapInput
 from server.store.records import SubmapContent
-from server.store.repositories.candidate_rows import FoundSubmap, found_submaps
-from server.store.repositories.submaps import Submaps
+from server.store.repositories.candidate_rows import FoundSubmap
 from server.store.sqlite.database import Database
 from server.submaps import ingest
 from tests.server.factories import forest, points
@@ -27,14 +26,14 @@ def test_what_is_found_is_what_is_stored(database: Database) -> None:
         body = SubmapInput.model_validate({"xy": points(forest(seed)), **more})
         for name in ("plots", "other"):
             ingest.put(database, name, f"p{seed}", body, Limits())
-    with database.read() as session:
-        key = registry.get_collection(session, "plots").key
-        submaps = Submaps(session, key)
+    with database.read() as tx:
+        key = registry.get_collection(tx, "plots").key
+        submaps = tx.submaps(key)
         rows = [row for row in (submaps.get(f"p{seed}", SubmapContent) for seed in range(3)) if row is not None]
         assert len(rows) == 3
         keys = [*range(10_000)]
         for landmarks in (True, False):
-            found = found_submaps(session, key, keys, landmarks=landmarks)
+            found = tx.candidates(key).read(keys, landmarks=landmarks)
             assert found == {
                 row.key: FoundSubmap(
                     row.key,
@@ -50,4 +49,4 @@ def test_what_is_found_is_what_is_stored(database: Database) -> None:
                 )
                 for row in rows
             }
-        assert found_submaps(session, key, [], landmarks=True) == {}
+        assert tx.candidates(key).read([], landmarks=True) == {}

@@ -34,8 +34,7 @@ def stored(client: httpx.Client) -> dict[str, Any]:
 
 
 def write(service: Service, answer: Any, candidates: Any = None) -> None:
-    with service.database.write() as session:
-        connection = session.connection()
+    with service.database.write_connection() as connection:
         connection.exec_driver_sql("UPDATE queries SET answer = ?", (orjson.dumps(answer),))
         if candidates is not None:
             connection.exec_driver_sql("UPDATE queries SET candidates = ?", (orjson.dumps(candidates).decode(),))
@@ -119,8 +118,8 @@ def test_all_that_has_a_value_for_nothing_may_be_missing_at_once(stored: dict[st
 
 
 def test_each_member_of_a_match_may_be_missing(client: httpx.Client, service: Service, stored: dict[str, Any]) -> None:
-    with service.database.read() as session:
-        packed = orjson.loads(session.connection().exec_driver_sql("SELECT candidates FROM queries").scalar_one())
+    with service.database.read_connection() as connection:
+        packed = orjson.loads(connection.exec_driver_sql("SELECT candidates FROM queries").scalar_one())
     for path in places(packed):
         write(service, stored, without(packed, path))
         assert [response.status_code for response in read(client)[:3]] == [200] * 3
@@ -138,9 +137,9 @@ def test_an_answer_that_is_given_again_may_be_of_another_version(
     seen, _ = observed(forest(1), 2)
     body = {"xy": seen, "store": True, "explain": True}
     for path, status in ((("rivals",), 200), (("candidates", 0, "map_pose"), 200), (("verdict",), 410)):
-        with service.database.write() as session:
+        with service.database.write_connection() as connection:
             changed = orjson.dumps(without(stored, path))
-            session.connection().exec_driver_sql("UPDATE idempotency SET body = ?", (changed,))
+            connection.exec_driver_sql("UPDATE idempotency SET body = ?", (changed,))
         response = client.post(QUERIES, json=body, headers={"Idempotency-Key": "k"})
         assert response.status_code == status, response.text
     assert client.post(QUERIES, json={"xy": points(forest(1))}).status_code == 200
@@ -158,8 +157,8 @@ def test_members_and_words_that_have_other_names_now(
     for one in (*answer["candidates"], *answer["findings"]):
         one["votes"] = one.pop("support")
         one["overlap"] = one.pop("overlap_ratio" if "rank" in one else "overlap_count")
-    with service.database.read() as session:
-        packed = orjson.loads(session.connection().exec_driver_sql("SELECT candidates FROM queries").scalar_one())
+    with service.database.read_connection() as connection:
+        packed = orjson.loads(connection.exec_driver_sql("SELECT candidates FROM queries").scalar_one())
     for one in packed:
         one |= {"votes": one.pop("support"), "overlap": one.pop("overlap_ratio")}
     write(service, answer, packed)

@@ -112,8 +112,8 @@ def test_a_pose_in_an_answer_can_be_posted_however_far_its_origin_is(client: htt
 
 def test_what_older_versions_took_for_a_covariance_gives_none_with_negative_eigenvalues(client: httpx.Client) -> None:
     put_submap(client, "plots", "p", 1, map_pose={"x": 1.0, "y": 2.0, "yaw": 0.5}).raise_for_status()
-    with client.app.state.service.database.write() as session:  # type: ignore[attr-defined]
-        session.execute(update(SubmapRow).values(map_yaw=90.0, map_covariance=[1, 5, 0, 5, 1, 0, 0, 0, 1]))
+    with client.app.state.service.database.write_connection() as connection:  # type: ignore[attr-defined]
+        connection.execute(update(SubmapRow).values(map_yaw=90.0, map_covariance=[1, 5, 0, 5, 1, 0, 0, 0, 1]))
     seen, _ = observed(forest(1), 2, sigma=0.01)
     placed = ask(client, xy=seen)["candidates"][0]["map_pose"]
     for values in (placed["covariance"], placed["middle"]["covariance"]):

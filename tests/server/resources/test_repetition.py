@@ -16,7 +16,6 @@ from server.security.authenticator import Authenticator
 from server.security.principal import Scope
 from server.store.records import ResponseRecord
 from server.store.repositories import stored_responses
-from server.store.repositories.stored_responses import StoredResponses
 from server.store.service_tables import IdempotencyRow
 from server.store.sqlite.database import Database
 from tests.server.factories import forest, points
@@ -71,35 +70,35 @@ def test_old_answers_are_removed_some_at_a_time(database: Database) -> None:
     now = datetime.now(UTC)
 
     def keep(name: str) -> None:
-        with database.write() as session:
-            StoredResponses(session).keep(_row("post", name), now - timedelta(hours=24))
+        with database.write() as tx:
+            tx.responses.keep(_row("post", name), now - timedelta(hours=24))
 
     def names() -> list[str]:
-        with database.read() as session:
-            return list(session.scalars(select(IdempotencyRow.name).order_by(IdempotencyRow.key)))
+        with database.read_connection() as connection:
+            return list(connection.scalars(select(IdempotencyRow.name).order_by(IdempotencyRow.key)))
 
     for i in range(250):
         keep(f"old{i}")
-    with database.write() as session:
-        session.execute(update(IdempotencyRow).values(created=now - timedelta(hours=25)))
+    with database.write_connection() as connection:
+        connection.execute(update(IdempotencyRow).values(created=now - timedelta(hours=25)))
     left = []
     for i in range(3):
         keep(f"new{i}")
         left.append(sum(name.startswith("old") for name in names()))
     assert left == [150, 50, 0]
     assert names() == ["new0", "new1", "new2"]
-    with database.read() as session:
-        assert session.scalar(select(func.count()).select_from(IdempotencyRow)) == 3
+    with database.read_connection() as connection:
+        assert connection.scalar(select(func.count()).select_from(IdempotencyRow)) == 3
 
 
 def test_only_the_newest_answers_are_kept(database: Database, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(stored_responses, "_MOST", 10)
     since = datetime.now(UTC) - timedelta(hours=24)
     for i in range(30):
-        with database.write() as session:
-            StoredResponses(session).keep(_row("put", str(i)), since)
-    with database.read() as session:
-        names = list(session.scalars(select(IdempotencyRow.name).order_by(IdempotencyRow.key)))
+        with database.write() as tx:
+            tx.responses.keep(_row("put", str(i)), since)
+    with database.read_connection() as connection:
+        names = list(connection.scalars(select(IdempotencyRow.name).order_by(IdempotencyRow.key)))
     assert names == [str(i) for i in range(19, 30)]
 
 

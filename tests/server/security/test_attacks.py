@@ -25,7 +25,6 @@ from server.runtime import Service
 from server.security import api_keys, authenticator
 from server.security.principal import Principal, Scope
 from server.snapshots import restoring
-from server.store.repositories.collections import Collections
 from server.store.service_tables import KeyRow
 from server.store.sqlite.database import Database
 from tests.server.factories import TestClient, forest, points, put_submap
@@ -224,15 +223,15 @@ def test_a_pattern_makes_nothing_beside_itself(tenants: Tenants, name: str) -> N
 
 def test_lists_and_the_door_read_patterns_alike(database: Database) -> None:
     ids = ["a", "A", "a-1", "a.1", "ab", "b", "ba", "a~", "é", "éa", "日本", "a" * 128, "_", "-", "a日", "~"]
-    with database.write() as session:
+    with database.write() as tx:
         for name in ids:
-            Collections(session).create(name, title=None, config={}, fingerprint="", crs=None, origin=None)
+            tx.collections.create(name, title=None, config={}, fingerprint="", crs=None, origin=None)
     patterns = ["*", "?", "a*", "*a", "a?", "??", "a-*", "a.*", "?*", "*?*?", "_", "é*", "日?", "A*", "a*" * 30]
     for pattern in patterns:
         api_keys.make(database, "one", [Scope.READ], [pattern])
         caller = Principal("", frozenset(), (pattern,))
-        with database.read() as session:
-            listed = [row.id for row in Collections(session).page([pattern], limit=100)]
+        with database.read() as tx:
+            listed = [row.id for row in tx.collections.page([pattern], limit=100)]
         assert listed == [name for name in ids if caller.sees(name)], pattern
     for pattern in ("[ab]", "[!a]", "a/b", "%", "a b", "", "a\n", "a\0", "{a,b}", "(a)", "a|b", "a\\*", "a" * 129):
         with pytest.raises(InvalidField):
@@ -731,9 +730,9 @@ def test_a_key_that_is_narrowed_takes_what_was_begun_along(tenants: Tenants) -> 
     posted = tenants.ask(
         who, "POST", f"{A}/submaps", json={"xy": points(forest(40))}, headers=idempotency_key
     ).raise_for_status()
-    with tenants.database.write() as session:
+    with tenants.database.write_connection() as connection:
         key_id = tenants.secrets[who].split("_")[1]
-        session.execute(update(KeyRow).where(KeyRow.id == key_id).values(patterns=["a-2"], scopes=["read", "write"]))
+        connection.execute(update(KeyRow).where(KeyRow.id == key_id).values(patterns=["a-2"], scopes=["read", "write"]))
     wait_until(lambda: tenants.ask(who, "GET", A).status_code == 404)
     assert tenants.ask(who, "GET", A, headers={"If-None-Match": etag}).status_code == 404
     for end in ("", "/results", "?wait=1"):

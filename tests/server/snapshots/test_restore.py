@@ -27,8 +27,6 @@ from server.snapshots import restoring, snapshots
 from server.snapshots.restoring import RestoreSource, find, restore, verify
 from server.snapshots.snapshot_folder import SnapshotFolder
 from server.store import migrations_runner
-from server.store.repositories.collections import Collections
-from server.store.repositories.jobs import Jobs
 from server.store.sqlite import database_lock
 from server.store.sqlite.database import Database
 from server.submaps import ingest
@@ -186,9 +184,9 @@ def test_an_entity_tag_of_later_is_not_one_of_now(process: Process) -> None:
 
 
 def test_jobs_do_not_go_on(process: Process) -> None:
-    with process.database.write() as session:
-        jobs = Jobs(session)
-        plots = Collections(session).get("plots")
+    with process.database.write() as tx:
+        jobs = tx.jobs
+        plots = tx.collections.get("plots")
         assert plots is not None
         for name in ("waiting", "running"):
             jobs.add(
@@ -205,9 +203,9 @@ def test_jobs_do_not_go_on(process: Process) -> None:
     restored = restore(source, process.database.path, force=True)
     assert restored.jobs_ended == 2
     store = Database(process.database.path)
-    with store.read() as session:
+    with store.read() as tx:
         for name in ("waiting", "running"):
-            row = Jobs(session).get(name)
+            row = tx.jobs.get(name)
             assert row is not None
             assert (row.state, row.problem and row.problem["status"]) == ("failed", 409)
     assert list(inspect(store)) == []
@@ -216,8 +214,8 @@ def test_jobs_do_not_go_on(process: Process) -> None:
 
 def process_time(process: Process) -> object:
     """A moment that the database knows."""
-    with process.database.read() as session:
-        return registry.get_collection(session, "plots").created
+    with process.database.read() as tx:
+        return registry.get_collection(tx, "plots").created
 
 
 def test_keys_are_those_of_then(process: Process) -> None:

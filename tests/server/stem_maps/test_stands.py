@@ -157,10 +157,10 @@ def test_discs_of_a_version_without_stands_are_replaced_as_well(database: Databa
         connection.exec_driver_sql("UPDATE submaps SET stand_key = NULL")
     same = put_stand(database, as_map(trees)).outcome
     assert (same.unchanged, same.adopted, same.removed) == (len(report.cut.discs), len(report.cut.discs), 0)
-    with database.read() as session:
-        stand = Stands(session, 1).get("stand")
+    with database.read() as tx:
+        stand = tx.stands(1).get("stand")
         assert stand is not None
-        assert set(Stands(session, 1).members(stand.key)) == ids_in(database.path)
+        assert set(tx.stands(1).members(stand.key)) == ids_in(database.path)
 
 
 def test_only_the_stand_itself_is_replaced(database: Database) -> None:

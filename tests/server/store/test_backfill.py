@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from sqlalchemy import select
 
 import urquhart as method
 from server.app import create_app
@@ -91,8 +92,8 @@ def test_what_was_replaced_meanwhile_stays(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.setattr(method, "describe", replaced_while_described)
     assert list(backfill(database, all_rows=True)) == [BackfillProgress(2, 2, 1)]
     assert list(discrepancies(database)) == []
-    with database.read() as session:
-        assert session.query(SubmapRow).filter_by(id="p0").one().landmark_count == len(forest(77))
+    with database.read_connection() as connection:
+        assert connection.scalar(select(SubmapRow.landmark_count).where(SubmapRow.id == "p0")) == len(forest(77))
     database.dispose()
 
 

@@ -110,8 +110,7 @@ def test_an_older_sqlite_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 
 
 def test_pragmas(database: Database) -> None:
-    with database.read() as session:
-        connection = session.connection()
+    with database.read_connection() as connection:
         values = {
             name: connection.exec_driver_sql(f"PRAGMA {name}").scalar()
             for name in ("journal_mode", "foreign_keys", "synchronous", "busy_timeout")
@@ -261,8 +260,8 @@ def test_damage_is_named(database: Database) -> None:
     content = bytearray(database.path.read_bytes())
     content[4096 * 3 :] = b"\x5a" * (len(content) - 4096 * 3)
     database.path.write_bytes(content)
-    with pytest.raises(StorageDamaged, match="db check"), database.read() as session:
-        session.connection().exec_driver_sql("SELECT count(features) FROM submaps").all()
+    with pytest.raises(StorageDamaged, match="db check"), database.read_connection() as connection:
+        connection.exec_driver_sql("SELECT count(features) FROM submaps").all()
 
 
 def test_a_full_disk_is_an_error_of_the_domain(database: Database) -> None:

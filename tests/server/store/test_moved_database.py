@@ -437,14 +437,14 @@ def test_what_sqlite_does_is_no_alarm(tmp_path: Path) -> None:
         "    c.execute('PRAGMA wal_checkpoint(' + ['PASSIVE','FULL','RESTART','TRUNCATE'][i % 4] + ')')\n"
         "c.execute('DELETE FROM scratch'); c.execute('VACUUM'); c.execute('PRAGMA wal_checkpoint(TRUNCATE)')\n"
     )
-    with database.write() as session:
-        session.connection().exec_driver_sql("CREATE TABLE scratch (content BLOB)")
+    with database.write_connection() as connection:
+        connection.exec_driver_sql("CREATE TABLE scratch (content BLOB)")
     with subprocess.Popen([sys.executable, "-c", script, str(path)]) as other:
         while other.poll() is None:
-            with database.write() as session:
-                session.connection().exec_driver_sql("INSERT INTO scratch VALUES (randomblob(3000))")
-            with reader.read() as session:
-                session.connection().exec_driver_sql("SELECT count(*) FROM scratch").fetchone()
+            with database.write_connection() as connection:
+                connection.exec_driver_sql("INSERT INTO scratch VALUES (randomblob(3000))")
+            with reader.read_connection() as connection:
+                connection.exec_driver_sql("SELECT count(*) FROM scratch").fetchone()
             assert database.trouble() is None
     assert other.returncode == 0
     assert reader.trouble() is None

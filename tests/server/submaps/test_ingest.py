@@ -14,7 +14,6 @@ import orjson
 import pytest
 from pydantic import ValidationError
 from sqlalchemy import select
-from sqlalchemy.orm import undefer
 
 from server.checks.integrity import discrepancies
 from server.collections import registry
@@ -23,9 +22,8 @@ from server.errors import InvalidBody, InvalidLandmarks, MalformedBody, NotFound
 from server.platform.process_pool import ProcessPool
 from server.schemas.collections import CollectionPut
 from server.schemas.submaps import NamedSubmap, SubmapInput
-from server.store.repositories.submaps import Submaps
 from server.store.sqlite.database import Database
-from server.store.tables import SubmapRow
+from server.store.tables import CollectionRow, SubmapRow
 from server.submaps import ingest
 from server.submaps.batches import Batch, BlankLines, cut, describers, line_of, read_line
 from server.submaps.bulk import BatchResult, LineOptions, ingest_lines, ingest_many
@@ -79,15 +77,11 @@ def varied() -> list[NamedSubmap]:
 
 def rows(database: Database, collection: str) -> list[dict[str, Any]]:
     """All that is stored of a collection's submaps but keys and times of writing."""
-    with database.read() as session:
-        key = registry.get_collection(session, collection).key
-        every = select(SubmapRow).where(SubmapRow.collection_key == key).order_by(SubmapRow.key)
-        loaded = session.scalars(every.options(undefer("*"))).all()
-        names = {column.name for column in SubmapRow.__table__.columns}
-        return [
-            {name: getattr(row, name) for name in names - {"key", "collection_key", "created", "updated"}}
-            for row in loaded
-        ]
+    names = {column.name for column in SubmapRow.__table__.columns} - {"key", "collection_key", "created", "updated"}
+    every = select(*(SubmapRow.__table__.c[name] for name in sorted(names))).order_by(SubmapRow.key)
+    mine = SubmapRow.collection_key == select(CollectionRow.key).where(CollectionRow.id == collection).scalar_subquery()
+    with database.read_connection() as connection:
+        return [dict(row) for row in connection.execute(every.where(mine)).mappings()]
 
 
 def sums(results: Iterable[BatchResult]) -> tuple[int, int, int, int, int]:
@@ -157,9 +151,9 @@ def test_what_was_described_early_is_made_to_fit_what_is_there_by_now(plots: Dat
 
     def stored(seed: int) -> Any:
         ingest.put(plots, "plots", "a", SubmapInput.model_validate({"xy": points(forest(seed, 30))}), Limits())
-        with plots.read() as session:
-            key = registry.get_collection(session, "plots").key
-            return Submaps(session, key).identities(["a"])["a"]
+        with plots.read() as tx:
+            key = registry.get_collection(tx, "plots").key
+            return tx.submaps(key).identities(["a"])["a"]
 
     whole = prepared(0).record(None, config)
     known = stored(0)

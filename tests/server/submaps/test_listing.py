@@ -13,9 +13,6 @@ from sqlalchemy import event
 from server.store import migrations_runner
 from server.store.records import Place, SubmapMetadata, SubmapRecord
 from server.store.repositories import submaps as store
-from server.store.repositories.collections import Collections
-from server.store.repositories.sessions import Sessions
-from server.store.repositories.submaps import Submaps
 from server.store.sqlite.database import Database
 from server.store.submap_filter import SubmapFilter
 from tests.server.factories import put_submap
@@ -57,12 +54,12 @@ def filled(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Database,
     migrations_runner.upgrade(database)
     rng = np.random.default_rng(5)
     records = [record(i, rng) for i in range(400)]
-    with database.write() as session:
+    with database.write() as tx:
         for name in ("plots", "others"):
-            Collections(session).create(name, title=None, config={}, fingerprint="f", crs=None, origin=None)
+            tx.collections.create(name, title=None, config={}, fingerprint="f", crs=None, origin=None)
         for i in range(0, 400, 20):
-            Submaps(session, 1).insert(records[i : i + 20], 1)
-            Submaps(session, 2).insert([record(1000 + i, rng)], 1)
+            tx.submaps(1).insert(records[i : i + 20], 1)
+            tx.submaps(2).insert([record(1000 + i, rng)], 1)
     yield database, records
     database.dispose()
 
@@ -112,8 +109,8 @@ def test_pages_hold_what_is_chosen_in_order(
     database, records = filled
     rng = np.random.default_rng(stretch)
     sizes = set()
-    with database.read() as session:
-        submaps = Submaps(session, 1)
+    with database.read() as tx:
+        submaps = tx.submaps(1)
         keys = submaps.keys([one.id for one in records])
         for _ in range(150):
             by, limit = a_filter(rng, records), int(rng.integers(1, 60))
@@ -146,10 +143,11 @@ def test_filters_are_answered_by_their_index(tmp_path: Path, by: SubmapFilter, i
     database.dispose()
     said: list[str] = []
     event.listen(database.engine, "connect", lambda connection, _: connection.set_trace_callback(said.append))
-    with database.read() as session:
-        Submaps(session, 1).page(by, SubmapMetadata, limit=10)
-        last = [statement for statement in said if " submaps" in statement][-1]
-        plan = [row[-1] for row in session.connection().exec_driver_sql(f"EXPLAIN QUERY PLAN {last}").all()]
+    with database.read() as tx:
+        tx.submaps(1).page(by, SubmapMetadata, limit=10)
+    last = [statement for statement in said if " submaps" in statement][-1]
+    with database.read_connection() as connection:
+        plan = [row[-1] for row in connection.exec_driver_sql(f"EXPLAIN QUERY PLAN {last}").all()]
     assert index in plan[0]
     assert all("SCAN" not in step for step in plan)
     database.dispose()
@@ -187,9 +185,9 @@ def test_a_page_that_is_just_full_is_the_last(client: httpx.Client) -> None:
 
 def test_sessions_count_what_they_saw(filled: tuple[Database, list[SubmapRecord]]) -> None:
     database, records = filled
-    with database.read() as session:
-        found = Sessions(session, 1).page("", 10)
-        later = Sessions(session, 1).page("d2", 1)
+    with database.read() as tx:
+        found = tx.sessions(1).page("", 10)
+        later = tx.sessions(1).page("d2", 1)
     assert [one.session for one in found] == ["d0", "d1", "d2", "d3", "d4"]
     for one in found:
         own = [record for record in records if record.session == one.session]
