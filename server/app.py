@@ -38,6 +38,7 @@ from server.observability.metrics import Metrics
 from server.observability.metrics_exchange import MetricsExchange
 from server.parsing import strict_json
 from server.platform import kernel_progress
+from server.platform.precedence import Precedence
 from server.platform.threads import pin_threads
 from server.platform.version import service_version
 from server.routes import collections, imports, jobs, pages, queries, snapshots, submap_writes, submaps, system
@@ -122,7 +123,8 @@ def _build_service(settings: Settings, exchange: MetricsExchange | None, *, crea
     )
     metrics = Metrics(settings.metrics_collections)
     catalog = Catalog(database, metrics, settings.index)
-    context = JobContext(settings, database, catalog, metrics, JobFolder(database))
+    precedence = Precedence()
+    context = JobContext(settings, database, catalog, metrics, JobFolder(database), precedence)
     gate, readiness = Gate(settings.limits), ReadinessChecks(database.trouble)
     metrics.in_flight.set_function(lambda: gate.running)
     metrics.queued.set_function(lambda: gate.waiting)
@@ -139,6 +141,7 @@ def _build_service(settings: Settings, exchange: MetricsExchange | None, *, crea
         RateLimiter(settings.limits.requests_per_second),
         exchange,
         gate,
+        precedence,
         SnapshotFolder(database.path),
         RepeatedRequests(),
         waits,
@@ -151,7 +154,9 @@ def _add_middleware(app: FastAPI, service: Service) -> None:
     app.add_middleware(InflateRequests, limit=settings.limits.body_bytes)
     app.add_middleware(DeflateAnswers)
     app.add_middleware(BodyLimit, limit=settings.limits.body_bytes)
-    app.state.shared = AdmissionState(settings.limits, service.gate, service.metrics, service.readiness)
+    app.state.shared = AdmissionState(
+        settings.limits, service.gate, service.metrics, service.readiness, service.precedence
+    )
     app.add_middleware(AdmissionMiddleware, shared=app.state.shared)
     app.add_middleware(
         KnownHosts,

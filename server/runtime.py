@@ -14,6 +14,7 @@ from server.jobs.folder import JobFolder
 from server.jobs.runner import Runner
 from server.observability.metrics import Metrics
 from server.observability.metrics_exchange import MetricsExchange
+from server.platform.precedence import Precedence
 from server.queries.lookup import QueryContext
 from server.security.rate_limit import RateLimiter
 from server.snapshots.snapshot_folder import SnapshotFolder
@@ -42,6 +43,7 @@ class Service:
     rates: RateLimiter
     exchange: MetricsExchange | None
     gate: Gate
+    precedence: Precedence
     snapshots: SnapshotFolder
     repetitions: RepeatedRequests
     waits: JobWaits

@@ -3,7 +3,7 @@
 import math
 import threading
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Final, NamedTuple, TypeVar
 
 T = TypeVar("T")
@@ -35,13 +35,20 @@ class Budget:
     One thread works and checks; any other thread may call `abandon`. Work checks often enough to end within 100 ms.
     """
 
-    def __init__(self, seconds: float = math.inf, *, steps: float = WORK.steps) -> None:
+    def __init__(
+        self,
+        seconds: float = math.inf,
+        *,
+        steps: float = WORK.steps,
+        give_way: Callable[[], None] | None = None,
+    ) -> None:
         """Start now and end in `seconds`; by default there is no deadline.
 
         Args:
             steps: steps of compiled work between two checks; a step is about the work of reading one landmark.
+            give_way: called at every check, on the thread that works; it may pause there to let other work go first.
         """
-        self._steps = steps
+        self._steps, self._give_way = steps, give_way
         self._began = time.monotonic()
         self._deadline = self._began + seconds
         self._abandoned = threading.Event()
@@ -51,7 +58,7 @@ class Budget:
 
         Both share one cancellation flag: `abandon` on either of them cancels both.
         """
-        part = Budget(min(seconds, self.remaining), steps=self._steps)
+        part = Budget(min(seconds, self.remaining), steps=self._steps, give_way=self._give_way)
         part._abandoned = self._abandoned
         return part
 
@@ -75,6 +82,8 @@ class Budget:
         Raises:
             Abandoned: nobody waits for the result; the work ends without one.
         """
+        if self._give_way is not None:
+            self._give_way()
         if self._abandoned.is_set():
             raise Abandoned
         return self._deadline <= time.monotonic()

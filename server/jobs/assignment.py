@@ -3,7 +3,7 @@
 import threading
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Final, Protocol
 
 from server.config.settings import Settings
@@ -11,6 +11,7 @@ from server.errors import NotFound
 from server.index.catalog import Catalog
 from server.jobs.folder import JobFolder
 from server.observability.metrics import Metrics
+from server.platform.precedence import Precedence
 from server.store.records import CollectionRecord, JobRecord
 from server.store.repositories.jobs import Queue
 from server.store.storage import ReadTransaction, Storage, WriteTransaction
@@ -36,13 +37,14 @@ class Dismissed(Exception):
 
 @dataclass(frozen=True, slots=True)
 class JobContext:
-    """What jobs need from the service."""
+    """What jobs need from the service. `precedence`: of the requests that jobs give way to."""
 
     settings: Settings
     database: Storage
     catalog: Catalog
     metrics: Metrics
     folder: JobFolder
+    precedence: Precedence = field(default_factory=Precedence)
 
 
 class JobFunction(Protocol):

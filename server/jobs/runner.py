@@ -51,7 +51,7 @@ class Runner:
         if self._context.database.read_only:
             return
         self._stopping.clear()
-        self._budget = Budget()
+        self._budget = Budget(give_way=self._context.precedence.pauses())
         self._thread = threading.Thread(target=self._run, name="jobs", daemon=True)
         self._thread.start()
 

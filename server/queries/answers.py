@@ -5,6 +5,7 @@ pairs.
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from functools import lru_cache
+from typing import Final
 
 from pydantic import TypeAdapter
 
@@ -30,7 +31,9 @@ from urquhart import Candidate, Config, Finding, Rival, Stage
 from urquhart.report.explanation import search_sentence
 from urquhart.trace import SearchEnd
 
-_INLIERS = TypeAdapter(list[Inlier])
+_INLIERS: Final = TypeAdapter(list[Inlier])
+_PORTION: Final = 500
+"""Pairs that pydantic makes at once, half a millisecond. It holds the interpreter, so all other requests wait."""
 
 
 class PairAllowance:
@@ -156,17 +159,17 @@ def finding_answers(findings: Sequence[Finding], ids: Mapping[int, str]) -> list
 def _inliers(candidate: Candidate, found: FoundSubmap, query_names: Sequence[str]) -> list[Inlier]:
     """The pairs of landmarks: most of an answer, and made several times faster by pydantic than one by one."""
     submap_names = unpack_ids(found.landmark_ids, found.landmark_count)
-    return _INLIERS.validate_python(
-        [
-            {"query": query_names[q], "submap": submap_names[s], "residual": residual}
-            for q, s, residual in zip(
-                candidate.query_indices.tolist(),
-                candidate.submap_indices.tolist(),
-                candidate.residuals.tolist(),
-                strict=True,
-            )
-        ]
-    )
+    members = [
+        {"query": query_names[q], "submap": submap_names[s], "residual": residual}
+        for q, s, residual in zip(
+            candidate.query_indices.tolist(),
+            candidate.submap_indices.tolist(),
+            candidate.residuals.tolist(),
+            strict=True,
+        )
+    ]
+    portions = (members[begin : begin + _PORTION] for begin in range(0, len(members), _PORTION))
+    return [inlier for portion in portions for inlier in _INLIERS.validate_python(portion)]
 
 
 def _candidate_answer(

@@ -13,6 +13,7 @@ from server.queries.batch import answer_batch
 from server.queries.query import PlaceQuery
 from server.routes.dependencies import Accept, CollectionId, IdempotencyKeyDep, PrincipalDep, ServiceDep, in_time
 from server.schemas import examples
+from server.schemas.common import to_json
 from server.schemas.queries import BatchAnswer, BatchInput, ExplanationAnswer, MatchAnswer, QueryAnswer, QueryInput
 from server.security.principal import Scope
 
@@ -91,7 +92,9 @@ def query_batch(
     If you repeat the batch with the same `Idempotency-Key`, queries with `store` return their first answer, and the
     others are searched again.
     """
-    return json_response(answer_batch(service.queries, caller, collection, body, budget, idempotency_key))
+    answer = answer_batch(service.queries, caller, collection, body, budget, idempotency_key)
+    # One result after the other, because writing JSON holds the interpreter, and all other requests wait.
+    return json_response(b'{"results":[' + b",".join(to_json(result) for result in answer.results) + b"]}")
 
 
 @router.get(

@@ -17,6 +17,7 @@ from server.http.admission.gate import Gate
 from server.http.admission.readiness import ReadinessChecks
 from server.http.body_limit import is_streamed
 from server.observability.metrics import Metrics
+from server.platform.precedence import Precedence
 from server.security.principal import Principal
 from urquhart import Budget
 
@@ -40,6 +41,7 @@ class AdmissionState:
     gate: Gate
     metrics: Metrics
     readiness: ReadinessChecks
+    precedence: Precedence
     held: int = 0
     requests: set["Admission"] = field(default_factory=set)
     unsent: "UnreadAnswers" = field(init=False)
@@ -241,7 +243,7 @@ class Admission:
             ) from None
 
     async def _arrived(self) -> None:
-        self.budget = Budget()
+        self.budget = Budget(give_way=self._shared.precedence.pauses(self))
         self._watch = asyncio.create_task(self._watch_caller())
         if not self._takes_place:
             return
@@ -253,11 +255,13 @@ class Admission:
             self._shared.count("overloaded")
             raise
         self._entered = time.monotonic()
+        self._shared.precedence.enter(self)
 
     def _leave(self) -> None:
         if self._entered is not None:
             self._shared.gate.leave(self._name, time.monotonic() - self._entered)
             self._entered = None
+            self._shared.precedence.leave(self)
         self._takes_place = False
 
     async def _watch_caller(self) -> None:

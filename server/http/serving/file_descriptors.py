@@ -1,10 +1,8 @@
 """The limit of open files: enough for the connections and what they need."""
 
-import asyncio
 import logging
 import resource
-import time
-from typing import Any, Final
+from typing import Final
 
 from server.config.settings import Limits
 from server.errors import Conflict
@@ -14,8 +12,6 @@ _RESERVE: Final = 256
 _EACH: Final = 2
 """Descriptors for a connection: its socket, and a file that is sent or received over it."""
 _LEAST: Final = 2
-_QUIET: Final = 60.0
-"""Seconds between two log lines that say that no connection can be accepted."""
 _log = logging.getLogger(__name__)
 
 
@@ -49,22 +45,3 @@ def reserve_files(limits: Limits) -> Limits:
         needed,
     )
     return limits.model_copy(update={"connections": connections})
-
-
-class Complaints:
-    """The event loop's exception handler. If no connection can be accepted, it logs one line in a while, not one
-    each.
-    """
-
-    def __init__(self) -> None:
-        self._not_before = 0.0
-
-    def __call__(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-        """Handle an exception, as the event loop calls it."""
-        if "socket.accept()" not in context.get("message", ""):
-            loop.default_exception_handler(context)
-            return
-        now = time.monotonic()
-        if now >= self._not_before:
-            self._not_before = now + _QUIET
-            _log.error("no connection can be accepted: %s; trying again every second", context.get("exception"))

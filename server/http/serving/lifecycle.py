@@ -5,7 +5,6 @@ import gc
 import logging
 import math
 import os
-import select
 import signal
 import socket
 import sys
@@ -13,6 +12,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from types import FrameType
 from typing import Any, Final
 
@@ -22,25 +22,22 @@ from uvicorn.server import Server
 from server.errors import NotReady
 from server.http.admission.admission import AdmissionState
 from server.http.admission.readiness import SHUTDOWN
+from server.http.serving.acceptor import Acceptor
 from server.http.serving.connections import ServerConfig, TimedConnection
-from server.http.serving.file_descriptors import Complaints
 from server.runtime import Service
 
 _LAST_WORDS: Final = 1.0
 """Seconds for answering the requests that were cut off, after `drain_seconds`."""
 _CUT: Final = 1.0
 """Seconds after which their connections are closed."""
-_LAST_CALL: Final = 1.0
-"""Most seconds for accepting the connections that wait already when the service stops."""
 _TICK: Final = 0.1
 BACKLOG: Final = 2048
 """Connections that may wait to be accepted."""
-_ACCEPTED: Final = 2
-"""Connections that are accepted at once. Requests wait while the event loop accepts connections."""
-_SWITCH_SECONDS: Final = 0.0005
+_SWITCH_SECONDS: Final = 0.0001
 """Seconds that a computing thread keeps the interpreter while others want it. A small query releases it and takes it
-again some ten times, so with Python's default of 5 ms it mostly waits for large ones: p99 of other callers beside large
-answers 113 -> 83 ms, beside abandoned batches 99 -> 76 ms (`python -m benchmarks.reliability --only exhaustion`).
+again some ten times, so with Python's default of 5 ms it mostly waits for large ones. p99 of other callers beside large
+answers: 113 ms with 5 ms, 83 ms with 0.5 ms; beside a revoked key: 45 ms with 0.5 ms, 33 ms with 0.1 ms
+(`python -m benchmarks.reliability --only exhaustion`).
 """
 _COLLECTED: Final = (10_000, 10, 50)
 """Thresholds of the garbage collector: new objects before a collection of the young ones, and collections before one of
@@ -64,7 +61,6 @@ def serve_app(app: FastAPI, listener: socket.socket, *, single_process: bool) ->
         lambda reason: service.metrics.rejected.labels(reason).inc(),
         log_config=None,
         access_log=False,
-        backlog=_ACCEPTED,
         timeout_graceful_shutdown=math.ceil(settings.drain_seconds + _LAST_WORDS + _CUT),
     )
     _GracefulServer(config, app, single_process=single_process).run(sockets=[listener])
@@ -78,6 +74,9 @@ class _GracefulServer(Server):
     start resumes jobs.
     """
 
+    config: ServerConfig
+    _acceptor: Acceptor
+
     def __init__(self, config: ServerConfig, app: FastAPI, *, single_process: bool) -> None:
         super().__init__(config)
         service: Service = app.state.service
@@ -90,13 +89,10 @@ class _GracefulServer(Server):
         service.metrics.open_connections.set_function(lambda: len(connections))
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Begin to listen. Many connections may wait, but few are accepted at once: otherwise there could be more
-        connections than files that may be open.
-        """
-        asyncio.get_running_loop().set_exception_handler(Complaints())
-        await super().startup(sockets)
-        for listener in sockets or []:
-            listener.listen(BACKLOG)
+        """Begin to listen. The web server is given no socket, because the acceptor limits how fast connections come."""
+        await super().startup([])
+        make = partial(TimedConnection, self.config, self.server_state, self.lifespan.state)
+        self._acceptor = Acceptor(sockets or [], make)
 
     @contextmanager
     def capture_signals(self) -> Iterator[None]:
@@ -140,7 +136,7 @@ class _GracefulServer(Server):
         loop, drain = asyncio.get_running_loop(), self._service.settings.drain_seconds
         loop.call_later(drain, self._end_requests)
         loop.call_later(drain + _LAST_WORDS, self._cut_off)
-        await _accept_all(sockets or [])
+        await self._acceptor.finish()
         await super().shutdown(sockets)
 
     def _end_requests(self) -> None:
@@ -161,18 +157,6 @@ class _GracefulServer(Server):
         time.sleep(self._service.settings.stop_seconds)
         _log.warning("the process did not stop in time (stop_seconds), so it exits now")
         os._exit(0)
-
-
-async def _accept_all(listeners: list[socket.socket]) -> None:
-    """Accept all waiting connections, but only for a limited time, because new ones may keep coming.
-
-    Connections that come between this and the end of listening are reset, and nothing was done for them.
-    """
-    waiting, until = select.poll(), time.monotonic() + _LAST_CALL
-    for listener in listeners:
-        waiting.register(listener, select.POLLIN)
-    while waiting.poll(0) and time.monotonic() < until:
-        await asyncio.sleep(0)
 
 
 def _freeze_loaded_objects() -> None:

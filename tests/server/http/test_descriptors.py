@@ -1,8 +1,5 @@
 """More connections than files that may be open: the service goes on, and says so in a line."""
 
-import asyncio
-import errno
-import logging
 import resource
 import socket
 from pathlib import Path
@@ -13,7 +10,7 @@ import pytest
 from server.config.settings import Limits
 from server.errors import Conflict
 from server.http.serving import file_descriptors
-from server.http.serving.file_descriptors import Complaints, reserve_files
+from server.http.serving.file_descriptors import reserve_files
 from tests.server.factories import put_submap
 from tests.server.served import PATIENCE, Served
 
@@ -54,16 +51,6 @@ def test_too_few_files_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(file_descriptors, "resource", Files(100, 100))
     with pytest.raises(Conflict, match="LimitNOFILE"):
         reserve_files(Limits())
-
-
-def test_what_cannot_be_accepted_is_one_line(caplog: pytest.LogCaptureFixture) -> None:
-    complaints, loop = Complaints(), asyncio.new_event_loop()
-    context = {"message": "socket.accept() out of system resource", "exception": OSError(errno.EMFILE, "Too many")}
-    with caplog.at_level(logging.ERROR):
-        for _ in range(1000):
-            complaints(loop, context)
-    loop.close()
-    assert [record.name for record in caplog.records] == [file_descriptors.__name__]
 
 
 def test_more_connections_than_files(tmp_path: Path) -> None:
