@@ -22,8 +22,8 @@ from server.submaps import bulk
 from urquhart import SE2, Config, Features, Recognizer, describe
 from urquhart.evaluation.simulation import observe, paper_forest
 from urquhart.features.describe import local_density
-from urquhart.features.descriptor import describe_outlines
-from urquhart.features.landmarks import check_landmarks
+from urquhart.features.landmark_checks import check_landmarks
+from urquhart.features.polygon_descriptor import describe_outlines
 from urquhart.features.tessellation import tessellate
 
 RADIUS = 50.0

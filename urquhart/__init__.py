@@ -21,8 +21,8 @@ from urquhart.decide.candidates import Candidate, Finding, Rival
 from urquhart.decide.confidence import Gates
 from urquhart.decide.verdict import Recognition, Verdict, unsearched
 from urquhart.features.describe import Features, FeaturesError, describe
-from urquhart.features.description import OBSTACLES, Description, describe_observation
-from urquhart.features.landmarks import LandmarkError
+from urquhart.features.landmark_checks import LandmarkError
+from urquhart.features.observation import OBSTACLES, Description, describe_observation
 from urquhart.features.tessellation import Tessellation
 from urquhart.index.segment_file import SegmentDamaged
 from urquhart.options import Method, SearchOptions

@@ -17,9 +17,9 @@ from urquhart.budget import Budget
 from urquhart.decide.ranking import NOTHING, rank
 from urquhart.decide.verdict import Recognition, decide, unsearched
 from urquhart.features.describe import Features
-from urquhart.features.description import describe_observation
-from urquhart.index.collection import SubmapCollection
+from urquhart.features.observation import describe_observation
 from urquhart.index.collection_index import CollectionIndex
+from urquhart.index.submap_collection import SubmapCollection
 from urquhart.options import Method, SearchOptions
 from urquhart.propose.by_paper import propose_by_paper
 from urquhart.propose.levels import propose_on

@@ -11,7 +11,7 @@ from benchmarks.robust.worlds import AskedQuery
 from urquhart import Features, Recognition, Recognizer
 from urquhart.decide.ranking import NOTHING, rank
 from urquhart.decide.verdict import decide
-from urquhart.features.description import describe_observation
+from urquhart.features.observation import describe_observation
 from urquhart.propose.levels import LEVELS, Level, Search, propose_on
 from urquhart.propose.query import Proposal, make_query
 

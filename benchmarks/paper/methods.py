@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from urquhart import SE2, Config, Features, Recognizer, describe
-from urquhart.features.descriptor import describe_triangles
+from urquhart.features.polygon_descriptor import describe_triangles
 from urquhart.paper.delaunay_triangles import Triangles, describe_delaunay, link_triangles, nearest_triangles
 from urquhart.paper.glarot import (
     GlarotConfig,

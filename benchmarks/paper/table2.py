@@ -21,7 +21,7 @@ from benchmarks.paper.tracks import LEVELS, MAPS, TrackSubmap, cut, read_maps, s
 from benchmarks.pool import Pool
 from urquhart import SE2, Config
 from urquhart.evaluation.scores import Alignment, alignment_errors
-from urquhart.mapping.merging import MergedMap, merge
+from urquhart.mapping.map_merging import MergedMap, merge
 from urquhart.paper.glarot import GlarotConfig
 
 METHODS: Final = ("true pairs", "paper", "glarot-local", "li", "robust")

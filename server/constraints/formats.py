@@ -20,7 +20,7 @@ from server.queries.poses import place_pose
 from server.schemas.constraints import ConstraintFormat
 from server.store.records import Place
 from urquhart import SE2
-from urquhart.uncertainty import PoseUncertainty
+from urquhart.pose_covariance import PoseUncertainty
 
 _NAMED: Final = 10
 """Map frames that an error message names."""

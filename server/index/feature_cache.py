@@ -91,7 +91,7 @@ class FeatureCache:
 
 
 class FeatureReader:
-    """The features of a collection at a view's revision: a `urquhart.index.collection.FeatureSource`."""
+    """The features of a collection at a view's revision: a `urquhart.index.submap_collection.FeatureSource`."""
 
     def __init__(
         self, tx: ReadTransaction, collection_key: int, config: Config, cache: FeatureCache, owner: int, revision: int

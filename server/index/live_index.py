@@ -1,4 +1,4 @@
-"""The index of one collection in this process: mapped segments, and recent changes in memory.
+"""A `CollectionIndex` kept up to date with the database: mapped segments, and recent changes in memory.
 
 A version of the index never changes. A catch-up builds another one from the rows of a snapshot and replaces the old
 one, so readers of either are not disturbed and wait for nothing.

@@ -18,8 +18,8 @@ from server.queries.poses import place_pose
 from server.store.records import Place
 from server.store.repositories.map_frames import FrameReference
 from urquhart import SE2, Candidate, Recognition, Rival
+from urquhart.pose_covariance import PoseUncertainty, compose
 from urquhart.se2 import wrap
-from urquhart.uncertainty import PoseUncertainty, compose
 
 REASON: Final = "contradicting_maps"
 COMPARED: Final = 5

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from server.schemas.poses import CandidateTransform, MapPoseAnswer, TreesMiddle
 from server.store.records import Place
 from urquhart import SE2
-from urquhart.uncertainty import PoseUncertainty, compose
+from urquhart.pose_covariance import PoseUncertainty, compose
 
 
 def transform_answer(submap_T_query: SE2, uncertainty: PoseUncertainty) -> CandidateTransform:

@@ -24,7 +24,7 @@ from server.store.codec import pack_json, pack_positions, unpack_positions
 from server.store.records import CollectionRecord, QueryRecord, SubmapContent
 from server.store.storage import ReadTransaction, Storage
 from urquhart import SE2, Budget, Candidate
-from urquhart.uncertainty import PoseUncertainty
+from urquhart.pose_covariance import PoseUncertainty
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from server.stem_maps.reader import StemMap
-from urquhart.features.landmarks import thin
+from urquhart.features.landmark_checks import thin
 
 MERGE_DISTANCE: Final = 0.01
 """Metres. Trees closer than this are one tree recorded twice, or two that no sensor can separate."""

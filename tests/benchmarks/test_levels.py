@@ -15,7 +15,7 @@ from benchmarks.levels.report import NAME
 from benchmarks.levels.summary import summarize
 from benchmarks.markdown import FOLDER
 from urquhart import Features
-from urquhart.features.description import describe_observation
+from urquhart.features.observation import describe_observation
 
 SMALL = ("extended grid, one submap each", "plantations, 36 submaps")
 

@@ -8,9 +8,9 @@ import numpy as np
 from tests.urquhart.tables import decode
 from urquhart import SE2, Config, Features, Recognition, Recognizer, describe
 from urquhart.evaluation.simulation import observe, paper_forest
-from urquhart.index.collection import FeatureMemory
 from urquhart.index.collection_index import CollectionIndex, LiveSegment
 from urquhart.index.segment import Segment
+from urquhart.index.submap_collection import FeatureMemory
 
 CONFIG = Config()
 FOREST = paper_forest(np.random.default_rng(3), 300.0)

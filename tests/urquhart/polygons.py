@@ -8,14 +8,14 @@ from numpy.typing import NDArray
 from urquhart.config import Config
 from urquhart.evaluation.simulation import paper_forest
 from urquhart.features.describe import Features, describe
-from urquhart.index.polygon_index import (
+from urquhart.index.polygon_partition import draw_outline, exact_partition, pack_outlines
+from urquhart.index.polygon_search import (
     Partition,
     PolygonHits,
     Searched,
     merge_partitions,
     search_partitions,
 )
-from urquhart.index.polygon_partition import draw_outline, exact_partition, pack_outlines
 
 D = 11
 Rows = NDArray[np.float32]

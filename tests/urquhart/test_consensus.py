@@ -13,7 +13,7 @@ from urquhart.index.quad_search import HIT, QuadShard
 from urquhart.index.quad_table import LAST, STEP, TURNS, build_table, measure_quads
 from urquhart.propose.hit_buffer import BufferPool, HitBuffer
 from urquhart.propose.quad_consensus import QuadConsensus, QuadLeaders
-from urquhart.propose.quad_votes import order_by_slots
+from urquhart.propose.quad_vote_kernels import order_by_slots
 
 
 def hits(found: QuadConsensus) -> NDArray[np.float64]:

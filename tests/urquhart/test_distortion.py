@@ -8,8 +8,8 @@ import pytest
 
 from urquhart import SE2, Config, Recognizer, describe
 from urquhart.decide.candidates import Candidate
+from urquhart.pose_covariance import Matrix
 from urquhart.se2 import fit
-from urquhart.uncertainty import Matrix
 from urquhart.verify.distortion import find_distortion
 
 Shape = Callable[[Matrix], Matrix]

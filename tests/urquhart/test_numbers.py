@@ -19,11 +19,13 @@ FIXED: Final = {
     *("index.quad_table.HALF", "index.quad_table._NEAR", "index.quad_table.MOST_SLOTS", "index.polygon_scan._ROW_BITS"),
     *("propose.correlation._FINE", "propose.correlation._LOOK", "paper.glarot._UNIT", "index.polygon_merge._SEED"),
     # What is read, kept or looked at together: time and memory, never an answer.
-    *("index.segment_file._AT_ONCE", "index.segment_file._SMALL", "index.polygon_scan._BLOCK", "verify.cells.CROWD"),
+    *("index.segment_file._AT_ONCE", "index.segment_file._SMALL", "index.polygon_scan._BLOCK"),
+    "verify.cell_sorting.CROWD",
     *("propose.hit_buffer._FIRST", "propose.hit_buffer._MANY", "propose.query.READ_TOGETHER"),
     # What callers may hand in, arithmetic, and the paper's own bounds.
-    *("features.landmarks.MINIMUM", "features.landmarks.MAXIMUM", "features.landmarks.COORDINATE_LIMIT"),
-    *("features.landmarks.RESOLUTION", "uncertainty._LEAST_SPREAD", "config._REACH"),
+    *("features.landmark_checks.MINIMUM", "features.landmark_checks.MAXIMUM"),
+    *("features.landmark_checks.COORDINATE_LIMIT", "features.landmark_checks.RESOLUTION"),
+    *("pose_covariance._LEAST_SPREAD", "config._REACH"),
     *("decide.rivals._QUARTERS", "evaluation.scores.TRANSLATION"),
 }
 """Numbers that are no tuning, by module: they may stand alone."""

@@ -6,12 +6,12 @@ import pytest
 from tests.urquhart.polygons import D, Rows, listed_pentagons, pentagons, same, small_submaps, units, whole
 from urquhart.config import Config
 from urquhart.features.describe import Features
-from urquhart.index.polygon_index import (
+from urquhart.index.polygon_partition import exact_partition
+from urquhart.index.polygon_search import (
     Partition,
     build_partitions,
     merge_partitions,
 )
-from urquhart.index.polygon_partition import exact_partition
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from tests.urquhart.contents import CONFIG, answers, observations, of_segments, 
 from tests.urquhart.tables import decode
 from urquhart import Config, SegmentDamaged, describe
 from urquhart.index import segment
-from urquhart.index.polygon_index import merge_partitions
+from urquhart.index.polygon_search import merge_partitions
 from urquhart.index.segment import FORMAT, Segment, merge_segments
 from urquhart.index.segment_file import SegmentFile, writing
 

@@ -7,8 +7,8 @@ import pytest
 
 from tests.urquhart.contents import CONFIG, answers, contents, observations, over, place
 from urquhart import Features, Recognizer
-from urquhart.index.collection import FeatureMemory
 from urquhart.index.collection_index import CollectionIndex
+from urquhart.index.submap_collection import FeatureMemory
 from urquhart.propose.submap_cache import SubmapCache
 
 PLACES = {key: place(key) for key in range(36)}

@@ -9,8 +9,8 @@ from urquhart.decide.confidence import log_odds
 from urquhart.decide.rivals import distinct, hill_climb, pose_row, same_place
 from urquhart.decide.shifts import shift_peaks
 from urquhart.evaluation.simulation import observe, paper_forest, plantation
+from urquhart.pose_covariance import least_squares
 from urquhart.propose.query import log_volume
-from urquhart.uncertainty import least_squares
 from urquhart.verify.evidence import evidence_of_pose, evidence_of_row
 from urquhart.verify.landmark_grid import GRID, LandmarkGrid, build_landmark_grid, landmark_grid, nearest
 from urquhart.verify.pairing import pair_up

@@ -11,7 +11,7 @@ from benchmarks.reliability.worst_shapes import SHAPES
 from urquhart import SE2, Config, Features, Recognizer, describe
 from urquhart.evaluation.simulation import paper_forest
 from urquhart.features.delaunay import triangulate
-from urquhart.verify.cells import CROWD
+from urquhart.verify.cell_sorting import CROWD
 from urquhart.verify.landmark_grid import is_inside, landmark_grid, nearest
 
 CONFIG = Config()

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from urquhart.config import Config
 from urquhart.decide.confidence import Refusal, log_odds, probability, refusal, rival_threshold
+from urquhart.pose_covariance import PoseUncertainty, least_squares
 from urquhart.propose.query import LevelName, Proposal, Query
 from urquhart.se2 import SE2
-from urquhart.uncertainty import PoseUncertainty, least_squares
 from urquhart.verify.distortion import find_distortion
 from urquhart.verify.evidence import PoseEvidence
 

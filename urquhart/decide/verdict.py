@@ -7,7 +7,7 @@ from typing import Literal
 from urquhart.decide.candidates import Candidate, Finding, Rival, make_candidate, make_rivals
 from urquhart.decide.confidence import Refusal
 from urquhart.decide.ranking import Ranking
-from urquhart.features.description import Obstacle
+from urquhart.features.observation import Obstacle
 from urquhart.propose.query import Query
 from urquhart.trace import SearchEnd, Stage, StoppedBy
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.spatial import Delaunay, QhullError
 
 from urquhart._kernel import kernel
-from urquhart.features.landmarks import LandmarkError
+from urquhart.features.landmark_checks import LandmarkError
 
 
 class DelaunayNumbers(NamedTuple):

@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from urquhart._kernel import kernel
 from urquhart.budget import UNBOUNDED, Budget
 from urquhart.config import DESCRIPTION_VERSION, Config
-from urquhart.features.descriptor import describe_outlines
-from urquhart.features.landmarks import check_diameters, check_landmarks
+from urquhart.features.landmark_checks import check_diameters, check_landmarks
+from urquhart.features.polygon_descriptor import describe_outlines
 from urquhart.features.tessellation import Tessellation, tessellate
 
 _MAGIC: Final = b"URQF"

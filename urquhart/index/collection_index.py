@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from urquhart.budget import UNBOUNDED, Budget
 from urquhart.config import Config
 from urquhart.features.describe import Features
-from urquhart.index.polygon_index import PolygonHits, search_partitions
+from urquhart.index.polygon_search import PolygonHits, search_partitions
 from urquhart.index.quad_search import QuadShard
 from urquhart.index.segment import Segment, merge_segments
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from urquhart.config import Config
 from urquhart.features.describe import Features
-from urquhart.index.polygon_index import Partition, build_partitions, merge_partitions
+from urquhart.index.polygon_search import Partition, build_partitions, merge_partitions
 from urquhart.index.quad_table import MOST_SLOTS, QuadTable, build_table, centre_scale, merge_tables
 from urquhart.index.segment_file import SegmentDamaged, SegmentFile, SegmentWriter, writing
 

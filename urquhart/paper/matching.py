@@ -13,8 +13,8 @@ from urquhart._kernel import kernel
 from urquhart.budget import UNBOUNDED, Budget
 from urquhart.config import Config
 from urquhart.features.describe import Features
-from urquhart.features.descriptor import describe_triangles
-from urquhart.index.polygon_index import POLYGONS
+from urquhart.features.polygon_descriptor import describe_triangles
+from urquhart.index.polygon_search import POLYGONS
 
 
 class MatchingNumbers(NamedTuple):

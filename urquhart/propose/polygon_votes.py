@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from urquhart._kernel import kernel
 from urquhart.features.describe import Features
-from urquhart.index.polygon_index import PolygonHits
+from urquhart.index.polygon_search import PolygonHits
 
 
 @dataclass(frozen=True, slots=True, eq=False)

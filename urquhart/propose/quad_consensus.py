@@ -20,7 +20,7 @@ from urquhart.budget import Budget
 from urquhart.index.quad_search import QuadShard, WantedQuads, count_neighbourhoods, gather
 from urquhart.index.quad_table import TURNS, measure_quads
 from urquhart.propose.hit_buffer import HitBuffer
-from urquhart.propose.quad_votes import (
+from urquhart.propose.quad_vote_kernels import (
     AGREEMENT,
     SLOT_VOTES,
     QuadHits,

@@ -8,7 +8,7 @@ from typing import Final, Literal
 from urquhart.budget import Budget
 from urquhart.config import Config
 from urquhart.features.describe import Features
-from urquhart.index.collection import FeatureSource
+from urquhart.index.submap_collection import FeatureSource
 from urquhart.propose.submap_cache import SubmapCache
 from urquhart.trace import Trace
 from urquhart.verify.evidence import PoseEvidence

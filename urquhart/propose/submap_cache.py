@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 
 from urquhart.features.describe import Features
-from urquhart.index.collection import FeatureSource
+from urquhart.index.submap_collection import FeatureSource
 from urquhart.verify.landmark_grid import LandmarkGrid, landmark_grid
 
 

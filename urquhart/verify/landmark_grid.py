@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from urquhart._kernel import kernel
 from urquhart.features.describe import Features
-from urquhart.verify.cells import CROWD, search_tree, sort_into_cells
+from urquhart.verify.cell_sorting import CROWD, search_tree, sort_into_cells
 from urquhart.verify.diameters import standardize_diameters
 from urquhart.verify.footprint import build_cover, is_inside_hull
 

@@ -22,7 +22,7 @@ from server.store.records import Place
 from tests.server.factories import forest, observed
 from tests.server.jobs.test_jobs import finished
 from urquhart import SE2
-from urquhart.uncertainty import least_squares
+from urquhart.pose_covariance import least_squares
 
 URL = "/v1/collections/plots/constraints"
 

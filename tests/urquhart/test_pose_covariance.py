@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from urquhart import SE2
+from urquhart.pose_covariance import PoseUncertainty, compose, least_squares, positive
 from urquhart.se2 import fit
-from urquhart.uncertainty import PoseUncertainty, compose, least_squares, positive
 
 TREES = np.random.default_rng(0).uniform(-25.0, 25.0, (50, 2)) * (1.0, 0.6)
 ROWS = np.arange(len(TREES))

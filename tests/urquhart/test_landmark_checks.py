@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from urquhart.features.landmarks import MAXIMUM, LandmarkError, check_landmarks, thin, width
+from urquhart.features.landmark_checks import MAXIMUM, LandmarkError, check_landmarks, thin, width
 
 SQUARE = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]]
 BAD: dict[str, tuple[ArrayLike, str, tuple[int, ...]]] = {

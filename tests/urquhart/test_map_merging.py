@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 from tests.urquhart.forests import pose, uniform
 from urquhart import SE2
 from urquhart.evaluation.simulation import observe, paper_forest
-from urquhart.mapping.merging import MergedMap, dbscan, merge
+from urquhart.mapping.map_merging import MergedMap, dbscan, merge
 
 STILL = SE2.identity()
 

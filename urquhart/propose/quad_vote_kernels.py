@@ -1,4 +1,4 @@
-"""Votes of quads: which hits agree on a pose, and on which one."""
+"""The compiled loops of `quad_consensus`: which hits agree on a pose, and on which one."""
 
 import math
 from typing import Any, Final, NamedTuple

@@ -1,4 +1,5 @@
-"""A collection of submaps: its index, and the source of its submaps' features."""
+"""Submaps to search: their `CollectionIndex`, which finds candidates, and the source of their features, which verifies
+them. A program without a database keeps its submaps in a `SubmapCollection`."""
 
 from collections.abc import Collection as Keys
 from collections.abc import Iterable, Mapping

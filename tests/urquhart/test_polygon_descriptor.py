@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from urquhart.features.descriptor import describe_outlines, describe_triangles, dimension
+from urquhart.features.polygon_descriptor import describe_outlines, describe_triangles, dimension
 from urquhart.se2 import SE2
 
 

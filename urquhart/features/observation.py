@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from urquhart.budget import UNBOUNDED, Budget, DeadlinePassed
 from urquhart.config import Config
 from urquhart.features.describe import Features, describe
-from urquhart.features.landmarks import LandmarkError
+from urquhart.features.landmark_checks import LandmarkError
 from urquhart.trace import Stage, Trace
 
 Obstacle = Literal["too_few_landmarks", "collinear_landmarks", "deadline"]

@@ -22,15 +22,15 @@ from tests.urquhart.polygons import (
 )
 from urquhart.budget import Abandoned, Budget
 from urquhart.features.describe import Features
-from urquhart.index import polygon_index
-from urquhart.index.polygon_index import (
+from urquhart.index import polygon_search
+from urquhart.index.polygon_partition import exact_partition
+from urquhart.index.polygon_search import (
     Partition,
     PolygonHits,
     build_partitions,
     merge_partitions,
     search_partitions,
 )
-from urquhart.index.polygon_partition import exact_partition
 
 
 @pytest.fixture(scope="module")
@@ -163,7 +163,7 @@ def test_lists_find_nearly_all_that_a_full_search_finds(real: tuple[Partition, R
 def test_a_search_reads_no_more_rows_than_its_budget(
     real: tuple[Partition, Rows], inverted: Partition, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(polygon_index, "POLYGONS", polygon_index.POLYGONS._replace(most_rows=37))
+    monkeypatch.setattr(polygon_search, "POLYGONS", polygon_search.POLYGONS._replace(most_rows=37))
     assert len(find([searched([inverted], 1_000)], real[1][0], 400).keys) == 37
 
 
