@@ -14,10 +14,11 @@ EDITABLE = $(PIP_INSTALL) --no-build-isolation --no-deps --editable . --editable
 UV_COMPILE = $(UV) pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate \
 	--no-emit-index-url --no-emit-find-links --custom-compile-command "make lock"
 
-SIDE_BY_SIDE = --numprocesses auto --dist worksteal
+# Modules are compiled once for all test processes, even where the environment turns bytecode files off.
+PYTEST = PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest --numprocesses auto --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help demo serve test test-unit kernels lint bench bench-paper bench-robust bench-levels bench-scale bench-reliability lock clean
+.PHONY: help demo serve test test-unit coverage kernels lint bench bench-paper bench-robust bench-levels bench-scale bench-reliability lock clean
 .DELETE_ON_ERROR:
 
 help: ## print the commands
@@ -29,11 +30,14 @@ demo: $(VENV)/runtime.stamp ## recognise places in two real forests over HTTP an
 serve: $(VENV)/runtime.stamp ## start the service on 127.0.0.1:8420
 	@$(BIN)/urquhart serve $(ARGS)
 
-test: kernels ## run every test, with coverage
-	@$(BIN)/python -m pytest $(SIDE_BY_SIDE) --cov --cov-report=term $(ARGS)
+test: kernels ## run every test
+	@$(PYTEST) $(ARGS)
 
 test-unit: kernels ## run the tests of the method alone, in less than a minute
-	@$(BIN)/python -m pytest $(SIDE_BY_SIDE) -m unit $(ARGS)
+	@$(PYTEST) -m unit $(ARGS)
+
+coverage: kernels ## run every test and print which lines none of them reaches; takes a third longer
+	@$(PYTEST) --cov --cov-report=term $(ARGS)
 
 # Compiled beforehand, because test processes that start at the same time would each compile them.
 kernels: $(VENV)/dev.stamp ## compile the kernels (once)

@@ -28,6 +28,7 @@ VERBS = {
     "serve",
     "test",
     "test-unit",
+    "coverage",
     "kernels",
     "lint",
     "bench",

@@ -1,5 +1,6 @@
 """What is exported for pose graphs, as the optimisers themselves read it."""
 
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ OFFSETS = {"0": 0.0, "300 m": 300.0, "20 km": 20_000.0, "UTM": 5_000_000.0}
 PAIRS = 150
 
 
+@cache
 def pairs(offset: float) -> tuple[list[dict[str, Any]], list[SE2]]:
     """Constraints between submaps whose trees are `offset` metres from their origins, and the true from_T_to."""
     rng = np.random.default_rng(7)
@@ -37,12 +39,9 @@ def pairs(offset: float) -> tuple[list[dict[str, Any]], list[SE2]]:
     return found, truths
 
 
-FOUND = {name: pairs(offset) for name, offset in OFFSETS.items()}
-
-
 def exported(tmp_path: Path, name: str, wanted: Any) -> tuple[str, list[SE2]]:
     """The file, and the true poses of its edges."""
-    found, truths = FOUND[name]
+    found, truths = pairs(OFFSETS[name])
     file = tmp_path / "graph.g2o"
     file.write_bytes(write_out(found, wanted, {}))
     if wanted == "g2o_middle":
@@ -98,7 +97,7 @@ def test_g2o_reads_every_edge_and_weighs_it_right(tmp_path: Path, name: str, wan
 @pytest.mark.parametrize("name", OFFSETS)
 def test_what_is_told_as_json_can_be_inverted(name: str) -> None:
     """The covariance about the trees at any origin; the one about the origin where that is not far away."""
-    found, truths = FOUND[name]
+    found, truths = pairs(OFFSETS[name])
     squared, weighed = [], []
     for one, truth in zip(found, truths, strict=True):
         at = one["transform"]
