@@ -28,7 +28,7 @@ from server.schemas.jobs import LineResult
 from server.security import api_keys
 from server.security.authenticator import Authenticator
 from server.security.principal import UNRESTRICTED, Scope
-from server.store.repositories.jobs import Jobs, Queue
+from server.store.repositories.jobs import JobReader, Queue
 from server.store.sqlite.sqlite_errors import storage_errors
 from server.submaps import bulk
 from tests.server.factories import TestClient, forest, points, put_submap
@@ -554,15 +554,15 @@ def test_what_is_no_fault_of_a_job_does_not_end_it(
 
 
 def test_a_look_that_fails_is_not_the_last(client: httpx.Client, monkeypatch: pytest.MonkeyPatch) -> None:
-    real, failed = Jobs.queues, list[int]()
+    real, failed = JobReader.queues, list[int]()
 
-    def queues(self: Jobs) -> list[Queue]:
+    def queues(self: JobReader) -> list[Queue]:
         if not failed:
             failed.append(1)
             raise RuntimeError("unforeseen")
         return real(self)
 
-    monkeypatch.setattr(Jobs, "queues", queues)
+    monkeypatch.setattr(JobReader, "queues", queues)
     assert finished(client, upload(client, [line("a", 1)]))["state"] == "successful"
     assert failed
 
