@@ -9,8 +9,7 @@ from server.checks.integrity import Discrepancy
 from server.index.derived import config_of
 from server.index.live_index import assemble
 from server.index.segment_folder import SegmentFolder
-from server.store.records import CollectionRecord
-from server.store.repositories.segments import SegmentRecord, trusted
+from server.store.records import CollectionRecord, SegmentRecord, trusted
 from server.store.sqlite.database import Database
 from server.store.storage import ReadTransaction
 from urquhart.index.segment import Segment

@@ -9,8 +9,8 @@ from server.checks.integrity import Discrepancy
 from server.schemas.common import check_id
 from server.schemas.poses import PlacedPose
 from server.store.codec import unpack_positions
-from server.store.records import Place, SubmapContent
 from server.store.sqlite.database import Database
+from server.store.submap_records import Place, SubmapContent
 from server.submaps.preparation import place_from, row_etag
 
 _FOOTPRINT: Final = ("map_min_x", "map_min_y", "map_max_x", "map_max_y")

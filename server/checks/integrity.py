@@ -8,10 +8,11 @@ import numpy as np
 import urquhart
 from server.store import migrations_runner
 from server.store.codec import digest, unpack_attributes, unpack_diameters, unpack_ids, unpack_positions
-from server.store.records import CollectionRecord, SubmapWhole
+from server.store.records import CollectionRecord
 from server.store.sqlite.database import Database
 from server.store.sqlite.file_checks import broken_invariants, file_faults
 from server.store.storage import ReadTransaction
+from server.store.submap_records import SubmapWhole
 from urquhart import Config, ConfigError, Features, FeaturesError, LandmarkError
 
 

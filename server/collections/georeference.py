@@ -12,8 +12,8 @@ from pyproj.enums import TransformDirection
 from pyproj.exceptions import CRSError, ProjError
 
 from server.errors import InvalidField
-from server.store.records import Place
-from server.store.repositories.map_frames import FrameReference
+from server.store.records import FrameReference
+from server.store.submap_records import Place
 from urquhart import SE2
 
 _DECIMALS: Final = 8  # about a millimetre

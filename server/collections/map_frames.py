@@ -5,8 +5,8 @@ from collections.abc import Mapping
 from server.collections.georeference import Georeference, check_crs
 from server.errors import Conflict, InvalidField
 from server.schemas.collections import MapFrame
-from server.store.records import CollectionRecord
-from server.store.repositories.map_frames import DEFAULT_FRAME, FrameReference, MapFrameReader
+from server.store.records import DEFAULT_FRAME, CollectionRecord, FrameReference
+from server.store.repositories.map_frames import MapFrameReader
 from server.store.storage import ReadTransaction, WriteTransaction
 
 

@@ -17,9 +17,9 @@ from server.queries.lookup import LookupResult
 from server.queries.poses import flat, transform_answer
 from server.queries.query import Exclusion, PlaceQuery
 from server.schemas.constraints import ConstraintsInput
-from server.store.records import SubmapMetadata
 from server.store.storage import Storage
 from server.store.submap_filter import SubmapFilter
+from server.store.submap_records import SubmapMetadata
 from server.submaps.reader import submap_filter
 from urquhart import SE2, Candidate
 

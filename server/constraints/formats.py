@@ -18,7 +18,7 @@ from server.constraints.extraction import Found, pose_of
 from server.errors import InvalidField
 from server.queries.poses import place_pose
 from server.schemas.constraints import ConstraintFormat
-from server.store.records import Place
+from server.store.submap_records import Place
 from urquhart import SE2
 from urquhart.pose_covariance import PoseUncertainty
 

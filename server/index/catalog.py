@@ -20,8 +20,7 @@ from server.index.flushing import FlushContext, Stopped, flush
 from server.index.live_index import CatchUpError, IndexVersion, LiveIndex, TooManyChanges, UnusableSegment
 from server.index.segment_folder import SegmentFolder
 from server.observability.metrics import Metrics
-from server.store.records import CollectionRecord
-from server.store.repositories.segments import SegmentRecord
+from server.store.records import CollectionRecord, SegmentRecord
 from server.store.storage import ReadTransaction, Storage
 from urquhart import Abandoned, Recognizer
 from urquhart.index.collection_index import LiveSegment

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from server.index.derived import config_of, features_of
 from server.index.live_index import IndexVersion
 from server.index.segment_folder import SegmentFolder, is_of
-from server.store.records import CollectionRecord
-from server.store.repositories.segments import SegmentRecord, trusted
+from server.store.records import CollectionRecord, SegmentRecord, trusted
 from server.store.storage import ReadTransaction, Storage
 from urquhart import Config
 from urquhart.index.collection_index import LiveSegment

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from server.index.derived import config_of, features_of
 from server.index.feature_cache import FeatureCache
 from server.index.segment_folder import SegmentFolder
-from server.store.records import CollectionRecord
-from server.store.repositories.feature_rows import FeatureRows, StoredFeatures
-from server.store.repositories.segments import SegmentRecord, trusted
+from server.store.records import CollectionRecord, SegmentRecord, trusted
+from server.store.repositories.feature_rows import FeatureRows
 from server.store.storage import ReadTransaction
+from server.store.submap_records import StoredFeatures
 from urquhart import Config, Features
 from urquhart.index.collection_index import CollectionIndex, LiveSegment
 from urquhart.index.segment import Segment

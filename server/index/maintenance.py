@@ -18,7 +18,7 @@ from server.index.live_index import LiveIndex, UnusableSegment
 from server.index.merging import due, merge
 from server.observability.metrics import Metrics
 from server.platform.threads import pin_threads
-from server.store.repositories.segments import SegmentRecord
+from server.store.records import SegmentRecord
 from server.store.storage import Storage
 from urquhart.index.collection_index import LiveSegment
 

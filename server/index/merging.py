@@ -9,7 +9,7 @@ from typing import Final
 
 from server.index.flushing import FlushContext, register, write
 from server.index.live_index import IndexVersion, UnusableSegment
-from server.store.repositories.segments import SegmentRecord
+from server.store.records import SegmentRecord
 from urquhart.index.collection_index import LiveSegment
 from urquhart.index.quad_table import MOST_SLOTS
 from urquhart.index.segment_file import SegmentDamaged

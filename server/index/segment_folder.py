@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Final, Literal
 
 from server.platform.file_locks import try_lock
-from server.store.repositories.segments import SegmentRecord
+from server.store.records import SegmentRecord
 from server.store.storage import Storage
 from urquhart import Config
 from urquhart.index.segment import Segment

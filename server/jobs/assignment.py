@@ -12,8 +12,8 @@ from server.index.catalog import Catalog
 from server.jobs.folder import JobFolder
 from server.observability.metrics import Metrics
 from server.platform.precedence import Precedence
-from server.store.records import CollectionRecord, JobRecord
-from server.store.repositories.jobs import Queue
+from server.store.records import CollectionRecord
+from server.store.service_records import JobRecord, Queue
 from server.store.storage import ReadTransaction, Storage, WriteTransaction
 from urquhart import Budget
 

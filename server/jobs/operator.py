@@ -6,8 +6,7 @@ from datetime import datetime
 
 from server.errors import Conflict, NotFound
 from server.problem_types import plain, problem_type_of
-from server.store.records import JobRecord
-from server.store.repositories.jobs import UNFINISHED
+from server.store.service_records import UNFINISHED, JobRecord
 from server.store.storage import Storage
 
 _CANCELLED = plain(problem_type_of(Conflict("")), "The operator of the service cancelled this job.")

@@ -21,10 +21,10 @@ from server.schemas.common import to_json
 from server.schemas.constraints import ConstraintFormat
 from server.schemas.jobs import JobAnswer, JobLinks, JobPage, JobState
 from server.security.principal import Principal, Scope
-from server.store.records import JobRecord, SubmapMetadata
-from server.store.repositories.jobs import UNFINISHED
+from server.store.service_records import UNFINISHED, JobRecord
 from server.store.sqlite.sqlite_errors import storage_errors
 from server.store.storage import ReadTransaction, Storage
+from server.store.submap_records import SubmapMetadata
 
 JobType = Literal["import", "reindex", "constraints"]
 

@@ -19,7 +19,7 @@ from server.jobs.assignment import Assignment, Dismissed, Interrupted, JobContex
 from server.jobs.folder import ARRIVING, FOUND, INPUT, RESULTS
 from server.platform.threads import pin_threads
 from server.problem_types import INTERNAL, document
-from server.store.repositories.jobs import Queue
+from server.store.service_records import Queue
 from urquhart import Abandoned, Budget
 
 _LOOK: Final = 0.5

@@ -8,7 +8,7 @@ from server.errors import StorageError
 from server.observability.metric_samples import Family, Key, merged
 from server.observability.metrics import OTHER, Metrics, text_of
 from server.observability.metrics_exchange import MetricsExchange
-from server.store.repositories.collections import CollectionSize
+from server.store.records import CollectionSize
 from server.store.storage import Storage
 
 _UP: Final = "Whether the database could be read for this answer."

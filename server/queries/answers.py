@@ -26,7 +26,7 @@ from server.schemas.candidates import (
 from server.schemas.poses import Transform
 from server.schemas.queries import FINDINGS, QueryAnswer
 from server.store.codec import unpack_ids
-from server.store.repositories.candidate_rows import FoundSubmap
+from server.store.submap_records import FoundSubmap
 from urquhart import Candidate, Config, Finding, Rival, Stage
 from urquhart.report.explanation import search_sentence
 from urquhart.trace import SearchEnd

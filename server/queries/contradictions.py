@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from server.collections.georeference import Crossing, Georeference
 from server.queries.poses import place_pose
-from server.store.records import Place
-from server.store.repositories.map_frames import FrameReference
+from server.store.records import FrameReference
+from server.store.submap_records import Place
 from urquhart import SE2, Candidate, Recognition, Rival
 from urquhart.pose_covariance import PoseUncertainty, compose
 from urquhart.se2 import wrap

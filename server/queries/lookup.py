@@ -33,9 +33,10 @@ from server.resources import links
 from server.schemas.candidates import CandidateAnswer
 from server.schemas.queries import QueryAnswer, QueryLinks
 from server.store.codec import unpack_diameters, unpack_ids, unpack_positions
-from server.store.records import CollectionRecord, SubmapContent
+from server.store.records import CollectionRecord
 from server.store.repositories.submaps import SubmapReader
 from server.store.storage import Storage
+from server.store.submap_records import SubmapContent
 from urquhart import (
     Budget,
     Candidate,

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from server.schemas.poses import CandidateTransform, MapPoseAnswer, TreesMiddle
-from server.store.records import Place
+from server.store.submap_records import Place
 from urquhart import SE2
 from urquhart.pose_covariance import PoseUncertainty, compose
 

@@ -21,8 +21,9 @@ from server.resources.idempotency import IdempotencyKey, StoredResponse, find_re
 from server.schemas.candidates import CandidateAnswer, CandidateLinks, GatesAnswer
 from server.schemas.queries import MatchAnswer, QueryAnswer, QueryLinks
 from server.store.codec import pack_json, pack_positions, unpack_positions
-from server.store.records import CollectionRecord, QueryRecord, SubmapContent
+from server.store.records import CollectionRecord, QueryRecord
 from server.store.storage import ReadTransaction, Storage
+from server.store.submap_records import SubmapContent
 from urquhart import SE2, Budget, Candidate
 from urquhart.pose_covariance import PoseUncertainty
 

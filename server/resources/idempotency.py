@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
 from server.errors import KeyReused
-from server.store.records import ResponseRecord
+from server.store.service_records import ResponseRecord
 from server.store.storage import ReadTransaction, Storage, WriteTransaction
 
 

@@ -15,7 +15,7 @@ from typing import Final
 from server.errors import Conflict, InvalidField, NotFound, Unauthorized
 from server.problem_types import plain, problem_type_of
 from server.security.principal import Scope
-from server.store.records import ApiKeyRecord
+from server.store.service_records import ApiKeyRecord
 from server.store.storage import Storage
 
 _ALPHABET: Final = string.ascii_letters + string.digits

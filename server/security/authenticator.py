@@ -11,7 +11,7 @@ from server.config.settings import Settings
 from server.errors import Conflict, Unauthorized
 from server.security.api_keys import KEY_FORMAT, digest_of
 from server.security.principal import UNRESTRICTED, Principal, Scope
-from server.store.records import ApiKeyRecord
+from server.store.service_records import ApiKeyRecord
 from server.store.storage import Storage
 
 _FRESH: Final = 1.0

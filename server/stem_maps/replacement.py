@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from server.collections.registry import get_collection
-from server.store.repositories.stands import StandRecord
+from server.store.records import StandRecord
 from server.store.sqlite.sqlite_errors import storage_errors
 from server.store.storage import Storage
 from server.submaps.batches import DescribedBatch, Refusal

@@ -19,7 +19,7 @@ from server.stem_maps.reader import StemMap
 from server.stem_maps.replacement import ReplacementReport, StandError, keep_on_disk, replace_stand
 from server.stem_maps.tiling import Cut, cut
 from server.store.codec import digest, pack_positions
-from server.store.repositories.stands import StandRecord
+from server.store.records import StandRecord
 from server.store.storage import Storage
 from server.submaps.batches import DescribedBatch
 from server.submaps.bulk import USUAL, LineOptions, describe_lines

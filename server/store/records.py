@@ -1,13 +1,13 @@
-"""What the repositories take and give: the rows of the database as frozen dataclasses, without SQL.
+"""What the repositories take and give: rows as frozen dataclasses, without SQL. Collections and what they own.
 
-A record is a snapshot. It does not change when its row does; read it again for that.
+A record is a snapshot. It does not change when its row does; read it again for that. `submap_records` has those of
+submaps, `service_records` those of keys, jobs and responses.
 """
 
-from dataclasses import asdict, dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from datetime import datetime
-from typing import Any
-
-from server.store.codec import members_of, unpack_attributes
+from typing import Any, Final
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,83 +48,90 @@ class CollectionRecord:
 
 
 @dataclass(frozen=True, slots=True)
-class ApiKeyRecord:
-    """An API key. `digest` is the SHA-256 of its secret, which is stored nowhere; `id` is the part that may be shown.
-
-    `expires` and `revoked` are None for a key that never expires or was not revoked.
-    """
+class CollectionSize:
+    """How much is in a collection."""
 
     id: str
-    name: str
-    digest: bytes = field(repr=False)
-    scopes: tuple[str, ...]
-    patterns: tuple[str, ...]
-    created: datetime
-    expires: datetime | None
-    revoked: datetime | None
-
-    def state(self, now: datetime) -> str:
-        """`usable`, `expired` or `revoked`."""
-        if self.revoked is not None:
-            return "revoked"
-        return "expired" if self.expires is not None and self.expires <= now else "usable"
+    submaps: int
+    landmarks: int
+    revision: int
 
 
 @dataclass(frozen=True, slots=True)
-class ResponseRecord:
-    """The response to a write with an Idempotency-Key, to be sent again to whoever repeats the write.
+class FrameExtent:
+    """What a collection covers in one map frame: metres, footprints of the submaps' landmarks."""
 
-    Attributes:
-        caller: id of the API key, empty without one.
-        operation: what was done to what, such as `deleteSubmap plots/p7`.
-        name: the Idempotency-Key.
-        digest: hex SHA-256 of everything that was sent.
-        status, headers, body: the response.
-    """
+    frame_id: str
+    min_x: float
+    min_y: float
+    max_x: float
+    max_y: float
 
-    caller: str
-    operation: str
-    name: str
-    digest: str
-    status: int
-    headers: dict[str, str]
-    body: bytes
+
+DEFAULT_FRAME: Final = "map"
+"""The map frame of poses that name none; the collection's own crs and origin are this frame's."""
 
 
 @dataclass(frozen=True, slots=True)
-class JobRecord:
-    """Long work, as it is stored. `counts` and `progress` belong to the type of job; do not change them in place.
+class FrameReference:
+    """The system of a map frame's coordinates, and its origin there: easting and northing, metres; None for (0, 0)."""
+
+    crs: str
+    origin: tuple[float, float] | None
+
+
+@dataclass(frozen=True, slots=True)
+class SegmentRecord:
+    """A segment as it is listed.
 
     Attributes:
-        key: in the order in which jobs came.
-        kind: the type of job.
-        collection_id: the name of its collection, which may be another collection's by now.
-        collection_key: the collection itself, which may be gone.
-        caller: id of the API key that began it, empty without one.
-        state: accepted, running, successful, failed or dismissed.
-        total: steps in all, None if that is not known.
-        progress: where a restart goes on.
-        problem: why it failed or was dismissed, as a problem document.
-        dismissed: whether somebody wants it ended.
+        name: of the file, without its ending; never used twice.
+        since, revision: it holds the submaps whose landmarks last changed after the one and up to the other.
+        submaps: how many are in the file, those that are gone since included.
+        size: of the file, in bytes.
     """
+
+    name: str
+    since: int
+    revision: int
+    submaps: int
+    size: int
+
+
+def trusted(chain: Sequence[SegmentRecord]) -> int:
+    """How many segments, from the first one on, make a chain without a gap."""
+    end = 0
+    for i, segment in enumerate(chain):
+        if segment.since != end or segment.revision <= segment.since:
+            return i
+        end = segment.revision
+    return len(chain)
+
+
+@dataclass(frozen=True, slots=True)
+class StandRecord:
+    """A stand as it is to be stored.
+
+    Attributes:
+        frame_id: the map frame of its submaps.
+        source_hash: of the file as it was read; trees_hash: of the trees' positions, whatever their order.
+        radius, spacing: of the grid of discs, metres.
+    """
+
+    name: str
+    frame_id: str
+    source_hash: str
+    trees_hash: str
+    tree_count: int
+    radius: float
+    spacing: float
+
+
+@dataclass(frozen=True, slots=True)
+class StoredStand(StandRecord):
+    """A stand as it is stored; its submaps refer to its `key`."""
 
     key: int
-    id: str
-    kind: str
-    collection_id: str
-    collection_key: int
-    caller: str
-    state: str
-    parameters: dict[str, Any]
-    total: int | None
-    done: int
-    counts: dict[str, int]
-    progress: dict[str, Any]
-    problem: dict[str, Any] | None
-    dismissed: bool
-    created: datetime
-    started: datetime | None
-    finished: datetime | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,116 +154,11 @@ class QueryRecord:
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
-    """A submap's pose in a map and its footprint there, metres and radians."""
+class SessionRecord:
+    """A session of a collection; `first` and `last` stamp are None where none of its submaps has one."""
 
-    map_frame_id: str
-    map_x: float
-    map_y: float
-    map_yaw: float
-    map_covariance: list[float] | None
-    map_min_x: float
-    map_min_y: float
-    map_max_x: float
-    map_max_y: float
-
-
-_NO_PLACE: dict[str, Any] = dict.fromkeys(Place.__slots__)
-
-
-@dataclass(frozen=True, slots=True)
-class SubmapMetadata:
-    """A stored submap without its landmarks.
-
-    Attributes:
-        key: never given to another submap.
-        place: where it is in a map, None if that is not known.
-        stand_key: the stand that stored it, None for a submap of none.
-        landmarks_hash: of the positions; etag: of the whole content.
-        revision: the collection's at the last write; content_revision: at the last write of positions or diameters.
-    """
-
-    key: int
-    id: str
-    frame_id: str | None
-    session: str | None
-    stamp: datetime | None
-    landmark_count: int
-    polygon_count: int
-    counts: dict[str, int]
-    place: Place | None
-    properties: dict[str, Any] | None
-    stand_key: int | None
-    landmarks_hash: str
-    etag: str
-    revision: int
-    content_revision: int
-    created: datetime
-    updated: datetime
-
-
-@dataclass(frozen=True, slots=True)
-class SubmapContent(SubmapMetadata):
-    """A stored submap with its landmarks, packed by `codec`; ids and attributes are None where there are none."""
-
-    landmarks: bytes
-    landmark_ids: bytes | None
-    attributes: bytes | None
-
-
-@dataclass(frozen=True, slots=True)
-class SubmapWhole(SubmapContent):
-    """A stored submap with its landmarks and its packed features."""
-
-    features: bytes
-
-
-@dataclass(frozen=True, slots=True)
-class SubmapRecord:
-    """A submap as it is to be stored; the blobs are little-endian float64 (N, 2), JSON, JSON and packed features.
-
-    `features` is None where landmarks and diameters, and with them the features, are those that are stored already.
-    `stand_key` names the stand that stores it, None for a submap that belongs to none.
-    """
-
-    id: str
-    frame_id: str | None
-    session: str | None
-    stamp: datetime | None
-    landmark_count: int
-    polygon_count: int
-    counts: dict[str, int]
-    place: Place | None
-    properties: dict[str, Any] | None
-    landmarks_hash: str
-    etag: str
-    landmarks: bytes
-    landmark_ids: bytes | None
-    attributes: bytes | None
-    features: bytes | None
-    stand_key: int | None = None
-
-    def members(self) -> frozenset[str]:
-        """The optional members that it has, by their names in the API."""
-        return members_of(self.frame_id, self.session, self.stamp, self.place, self.properties, self.landmark_ids) | (
-            unpack_attributes(self.attributes).keys()
-        )
-
-    def columns(self) -> dict[str, Any]:
-        """Values by column name."""
-        values = {name: getattr(self, name) for name in self.__slots__ if name != "place"}
-        return values | (asdict(self.place) if self.place is not None else _NO_PLACE)
-
-
-@dataclass(frozen=True, slots=True)
-class Identity:
-    """What a write has to know about the submap it may replace."""
-
-    key: int
-    etag: str
-    landmarks_hash: str
-    landmark_count: int
-    polygon_count: int
-    revision: int
-    counts: dict[str, int]
-    attributes: bytes | None
+    session: str
+    submaps: int
+    landmarks: int
+    first: datetime | None
+    last: datetime | None

@@ -25,9 +25,9 @@ from server.parsing.strict_json import read_json
 from server.platform.process_pool import PATIENCE, IsolationPolicy, PoolTask, ProcessPool
 from server.platform.threads import pin_threads
 from server.schemas.submaps import NamedSubmap
-from server.store.records import SubmapRecord
 from server.store.sqlite.database import Database
 from server.store.storage import Storage
+from server.store.submap_records import SubmapRecord
 from server.submaps.preparation import Prepared
 from urquhart import Config
 

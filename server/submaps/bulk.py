@@ -10,8 +10,8 @@ from server.errors import Conflict, DomainError
 from server.platform.process_pool import PoolTask, ProcessPool
 from server.platform.threads import pin_threads
 from server.schemas.submaps import NamedSubmap
-from server.store.records import SubmapRecord
 from server.store.storage import Storage, WriteTransaction
+from server.store.submap_records import SubmapRecord
 from server.submaps import batches
 from server.submaps.batches import BlankLines, DescribedBatch, Refusal
 from server.submaps.ingest import same_collection, store

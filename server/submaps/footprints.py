@@ -5,9 +5,9 @@ from typing import Any
 from server.collections.georeference import Georeference
 from server.errors import NotAcceptable
 from server.store.codec import unpack_positions
-from server.store.records import CollectionRecord, SubmapContent
-from server.store.repositories.map_frames import DEFAULT_FRAME, FrameReference
+from server.store.records import DEFAULT_FRAME, CollectionRecord, FrameReference
 from server.store.storage import Storage
+from server.store.submap_records import SubmapContent
 
 
 def references_of(database: Storage, collection: CollectionRecord, frame_ids: set[str]) -> dict[str, FrameReference]:

@@ -19,8 +19,9 @@ from server.resources.idempotency import NO_CONTENT, IdempotencyKey, StoredRespo
 from server.resources.preconditions import ANYTHING, Preconditions
 from server.schemas.submaps import SubmapInput, SubmapPatch
 from server.store.codec import MEMBERS
-from server.store.records import CollectionRecord, Identity, Place, SubmapContent, SubmapRecord
+from server.store.records import CollectionRecord
 from server.store.storage import ReadTransaction, Storage, WriteTransaction
+from server.store.submap_records import Identity, Place, SubmapContent, SubmapRecord
 from server.submaps import reader
 from server.submaps.preparation import Prepared, Trees, check_properties, patched, reconcile
 from server.submaps.question import Question, SearchOutdated

@@ -7,9 +7,10 @@ import orjson
 from server.collections.registry import get_collection
 from server.config.settings import Limits
 from server.resources.paging import PageRequest, page_size, read_cursor, write_cursor
-from server.store.records import CollectionRecord, SubmapContent, SubmapMetadata
+from server.store.records import CollectionRecord
 from server.store.storage import Storage
 from server.store.submap_filter import SubmapFilter
+from server.store.submap_records import SubmapContent, SubmapMetadata
 
 _K = TypeVar("_K", bound=SubmapMetadata)
 _ROWS: Final = 50

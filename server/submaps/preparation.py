@@ -22,7 +22,7 @@ from server.store.codec import (
     unpack_diameters,
     unpack_positions,
 )
-from server.store.records import Identity, Place, SubmapContent, SubmapRecord
+from server.store.submap_records import Identity, Place, SubmapContent, SubmapRecord
 from urquhart import SE2, Config, Features, LandmarkError
 
 

@@ -28,9 +28,9 @@ from server.schemas.submaps import (
     TessellationPolygon,
 )
 from server.store.codec import digest, unpack_attributes, unpack_ids, unpack_positions
-from server.store.records import SubmapContent, SubmapMetadata, SubmapWhole
 from server.store.storage import Storage
 from server.store.submap_filter import SubmapFilter
+from server.store.submap_records import SubmapContent, SubmapMetadata, SubmapWhole
 from server.submaps.footprints import geometry_of, outside, references_of, without_crs
 from server.submaps.pages import rows_of_page
 from urquhart import Budget

@@ -9,7 +9,8 @@ from server.resources.idempotency import StoredResponse
 from server.schemas.common import to_json
 from server.schemas.queries import QueryAnswer
 from server.schemas.submaps import Submap, SubmapReceipt
-from server.store.records import CollectionRecord, Identity
+from server.store.records import CollectionRecord
+from server.store.submap_records import Identity
 from server.submaps import reader
 
 Outcome = Literal["created", "replaced", "unchanged"]

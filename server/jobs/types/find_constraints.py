@@ -15,9 +15,9 @@ from server.queries.contradictions import REASON
 from server.queries.lookup import LookupResult, QueryContext, look_up
 from server.queries.older_answers import completed
 from server.schemas.constraints import ConstraintsInput
-from server.store.records import SubmapMetadata
 from server.store.sqlite.sqlite_errors import storage_errors
 from server.store.storage import ReadTransaction
+from server.store.submap_records import SubmapMetadata
 
 _PAGE: Final = 50
 """Submaps that are looked up before the job reports progress."""

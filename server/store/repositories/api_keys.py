@@ -8,7 +8,7 @@ from sqlalchemy import Row, exists, insert, or_, select, update
 from sqlalchemy.orm import Session
 
 from server.store.columns import columns_of
-from server.store.records import ApiKeyRecord
+from server.store.service_records import ApiKeyRecord
 from server.store.service_tables import KeyRow
 
 

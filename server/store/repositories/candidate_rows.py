@@ -1,8 +1,6 @@
 """What answers tell of the submaps that were found. Every query reads it, so it is read by the shortest way."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
-from datetime import datetime
 from typing import Any
 
 import orjson
@@ -10,25 +8,9 @@ from sqlalchemy import bindparam, select
 from sqlalchemy.orm import Session
 
 from server.store.columns import read_instant
-from server.store.records import Place
 from server.store.sqlite.expressions import DirectStatement, beside_key, listed
+from server.store.submap_records import FoundSubmap, Place
 from server.store.tables import SubmapRow
-
-
-@dataclass(frozen=True, slots=True)
-class FoundSubmap:
-    """A submap as a candidate's answer needs it; `landmarks` are empty where they were not read."""
-
-    key: int
-    id: str
-    session: str | None
-    stamp: datetime | None
-    frame_id: str | None
-    landmark_count: int
-    content_revision: int
-    landmark_ids: bytes | None
-    place: Place | None
-    landmarks: bytes
 
 
 class CandidateRows:

@@ -1,7 +1,6 @@
 """Rows of collections. The revision only moves here, in the transaction of the write that moves it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
@@ -9,7 +8,7 @@ from sqlalchemy import bindparam, delete, func, insert, select, update
 from sqlalchemy.orm import Session
 
 from server.store.columns import columns_of
-from server.store.records import CollectionRecord
+from server.store.records import CollectionRecord, CollectionSize, FrameExtent
 from server.store.sqlite.expressions import matches
 from server.store.tables import CollectionRow, SubmapRow
 
@@ -17,27 +16,6 @@ from server.store.tables import CollectionRow, SubmapRow
 _COLUMNS = columns_of(CollectionRecord, CollectionRow)
 _ALL = select(*_COLUMNS)
 _BY_ID = _ALL.where(CollectionRow.id == bindparam("id"))
-
-
-@dataclass(frozen=True, slots=True)
-class FrameExtent:
-    """What a collection covers in one map frame: metres, footprints of the submaps' landmarks."""
-
-    frame_id: str
-    min_x: float
-    min_y: float
-    max_x: float
-    max_y: float
-
-
-@dataclass(frozen=True, slots=True)
-class CollectionSize:
-    """How much is in a collection."""
-
-    id: str
-    submaps: int
-    landmarks: int
-    revision: int
 
 
 class CollectionReader:

@@ -1,13 +1,13 @@
 """Features as they are stored, read for the index: what changed, what is gone, what a look-up asks for."""
 
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass
 from typing import Any, Final
 
 from sqlalchemy import Select, bindparam, func, select
 from sqlalchemy.orm import Session
 
 from server.store.sqlite.expressions import DirectStatement, beside_key, listed
+from server.store.submap_records import StoredFeatures
 from server.store.tables import DeletionRow, SubmapRow
 
 _VARIABLES: Final = 500
@@ -17,20 +17,6 @@ _PACKED: Final = DirectStatement(
         beside_key(bindparam("collection_key")), SubmapRow.key.in_(listed("keys"))
     )
 )
-
-
-@dataclass(frozen=True, slots=True)
-class StoredFeatures:
-    """A submap's packed features, with the landmarks and attributes that they were made of.
-
-    `content_revision` is the collection's at the last change of these.
-    """
-
-    key: int
-    content_revision: int
-    features: bytes
-    landmarks: bytes
-    attributes: bytes | None
 
 
 class FeatureRows:

@@ -2,25 +2,17 @@
 
 from collections.abc import Collection, Sequence
 from datetime import UTC, datetime
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 from sqlalchemy import ColumnElement, Result, delete, exists, func, insert, or_, select, update
 from sqlalchemy.orm import Session
 
 from server.store.columns import columns_of
-from server.store.records import CollectionRecord, JobRecord
+from server.store.records import CollectionRecord
+from server.store.service_records import UNFINISHED, JobRecord, Queue
 from server.store.service_tables import JobRow
 from server.store.sqlite.expressions import matches
 from server.store.tables import CollectionRow
-
-UNFINISHED: Final = ("accepted", "running")
-
-
-class Queue(NamedTuple):
-    """The jobs of one caller on one collection: they are done one after the other, in the order they came."""
-
-    caller: str
-    collection_key: int
 
 
 class JobReader:

@@ -1,26 +1,14 @@
 """Where map frames are on Earth, all seen through one collection."""
 
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass
-from typing import Final
 
 from sqlalchemy import delete, func, select
 from sqlalchemy.orm import Session
 
-from server.store.records import CollectionRecord
+from server.store.records import DEFAULT_FRAME, CollectionRecord, FrameReference
 from server.store.tables import MapFrameRow, SubmapRow
 
-DEFAULT_FRAME: Final = "map"
-"""The map frame of poses that name none; the collection's own crs and origin are this frame's."""
 _VARIABLES = 500  # names per statement, well below SQLite's limit on bound values
-
-
-@dataclass(frozen=True, slots=True)
-class FrameReference:
-    """The system of a map frame's coordinates, and its origin there: easting and northing, metres; None for (0, 0)."""
-
-    crs: str
-    origin: tuple[float, float] | None
 
 
 class MapFrameReader:

@@ -1,33 +1,14 @@
 """Rows of segments: which files make the index of a collection."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime
 
 from sqlalchemy import delete, func, insert, select, update
 from sqlalchemy.orm import Session
 
 from server.store.columns import columns_of
+from server.store.records import SegmentRecord, trusted
 from server.store.tables import CollectionRow, DeletionRow, SegmentRow
-
-
-@dataclass(frozen=True, slots=True)
-class SegmentRecord:
-    """A segment as it is listed.
-
-    Attributes:
-        name: of the file, without its ending; never used twice.
-        since, revision: it holds the submaps whose landmarks last changed after the one and up to the other.
-        submaps: how many are in the file, those that are gone since included.
-        size: of the file, in bytes.
-    """
-
-    name: str
-    since: int
-    revision: int
-    submaps: int
-    size: int
-
 
 _COLUMNS = columns_of(SegmentRecord, SegmentRow)
 
@@ -135,13 +116,3 @@ class Segments(SegmentReader):
             .values(pruned_revision=func.max(CollectionRow.pruned_revision, revision)),
             execution_options=unsynchronized,
         )
-
-
-def trusted(chain: Sequence[SegmentRecord]) -> int:
-    """How many segments, from the first one on, make a chain without a gap."""
-    end = 0
-    for i, segment in enumerate(chain):
-        if segment.since != end or segment.revision <= segment.since:
-            return i
-        end = segment.revision
-    return len(chain)

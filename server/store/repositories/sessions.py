@@ -1,25 +1,13 @@
 """Sessions of a collection: the drives, flights and seasons that its submaps belong to."""
 
 from collections.abc import Collection
-from dataclasses import dataclass
-from datetime import datetime
 
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
+from server.store.records import SessionRecord
 from server.store.sqlite.expressions import beside_key
 from server.store.tables import SubmapRow
-
-
-@dataclass(frozen=True, slots=True)
-class SessionRow:
-    """A session of a collection; `first` and `last` stamp are None where none of its submaps has one."""
-
-    session: str
-    submaps: int
-    landmarks: int
-    first: datetime | None
-    last: datetime | None
 
 
 class Sessions:
@@ -29,7 +17,7 @@ class Sessions:
         self._session = session
         self._collection_key = collection_key
 
-    def page(self, after: str, limit: int) -> list[SessionRow]:
+    def page(self, after: str, limit: int) -> list[SessionRecord]:
         """Up to `limit` sessions by name, after one; from an index alone."""
         count, trees = func.count(), func.sum(SubmapRow.landmark_count)
         query = (
@@ -39,7 +27,7 @@ class Sessions:
             .order_by(SubmapRow.session)
             .limit(limit)
         )
-        return [SessionRow(row[0] or "", *row[1:]) for row in self._session.execute(query)]
+        return [SessionRecord(row[0] or "", *row[1:]) for row in self._session.execute(query)]
 
     def names(self, keys: Collection[int]) -> dict[int, str | None]:
         """The sessions of a few submaps, by key."""

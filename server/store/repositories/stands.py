@@ -2,44 +2,19 @@
 
 import re
 from collections.abc import Collection, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from datetime import UTC, datetime
 
 from sqlalchemy import delete, func, insert, literal, select, update
 from sqlalchemy.orm import Session
 
 from server.store.columns import columns_of
+from server.store.records import StandRecord, StoredStand
 from server.store.repositories.collections import Collections
 from server.store.sqlite.expressions import beside_key
 from server.store.tables import DeletionRow, StandRow, SubmapRow
 
 _VARIABLES = 500  # keys per statement, well below SQLite's limit on bound values
-
-
-@dataclass(frozen=True, slots=True)
-class StandRecord:
-    """A stand as it is to be stored.
-
-    Attributes:
-        frame_id: the map frame of its submaps.
-        source_hash: of the file as it was read; trees_hash: of the trees' positions, whatever their order.
-        radius, spacing: of the grid of discs, metres.
-    """
-
-    name: str
-    frame_id: str
-    source_hash: str
-    trees_hash: str
-    tree_count: int
-    radius: float
-    spacing: float
-
-
-@dataclass(frozen=True, slots=True)
-class StoredStand(StandRecord):
-    """A stand as it is stored; its submaps refer to its `key`."""
-
-    key: int
 
 
 class StandReader:

@@ -7,7 +7,7 @@ from sqlalchemy import delete, func, insert, select
 from sqlalchemy.orm import Session
 
 from server.store.columns import columns_of
-from server.store.records import ResponseRecord
+from server.store.service_records import ResponseRecord
 from server.store.service_tables import IdempotencyRow
 
 _AT_ONCE = 100

@@ -22,9 +22,9 @@ from sqlalchemy import (
 from sqlalchemy.orm import Session
 
 from server.store.codec import members_of, unpack_attributes
-from server.store.records import Identity, Place, SubmapMetadata, SubmapRecord
 from server.store.sqlite.expressions import beside_key
 from server.store.submap_filter import SubmapFilter, conditions_of
+from server.store.submap_records import Identity, Place, SubmapMetadata, SubmapRecord
 from server.store.tables import DeletionRow, SubmapRow
 
 _T = TypeVar("_T")

@@ -9,8 +9,8 @@ import pytest
 from pyproj import Transformer
 
 from server.collections.georeference import Georeference
-from server.store.records import Place
-from server.store.repositories.map_frames import FrameReference
+from server.store.records import FrameReference
+from server.store.submap_records import Place
 from tests.server.factories import forest, points, put_submap
 
 PLOTS = "/v1/collections/plots"

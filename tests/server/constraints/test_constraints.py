@@ -18,7 +18,7 @@ from server.jobs.folder import JobFolder
 from server.jobs.types import find_constraints as constraints_job
 from server.queries.lookup import look_up
 from server.queries.poses import transform_answer
-from server.store.records import Place
+from server.store.submap_records import Place
 from tests.server.factories import forest, observed
 from tests.server.jobs.test_jobs import finished
 from urquhart import SE2

@@ -19,9 +19,9 @@ from server.queries import lookup
 from server.queries.query import PlaceQuery
 from server.schemas.queries import QueryAnswer, QueryInput
 from server.schemas.submaps import NamedSubmap, SubmapInput
-from server.store.records import SubmapMetadata
-from server.store.repositories.segments import SegmentRecord
+from server.store.records import SegmentRecord
 from server.store.sqlite.database import Database
+from server.store.submap_records import SubmapMetadata
 from server.submaps import bulk, ingest
 from tests.server.factories import forest, points
 from urquhart import Features

@@ -20,9 +20,10 @@ from server.schemas.collections import CollectionPut
 from server.schemas.queries import QueryAnswer, QueryInput
 from server.schemas.submaps import NamedSubmap, SubmapInput
 from server.store.records import CollectionRecord
-from server.store.repositories.feature_rows import FeatureRows, StoredFeatures
+from server.store.repositories.feature_rows import FeatureRows
 from server.store.sqlite.database import Database
 from server.store.storage import ReadTransaction
+from server.store.submap_records import StoredFeatures
 from server.submaps import bulk, ingest
 from tests.server.factories import forest, points
 from tests.server.index import index_helpers

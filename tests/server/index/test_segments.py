@@ -20,8 +20,8 @@ from server.index.flushing import flush, rebuild
 from server.index.merging import FANOUT, plan
 from server.index.segment_folder import SegmentFolder
 from server.schemas.collections import CollectionPut
+from server.store.records import SegmentRecord, trusted
 from server.store.repositories.feature_rows import FeatureRows
-from server.store.repositories.segments import SegmentRecord, trusted
 from server.store.sqlite.database import Database
 from tests.server.index.index_helpers import Process, damage
 from urquhart import Config

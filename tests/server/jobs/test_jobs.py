@@ -28,7 +28,8 @@ from server.schemas.jobs import LineResult
 from server.security import api_keys
 from server.security.authenticator import Authenticator
 from server.security.principal import UNRESTRICTED, Scope
-from server.store.repositories.jobs import JobReader, Queue
+from server.store.repositories.jobs import JobReader
+from server.store.service_records import Queue
 from server.store.sqlite.sqlite_errors import storage_errors
 from server.submaps import bulk
 from tests.server.factories import TestClient, forest, points, put_submap

@@ -6,9 +6,8 @@ from server.collections import registry
 from server.config.settings import Limits
 from server.schemas.collections import CollectionPut
 from server.schemas.submaps import SubmapInput
-from server.store.records import SubmapContent
-from server.store.repositories.candidate_rows import FoundSubmap
 from server.store.sqlite.database import Database
+from server.store.submap_records import FoundSubmap, SubmapContent
 from server.submaps import ingest
 from tests.server.factories import forest, points
 

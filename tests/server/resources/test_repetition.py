@@ -14,8 +14,8 @@ from sqlalchemy import func, select, update
 from server.security import api_keys
 from server.security.authenticator import Authenticator
 from server.security.principal import Scope
-from server.store.records import ResponseRecord
 from server.store.repositories import stored_responses
+from server.store.service_records import ResponseRecord
 from server.store.service_tables import IdempotencyRow
 from server.store.sqlite.database import Database
 from tests.server.factories import forest, points
