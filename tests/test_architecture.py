@@ -30,7 +30,7 @@ MOST_PARAMETERS = 6
 
 SERVICE = (
     *("errors", "problem_types", "platform", "parsing", "config", "schemas"),
-    *("store.sqlite.expressions", "store", "store.repositories", "store.storage", "store.sqlite"),
+    *("store", "store.repositories", "store.storage", "store.sqlite"),
     *("store.migrations_runner", "store.feature_backfill", "security", "observability", "resources"),
     *(
         "index",

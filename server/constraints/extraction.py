@@ -18,8 +18,7 @@ from server.queries.poses import flat, transform_answer
 from server.queries.query import Exclusion, PlaceQuery
 from server.schemas.constraints import ConstraintsInput
 from server.store.storage import Storage
-from server.store.submap_filter import SubmapFilter
-from server.store.submap_records import SubmapMetadata
+from server.store.submap_records import SubmapFilter, SubmapMetadata
 from server.submaps.reader import submap_filter
 from urquhart import SE2, Candidate
 

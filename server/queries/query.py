@@ -12,7 +12,7 @@ from server.errors import InvalidField, TooLarge
 from server.schemas.queries import QueryInput
 from server.store.codec import diameters_of, position_names
 from server.store.repositories.submaps import SubmapReader
-from server.store.submap_filter import SubmapFilter
+from server.store.submap_records import SubmapFilter
 from server.submaps.preparation import check_landmark_count
 from urquhart import Method
 

@@ -148,5 +148,16 @@ class FoundSubmap:
     landmarks: bytes
 
 
+@dataclass(frozen=True, slots=True)
+class SubmapFilter:
+    """Which submaps of a collection: all that is given must hold."""
+
+    session: str | None = None
+    bbox: tuple[float, float, float, float] | None = None
+    map_frame_id: str | None = None
+    since: datetime | None = None
+    until: datetime | None = None
+
+
 _NO_PLACE: dict[str, Any] = dict.fromkeys(Place.__slots__)
 _COLUMNS = tuple(one.name for one in fields(SubmapRecord) if one.name != "place")

@@ -9,8 +9,7 @@ from server.config.settings import Limits
 from server.resources.paging import PageRequest, page_size, read_cursor, write_cursor
 from server.store.records import CollectionRecord
 from server.store.storage import Storage
-from server.store.submap_filter import SubmapFilter
-from server.store.submap_records import SubmapContent, SubmapMetadata
+from server.store.submap_records import SubmapContent, SubmapFilter, SubmapMetadata
 
 _K = TypeVar("_K", bound=SubmapMetadata)
 _ROWS: Final = 50

@@ -29,8 +29,7 @@ from server.schemas.submaps import (
 )
 from server.store.codec import digest, unpack_attributes, unpack_ids, unpack_positions
 from server.store.storage import Storage
-from server.store.submap_filter import SubmapFilter
-from server.store.submap_records import SubmapContent, SubmapMetadata, SubmapWhole
+from server.store.submap_records import SubmapContent, SubmapFilter, SubmapMetadata, SubmapWhole
 from server.submaps.footprints import geometry_of, outside, references_of, without_crs
 from server.submaps.pages import rows_of_page
 from urquhart import Budget

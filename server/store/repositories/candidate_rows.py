@@ -8,7 +8,7 @@ from sqlalchemy import bindparam, select
 from sqlalchemy.orm import Session
 
 from server.store.columns import read_instant
-from server.store.sqlite.expressions import DirectStatement, beside_key, listed
+from server.store.expressions import DirectStatement, beside_key, listed
 from server.store.submap_records import FoundSubmap, Place
 from server.store.tables import SubmapRow
 

@@ -8,8 +8,8 @@ from sqlalchemy import bindparam, delete, func, insert, select, update
 from sqlalchemy.orm import Session
 
 from server.store.columns import columns_of
+from server.store.expressions import matches
 from server.store.records import CollectionRecord, CollectionSize, FrameExtent
-from server.store.sqlite.expressions import matches
 from server.store.tables import CollectionRow, SubmapRow
 
 # Every request begins with it: put together once.

@@ -6,7 +6,7 @@ from typing import Any, Final
 from sqlalchemy import Select, bindparam, func, select
 from sqlalchemy.orm import Session
 
-from server.store.sqlite.expressions import DirectStatement, beside_key, listed
+from server.store.expressions import DirectStatement, beside_key, listed
 from server.store.submap_records import StoredFeatures
 from server.store.tables import DeletionRow, SubmapRow
 

@@ -8,10 +8,10 @@ from sqlalchemy import ColumnElement, Result, delete, exists, func, insert, or_,
 from sqlalchemy.orm import Session
 
 from server.store.columns import columns_of
+from server.store.expressions import matches
 from server.store.records import CollectionRecord
 from server.store.service_records import UNFINISHED, JobRecord, Queue
 from server.store.service_tables import JobRow
-from server.store.sqlite.expressions import matches
 from server.store.tables import CollectionRow
 
 

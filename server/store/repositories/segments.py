@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from datetime import UTC, datetime
 
-from sqlalchemy import delete, func, insert, select, update
+from sqlalchemy import case, delete, insert, select, update
 from sqlalchemy.orm import Session
 
 from server.store.columns import columns_of
@@ -106,6 +106,7 @@ class Segments(SegmentReader):
     def _prune(self, revision: int) -> None:
         # A submap deleted by then is in no segment: every one was made of rows that were read later.
         unsynchronized = {"synchronize_session": False}
+        pruned = CollectionRow.pruned_revision
         gone = delete(DeletionRow).where(
             DeletionRow.collection_key == self._collection_key, DeletionRow.revision <= revision
         )
@@ -113,6 +114,6 @@ class Segments(SegmentReader):
         self._session.execute(
             update(CollectionRow)
             .where(CollectionRow.key == self._collection_key)
-            .values(pruned_revision=func.max(CollectionRow.pruned_revision, revision)),
+            .values(pruned_revision=case((pruned < revision, revision), else_=pruned)),
             execution_options=unsynchronized,
         )

@@ -5,8 +5,8 @@ from collections.abc import Collection
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
+from server.store.expressions import beside_key
 from server.store.records import SessionRecord
-from server.store.sqlite.expressions import beside_key
 from server.store.tables import SubmapRow
 
 

@@ -9,9 +9,9 @@ from sqlalchemy import delete, func, insert, literal, select, update
 from sqlalchemy.orm import Session
 
 from server.store.columns import columns_of
+from server.store.expressions import beside_key
 from server.store.records import StandRecord, StoredStand
 from server.store.repositories.collections import Collections
-from server.store.sqlite.expressions import beside_key
 from server.store.tables import DeletionRow, StandRow, SubmapRow
 
 _VARIABLES = 500  # keys per statement, well below SQLite's limit on bound values

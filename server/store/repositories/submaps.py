@@ -7,7 +7,6 @@ from typing import Any, TypeVar, cast
 
 from sqlalchemy import (
     ColumnElement,
-    Integer,
     Row,
     Select,
     Table,
@@ -15,16 +14,14 @@ from sqlalchemy import (
     delete,
     func,
     insert,
-    literal_column,
     select,
     update,
 )
 from sqlalchemy.orm import Session
 
 from server.store.codec import members_of, unpack_attributes
-from server.store.sqlite.expressions import beside_key
-from server.store.submap_filter import SubmapFilter, conditions_of
-from server.store.submap_records import Identity, Place, SubmapMetadata, SubmapRecord
+from server.store.expressions import Unindexed, beside_key
+from server.store.submap_records import Identity, Place, SubmapFilter, SubmapMetadata, SubmapRecord
 from server.store.tables import DeletionRow, SubmapRow
 
 _T = TypeVar("_T")
@@ -152,12 +149,12 @@ class SubmapReader:
             keys = list(self._session.scalars(walk))
             if len(keys) == limit:
                 return keys
-        # The plus keeps SQLite from walking through all of the collection in order.
-        key = literal_column("+submaps.key", Integer)
+        # Else SQLite walks through all of the collection in order.
+        key = Unindexed(SubmapRow.key)
         return list(self._session.scalars(self._keys().where(*conditions, key > after_key).order_by(key).limit(limit)))
 
     def _conditions(self, chosen: SubmapFilter) -> list[ColumnElement[bool]]:
-        conditions = conditions_of(chosen)
+        conditions = _conditions_of(chosen)
         if chosen.bbox is not None and chosen.map_frame_id is not None:
             of_frame = (SubmapRow.collection_key == self._collection_key, SubmapRow.map_frame_id == chosen.map_frame_id)
             widest = self._session.scalar(select(func.max(SubmapRow.map_width)).where(*of_frame)) or 0.0
@@ -236,3 +233,25 @@ def _record(kind: type[_K], row: Row[Any]) -> _K:
 def _batches(items: list[_T]) -> Iterator[list[_T]]:
     for start in range(0, len(items), _VARIABLES):
         yield items[start : start + _VARIABLES]
+
+
+def _conditions_of(chosen: SubmapFilter) -> list[ColumnElement[bool]]:
+    """A filter as conditions on rows of submaps."""
+    conditions: list[ColumnElement[bool]] = []
+    if chosen.session is not None:
+        conditions.append(SubmapRow.session == chosen.session)
+    if chosen.map_frame_id is not None:
+        conditions.append(SubmapRow.map_frame_id == chosen.map_frame_id)
+    if chosen.bbox is not None:
+        min_x, min_y, max_x, max_y = chosen.bbox
+        conditions += [
+            SubmapRow.map_min_x <= max_x,
+            SubmapRow.map_max_x >= min_x,
+            SubmapRow.map_min_y <= max_y,
+            SubmapRow.map_max_y >= min_y,
+        ]
+    if chosen.since is not None:
+        conditions.append(SubmapRow.stamp >= chosen.since)
+    if chosen.until is not None:
+        conditions.append(SubmapRow.stamp <= chosen.until)
+    return conditions

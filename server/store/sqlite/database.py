@@ -17,7 +17,7 @@ from sqlalchemy.orm import Session
 from sqlalchemy.pool import QueuePool
 
 from server import errors
-from server.store.sqlite import database_lock
+from server.store.sqlite import database_lock, expressions
 from server.store.sqlite.sentinel import Sentinel
 from server.store.sqlite.sqlite_errors import BUSY, domain_error, storage_errors
 from server.store.storage import ReadTransaction, WriteTransaction
@@ -156,6 +156,7 @@ class Database:
                 self._file_lock = None
 
     def _make_engine(self) -> Engine:
+        expressions.register()
         engine = create_engine(
             "sqlite+pysqlite://",
             creator=self._connect,

@@ -13,8 +13,7 @@ from sqlalchemy import event
 from server.store import migrations_runner
 from server.store.repositories import submaps as store
 from server.store.sqlite.database import Database
-from server.store.submap_filter import SubmapFilter
-from server.store.submap_records import Place, SubmapMetadata, SubmapRecord
+from server.store.submap_records import Place, SubmapFilter, SubmapMetadata, SubmapRecord
 from tests.server.factories import put_submap
 
 PLOTS = "/v1/collections/plots"
