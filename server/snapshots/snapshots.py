@@ -12,7 +12,7 @@ from typing import Final
 
 from server.checks.integrity import file_discrepancies
 from server.config.settings import Limits
-from server.errors import Conflict, StorageDamaged, StorageFull, StorageReadOnly
+from server.errors import Conflict, StorageDamaged, StorageReadOnly
 from server.platform.ids import moment_name
 from server.platform.version import service_version
 from server.resources import links
@@ -29,6 +29,7 @@ from server.schemas.snapshots import Snapshot, SnapshotCollection, SnapshotPage
 from server.snapshots.snapshot_folder import SnapshotFolder, check_name, sha256
 from server.store import migrations_runner
 from server.store.sqlite.database import Database
+from server.store.sqlite.replacing import require_room
 from server.store.sqlite.sqlite_errors import storage_errors
 from server.store.storage import WriteTransaction
 from urquhart.index.segment_file import sync
@@ -36,7 +37,6 @@ from urquhart.index.segment_file import sync
 _OPERATION: Final = "postSnapshot"
 _BREATH: Final = 0.001
 """Pause in seconds after every megabyte, which leaves the disk to writers."""
-_SPARE: Final = 1 << 20
 _log = logging.getLogger(__name__)
 
 
@@ -53,7 +53,7 @@ def make(database: Database, folder: SnapshotFolder, name: str | None, keep_last
     with storage_errors(folder.path), folder.turn():
         if folder.manifest(name).exists():
             raise Conflict(f"The snapshot {name!r} exists already. Use another name, or delete it first.")
-        _check_room(database, folder)
+        require_room(database.path, folder.path, "A snapshot", "Delete old snapshots, or free some space.")
         file = folder.making / "snapshot"
         database.copy_to(file, between=lambda: time.sleep(_BREATH))
         shutil.copymode(database.path, file)
@@ -121,16 +121,6 @@ def page(folder: SnapshotFolder, limits: Limits, limit: int | None, cursor: str 
 def snapshot_etag(snapshot: Snapshot) -> str:
     """Entity tag of a snapshot's document. That of its file is the checksum alone."""
     return f"{snapshot.sha256}-document"
-
-
-def _check_room(database: Database, folder: SnapshotFolder) -> None:
-    # Checked beforehand, because a disk that a snapshot fills up fails everybody's writes.
-    needed, free = database.path.stat().st_size + _SPARE, shutil.disk_usage(folder.path).free
-    if free < needed:
-        raise StorageFull(
-            f"A snapshot needs {needed:,} bytes, but {free:,} are free, so nothing was stored. Delete old snapshots, "
-            "or free some space."
-        )
 
 
 def _described(file: Path, *, name: str, created: datetime) -> Snapshot:

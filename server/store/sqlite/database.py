@@ -18,7 +18,7 @@ from sqlalchemy.pool import QueuePool
 
 from server import errors
 from server.store.sqlite import database_lock, expressions
-from server.store.sqlite.sentinel import Sentinel
+from server.store.sqlite.file_guard import FileGuard
 from server.store.sqlite.sqlite_errors import BUSY, domain_error, storage_errors
 from server.store.storage import ReadTransaction, WriteTransaction
 
@@ -37,7 +37,7 @@ class Database:
     write lock from its first statement. Errors of SQLite leave as `errors.StorageError`.
 
     From `use_wal` to `dispose` the file must stay what it is and where it is: else nothing is read and no write is
-    acknowledged, see `sentinel`.
+    acknowledged, see `file_guard`.
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class Database:
         self._file_lock: int | None = None
         self._moving_in = threading.Lock()
         self._create = create and not read_only
-        self._sentinel = Sentinel(self.path, read_only=read_only)
+        self._guard = FileGuard(self.path, read_only=read_only)
         self.engine = self._make_engine()
         self._write_engine = self.engine.execution_options(**{_WRITE: True})
 
@@ -98,7 +98,7 @@ class Database:
 
         For files that were moved, deleted, replaced or written to by others. It is logged when that begins and ends.
         """
-        return self._sentinel.trouble()
+        return self._guard.trouble()
 
     def use_wal(self) -> None:
         """Put the file into WAL mode, for good, and watch it from now on. It is made where there is none.
@@ -109,12 +109,12 @@ class Database:
             if not self.read_only:
                 self._begin_wal()
             with self._moving_in:
-                if not self._sentinel.watching:
-                    self._sentinel.open(self._connect)
+                if not self._guard.watching:
+                    self._guard.open(self._connect)
 
     def _begin_wal(self) -> None:
         deadline = time.monotonic() + self.busy_timeout
-        with closing(self._connect(create=self._create and not self._sentinel.watching)) as connection:
+        with closing(self._connect(create=self._create and not self._guard.watching)) as connection:
             while connection.execute("PRAGMA journal_mode").fetchone()[0] != "wal":
                 try:
                     connection.execute("PRAGMA journal_mode = WAL")
@@ -150,7 +150,7 @@ class Database:
         """Close all idle connections; the last one to close folds the write-ahead log into the file, if it is whole."""
         self.engine.dispose()
         with self._moving_in:
-            self._sentinel.close()
+            self._guard.close()
             if self._file_lock is not None:
                 database_lock.release(self._file_lock)
                 self._file_lock = None
@@ -227,7 +227,7 @@ class Database:
             self._raise_domain_error(error, error)
         except PoolTimeout as error:
             raise errors.StorageBusy("All database connections are in use; try again shortly.") from error
-        self._sentinel.used()
+        self._guard.used()
         self._require()
 
     def _raise_domain_error(self, error: sqlite3.Error, cause: Exception) -> NoReturn:

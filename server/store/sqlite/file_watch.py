@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal
 
-from server.store.sqlite import set_aside
-from server.store.sqlite.set_aside import Identity, identity
+from server.store.sqlite import stale_log
+from server.store.sqlite.stale_log import Identity, identity
 
 _HEADER: Final = struct.Struct("=I4xIBBHII8x8s8s")
 """Of the wal-index (SQLite's `WalIndexHdr`): version, change, initialised, byte order, page size, frames, pages, salts,
@@ -123,7 +123,7 @@ class FileWatch:
         with self._guard:
             if "-wal" not in self._beside:
                 return None
-            aside = set_aside.set_aside(*self._beside["-wal"])
+            aside = stale_log.set_aside(*self._beside["-wal"])
             shared, wanted = self._beside["-shm"]
             if shared.exists() and identity(shared) == wanted:
                 shared.unlink()  # whoever opens the file next would read there what was in the log
@@ -157,7 +157,7 @@ class FileWatch:
         if len(self._descriptors) < 2:
             return None
         # Looked for after it was missed: another process sets it aside at any moment.
-        if moved is not None and set_aside.find(*self._beside["-wal"]) is not None:
+        if moved is not None and stale_log.find(*self._beside["-wal"]) is not None:
             return f"{self.path.name} {_CHANGED}"
         for _ in range(_TRIES):  # others commit and checkpoint between the looks at the several files
             found = self._compare(self._descriptors["-shm"], self._descriptors["-wal"])
@@ -167,7 +167,7 @@ class FileWatch:
 
     def _kept(self) -> str:
         log, opened = self._beside["-wal"]
-        aside = set_aside.find(log, opened)
+        aside = stale_log.find(log, opened)
         if aside is None:
             return ""
         return (

@@ -5,7 +5,6 @@ old database is there or the new one. The old one is kept as `<file>.before-upgr
 """
 
 import logging
-import shutil
 import sqlite3
 from collections.abc import Callable
 from contextlib import closing
@@ -14,17 +13,17 @@ from typing import Final
 
 from sqlalchemy import Connection
 
-from server.errors import StorageDamaged, StorageFull
+from server.errors import DatabaseNotUpgraded, StorageDamaged
 from server.store.sqlite.database import Database
 from server.store.sqlite.database_lock import exclusive
+from server.store.sqlite.file_checks import file_faults
 from server.store.sqlite.old_contents import changes_since
-from server.store.sqlite.replacing import fold, mend, swap, workshop
-from server.store.sqlite.row_copy import both, copy_rows, require_sound
+from server.store.sqlite.replacing import fold, mend, require_room, swap, workshop
+from server.store.sqlite.row_copy import both, copy_rows
 from server.store.sqlite.sqlite_errors import storage_errors
 
 REVISIONS: Final = frozenset(f"{number:04}" for number in range(1, 12))
 """Of the schemas that are rebuilt."""
-_SPARE: Final = 1 << 20
 _log = logging.getLogger(__name__)
 
 
@@ -46,7 +45,7 @@ def rebuild(path: Path, create_tables: Callable[[Connection], None]) -> None:
         revision = _revision(path)
         if revision not in REVISIONS:
             return
-        _check_room(path)
+        require_room(path, path.parent, f"An upgrade of {path.name}", "Free some space and try again.")
         with workshop(path, "upgrade") as folder:
             fresh = folder / path.name
             _make(fresh, create_tables)
@@ -55,7 +54,7 @@ def rebuild(path: Path, create_tables: Callable[[Connection], None]) -> None:
                 copy_rows(connection, changes)
                 for statement in after:
                     connection.execute(statement)
-                require_sound(connection)
+            _require_sound(fresh)
             aside = swap(fresh, path, "upgrade")
         _log.info("%s is upgraded from schema %s; the old file is %s", path.name, revision, aside and aside.name)
 
@@ -75,10 +74,13 @@ def _make(fresh: Path, create_tables: Callable[[Connection], None]) -> None:
         database.dispose()
 
 
-def _check_room(path: Path) -> None:
-    needed, free = path.stat().st_size + _SPARE, shutil.disk_usage(path.parent).free
-    if free < needed:
-        raise StorageFull(
-            f"To upgrade {path.name}, {needed:,} bytes are needed beside it, and {free:,} are free: nothing was "
-            "changed. Free some space and try again."
-        )
+def _require_sound(fresh: Path) -> None:
+    database = Database(fresh, read_only=True)
+    try:
+        with database.read_connection() as connection:
+            for fault in file_faults(connection):
+                raise DatabaseNotUpgraded(
+                    f"The copy of the database is damaged: {fault}. Nothing was changed; try again."
+                )
+    finally:
+        database.dispose()

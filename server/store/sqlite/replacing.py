@@ -14,7 +14,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final, Literal
 
-from server.errors import Conflict, StorageUnavailable
+from server.errors import Conflict, StorageFull, StorageUnavailable
 from server.platform.ids import moment_name
 from urquhart.index.segment_file import sync
 
@@ -23,6 +23,7 @@ _WORKSHOPS: Final[dict[Purpose, str]] = {"restore": "restoring", "upgrade": "upg
 _BESIDE: Final = ("-wal", "-journal", "-shm")
 """Files that SQLite keeps beside a database, and would apply to any other that comes to its name."""
 _PATIENCE: Final = 2.0
+_SPARE: Final = 1 << 20
 
 
 @contextmanager
@@ -61,6 +62,17 @@ def swap(fresh: Path, path: Path, purpose: Purpose, *, discard: bool = False) ->
     fresh.replace(path)
     sync(path.parent)
     return aside if there and not discard else None
+
+
+def require_room(path: Path, folder: Path, what: str, advice: str) -> None:
+    """Raise StorageFull unless a copy of the database at `path` fits into a folder.
+
+    `what` begins the error's sentence and says what needs the room; `advice` ends it.
+    """
+    # Checked beforehand, because a disk that a copy fills up fails everybody's writes.
+    needed, free = path.stat().st_size + _SPARE, shutil.disk_usage(folder).free
+    if free < needed:
+        raise StorageFull(f"{what} needs {needed:,} bytes, but {free:,} are free, so nothing was changed. {advice}")
 
 
 def mend(path: Path) -> None:

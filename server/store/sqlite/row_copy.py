@@ -55,13 +55,6 @@ def copy_rows(connection: sqlite3.Connection, changes: Mapping[str, Mapping[str,
     connection.execute(f"PRAGMA main.user_version = {number:d}")
 
 
-def require_sound(connection: sqlite3.Connection) -> None:
-    """Raise DatabaseNotUpgraded unless SQLite finds nothing wrong with the copy."""
-    found = connection.execute("PRAGMA main.integrity_check(1)").fetchone()[0]
-    if found != "ok":
-        raise DatabaseNotUpgraded(f"The copy of the database is not sound ({found}). Nothing was changed; try again.")
-
-
 def _tables(connection: sqlite3.Connection, schema: str) -> set[str]:
     names = connection.execute(f"SELECT name FROM {schema}.sqlite_master WHERE type = 'table'").fetchall()
     return {name for (name,) in names} - {_SEQUENCES, "alembic_version"}

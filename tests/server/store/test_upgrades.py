@@ -387,7 +387,7 @@ def test_a_disk_without_room_is_seen_before(tmp_path: Path, monkeypatch: pytest.
     database = Database(path)
     usage = shutil.disk_usage(tmp_path)
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=100_000))
-    with pytest.raises(StorageFull, match="bytes are needed beside it, and 100,000 are free"):
+    with pytest.raises(StorageFull, match="bytes, but 100,000 are free"):
         migrations_runner.upgrade(database)
     database.dispose()
     assert (revision_of(path), beside(path)) == ("0011", [])

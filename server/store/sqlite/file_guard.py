@@ -1,4 +1,4 @@
-"""Who watches over an open database file, and decides what becomes of its log when something happens to the file."""
+"""Guards an open database file: decides what becomes of its log when the file is moved, replaced or overwritten."""
 
 import logging
 import sqlite3
@@ -9,15 +9,15 @@ from typing import Literal
 
 from server import errors
 from server.store.sqlite.file_watch import FileWatch, Trouble
-from server.store.sqlite.set_aside import identity
 from server.store.sqlite.sqlite_errors import storage_errors
+from server.store.sqlite.stale_log import identity
 
 Connect = Callable[[Literal["ro", "rw"]], sqlite3.Connection]
 _log = logging.getLogger(__name__)
 
 
-class Sentinel:
-    """Sees that the log of a database is applied to no other content than the one that it was written for.
+class FileGuard:
+    """Keeps the log of a database from being applied to any content but the one that it was written for.
 
     Two connections stay open from `open` to `close`, so that nobody removes the log. The last connection to close a
     database writes the log into it, if it gets an exclusive lock. One for reading only does not get it, and while it is
@@ -32,7 +32,7 @@ class Sentinel:
         self._connections: list[sqlite3.Connection] = []
         self._trouble: Trouble | None = None
         self._saved = False
-        self._guard = threading.Lock()
+        self._mutex = threading.Lock()
 
     @property
     def watching(self) -> bool:
@@ -61,7 +61,7 @@ class Sentinel:
         It is logged when that begins and ends. The log is made harmless to whatever file comes to the name.
         """
         found = self._watch.trouble()
-        with self._guard:
+        with self._mutex:
             before, self._trouble = self._trouble, found
             if found is None:
                 if before is not None:
