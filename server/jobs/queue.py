@@ -13,6 +13,7 @@ from server.errors import Conflict, Forbidden, Gone, NotFound, StorageReadOnly
 from server.jobs.folder import JobFolder
 from server.jobs.quota import check_key, check_quota
 from server.jobs.refusals import summary
+from server.platform.disk_errors import disk_errors
 from server.platform.ids import new_id
 from server.resources import links
 from server.resources.idempotency import NO_CONTENT, IdempotencyKey, StoredResponse, find_response, store_response
@@ -22,7 +23,6 @@ from server.schemas.constraints import ConstraintFormat
 from server.schemas.jobs import JobAnswer, JobLinks, JobPage, JobState
 from server.security.principal import Principal, Scope
 from server.store.service_records import UNFINISHED, JobRecord
-from server.store.sqlite.sqlite_errors import storage_errors
 from server.store.storage import ReadTransaction, Storage
 from server.store.submap_records import SubmapMetadata
 
@@ -171,7 +171,7 @@ def dismiss(
             operation,
             NO_CONTENT if answer is None else StoredResponse(202, {}, to_json(answer)),
         )
-    with storage_errors(folder.path):
+    with disk_errors(folder.path):
         if answer is None:
             folder.remove(job_id)
         elif answer.finished is not None:

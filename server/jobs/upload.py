@@ -12,8 +12,8 @@ import anyio.to_thread
 from server.config.settings import Limits
 from server.errors import MalformedBody, TooLarge
 from server.jobs.folder import JobFolder
+from server.platform.disk_errors import disk_errors
 from server.platform.file_locks import try_lock
-from server.store.sqlite.sqlite_errors import storage_errors
 
 _PIECE: Final = 1 << 20
 """Bytes that are decompressed and written at once."""
@@ -50,7 +50,7 @@ async def receive_upload(
     path = folder.arriving(job_id)
     try:
         with ExitStack() as held:
-            with storage_errors(folder.path):
+            with disk_errors(folder.path):
                 folder.make()
                 file = held.enter_context(path.open("xb"))
                 try_lock(file)  # until its job exists, so that it is not removed as a left-over

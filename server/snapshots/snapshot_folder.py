@@ -15,9 +15,9 @@ from typing import Final
 from pydantic import ValidationError
 
 from server.errors import Conflict, InvalidField, NotFound, StorageDamaged
+from server.platform.disk_errors import disk_errors
 from server.platform.file_locks import try_lock
 from server.schemas.snapshots import Snapshot
-from server.store.sqlite.sqlite_errors import storage_errors
 from urquhart.index.segment_file import sync
 
 _FILE: Final = ".db"
@@ -91,14 +91,14 @@ class SnapshotFolder:
 
     def all(self) -> list[Snapshot]:
         """All snapshots, oldest first. Raises StorageError."""
-        with storage_errors(self.path):
+        with disk_errors(self.path):
             names = [path.stem for path in self.path.glob(f"*{_MANIFEST}")] if self.path.is_dir() else []
             found = [snapshot for name in names if (snapshot := self._read(name)) is not None]
         return sorted(found, key=lambda snapshot: (snapshot.created, snapshot.name))
 
     def get(self, name: str) -> Snapshot:
         """The snapshot of that name. Raises NotFound and StorageError."""
-        with storage_errors(self.path):
+        with disk_errors(self.path):
             snapshot = self._read(name) if is_name(name) else None
         if snapshot is None:
             raise NotFound("snapshot", name)
@@ -107,7 +107,7 @@ class SnapshotFolder:
     def remove(self, name: str) -> None:
         """Delete a snapshot. Readers that have it open can read on. Raises NotFound and StorageError."""
         self.get(name)
-        with storage_errors(self.path):
+        with disk_errors(self.path):
             self.manifest(name).unlink(missing_ok=True)
             sync(self.path)
             self.file(name).unlink(missing_ok=True)

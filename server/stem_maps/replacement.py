@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Final
 
 from server.collections.registry import get_collection
+from server.platform.disk_errors import disk_errors
 from server.store.records import StandRecord
-from server.store.sqlite.sqlite_errors import storage_errors
 from server.store.storage import Storage
 from server.submaps.batches import DescribedBatch, Refusal
 from server.submaps.bulk import BatchResult, write_in
@@ -62,7 +62,7 @@ def keep_on_disk(batches: Iterable[DescribedBatch], folder: Path) -> Iterator[It
     with tempfile.SpooledTemporaryFile(_IN_MEMORY, mode="w+b", dir=str(folder)) as file:
         count = 0
         for batch in batches:
-            with storage_errors(folder):
+            with disk_errors(folder):
                 pickle.dump(batch, file, protocol=pickle.HIGHEST_PROTOCOL)
             count += 1
         file.seek(0)

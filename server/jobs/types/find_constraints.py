@@ -11,11 +11,11 @@ from server.constraints.extraction import agree, chosen_submaps, from_look, ques
 from server.errors import Conflict, NotFound
 from server.jobs.assignment import Assignment, JobContext
 from server.jobs.folder import cut
+from server.platform.disk_errors import disk_errors
 from server.queries.contradictions import REASON
 from server.queries.lookup import LookupResult, QueryContext, look_up
 from server.queries.older_answers import completed
 from server.schemas.constraints import ConstraintsInput
-from server.store.sqlite.sqlite_errors import storage_errors
 from server.store.storage import ReadTransaction
 from server.store.submap_records import SubmapMetadata
 
@@ -44,7 +44,7 @@ def run_constraints(assignment: Assignment, context: JobContext) -> None:
     if assignment.total is None:
         with context.database.read() as tx:
             assignment.total = len(_matching(assignment, tx, body))
-    with storage_errors(context.folder.path):
+    with disk_errors(context.folder.path):
         with found_file.open("a+b") as found:
             context.folder.sync()
             cut(found, assignment.progress.get("found", 0))

@@ -21,7 +21,7 @@ from server.index.flushing import Stopped, flush
 from server.jobs.assignment import Assignment, Interrupted, JobContext
 from server.jobs.folder import cut
 from server.jobs.refusals import Refusals
-from server.store.sqlite.sqlite_errors import storage_errors
+from server.platform.disk_errors import disk_errors
 from server.store.storage import WriteTransaction
 from server.submaps import batches, bulk
 from server.submaps.batches import BlankLines
@@ -38,7 +38,7 @@ def run_import(assignment: Assignment, context: JobContext) -> None:
     """
     with context.database.read() as tx:
         assignment.collection(tx)
-    with storage_errors(context.folder.path), context.folder.results(assignment.id).open("a+b") as results:
+    with disk_errors(context.folder.path), context.folder.results(assignment.id).open("a+b") as results:
         context.folder.sync()  # the name of the file, without which its content is lost after a power cut
         cut(results, assignment.progress.get("written", 0))
         source = _InputLines(context.folder.input(assignment.id), assignment, context.settings.limits.body_bytes)

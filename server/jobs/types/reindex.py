@@ -3,7 +3,7 @@
 from server.index.flushing import Stopped, rebuild
 from server.index.maintenance import Maintenance
 from server.jobs.assignment import Assignment, Interrupted, JobContext
-from server.store.sqlite.sqlite_errors import storage_errors
+from server.platform.disk_errors import disk_errors
 
 
 def run_reindex(assignment: Assignment, context: JobContext) -> None:
@@ -12,7 +12,7 @@ def run_reindex(assignment: Assignment, context: JobContext) -> None:
     Raises NotFound, StorageError, Interrupted, Dismissed.
     """
     try:
-        with storage_errors(context.catalog.folder.path):
+        with disk_errors(context.catalog.folder.path):
             if not assignment.progress.get("listed", False):
                 _rebuild(assignment, context)
             Maintenance(context.database, context.catalog, context.metrics).merge_all(assignment.collection_id)

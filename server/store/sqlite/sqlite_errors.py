@@ -1,6 +1,5 @@
 """What SQLite and the disk report, in the words of the domain."""
 
-import errno
 import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -8,6 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from server import errors
+from server.platform.disk_errors import BROKEN, FULL, READ_ONLY, disk_errors
 
 
 def domain_error(error: sqlite3.Error, path: Path) -> errors.StorageError | None:
@@ -24,40 +24,25 @@ def domain_error(error: sqlite3.Error, path: Path) -> errors.StorageError | None
 
 @contextmanager
 def storage_errors(path: Path) -> Iterator[None]:
-    """What the disk and SQLite say about a file, outside of a session, as errors of the domain. Raises StorageError."""
+    """Raise what the disk and SQLite say about a file, outside of a transaction, as StorageError."""
     try:
-        yield
+        with disk_errors(path):
+            yield
     except sqlite3.Error as error:
         known = domain_error(error, path)
         if known is None:
             raise
         raise known from error
-    except OSError as error:
-        kind, sentence = _ERRORS[_DISK.get(error.errno or 0, sqlite3.SQLITE_IOERR)]
-        raise kind(f"{sentence} ({path.name}: {error.strerror or error})") from error
 
 
-_DISK: Final = {
-    errno.ENOSPC: sqlite3.SQLITE_FULL,
-    errno.EDQUOT: sqlite3.SQLITE_FULL,
-    errno.EROFS: sqlite3.SQLITE_READONLY,
-    errno.EACCES: sqlite3.SQLITE_READONLY,
-}
 BUSY: Final = "Another process is writing for longer than the busy timeout; nothing was stored, try again shortly."
 _ERRORS: Final[dict[int, tuple[type[errors.StorageError], str]]] = {
-    sqlite3.SQLITE_FULL: (
-        errors.StorageFull,
-        "The disk is full: nothing of this request was stored, what was stored before is intact. "
-        "Free some space and send it again.",
-    ),
-    sqlite3.SQLITE_READONLY: (
-        errors.StorageReadOnly,
-        "The database cannot be written: nothing was stored. Make the file and its folder writable for the service.",
-    ),
+    sqlite3.SQLITE_FULL: FULL,
+    sqlite3.SQLITE_READONLY: READ_ONLY,
     sqlite3.SQLITE_PERM: (errors.StorageUnavailable, "The database file may not be opened; check its permissions."),
     sqlite3.SQLITE_BUSY: (errors.StorageBusy, BUSY),
     sqlite3.SQLITE_LOCKED: (errors.StorageBusy, BUSY),
-    sqlite3.SQLITE_IOERR: (errors.StorageUnavailable, "The disk reports an error; check it before writing more."),
+    sqlite3.SQLITE_IOERR: BROKEN,
     sqlite3.SQLITE_CORRUPT: (
         errors.StorageDamaged,
         "The database file is damaged. Stop the service, run `urquhart db check`, and restore a backup "
