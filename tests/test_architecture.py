@@ -233,6 +233,14 @@ def test_only_one_room_knows_sqlite() -> None:
     assert not [str(path.relative_to(ROOT)) for path in found]
 
 
+def test_only_those_who_open_the_database_know_which_it_is() -> None:
+    openers = [ROOT / "server" / part for part in ("store", "checks", "snapshots", "commands", "app.py", "runtime.py")]
+    for path in sources("server"):
+        if not any(path == part or part in path.parents for part in openers):
+            found = {name for name in imports(path) if name.startswith("server.store.sqlite")}
+            assert not found, f"{path.relative_to(ROOT)}: {found}"
+
+
 def test_every_public_name_is_explained() -> None:
     bare = [
         f"{path.relative_to(ROOT)}: {node.name}"

@@ -10,13 +10,12 @@ from server.index.derived import config_of
 from server.index.live_index import assemble
 from server.index.segment_folder import SegmentFolder
 from server.store.records import CollectionRecord, SegmentRecord, trusted
-from server.store.sqlite.database import Database
-from server.store.storage import ReadTransaction
+from server.store.storage import ReadTransaction, Storage
 from urquhart.index.segment import Segment
 from urquhart.index.segment_file import SegmentDamaged
 
 
-def index_discrepancies(database: Database) -> Iterator[Discrepancy]:
+def index_discrepancies(database: Storage) -> Iterator[Discrepancy]:
     """Everything that is wrong with the segments: gaps, damaged or missing files, submaps that are missing or should
     not be there.
 
@@ -30,7 +29,7 @@ def index_discrepancies(database: Database) -> Iterator[Discrepancy]:
             yield Discrepancy(collection_id, what)
 
 
-def _current(database: Database, folder: SegmentFolder, collection_id: str) -> list[str]:
+def _current(database: Storage, folder: SegmentFolder, collection_id: str) -> list[str]:
     """What is wrong with the segments of a collection, in one snapshot of it.
 
     A running service may merge segments and remove their files after the snapshot was taken. If a segment with a fault

@@ -9,14 +9,14 @@ from server.checks.integrity import Discrepancy
 from server.schemas.common import check_id
 from server.schemas.poses import PlacedPose
 from server.store.codec import unpack_positions
-from server.store.sqlite.database import Database
+from server.store.storage import Storage
 from server.store.submap_records import Place, SubmapContent
 from server.submaps.preparation import place_from, row_etag
 
 _FOOTPRINT: Final = ("map_min_x", "map_min_y", "map_max_x", "map_max_y")
 
 
-def content_discrepancies(database: Database) -> Iterator[Discrepancy]:
+def content_discrepancies(database: Storage) -> Iterator[Discrepancy]:
     """All submaps whose derived columns do not agree with their content. Raises StorageError."""
     with database.read() as tx:
         for collection in tx.collections.all():

@@ -140,7 +140,7 @@ class WriteTransaction(ReadTransaction):
 
 
 class Storage(Protocol):
-    """A database. Thread-safe; another process opens it for itself."""
+    """A database. Thread-safe. It can be pickled, and the process that unpickles it opens it for itself."""
 
     @property
     def path(self) -> Path:

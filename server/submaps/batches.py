@@ -6,8 +6,6 @@ is ready to be written.
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from functools import cache
-from pathlib import Path
 from typing import Final, Generic, TypeVar
 
 import numpy as np
@@ -25,7 +23,6 @@ from server.parsing.strict_json import read_json
 from server.platform.process_pool import PATIENCE, IsolationPolicy, PoolTask, ProcessPool
 from server.platform.threads import pin_threads
 from server.schemas.submaps import NamedSubmap
-from server.store.sqlite.database import Database
 from server.store.storage import Storage
 from server.store.submap_records import SubmapRecord
 from server.submaps.preparation import Prepared
@@ -94,7 +91,7 @@ class DescribedBatch:
 
 @dataclass(frozen=True, slots=True)
 class _Task:
-    path: Path
+    database: Storage
     collection_id: str
     limits: Limits
     lines: list[tuple[int, bytes]]
@@ -119,7 +116,7 @@ def of_submaps(
 
     def pack(batch: Batch[NamedSubmap]) -> _Task:
         lines = [(position, line_of(submap)) for position, submap in batch.items]
-        return _Task(database.path, collection_id, limits, lines, batch.following)
+        return _Task(database, collection_id, limits, lines, batch.following)
 
     return PoolTask(here, pack, _describe_there)
 
@@ -137,7 +134,7 @@ def of_lines(
         return _describe_lines(database, collection_id, limits, batch.items, batch.following)
 
     def pack(batch: Batch[bytes]) -> _Task:
-        return _Task(database.path, collection_id, limits, batch.items, batch.following)
+        return _Task(database, collection_id, limits, batch.items, batch.following)
 
     def singles(batch: Batch[bytes]) -> list[Batch[bytes]]:
         *others, last = [[one] for one in batch.items] or [[]]
@@ -211,7 +208,7 @@ def read_line(line: bytes, limits: Limits) -> NamedSubmap:
 
 
 def _describe_there(task: _Task) -> DescribedBatch:
-    return _describe_lines(_opened(task.path), task.collection_id, task.limits, task.lines, task.following)
+    return _describe_lines(task.database, task.collection_id, task.limits, task.lines, task.following)
 
 
 def _describe_lines(
@@ -281,12 +278,6 @@ def _is_json(line: bytes) -> bool:
     except orjson.JSONDecodeError:
         return False
     return True
-
-
-@cache
-def _opened(path: Path) -> Storage:
-    """The database of a worker, opened read-only. It is closed when the process ends."""
-    return Database(path)
 
 
 def _warm_up() -> None:

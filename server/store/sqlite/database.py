@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Literal, NoReturn
 
@@ -63,6 +64,10 @@ class Database:
         self._guard = FileGuard(self.path, read_only=read_only)
         self.engine = self._make_engine()
         self._write_engine = self.engine.execution_options(**{_WRITE: True})
+
+    def __reduce__(self) -> tuple[Callable[[Path], "Database"], tuple[Path]]:
+        """Sent to another process, it is opened there, once however often it is sent."""
+        return _opened, (self.path,)
 
     @contextmanager
     def read(self) -> Iterator[ReadTransaction]:
@@ -236,6 +241,12 @@ class Database:
         if known is None:
             raise cause
         raise known from cause
+
+
+@cache
+def _opened(path: Path) -> Database:
+    """The database of a worker process. It is closed when the process ends."""
+    return Database(path)
 
 
 def _configure(connection: sqlite3.Connection) -> None:
