@@ -7,8 +7,8 @@ from collections.abc import Collection, Sequence
 from typing import Any
 
 import orjson
-from sqlalchemy import Boolean, ColumnElement, Dialect, Integer, Select, bindparam, false, or_, select
-from sqlalchemy.orm import InstrumentedAttribute, Session
+from sqlalchemy import Boolean, ColumnElement, Connection, Dialect, Integer, Select, bindparam, false, or_, select
+from sqlalchemy.orm import InstrumentedAttribute
 from sqlalchemy.sql.functions import FunctionElement
 
 from server.store.tables import SubmapRow
@@ -63,9 +63,8 @@ class DirectStatement:
         self._statement = statement
         self._compiled: dict[str, tuple[str, list[str]]] = {}
 
-    def rows(self, session: Session, **values: int | Collection[int]) -> list[tuple[Any, ...]]:
-        """The rows, in the transaction of the session; a collection is bound as a JSON array, for `listed`."""
-        connection = session.connection()
+    def rows(self, connection: Connection, **values: int | Collection[int]) -> list[tuple[Any, ...]]:
+        """The rows, in the transaction of the connection; a collection is bound as a JSON array, for `listed`."""
         text, order = self._compiled.get(connection.dialect.name) or self._compile(connection.dialect)
         bound = [values[name] for name in order]
         cursor = connection.connection.cursor()

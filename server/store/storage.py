@@ -1,14 +1,14 @@
 """The seam of the store: what the service asks of a database, whichever it is.
 
 Rooms above take a `Storage`, open a transaction of it, and read and write records through the repositories that the
-transaction has. They see no SQL, no session and no row of a table.
+transaction has. They see no SQL and no row of a table.
 """
 
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Protocol
 
-from sqlalchemy.orm import Session
+from sqlalchemy import Connection
 
 from server.store.records import CollectionRecord
 from server.store.repositories.api_keys import ApiKeyReader, ApiKeys
@@ -31,65 +31,65 @@ class ReadTransaction:
     Those of what belongs to a collection are methods. They take its key and see nothing of other collections.
     """
 
-    def __init__(self, session: Session) -> None:
-        self._session = session
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
 
     @property
     def api_keys(self) -> ApiKeyReader:
         """API keys."""
-        return ApiKeyReader(self._session)
+        return ApiKeyReader(self._connection)
 
     @property
     def collections(self) -> CollectionReader:
         """Collections."""
-        return CollectionReader(self._session)
+        return CollectionReader(self._connection)
 
     @property
     def jobs(self) -> JobReader:
         """Jobs."""
-        return JobReader(self._session)
+        return JobReader(self._connection)
 
     @property
     def responses(self) -> ResponseReader:
         """Responses to writes with an Idempotency-Key."""
-        return ResponseReader(self._session)
+        return ResponseReader(self._connection)
 
     @property
     def all_segments(self) -> AllSegments:
         """Segments of the index of every collection."""
-        return AllSegments(self._session)
+        return AllSegments(self._connection)
 
     def submaps(self, collection_key: int) -> SubmapReader:
         """Submaps of a collection."""
-        return SubmapReader(self._session, collection_key)
+        return SubmapReader(self._connection, collection_key)
 
     def sessions(self, collection_key: int) -> Sessions:
         """Sessions of a collection's submaps."""
-        return Sessions(self._session, collection_key)
+        return Sessions(self._connection, collection_key)
 
     def features(self, collection_key: int) -> FeatureRows:
         """Features of a collection's submaps, and which submaps changed or are gone."""
-        return FeatureRows(self._session, collection_key)
+        return FeatureRows(self._connection, collection_key)
 
     def candidates(self, collection_key: int) -> CandidateRows:
         """What answers tell of a collection's submaps."""
-        return CandidateRows(self._session, collection_key)
+        return CandidateRows(self._connection, collection_key)
 
     def map_frames(self, collection: CollectionRecord) -> MapFrameReader:
         """Where a collection's map frames are on Earth."""
-        return MapFrameReader(self._session, collection)
+        return MapFrameReader(self._connection, collection)
 
     def segments(self, collection_key: int) -> SegmentReader:
         """Segments of a collection's index."""
-        return SegmentReader(self._session, collection_key)
+        return SegmentReader(self._connection, collection_key)
 
     def stands(self, collection_key: int) -> StandReader:
         """Stands of a collection."""
-        return StandReader(self._session, collection_key)
+        return StandReader(self._connection, collection_key)
 
     def queries(self, collection_key: int) -> QueryReader:
         """Stored queries of a collection."""
-        return QueryReader(self._session, collection_key)
+        return QueryReader(self._connection, collection_key)
 
 
 class WriteTransaction(ReadTransaction):
@@ -101,42 +101,42 @@ class WriteTransaction(ReadTransaction):
     @property
     def api_keys(self) -> ApiKeys:
         """API keys."""
-        return ApiKeys(self._session)
+        return ApiKeys(self._connection)
 
     @property
     def collections(self) -> Collections:
         """Collections."""
-        return Collections(self._session)
+        return Collections(self._connection)
 
     @property
     def jobs(self) -> Jobs:
         """Jobs."""
-        return Jobs(self._session)
+        return Jobs(self._connection)
 
     @property
     def responses(self) -> StoredResponses:
         """Responses to writes with an Idempotency-Key."""
-        return StoredResponses(self._session)
+        return StoredResponses(self._connection)
 
     def submaps(self, collection_key: int) -> Submaps:
         """Submaps of a collection."""
-        return Submaps(self._session, collection_key)
+        return Submaps(self._connection, collection_key)
 
     def map_frames(self, collection: CollectionRecord) -> MapFrames:
         """Where a collection's map frames are on Earth."""
-        return MapFrames(self._session, collection)
+        return MapFrames(self._connection, collection)
 
     def segments(self, collection_key: int) -> Segments:
         """Segments of a collection's index."""
-        return Segments(self._session, collection_key)
+        return Segments(self._connection, collection_key)
 
     def stands(self, collection_key: int) -> Stands:
         """Stands of a collection."""
-        return Stands(self._session, collection_key)
+        return Stands(self._connection, collection_key)
 
     def queries(self, collection_key: int) -> Queries:
         """Stored queries of a collection."""
-        return Queries(self._session, collection_key)
+        return Queries(self._connection, collection_key)
 
 
 class Storage(Protocol):

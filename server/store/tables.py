@@ -139,12 +139,10 @@ class SubmapRow(BaseRow):
     map_min_y: Mapped[float | None] = mapped_column(REAL)
     map_max_x: Mapped[float | None] = mapped_column(REAL)
     map_max_y: Mapped[float | None] = mapped_column(REAL)
-    map_width: Mapped[float | None] = mapped_column(
-        REAL, Computed("map_max_x - map_min_x", persisted=False), deferred=True
-    )
+    map_width: Mapped[float | None] = mapped_column(REAL, Computed("map_max_x - map_min_x", persisted=False))
     properties: Mapped[dict[str, Any] | None] = mapped_column(Json)
     # The stand that stored it as one of its discs.
-    stand_key: Mapped[int | None] = mapped_column(Integer, deferred=True)
+    stand_key: Mapped[int | None] = mapped_column(Integer)
     landmarks_hash: Mapped[str] = mapped_column(Text)
     etag: Mapped[str] = mapped_column(Text)
     revision: Mapped[int] = mapped_column(Integer)
@@ -152,10 +150,10 @@ class SubmapRow(BaseRow):
     created: Mapped[datetime] = mapped_column(Instant)
     updated: Mapped[datetime] = mapped_column(Instant)
     # Large columns last: SQLite then reads the small ones without following overflow pages.
-    landmarks: Mapped[bytes] = mapped_column(LargeBinary, deferred=True)
-    landmark_ids: Mapped[bytes | None] = mapped_column(LargeBinary, deferred=True)
-    attributes: Mapped[bytes | None] = mapped_column(LargeBinary, deferred=True)
-    features: Mapped[bytes] = mapped_column(LargeBinary, deferred=True)
+    landmarks: Mapped[bytes] = mapped_column(LargeBinary)
+    landmark_ids: Mapped[bytes | None] = mapped_column(LargeBinary)
+    attributes: Mapped[bytes | None] = mapped_column(LargeBinary)
+    features: Mapped[bytes] = mapped_column(LargeBinary)
 
 
 class StandRow(BaseRow):
@@ -262,6 +260,6 @@ class QueryRow(BaseRow):
     number: Mapped[int] = mapped_column(Integer)
     created: Mapped[datetime] = mapped_column(Instant)
     candidates: Mapped[list[dict[str, Any]]] = mapped_column(Json)
-    landmarks: Mapped[bytes] = mapped_column(LargeBinary, deferred=True)
-    landmark_ids: Mapped[bytes | None] = mapped_column(LargeBinary, deferred=True)
-    answer: Mapped[bytes] = mapped_column(LargeBinary, deferred=True)
+    landmarks: Mapped[bytes] = mapped_column(LargeBinary)
+    landmark_ids: Mapped[bytes | None] = mapped_column(LargeBinary)
+    answer: Mapped[bytes] = mapped_column(LargeBinary)

@@ -4,8 +4,7 @@ from collections.abc import Collection, Sequence
 from typing import Any
 
 import orjson
-from sqlalchemy import bindparam, select
-from sqlalchemy.orm import Session
+from sqlalchemy import Connection, bindparam, select
 
 from server.store.columns import read_instant
 from server.store.expressions import DirectStatement, beside_key, listed
@@ -16,14 +15,14 @@ from server.store.tables import SubmapRow
 class CandidateRows:
     """Reads what answers tell of one collection's submaps, in a transaction of the caller."""
 
-    def __init__(self, session: Session, collection_key: int) -> None:
-        self._session = session
+    def __init__(self, connection: Connection, collection_key: int) -> None:
+        self._connection = connection
         self._collection_key = collection_key
 
     def read(self, keys: Collection[int], *, landmarks: bool) -> dict[int, FoundSubmap]:
         """Those of the keys that are submaps of the collection, with their landmarks if asked, by key."""
         statement = _WHOLE if landmarks else _BRIEF
-        rows = statement.rows(self._session, collection_key=self._collection_key, keys=keys)
+        rows = statement.rows(self._connection, collection_key=self._collection_key, keys=keys)
         return {row[0]: _found(row) for row in rows}
 
 

@@ -4,8 +4,7 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import bindparam, delete, func, insert, select, update
-from sqlalchemy.orm import Session
+from sqlalchemy import Connection, bindparam, delete, func, insert, select, update
 
 from server.store.columns import columns_of
 from server.store.expressions import matches
@@ -21,51 +20,53 @@ _BY_ID = _ALL.where(CollectionRow.id == bindparam("id"))
 class CollectionReader:
     """Reads collections in a transaction of the caller."""
 
-    def __init__(self, session: Session) -> None:
-        self._session = session
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
 
     def get(self, collection_id: str) -> CollectionRecord | None:
         """The collection of that id, or None."""
-        row = self._session.execute(_BY_ID, {"id": collection_id}).one_or_none()
+        row = self._connection.execute(_BY_ID, {"id": collection_id}).one_or_none()
         return None if row is None else CollectionRecord(*row)
 
     def all(self) -> list[CollectionRecord]:
         """All collections, in the order they were made."""
-        return [CollectionRecord(*row) for row in self._session.execute(_ALL.order_by(CollectionRow.key))]
+        return [CollectionRecord(*row) for row in self._connection.execute(_ALL.order_by(CollectionRow.key))]
 
     def page(self, patterns: Sequence[str], *, after_key: int = 0, limit: int) -> list[CollectionRecord]:
         """Up to `limit` collections whose ids match a pattern, in the order they were made, beginning after a key."""
         query = _ALL.where(CollectionRow.key > after_key).order_by(CollectionRow.key).limit(limit)
         if "*" not in patterns:
             query = query.where(matches(CollectionRow.id, patterns))
-        return [CollectionRecord(*row) for row in self._session.execute(query)]
+        return [CollectionRecord(*row) for row in self._connection.execute(query)]
 
     def ids(self) -> list[str]:
         """Ids of all collections."""
-        return list(self._session.scalars(select(CollectionRow.id).order_by(CollectionRow.key)))
+        return list(self._connection.scalars(select(CollectionRow.id).order_by(CollectionRow.key)))
 
     def revisions(self, least: int = 0) -> list[tuple[int, str, int]]:
         """Key, id and revision of all collections, or of those that are at `least` one: 1 where anything was stored."""
         columns = (CollectionRow.key, CollectionRow.id, CollectionRow.revision)
         query = select(*columns).where(CollectionRow.revision >= least).order_by(CollectionRow.key)
-        return [(row.key, row.id, row.revision) for row in self._session.execute(query)]
+        return [(row.key, row.id, row.revision) for row in self._connection.execute(query)]
 
     def largest(self, limit: int) -> list[CollectionSize]:
         """Up to `limit` collections with the most submaps, the largest first."""
         columns = (CollectionRow.id, CollectionRow.submap_count, CollectionRow.landmark_count, CollectionRow.revision)
         order = (CollectionRow.submap_count.desc(), CollectionRow.key)
-        return [CollectionSize(*row) for row in self._session.execute(select(*columns).order_by(*order).limit(limit))]
+        return [
+            CollectionSize(*row) for row in self._connection.execute(select(*columns).order_by(*order).limit(limit))
+        ]
 
     def totals(self) -> tuple[int, int, int]:
         """How many collections there are, and the submaps and landmarks in all of them."""
         submaps, landmarks = func.sum(CollectionRow.submap_count), func.sum(CollectionRow.landmark_count)
-        counted = self._session.execute(select(func.count(), submaps, landmarks).select_from(CollectionRow)).one()
+        counted = self._connection.execute(select(func.count(), submaps, landmarks).select_from(CollectionRow)).one()
         return counted[0], counted[1] or 0, counted[2] or 0
 
     def contents(self) -> list[tuple[str, int, int]]:
         """Id, revision and number of submaps of all collections, oldest first."""
         query = select(CollectionRow.id, CollectionRow.revision, CollectionRow.submap_count)
-        return [(row[0], row[1], row[2]) for row in self._session.execute(query.order_by(CollectionRow.key))]
+        return [(row[0], row[1], row[2]) for row in self._connection.execute(query.order_by(CollectionRow.key))]
 
     def extents(self, key: int) -> list[FrameExtent]:
         """What the collection's submaps cover, a map frame each, from the footprint index alone."""
@@ -82,7 +83,7 @@ class CollectionReader:
         )
         return [
             FrameExtent(frame_id, min_x, min_y, max_x, max_y)
-            for frame_id, min_x, min_y, max_x, max_y in self._session.execute(query)
+            for frame_id, min_x, min_y, max_x, max_y in self._connection.execute(query)
             if frame_id is not None
             and min_x is not None
             and min_y is not None
@@ -93,8 +94,8 @@ class CollectionReader:
     def interval(self, key: int) -> tuple[datetime, datetime] | None:
         """The first and the last stamp of the collection's submaps, by two seeks in the stamp index."""
         stamped = select(SubmapRow.stamp).where(SubmapRow.collection_key == key, SubmapRow.stamp.is_not(None)).limit(1)
-        first = self._session.scalar(stamped.order_by(SubmapRow.stamp))
-        last = self._session.scalar(stamped.order_by(SubmapRow.stamp.desc()))
+        first = self._connection.scalar(stamped.order_by(SubmapRow.stamp))
+        last = self._connection.scalar(stamped.order_by(SubmapRow.stamp.desc()))
         return None if first is None or last is None else (first, last)
 
 
@@ -126,15 +127,12 @@ class Collections(CollectionReader):
             "updated": now,
         }
         added = insert(CollectionRow).values(values | dict.fromkeys(zero, 0)).returning(*_COLUMNS)
-        return CollectionRecord(*self._session.execute(added).one())
+        return CollectionRecord(*self._connection.execute(added).one())
 
     def describe(self, record: CollectionRecord) -> None:
         """Store title, crs and origin of a record; the revision stays."""
         values = {name: getattr(record, name) for name in ("title", "crs", "origin_x", "origin_y")}
-        self._session.execute(
-            update(CollectionRow).where(CollectionRow.key == record.key).values(values),
-            execution_options={"synchronize_session": False},
-        )
+        self._connection.execute(update(CollectionRow).where(CollectionRow.key == record.key).values(values))
 
     def advance(self, key: int, *, submaps: int = 0, landmarks: int = 0, polygons: int = 0) -> int:
         """Move the revision on by one and the counts by what is given; the new revision."""
@@ -149,9 +147,8 @@ class Collections(CollectionReader):
                 updated=datetime.now(UTC),
             )
             .returning(CollectionRow.revision)
-            .execution_options(synchronize_session=False)
         )
-        return self._session.scalars(statement).one()
+        return self._connection.scalars(statement).one()
 
     def next_query_number(self, key: int) -> int:
         """Take the next number for a stored query."""
@@ -160,12 +157,9 @@ class Collections(CollectionReader):
             .where(CollectionRow.key == key)
             .values(query_sequence=CollectionRow.query_sequence + 1)
             .returning(CollectionRow.query_sequence)
-            .execution_options(synchronize_session=False)
         )
-        return self._session.scalars(statement).one()
+        return self._connection.scalars(statement).one()
 
     def delete(self, key: int) -> None:
         """Remove a collection with everything in it."""
-        self._session.execute(
-            delete(CollectionRow).where(CollectionRow.key == key), execution_options={"synchronize_session": False}
-        )
+        self._connection.execute(delete(CollectionRow).where(CollectionRow.key == key))

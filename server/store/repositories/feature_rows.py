@@ -3,8 +3,7 @@
 from collections.abc import Collection, Iterator
 from typing import Any, Final
 
-from sqlalchemy import Select, bindparam, func, select
-from sqlalchemy.orm import Session
+from sqlalchemy import Connection, Select, bindparam, func, select
 
 from server.store.expressions import DirectStatement, beside_key, listed
 from server.store.submap_records import StoredFeatures
@@ -22,15 +21,15 @@ _PACKED: Final = DirectStatement(
 class FeatureRows:
     """Reads what is indexed of one collection, in a transaction of the caller."""
 
-    def __init__(self, session: Session, collection_key: int) -> None:
-        self._session = session
+    def __init__(self, connection: Connection, collection_key: int) -> None:
+        self._connection = connection
         self._collection_key = collection_key
 
     def changed_since(self, revision: int, *, batch: int) -> Iterator[StoredFeatures]:
         """Features of the submaps whose landmarks changed after a revision, in the order of the change, streamed."""
         query = _stored().where(SubmapRow.collection_key == self._collection_key, SubmapRow.content_revision > revision)
         query = query.order_by(SubmapRow.content_revision)
-        for row in self._session.execute(query.execution_options(yield_per=batch)):
+        for row in self._connection.execute(query.execution_options(yield_per=batch)):
             yield StoredFeatures(*row)
 
     def stored(self, keys: Collection[int]) -> Iterator[StoredFeatures]:
@@ -39,7 +38,7 @@ class FeatureRows:
         for start in range(0, len(listed), _VARIABLES):
             some = listed[start : start + _VARIABLES]
             query = _stored().where(beside_key(self._collection_key), SubmapRow.key.in_(some))
-            for row in self._session.execute(query):
+            for row in self._connection.execute(query):
                 yield StoredFeatures(*row)
 
     def packed(self, keys: Collection[int]) -> list[tuple[int, int, bytes]]:
@@ -47,7 +46,7 @@ class FeatureRows:
 
         A look-up reads some dozens in each of several goes: what a statement costs in itself counts here.
         """
-        rows = _PACKED.rows(self._session, collection_key=self._collection_key, keys=keys)
+        rows = _PACKED.rows(self._connection, collection_key=self._collection_key, keys=keys)
         return [(row[0], row[1], row[2]) for row in rows]
 
     def count_changed(self, revision: int, most: int) -> int:
@@ -57,7 +56,7 @@ class FeatureRows:
             .where(SubmapRow.collection_key == self._collection_key, SubmapRow.content_revision > revision)
             .limit(most)
         )
-        return self._session.scalar(select(func.count()).select_from(changed.subquery())) or 0
+        return self._connection.scalar(select(func.count()).select_from(changed.subquery())) or 0
 
     def content_revisions(self, revision: int, until: int | None = None) -> dict[int, int]:
         """Content revision, by key, of the submaps whose landmarks changed after a revision, and up to `until`."""
@@ -66,26 +65,26 @@ class FeatureRows:
         )
         if until is not None:
             query = query.where(SubmapRow.content_revision <= until)
-        return {row[0]: row[1] for row in self._session.execute(query)}
+        return {row[0]: row[1] for row in self._connection.execute(query)}
 
     def deleted_since(self, revision: int) -> list[int]:
         """Keys of the submaps that were deleted after a revision, as far as that is not forgotten."""
         query = select(DeletionRow.submap_key).where(
             DeletionRow.collection_key == self._collection_key, DeletionRow.revision > revision
         )
-        return list(self._session.scalars(query))
+        return list(self._connection.scalars(query))
 
     def last_deletion(self) -> int:
         """The revision of the last deletion that is not forgotten, 0 if there is none."""
         mine = DeletionRow.collection_key == self._collection_key
-        return self._session.scalar(select(func.max(DeletionRow.revision)).where(mine)) or 0
+        return self._connection.scalar(select(func.max(DeletionRow.revision)).where(mine)) or 0
 
     def deleted_and_there(self) -> bool:
         """Whether a submap is noted as deleted and is there nevertheless, which cannot be."""
         query = select(DeletionRow.submap_key).where(
             DeletionRow.collection_key == self._collection_key, DeletionRow.submap_key.in_(select(SubmapRow.key))
         )
-        return self._session.scalar(query.limit(1)) is not None
+        return self._connection.scalar(query.limit(1)) is not None
 
 
 def _stored() -> Select[Any]:

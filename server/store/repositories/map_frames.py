@@ -2,8 +2,7 @@
 
 from collections.abc import Collection, Iterator
 
-from sqlalchemy import delete, func, select
-from sqlalchemy.orm import Session
+from sqlalchemy import Connection, delete, func, insert, select
 
 from server.store.records import DEFAULT_FRAME, CollectionRecord, FrameReference
 from server.store.tables import MapFrameRow, SubmapRow
@@ -14,37 +13,37 @@ _VARIABLES = 500  # names per statement, well below SQLite's limit on bound valu
 class MapFrameReader:
     """Reads one collection's map frames in a transaction of the caller."""
 
-    def __init__(self, session: Session, collection: CollectionRecord) -> None:
-        self._session = session
+    def __init__(self, connection: Connection, collection: CollectionRecord) -> None:
+        self._connection = connection
         self._collection = collection
 
     def named(self) -> dict[str, FrameReference]:
         """All frames but the default one, by name."""
-        query = select(MapFrameRow).where(MapFrameRow.collection_key == self._collection.key)
-        return {row.frame_id: _reference(row) for row in self._session.scalars(query.order_by(MapFrameRow.frame_id))}
+        query = _ALL.where(MapFrameRow.collection_key == self._collection.key).order_by(MapFrameRow.frame_id)
+        return {frame_id: _reference(*row) for frame_id, *row in self._connection.execute(query)}
 
     def some(self, frame_ids: Collection[str]) -> dict[str, FrameReference]:
         """Those of the frames that have a reference, the default one among them."""
         found: dict[str, FrameReference] = {}
         if DEFAULT_FRAME in frame_ids and self._collection.crs is not None:
-            found[DEFAULT_FRAME] = _reference(self._collection)
+            found[DEFAULT_FRAME] = _reference(
+                self._collection.crs, self._collection.origin_x, self._collection.origin_y
+            )
         wanted = sorted(set(frame_ids) - {DEFAULT_FRAME})
         for start in range(0, len(wanted), _VARIABLES):
             some = wanted[start : start + _VARIABLES]
-            query = select(MapFrameRow).where(
-                MapFrameRow.collection_key == self._collection.key, MapFrameRow.frame_id.in_(some)
-            )
-            found |= {row.frame_id: _reference(row) for row in self._session.scalars(query)}
+            query = _ALL.where(MapFrameRow.collection_key == self._collection.key, MapFrameRow.frame_id.in_(some))
+            found |= {frame_id: _reference(*row) for frame_id, *row in self._connection.execute(query)}
         return found
 
     def any(self) -> bool:
         """Whether any frame of the collection has a reference."""
         query = select(MapFrameRow.frame_id).where(MapFrameRow.collection_key == self._collection.key).limit(1)
-        return self._collection.crs is not None or self._session.scalar(query) is not None
+        return self._collection.crs is not None or self._connection.scalar(query) is not None
 
     def extent(self, frame_id: str) -> tuple[float, float, float, float] | None:
         """min x, min y, max x, max y of the footprints in a frame, metres; None where there are none."""
-        low_x, low_y, high_x, high_y = self._session.execute(
+        low_x, low_y, high_x, high_y = self._connection.execute(
             select(
                 func.min(SubmapRow.map_min_x),
                 func.min(SubmapRow.map_min_y),
@@ -63,7 +62,7 @@ class MapFrameReader:
             (SubmapRow.map_min_x + SubmapRow.map_max_x) / 2,
             (SubmapRow.map_min_y + SubmapRow.map_max_y) / 2,
         ).where(SubmapRow.collection_key == self._collection.key, SubmapRow.map_frame_id == frame_id)
-        for submap_id, x, y in self._session.execute(query.execution_options(yield_per=1000)):
+        for submap_id, x, y in self._connection.execute(query.execution_options(yield_per=1000)):
             if x is not None and y is not None:
                 yield submap_id, x, y
 
@@ -74,19 +73,17 @@ class MapFrames(MapFrameReader):
     def put(self, frame_id: str, reference: FrameReference | None) -> None:
         """Set a frame's reference, or with None take it away; not for the default frame."""
         key = self._collection.key
-        self._session.execute(
+        self._connection.execute(
             delete(MapFrameRow).where(MapFrameRow.collection_key == key, MapFrameRow.frame_id == frame_id)
         )
         if reference is not None:
             x, y = reference.origin or (None, None)
-            self._session.add(
-                MapFrameRow(collection_key=key, frame_id=frame_id, crs=reference.crs, origin_x=x, origin_y=y)
-            )
-            self._session.flush()
+            values = {"collection_key": key, "frame_id": frame_id, "crs": reference.crs, "origin_x": x, "origin_y": y}
+            self._connection.execute(insert(MapFrameRow).values(values))
 
 
-def _reference(row: MapFrameRow | CollectionRecord) -> FrameReference:
-    if row.crs is None:
-        raise AssertionError("only a frame with a crs has a reference")
-    origin = None if row.origin_x is None or row.origin_y is None else (row.origin_x, row.origin_y)
-    return FrameReference(row.crs, origin)
+_ALL = select(MapFrameRow.frame_id, MapFrameRow.crs, MapFrameRow.origin_x, MapFrameRow.origin_y)
+
+
+def _reference(crs: str, x: float | None, y: float | None) -> FrameReference:
+    return FrameReference(crs, None if x is None or y is None else (x, y))

@@ -3,8 +3,7 @@
 from dataclasses import fields
 from datetime import UTC, datetime
 
-from sqlalchemy import delete, func, insert, select
-from sqlalchemy.orm import Session
+from sqlalchemy import Connection, delete, func, insert, select
 
 from server.store.columns import columns_of
 from server.store.records import QueryRecord
@@ -14,8 +13,8 @@ from server.store.tables import QueryRow
 class QueryReader:
     """Reads one collection's stored queries in a transaction of the caller."""
 
-    def __init__(self, session: Session, collection_key: int) -> None:
-        self._session = session
+    def __init__(self, connection: Connection, collection_key: int) -> None:
+        self._connection = connection
         self._collection_key = collection_key
 
     def get(self, number: int) -> QueryRecord | None:
@@ -23,13 +22,13 @@ class QueryReader:
         query = select(*columns_of(QueryRecord, QueryRow)).where(
             QueryRow.collection_key == self._collection_key, QueryRow.number == number
         )
-        row = self._session.execute(query).one_or_none()
+        row = self._connection.execute(query).one_or_none()
         return None if row is None else QueryRecord(*row)
 
     def last_number(self) -> int:
         """The largest number of a query that is still stored, 0 if there is none."""
         last = select(func.max(QueryRow.number)).where(QueryRow.collection_key == self._collection_key)
-        return self._session.scalar(last) or 0
+        return self._connection.scalar(last) or 0
 
 
 class Queries(QueryReader):
@@ -38,11 +37,11 @@ class Queries(QueryReader):
     def add(self, record: QueryRecord) -> None:
         """Store a query."""
         values = {one.name: getattr(record, one.name) for one in fields(record)}
-        self._session.execute(
+        self._connection.execute(
             insert(QueryRow).values(**values, collection_key=self._collection_key, created=datetime.now(UTC))
         )
 
     def drop_through(self, number: int) -> None:
         """Remove the stored queries up to and including a number."""
         statement = delete(QueryRow).where(QueryRow.collection_key == self._collection_key, QueryRow.number <= number)
-        self._session.execute(statement, execution_options={"synchronize_session": False})
+        self._connection.execute(statement)

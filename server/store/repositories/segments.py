@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 from datetime import UTC, datetime
 
-from sqlalchemy import case, delete, insert, select, update
-from sqlalchemy.orm import Session
+from sqlalchemy import Connection, case, delete, insert, select, update
 
 from server.store.columns import columns_of
 from server.store.records import SegmentRecord, trusted
@@ -16,27 +15,27 @@ _COLUMNS = columns_of(SegmentRecord, SegmentRow)
 class AllSegments:
     """Reads the segments of every collection in a transaction of the caller."""
 
-    def __init__(self, session: Session) -> None:
-        self._session = session
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
 
     def chains(self) -> dict[int, tuple[SegmentRecord, ...]]:
         """The segments of every collection that has any, by its key, as `SegmentReader.chain`; one query for all."""
         query = select(SegmentRow.collection_key, *_COLUMNS).order_by(SegmentRow.since, SegmentRow.key)
         chains: dict[int, tuple[SegmentRecord, ...]] = {}
-        for key, *values in self._session.execute(query):
+        for key, *values in self._connection.execute(query):
             chains[key] = (*chains.get(key, ()), SegmentRecord(*values))
         return chains
 
     def names(self) -> set[str]:
         """Names of the segments of every collection."""
-        return set(self._session.scalars(select(SegmentRow.name)))
+        return set(self._connection.scalars(select(SegmentRow.name)))
 
 
 class SegmentReader:
     """Reads one collection's segments in a transaction of the caller."""
 
-    def __init__(self, session: Session, collection_key: int) -> None:
-        self._session = session
+    def __init__(self, connection: Connection, collection_key: int) -> None:
+        self._connection = connection
         self._collection_key = collection_key
 
     def chain(self) -> tuple[SegmentRecord, ...]:
@@ -46,7 +45,7 @@ class SegmentReader:
             .where(SegmentRow.collection_key == self._collection_key)
             .order_by(SegmentRow.since, SegmentRow.key)
         )
-        return tuple(SegmentRecord(*row) for row in self._session.execute(query))
+        return tuple(SegmentRecord(*row) for row in self._connection.execute(query))
 
 
 class Segments(SegmentReader):
@@ -58,7 +57,9 @@ class Segments(SegmentReader):
         False, and nothing is changed, where that would not make a chain that this collection can have: others changed
         it meanwhile, the collection is gone, or it was put back to before what the new ones hold.
         """
-        revision = self._session.scalar(select(CollectionRow.revision).where(CollectionRow.key == self._collection_key))
+        revision = self._connection.scalar(
+            select(CollectionRow.revision).where(CollectionRow.key == self._collection_key)
+        )
         before = self.chain()
         gone = {segment.name for segment in old}
         after = sorted([s for s in before if s.name not in gone] + list(new), key=lambda s: (s.since, s.revision))
@@ -79,12 +80,12 @@ class Segments(SegmentReader):
                     "since": segment.since,
                     "revision": segment.revision,
                     "submaps": segment.submaps,
-                    "size": segment.size,
+                    "bytes": segment.size,
                     "created": now,
                 }
                 for segment in new
             ]
-            self._session.execute(insert(SegmentRow), columns)
+            self._connection.execute(insert(SegmentRow), columns)
         if after:
             self._prune(after[0].revision)
         return True
@@ -98,22 +99,19 @@ class Segments(SegmentReader):
         return len(gone)
 
     def _delete(self, names: set[str]) -> None:
-        self._session.execute(
-            delete(SegmentRow).where(SegmentRow.collection_key == self._collection_key, SegmentRow.name.in_(names)),
-            execution_options={"synchronize_session": False},
+        self._connection.execute(
+            delete(SegmentRow).where(SegmentRow.collection_key == self._collection_key, SegmentRow.name.in_(names))
         )
 
     def _prune(self, revision: int) -> None:
         # A submap deleted by then is in no segment: every one was made of rows that were read later.
-        unsynchronized = {"synchronize_session": False}
         pruned = CollectionRow.pruned_revision
         gone = delete(DeletionRow).where(
             DeletionRow.collection_key == self._collection_key, DeletionRow.revision <= revision
         )
-        self._session.execute(gone, execution_options=unsynchronized)
-        self._session.execute(
+        self._connection.execute(gone)
+        self._connection.execute(
             update(CollectionRow)
             .where(CollectionRow.key == self._collection_key)
-            .values(pruned_revision=case((pruned < revision, revision), else_=pruned)),
-            execution_options=unsynchronized,
+            .values(pruned_revision=case((pruned < revision, revision), else_=pruned))
         )

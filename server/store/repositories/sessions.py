@@ -2,8 +2,7 @@
 
 from collections.abc import Collection
 
-from sqlalchemy import func, select
-from sqlalchemy.orm import Session
+from sqlalchemy import Connection, func, select
 
 from server.store.expressions import beside_key
 from server.store.records import SessionRecord
@@ -13,8 +12,8 @@ from server.store.tables import SubmapRow
 class Sessions:
     """Reads one collection's sessions in a transaction of the caller."""
 
-    def __init__(self, session: Session, collection_key: int) -> None:
-        self._session = session
+    def __init__(self, connection: Connection, collection_key: int) -> None:
+        self._connection = connection
         self._collection_key = collection_key
 
     def page(self, after: str, limit: int) -> list[SessionRecord]:
@@ -27,18 +26,18 @@ class Sessions:
             .order_by(SubmapRow.session)
             .limit(limit)
         )
-        return [SessionRecord(row[0] or "", *row[1:]) for row in self._session.execute(query)]
+        return [SessionRecord(row[0] or "", *row[1:]) for row in self._connection.execute(query)]
 
     def names(self, keys: Collection[int]) -> dict[int, str | None]:
         """The sessions of a few submaps, by key."""
         query = select(SubmapRow.key, SubmapRow.session).where(
             beside_key(self._collection_key), SubmapRow.key.in_(keys)
         )
-        return {row.key: row.session for row in self._session.execute(query)}
+        return {row.key: row.session for row in self._connection.execute(query)}
 
     def beside(self, key: int) -> set[int]:
         """Keys of all submaps of a submap's session, or of all without one where it has none."""
-        session = self._session.scalar(select(SubmapRow.session).where(SubmapRow.key == key))
+        session = self._connection.scalar(select(SubmapRow.session).where(SubmapRow.key == key))
         same = SubmapRow.session.is_(None) if session is None else SubmapRow.session == session
         query = select(SubmapRow.key).where(SubmapRow.collection_key == self._collection_key, same)
-        return set(self._session.scalars(query))
+        return set(self._connection.scalars(query))

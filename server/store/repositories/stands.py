@@ -5,8 +5,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
 
-from sqlalchemy import delete, func, insert, literal, select, update
-from sqlalchemy.orm import Session
+from sqlalchemy import Connection, delete, func, insert, literal, select, update
 
 from server.store.columns import columns_of
 from server.store.expressions import beside_key
@@ -20,14 +19,14 @@ _VARIABLES = 500  # keys per statement, well below SQLite's limit on bound value
 class StandReader:
     """Reads one collection's stands in a transaction of the caller."""
 
-    def __init__(self, session: Session, collection_key: int) -> None:
-        self._session = session
+    def __init__(self, connection: Connection, collection_key: int) -> None:
+        self._connection = connection
         self._collection_key = collection_key
 
     def get(self, name: str) -> StoredStand | None:
         """The stand of that name, or None."""
         named = (StandRow.collection_key == self._collection_key, StandRow.name == name)
-        row = self._session.execute(select(*columns_of(StoredStand, StandRow)).where(*named)).one_or_none()
+        row = self._connection.execute(select(*columns_of(StoredStand, StandRow)).where(*named)).one_or_none()
         return None if row is None else StoredStand(*row)
 
     def with_trees(self, trees_hash: str) -> list[str]:
@@ -35,14 +34,14 @@ class StandReader:
         same = select(StandRow.name).where(
             StandRow.collection_key == self._collection_key, StandRow.trees_hash == trees_hash
         )
-        return list(self._session.scalars(same.order_by(StandRow.key)))
+        return list(self._connection.scalars(same.order_by(StandRow.key)))
 
     def members(self, stand_key: int) -> dict[str, int]:
         """Keys of the submaps that the stand stored, by id."""
         query = select(SubmapRow.id, SubmapRow.key).where(
             SubmapRow.collection_key == self._collection_key, SubmapRow.stand_key == stand_key
         )
-        return {row.id: row.key for row in self._session.execute(query)}
+        return {row.id: row.key for row in self._connection.execute(query)}
 
     def strays(self, name: str, frame_id: str) -> dict[str, int]:
         """Keys, by id, of submaps that look exactly like discs of the stand and belong to no stand.
@@ -57,7 +56,7 @@ class StandReader:
             SubmapRow.stand_key.is_(None),
         )
         disc = re.compile(re.escape(name) + r"-[0-9]+-[0-9]+")
-        return {row.id: row.key for row in self._session.execute(query) if disc.fullmatch(row.id)}
+        return {row.id: row.key for row in self._connection.execute(query) if disc.fullmatch(row.id)}
 
 
 class Stands(StandReader):
@@ -68,35 +67,35 @@ class Stands(StandReader):
         there = self.get(record.name)
         values = asdict(record) | {"updated": (now := datetime.now(UTC))}
         if there is not None:
-            self._session.execute(update(StandRow).where(StandRow.key == there.key).values(values))
+            self._connection.execute(update(StandRow).where(StandRow.key == there.key).values(values))
             return there.key
         values |= {"collection_key": self._collection_key, "created": now}
-        return self._session.scalars(insert(StandRow).values(values).returning(StandRow.key)).one()
+        return self._connection.scalars(insert(StandRow).values(values).returning(StandRow.key)).one()
 
     def adopt(self, stand_key: int, keys: Collection[int]) -> None:
         """Note that submaps belong to the stand; nothing else of them changes."""
         for some in _batches(sorted(keys)):
             of_keys = update(SubmapRow).where(beside_key(self._collection_key), SubmapRow.key.in_(some))
-            self._session.execute(of_keys.values(stand_key=stand_key), execution_options={"synchronize_session": False})
+            self._connection.execute(of_keys.values(stand_key=stand_key))
 
     def remove(self, keys: Collection[int]) -> None:
         """Delete submaps, note for the live indexes that they are gone, and take them off the collection's counts."""
         for some in _batches(sorted(keys)):
             these = (beside_key(self._collection_key), SubmapRow.key.in_(some))
-            count, landmarks, polygons = self._session.execute(
+            count, landmarks, polygons = self._connection.execute(
                 select(func.count(), func.sum(SubmapRow.landmark_count), func.sum(SubmapRow.polygon_count)).where(
                     *these
                 )
             ).one()
             if not count:
                 continue
-            revision = Collections(self._session).advance(
+            revision = Collections(self._connection).advance(
                 self._collection_key, submaps=-count, landmarks=-landmarks, polygons=-polygons
             )
             gone = select(SubmapRow.key, literal(self._collection_key), literal(revision)).where(*these)
             columns = ["submap_key", "collection_key", "revision"]
-            self._session.execute(insert(DeletionRow).from_select(columns, gone))
-            self._session.execute(delete(SubmapRow).where(*these), execution_options={"synchronize_session": False})
+            self._connection.execute(insert(DeletionRow).from_select(columns, gone))
+            self._connection.execute(delete(SubmapRow).where(*these))
 
 
 def _batches(keys: Sequence[int]) -> list[Sequence[int]]:

@@ -3,8 +3,7 @@
 from dataclasses import fields
 from datetime import UTC, datetime
 
-from sqlalchemy import delete, func, insert, select
-from sqlalchemy.orm import Session
+from sqlalchemy import Connection, delete, func, insert, select
 
 from server.store.columns import columns_of
 from server.store.service_records import ResponseRecord
@@ -19,12 +18,12 @@ _MOST = 100_000
 class ResponseReader:
     """Reads kept answers in a transaction of the caller."""
 
-    def __init__(self, session: Session) -> None:
-        self._session = session
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
 
     def find(self, caller: str, operation: str, name: str, since: datetime) -> ResponseRecord | None:
         """The answer that the caller got under that name, unless it is older than `since`."""
-        row = self._session.execute(
+        row = self._connection.execute(
             select(*columns_of(ResponseRecord, IdempotencyRow)).where(
                 IdempotencyRow.caller == caller,
                 IdempotencyRow.operation == operation,
@@ -56,6 +55,6 @@ class StoredResponses(ResponseReader):
             IdempotencyRow.key.in_(surplus),
             same_key,
         ):
-            self._session.execute(delete(IdempotencyRow).where(stale), execution_options={"synchronize_session": False})
+            self._connection.execute(delete(IdempotencyRow).where(stale))
         values = {one.name: getattr(record, one.name) for one in fields(record)}
-        self._session.execute(insert(IdempotencyRow).values(**values, created=datetime.now(UTC)))
+        self._connection.execute(insert(IdempotencyRow).values(**values, created=datetime.now(UTC)))

@@ -7,6 +7,7 @@ from typing import Any, TypeVar, cast
 
 from sqlalchemy import (
     ColumnElement,
+    Connection,
     Row,
     Select,
     Table,
@@ -17,7 +18,6 @@ from sqlalchemy import (
     select,
     update,
 )
-from sqlalchemy.orm import Session
 
 from server.store.codec import members_of, unpack_attributes
 from server.store.expressions import Unindexed, beside_key
@@ -34,25 +34,25 @@ _ROUNDING = 1e-9  # relative, and generous
 class SubmapReader:
     """Reads one collection's submaps in a transaction of the caller."""
 
-    def __init__(self, session: Session, collection_key: int) -> None:
-        self._session = session
+    def __init__(self, connection: Connection, collection_key: int) -> None:
+        self._connection = connection
         self._collection_key = collection_key
 
     def get(self, submap_id: str, kind: type[_K]) -> _K | None:
         """The submap of that id, as a record of a kind; or None."""
-        row = self._session.execute(self._select(kind).where(SubmapRow.id == submap_id)).one_or_none()
+        row = self._connection.execute(self._select(kind).where(SubmapRow.id == submap_id)).one_or_none()
         return None if row is None else _record(kind, row)
 
     def every(self, kind: type[_K], batch: int = 200) -> Iterator[_K]:
         """All submaps in the order they were added, as records of a kind, of which `batch` are read at once."""
         query = self._select(kind).order_by(SubmapRow.key).execution_options(yield_per=batch)
-        return (_record(kind, row) for row in self._session.execute(query))
+        return (_record(kind, row) for row in self._connection.execute(query))
 
     def totals(self) -> tuple[int, int, int]:
         """How many submaps there are, and their landmarks and polygons."""
         sums = (func.sum(SubmapRow.landmark_count), func.sum(SubmapRow.polygon_count))
         mine = SubmapRow.collection_key == self._collection_key
-        row = self._session.execute(select(func.count(), *sums).where(mine)).one()
+        row = self._connection.execute(select(func.count(), *sums).where(mine)).one()
         return row[0], row[1] or 0, row[2] or 0
 
     def identities(self, ids: Collection[str]) -> dict[str, Identity]:
@@ -71,7 +71,7 @@ class SubmapReader:
         found: dict[str, Identity] = {}
         for some in _batches(list(ids)):
             query = select(*columns).where(SubmapRow.collection_key == self._collection_key, SubmapRow.id.in_(some))
-            found.update({row[0]: Identity(*row[1:]) for row in self._session.execute(query)})
+            found.update({row[0]: Identity(*row[1:]) for row in self._connection.execute(query)})
         return found
 
     def members(self, key: int) -> frozenset[str]:
@@ -86,13 +86,13 @@ class SubmapReader:
             SubmapRow.attributes,
         )
         query = select(*columns).where(SubmapRow.collection_key == self._collection_key, SubmapRow.key == key)
-        *members, attributes = self._session.execute(query).one()
+        *members, attributes = self._connection.execute(query).one()
         return members_of(*members) | unpack_attributes(attributes).keys()
 
     def changed_since(self, revision: int, most: int) -> list[int]:
         """Keys of up to `most` submaps whose landmarks changed after a revision, those that changed first."""
         query = self._keys().where(SubmapRow.content_revision > revision).order_by(SubmapRow.content_revision)
-        return list(self._session.scalars(query.limit(most)))
+        return list(self._connection.scalars(query.limit(most)))
 
     def keys(self, ids: Collection[str]) -> dict[str, int]:
         """Keys of those of the ids that exist."""
@@ -101,7 +101,7 @@ class SubmapReader:
             query = select(SubmapRow.id, SubmapRow.key).where(
                 SubmapRow.collection_key == self._collection_key, SubmapRow.id.in_(some)
             )
-            found.update({row.id: row.key for row in self._session.execute(query)})
+            found.update({row.id: row.key for row in self._connection.execute(query)})
         return found
 
     def ids(self, keys: Collection[int]) -> dict[int, str]:
@@ -109,7 +109,7 @@ class SubmapReader:
         found: dict[int, str] = {}
         for some in _batches(list(keys)):
             query = select(SubmapRow.key, SubmapRow.id).where(beside_key(self._collection_key), SubmapRow.key.in_(some))
-            found.update({row.key: row.id for row in self._session.execute(query)})
+            found.update({row.key: row.id for row in self._connection.execute(query)})
         return found
 
     def some(self, keys: Collection[int], kind: type[_K]) -> list[_K]:
@@ -117,14 +117,14 @@ class SubmapReader:
         found: list[_K] = []
         for part in _batches(sorted(keys)):
             query = select(*_columns(kind)).where(beside_key(self._collection_key), SubmapRow.key.in_(part))
-            found += (_record(kind, row) for row in self._session.execute(query.order_by(SubmapRow.key)))
+            found += (_record(kind, row) for row in self._connection.execute(query.order_by(SubmapRow.key)))
         return found
 
     def page(self, chosen: SubmapFilter, kind: type[_K], *, after_key: int = 0, limit: int) -> list[_K]:
         """Up to `limit` submaps in the order they were added, beginning after a key, as records of a kind."""
         if chosen == SubmapFilter():
             query = self._select(kind).where(SubmapRow.key > after_key).order_by(SubmapRow.key).limit(limit)
-            return [_record(kind, row) for row in self._session.execute(query)]
+            return [_record(kind, row) for row in self._connection.execute(query)]
         return self.some(self._page_keys(chosen, after_key, limit), kind)
 
     def matching(self, chosen: SubmapFilter, among: Sequence[int] | None = None) -> set[int]:
@@ -132,8 +132,8 @@ class SubmapReader:
         conditions = self._conditions(chosen)
         if among is not None:
             of_these = select(SubmapRow.key).where(beside_key(self._collection_key), SubmapRow.key.in_(among))
-            return set(self._session.scalars(of_these.where(*conditions)))
-        return set(self._session.scalars(self._keys().where(*conditions)))
+            return set(self._connection.scalars(of_these.where(*conditions)))
+        return set(self._connection.scalars(self._keys().where(*conditions)))
 
     def _page_keys(self, chosen: SubmapFilter, after_key: int, limit: int) -> list[int]:
         """Keys of a page. No index has both the filter and the order, and each way alone can be slow.
@@ -146,18 +146,20 @@ class SubmapReader:
             ahead = self._keys().where(SubmapRow.key > after_key).order_by(SubmapRow.key).limit(_STRETCH).subquery()
             walk = select(SubmapRow.key).where(beside_key(self._collection_key), *conditions)
             walk = walk.where(SubmapRow.key.in_(select(ahead.c.key))).order_by(SubmapRow.key).limit(limit)
-            keys = list(self._session.scalars(walk))
+            keys = list(self._connection.scalars(walk))
             if len(keys) == limit:
                 return keys
         # Else SQLite walks through all of the collection in order.
         key = Unindexed(SubmapRow.key)
-        return list(self._session.scalars(self._keys().where(*conditions, key > after_key).order_by(key).limit(limit)))
+        return list(
+            self._connection.scalars(self._keys().where(*conditions, key > after_key).order_by(key).limit(limit))
+        )
 
     def _conditions(self, chosen: SubmapFilter) -> list[ColumnElement[bool]]:
         conditions = _conditions_of(chosen)
         if chosen.bbox is not None and chosen.map_frame_id is not None:
             of_frame = (SubmapRow.collection_key == self._collection_key, SubmapRow.map_frame_id == chosen.map_frame_id)
-            widest = self._session.scalar(select(func.max(SubmapRow.map_width)).where(*of_frame)) or 0.0
+            widest = self._connection.scalar(select(func.max(SubmapRow.map_width)).where(*of_frame)) or 0.0
             # What the rest implies, with room for what rounding takes away: it ends the search in the index early.
             reach = widest * (1.0 + _ROUNDING) + abs(chosen.bbox[0]) * _ROUNDING
             conditions.append(SubmapRow.map_min_x >= chosen.bbox[0] - reach)
@@ -184,7 +186,7 @@ class Submaps(SubmapReader):
             "updated": now,
         }
         if records:
-            self._session.execute(insert(SubmapRow), [record.columns() | shared for record in records])
+            self._connection.execute(insert(SubmapRow), [record.columns() | shared for record in records])
 
     def replace(self, records: Sequence[tuple[int, SubmapRecord]], revision: int) -> None:
         """Put other content in the place of submaps', each given by its key, which stays."""
@@ -203,14 +205,14 @@ class Submaps(SubmapReader):
         for rows in (kept, new):
             if rows:
                 # One statement for all: to put one together takes longer than to run it.
-                self._session.connection().execute(update(table).where(*mine), rows)
+                self._connection.execute(update(table).where(*mine), rows)
 
     def delete(self, key: int, revision: int) -> None:
         """Remove a submap and note for the live indexes that it is gone."""
-        self._session.add(DeletionRow(submap_key=key, collection_key=self._collection_key, revision=revision))
-        self._session.execute(
-            delete(SubmapRow).where(SubmapRow.collection_key == self._collection_key, SubmapRow.key == key),
-            execution_options={"synchronize_session": False},
+        gone = {"submap_key": key, "collection_key": self._collection_key, "revision": revision}
+        self._connection.execute(insert(DeletionRow).values(gone))
+        self._connection.execute(
+            delete(SubmapRow).where(SubmapRow.collection_key == self._collection_key, SubmapRow.key == key)
         )
 
 

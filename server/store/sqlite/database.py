@@ -14,7 +14,6 @@ import orjson
 from sqlalchemy import Connection, Engine, create_engine, event
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.exc import TimeoutError as PoolTimeout
-from sqlalchemy.orm import Session
 from sqlalchemy.pool import QueuePool
 
 from server import errors
@@ -72,19 +71,14 @@ class Database:
     @contextmanager
     def read(self) -> Iterator[ReadTransaction]:
         """A read transaction: everything read in it is of one revision."""
-        with self._guarded(), Session(self.engine, expire_on_commit=False) as session:
-            yield ReadTransaction(session)
+        with self.read_connection() as connection:
+            yield ReadTransaction(connection)
 
     @contextmanager
     def write(self) -> Iterator[WriteTransaction]:
         """A write transaction: committed at the end of the block, rolled back by any exception, then durable."""
-        with (
-            self._one_writer(),
-            self._guarded(),
-            Session(self._write_engine, expire_on_commit=False) as session,
-            session.begin(),
-        ):
-            yield WriteTransaction(session)
+        with self.write_connection() as connection:
+            yield WriteTransaction(connection)
 
     @contextmanager
     def write_connection(self) -> Iterator[Connection]:
@@ -96,6 +90,7 @@ class Database:
     def read_connection(self) -> Iterator[Connection]:
         """A connection on a read transaction, for statements about the file and its schema."""
         with self._guarded(), self.engine.connect() as connection:
+            connection.begin()  # a statement for the driver itself would not
             yield connection
 
     def trouble(self) -> str | None:
