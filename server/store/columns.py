@@ -100,6 +100,11 @@ def are_moments(*columns: str) -> CheckConstraint:
     return rule("moments_in_range", " AND ".join(f"{column} BETWEEN {_FIRST} AND {_LAST}" for column in columns))
 
 
+def values_of(record: Any) -> dict[str, Any]:
+    """The fields of a record by name, which is that of the column."""
+    return {one.name: getattr(record, one.name) for one in fields(record)}
+
+
 def columns_of(record: type[Any], table: type[BaseRow]) -> tuple[Any, ...]:
     """The columns of a table that have the names of a record's fields, in the order of the fields."""
     return tuple(getattr(table, one.name) for one in fields(record))

@@ -3,8 +3,8 @@
 Repositories use these and no SQL of one database alone.
 """
 
-from collections.abc import Collection, Sequence
-from typing import Any
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from typing import Any, Final, TypeVar
 
 import orjson
 from sqlalchemy import Boolean, ColumnElement, Connection, Dialect, Integer, Select, bindparam, false, or_, select
@@ -12,6 +12,10 @@ from sqlalchemy.orm import InstrumentedAttribute
 from sqlalchemy.sql.functions import FunctionElement
 
 from server.store.tables import SubmapRow
+
+_T = TypeVar("_T")
+_VARIABLES: Final = 500
+"""Well below SQLite's limit on bound values."""
 
 
 class Unindexed(FunctionElement[int]):
@@ -32,6 +36,13 @@ class JsonValues(FunctionElement[Any]):
     """The values of a JSON array of integers, as rows."""
 
     inherit_cache = True
+
+
+def batches(values: Iterable[_T]) -> Iterator[list[_T]]:
+    """The values in lists, each short enough to be bound one by one in a statement."""
+    every = list(values)
+    for start in range(0, len(every), _VARIABLES):
+        yield every[start : start + _VARIABLES]
 
 
 def beside_key(collection_key: Any) -> ColumnElement[bool]:

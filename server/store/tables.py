@@ -236,7 +236,7 @@ class SegmentRow(BaseRow):
     since: Mapped[int] = mapped_column(Integer)
     revision: Mapped[int] = mapped_column(Integer)
     submaps: Mapped[int] = mapped_column(Integer)
-    size: Mapped[int] = mapped_column("bytes", Integer)
+    size: Mapped[int] = mapped_column("bytes", Integer, key="size")
     created: Mapped[datetime] = mapped_column(Instant)
 
 

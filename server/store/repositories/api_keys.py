@@ -1,12 +1,11 @@
 """Rows of API keys."""
 
-from dataclasses import fields
 from datetime import UTC, datetime
 from typing import Any
 
 from sqlalchemy import Connection, Row, exists, insert, or_, select, update
 
-from server.store.columns import columns_of
+from server.store.columns import columns_of, values_of
 from server.store.service_records import ApiKeyRecord
 from server.store.service_tables import KeyRow
 
@@ -41,10 +40,8 @@ class ApiKeys(ApiKeyReader):
 
     def add(self, record: ApiKeyRecord) -> None:
         """Add a key."""
-        values = {one.name: getattr(record, one.name) for one in fields(record)}
-        self._connection.execute(
-            insert(KeyRow).values(values | {"scopes": list(record.scopes), "patterns": list(record.patterns)})
-        )
+        lists = {"scopes": list(record.scopes), "patterns": list(record.patterns)}
+        self._connection.execute(insert(KeyRow).values(values_of(record) | lists))
 
     def revoke(self, key_id: str) -> None:
         """Note that a key may not be used any more; the first time stays."""

@@ -1,16 +1,16 @@
 """Features as they are stored, read for the index: what changed, what is gone, what a look-up asks for."""
 
 from collections.abc import Collection, Iterator
-from typing import Any, Final
+from typing import Final
 
-from sqlalchemy import Connection, Select, bindparam, func, select
+from sqlalchemy import Connection, bindparam, func, select
 
-from server.store.expressions import DirectStatement, beside_key, listed
+from server.store.columns import columns_of
+from server.store.expressions import DirectStatement, batches, beside_key, listed
 from server.store.submap_records import StoredFeatures
 from server.store.tables import DeletionRow, SubmapRow
 
-_VARIABLES: Final = 500
-"""Keys of a statement, well below SQLite's limit on bound values."""
+_STORED: Final = select(*columns_of(StoredFeatures, SubmapRow))
 _PACKED: Final = DirectStatement(
     select(SubmapRow.key, SubmapRow.content_revision, SubmapRow.features).where(
         beside_key(bindparam("collection_key")), SubmapRow.key.in_(listed("keys"))
@@ -27,17 +27,15 @@ class FeatureRows:
 
     def changed_since(self, revision: int, *, batch: int) -> Iterator[StoredFeatures]:
         """Features of the submaps whose landmarks changed after a revision, in the order of the change, streamed."""
-        query = _stored().where(SubmapRow.collection_key == self._collection_key, SubmapRow.content_revision > revision)
+        query = _STORED.where(SubmapRow.collection_key == self._collection_key, SubmapRow.content_revision > revision)
         query = query.order_by(SubmapRow.content_revision)
         for row in self._connection.execute(query.execution_options(yield_per=batch)):
             yield StoredFeatures(*row)
 
     def stored(self, keys: Collection[int]) -> Iterator[StoredFeatures]:
         """Features of those of the submaps that exist."""
-        listed = list(keys)
-        for start in range(0, len(listed), _VARIABLES):
-            some = listed[start : start + _VARIABLES]
-            query = _stored().where(beside_key(self._collection_key), SubmapRow.key.in_(some))
+        for some in batches(keys):
+            query = _STORED.where(beside_key(self._collection_key), SubmapRow.key.in_(some))
             for row in self._connection.execute(query):
                 yield StoredFeatures(*row)
 
@@ -85,14 +83,3 @@ class FeatureRows:
             DeletionRow.collection_key == self._collection_key, DeletionRow.submap_key.in_(select(SubmapRow.key))
         )
         return self._connection.scalar(query.limit(1)) is not None
-
-
-def _stored() -> Select[Any]:
-    columns: tuple[Any, ...] = (
-        SubmapRow.key,
-        SubmapRow.content_revision,
-        SubmapRow.features,
-        SubmapRow.landmarks,
-        SubmapRow.attributes,
-    )
-    return select(*columns)

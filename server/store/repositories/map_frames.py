@@ -4,10 +4,9 @@ from collections.abc import Collection, Iterator
 
 from sqlalchemy import Connection, delete, func, insert, select
 
+from server.store.expressions import batches
 from server.store.records import DEFAULT_FRAME, CollectionRecord, FrameReference
 from server.store.tables import MapFrameRow, SubmapRow
-
-_VARIABLES = 500  # names per statement, well below SQLite's limit on bound values
 
 
 class MapFrameReader:
@@ -29,9 +28,7 @@ class MapFrameReader:
             found[DEFAULT_FRAME] = _reference(
                 self._collection.crs, self._collection.origin_x, self._collection.origin_y
             )
-        wanted = sorted(set(frame_ids) - {DEFAULT_FRAME})
-        for start in range(0, len(wanted), _VARIABLES):
-            some = wanted[start : start + _VARIABLES]
+        for some in batches(sorted(set(frame_ids) - {DEFAULT_FRAME})):
             query = _ALL.where(MapFrameRow.collection_key == self._collection.key, MapFrameRow.frame_id.in_(some))
             found |= {frame_id: _reference(*row) for frame_id, *row in self._connection.execute(query)}
         return found

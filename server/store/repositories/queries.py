@@ -1,11 +1,10 @@
 """Rows of stored queries, seen through one collection."""
 
-from dataclasses import fields
 from datetime import UTC, datetime
 
 from sqlalchemy import Connection, delete, func, insert, select
 
-from server.store.columns import columns_of
+from server.store.columns import columns_of, values_of
 from server.store.records import QueryRecord
 from server.store.tables import QueryRow
 
@@ -36,10 +35,8 @@ class Queries(QueryReader):
 
     def add(self, record: QueryRecord) -> None:
         """Store a query."""
-        values = {one.name: getattr(record, one.name) for one in fields(record)}
-        self._connection.execute(
-            insert(QueryRow).values(**values, collection_key=self._collection_key, created=datetime.now(UTC))
-        )
+        values = values_of(record) | {"collection_key": self._collection_key, "created": datetime.now(UTC)}
+        self._connection.execute(insert(QueryRow).values(values))
 
     def drop_through(self, number: int) -> None:
         """Remove the stored queries up to and including a number."""

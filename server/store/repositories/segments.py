@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 
 from sqlalchemy import Connection, case, delete, insert, select, update
 
-from server.store.columns import columns_of
+from server.store.columns import columns_of, values_of
 from server.store.records import SegmentRecord, trusted
 from server.store.tables import CollectionRow, DeletionRow, SegmentRow
 
@@ -71,21 +71,9 @@ class Segments(SegmentReader):
         ):
             return False
         self._delete(gone)
-        now = datetime.now(UTC)
         if new:
-            columns = [
-                {
-                    "collection_key": self._collection_key,
-                    "name": segment.name,
-                    "since": segment.since,
-                    "revision": segment.revision,
-                    "submaps": segment.submaps,
-                    "bytes": segment.size,
-                    "created": now,
-                }
-                for segment in new
-            ]
-            self._connection.execute(insert(SegmentRow), columns)
+            shared = {"collection_key": self._collection_key, "created": datetime.now(UTC)}
+            self._connection.execute(insert(SegmentRow), [values_of(segment) | shared for segment in new])
         if after:
             self._prune(after[0].revision)
         return True

@@ -1,19 +1,16 @@
 """Rows of stands, and the submaps that each of them stored, all seen through one collection."""
 
 import re
-from collections.abc import Collection, Sequence
-from dataclasses import asdict
+from collections.abc import Collection
 from datetime import UTC, datetime
 
 from sqlalchemy import Connection, delete, func, insert, literal, select, update
 
-from server.store.columns import columns_of
-from server.store.expressions import beside_key
+from server.store.columns import columns_of, values_of
+from server.store.expressions import batches, beside_key
 from server.store.records import StandRecord, StoredStand
 from server.store.repositories.collections import Collections
 from server.store.tables import DeletionRow, StandRow, SubmapRow
-
-_VARIABLES = 500  # keys per statement, well below SQLite's limit on bound values
 
 
 class StandReader:
@@ -65,7 +62,7 @@ class Stands(StandReader):
     def put(self, record: StandRecord) -> int:
         """Write the stand's row, new or in the place of the one of its name; its key, which stays."""
         there = self.get(record.name)
-        values = asdict(record) | {"updated": (now := datetime.now(UTC))}
+        values = values_of(record) | {"updated": (now := datetime.now(UTC))}
         if there is not None:
             self._connection.execute(update(StandRow).where(StandRow.key == there.key).values(values))
             return there.key
@@ -74,13 +71,13 @@ class Stands(StandReader):
 
     def adopt(self, stand_key: int, keys: Collection[int]) -> None:
         """Note that submaps belong to the stand; nothing else of them changes."""
-        for some in _batches(sorted(keys)):
+        for some in batches(sorted(keys)):
             of_keys = update(SubmapRow).where(beside_key(self._collection_key), SubmapRow.key.in_(some))
             self._connection.execute(of_keys.values(stand_key=stand_key))
 
     def remove(self, keys: Collection[int]) -> None:
         """Delete submaps, note for the live indexes that they are gone, and take them off the collection's counts."""
-        for some in _batches(sorted(keys)):
+        for some in batches(sorted(keys)):
             these = (beside_key(self._collection_key), SubmapRow.key.in_(some))
             count, landmarks, polygons = self._connection.execute(
                 select(func.count(), func.sum(SubmapRow.landmark_count), func.sum(SubmapRow.polygon_count)).where(
@@ -96,7 +93,3 @@ class Stands(StandReader):
             columns = ["submap_key", "collection_key", "revision"]
             self._connection.execute(insert(DeletionRow).from_select(columns, gone))
             self._connection.execute(delete(SubmapRow).where(*these))
-
-
-def _batches(keys: Sequence[int]) -> list[Sequence[int]]:
-    return [keys[start : start + _VARIABLES] for start in range(0, len(keys), _VARIABLES)]

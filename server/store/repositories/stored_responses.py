@@ -1,11 +1,10 @@
 """Answers to writes that carried an Idempotency-Key."""
 
-from dataclasses import fields
 from datetime import UTC, datetime
 
 from sqlalchemy import Connection, delete, func, insert, select
 
-from server.store.columns import columns_of
+from server.store.columns import columns_of, values_of
 from server.store.service_records import ResponseRecord
 from server.store.service_tables import IdempotencyRow
 
@@ -56,5 +55,5 @@ class StoredResponses(ResponseReader):
             same_key,
         ):
             self._connection.execute(delete(IdempotencyRow).where(stale))
-        values = {one.name: getattr(record, one.name) for one in fields(record)}
-        self._connection.execute(insert(IdempotencyRow).values(**values, created=datetime.now(UTC)))
+        values = values_of(record) | {"created": datetime.now(UTC)}
+        self._connection.execute(insert(IdempotencyRow).values(values))

@@ -20,13 +20,12 @@ from sqlalchemy import (
 )
 
 from server.store.codec import members_of, unpack_attributes
-from server.store.expressions import Unindexed, beside_key
+from server.store.columns import columns_of
+from server.store.expressions import Unindexed, batches, beside_key
 from server.store.submap_records import Identity, Place, SubmapFilter, SubmapMetadata, SubmapRecord
 from server.store.tables import DeletionRow, SubmapRow
 
-_T = TypeVar("_T")
 _K = TypeVar("_K", bound=SubmapMetadata)
-_VARIABLES = 500  # ids per statement, well below SQLite's limit on bound values
 _STRETCH = 1000  # submaps that are looked at in order before a filter's own index is
 _ROUNDING = 1e-9  # relative, and generous
 
@@ -57,19 +56,9 @@ class SubmapReader:
 
     def identities(self, ids: Collection[str]) -> dict[str, Identity]:
         """Identities of those of the ids that exist."""
-        columns = (
-            SubmapRow.id,
-            SubmapRow.key,
-            SubmapRow.etag,
-            SubmapRow.landmarks_hash,
-            SubmapRow.landmark_count,
-            SubmapRow.polygon_count,
-            SubmapRow.revision,
-            SubmapRow.counts,
-            SubmapRow.attributes,
-        )
+        columns = (SubmapRow.id, *columns_of(Identity, SubmapRow))
         found: dict[str, Identity] = {}
-        for some in _batches(list(ids)):
+        for some in batches(ids):
             query = select(*columns).where(SubmapRow.collection_key == self._collection_key, SubmapRow.id.in_(some))
             found.update({row[0]: Identity(*row[1:]) for row in self._connection.execute(query)})
         return found
@@ -97,7 +86,7 @@ class SubmapReader:
     def keys(self, ids: Collection[str]) -> dict[str, int]:
         """Keys of those of the ids that exist."""
         found: dict[str, int] = {}
-        for some in _batches(list(ids)):
+        for some in batches(ids):
             query = select(SubmapRow.id, SubmapRow.key).where(
                 SubmapRow.collection_key == self._collection_key, SubmapRow.id.in_(some)
             )
@@ -107,7 +96,7 @@ class SubmapReader:
     def ids(self, keys: Collection[int]) -> dict[int, str]:
         """Ids of submaps by key."""
         found: dict[int, str] = {}
-        for some in _batches(list(keys)):
+        for some in batches(keys):
             query = select(SubmapRow.key, SubmapRow.id).where(beside_key(self._collection_key), SubmapRow.key.in_(some))
             found.update({row.key: row.id for row in self._connection.execute(query)})
         return found
@@ -115,7 +104,7 @@ class SubmapReader:
     def some(self, keys: Collection[int], kind: type[_K]) -> list[_K]:
         """Those of the submaps that exist, as records of a kind, in the order of the keys."""
         found: list[_K] = []
-        for part in _batches(sorted(keys)):
+        for part in batches(sorted(keys)):
             query = select(*_columns(kind)).where(beside_key(self._collection_key), SubmapRow.key.in_(part))
             found += (_record(kind, row) for row in self._connection.execute(query.order_by(SubmapRow.key)))
         return found
@@ -230,11 +219,6 @@ def _columns(kind: type[SubmapMetadata]) -> list[Any]:
 def _record(kind: type[_K], row: Row[Any]) -> _K:
     place = None if row[0] is None else Place(*row[: len(_PLACE)])
     return kind(**dict(zip(_names(kind), row[len(_PLACE) :], strict=True)), place=place)
-
-
-def _batches(items: list[_T]) -> Iterator[list[_T]]:
-    for start in range(0, len(items), _VARIABLES):
-        yield items[start : start + _VARIABLES]
 
 
 def _conditions_of(chosen: SubmapFilter) -> list[ColumnElement[bool]]:
