@@ -100,42 +100,33 @@ class WriteTransaction(ReadTransaction):
 
     @property
     def api_keys(self) -> ApiKeys:
-        """API keys."""
         return ApiKeys(self._connection)
 
     @property
     def collections(self) -> Collections:
-        """Collections."""
         return Collections(self._connection)
 
     @property
     def jobs(self) -> Jobs:
-        """Jobs."""
         return Jobs(self._connection)
 
     @property
     def responses(self) -> StoredResponses:
-        """Responses to writes with an Idempotency-Key."""
         return StoredResponses(self._connection)
 
     def submaps(self, collection_key: int) -> Submaps:
-        """Submaps of a collection."""
         return Submaps(self._connection, collection_key)
 
     def map_frames(self, collection: CollectionRecord) -> MapFrames:
-        """Where a collection's map frames are on Earth."""
         return MapFrames(self._connection, collection)
 
     def segments(self, collection_key: int) -> Segments:
-        """Segments of a collection's index."""
         return Segments(self._connection, collection_key)
 
     def stands(self, collection_key: int) -> Stands:
-        """Stands of a collection."""
         return Stands(self._connection, collection_key)
 
     def queries(self, collection_key: int) -> Queries:
-        """Stored queries of a collection."""
         return Queries(self._connection, collection_key)
 
 
