@@ -19,7 +19,7 @@ class MapFrameReader:
     def named(self) -> dict[str, FrameReference]:
         """All frames but the default one, by name."""
         query = _ALL.where(MapFrameRow.collection_key == self._collection.key).order_by(MapFrameRow.frame_id)
-        return {frame_id: _reference(*row) for frame_id, *row in self._connection.execute(query)}
+        return {frame_id: _reference(crs, x, y) for frame_id, crs, x, y in self._connection.execute(query)}
 
     def some(self, frame_ids: Collection[str]) -> dict[str, FrameReference]:
         """Those of the frames that have a reference, the default one among them."""
@@ -30,7 +30,7 @@ class MapFrameReader:
             )
         for some in batches(sorted(set(frame_ids) - {DEFAULT_FRAME})):
             query = _ALL.where(MapFrameRow.collection_key == self._collection.key, MapFrameRow.frame_id.in_(some))
-            found |= {frame_id: _reference(*row) for frame_id, *row in self._connection.execute(query)}
+            found |= {frame_id: _reference(crs, x, y) for frame_id, crs, x, y in self._connection.execute(query)}
         return found
 
     def any(self) -> bool:
