@@ -3,7 +3,7 @@
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import fields
 from datetime import UTC, datetime
-from typing import Any, TypeVar, cast
+from typing import Any, Final, TypeVar, cast
 
 from sqlalchemy import (
     ColumnElement,
@@ -22,7 +22,15 @@ from sqlalchemy import (
 from server.store.codec import members_of, unpack_attributes
 from server.store.columns import columns_of
 from server.store.expressions import Unindexed, batches, beside_key
-from server.store.submap_records import Identity, Place, SubmapFilter, SubmapMetadata, SubmapRecord
+from server.store.submap_records import (
+    Identity,
+    Place,
+    SubmapContent,
+    SubmapFilter,
+    SubmapMetadata,
+    SubmapRecord,
+    SubmapWhole,
+)
 from server.store.tables import DeletionRow, SubmapRow
 
 _K = TypeVar("_K", bound=SubmapMetadata)
@@ -105,7 +113,7 @@ class SubmapReader:
         """Those of the submaps that exist, as records of a kind, in the order of the keys."""
         found: list[_K] = []
         for part in batches(sorted(keys)):
-            query = select(*_columns(kind)).where(beside_key(self._collection_key), SubmapRow.key.in_(part))
+            query = _SELECTS[kind].where(beside_key(self._collection_key), SubmapRow.key.in_(part))
             found += (_record(kind, row) for row in self._connection.execute(query.order_by(SubmapRow.key)))
         return found
 
@@ -158,7 +166,7 @@ class SubmapReader:
         return select(SubmapRow.key).where(SubmapRow.collection_key == self._collection_key)
 
     def _select(self, kind: type[_K]) -> Select[Any]:
-        return select(*_columns(kind)).where(SubmapRow.collection_key == self._collection_key)
+        return _SELECTS[kind].where(SubmapRow.collection_key == self._collection_key)
 
 
 class Submaps(SubmapReader):
@@ -206,19 +214,19 @@ class Submaps(SubmapReader):
 
 
 _PLACE = tuple(one.name for one in fields(Place))
-
-
-def _names(kind: type[SubmapMetadata]) -> list[str]:
-    return [one.name for one in fields(kind) if one.name != "place"]
-
-
-def _columns(kind: type[SubmapMetadata]) -> list[Any]:
-    return [getattr(SubmapRow, name) for name in (*_PLACE, *_names(kind))]
+_NAMES: Final[dict[type[SubmapMetadata], list[str]]] = {
+    kind: [one.name for one in fields(kind) if one.name != "place"]
+    for kind in (SubmapMetadata, SubmapContent, SubmapWhole)
+}
+_SELECTS: Final = {
+    kind: select(*(getattr(SubmapRow, name) for name in (*_PLACE, *names))) for kind, names in _NAMES.items()
+}
+"""What is read of a submap, put together once for each kind of record."""
 
 
 def _record(kind: type[_K], row: Row[Any]) -> _K:
     place = None if row[0] is None else Place(*row[: len(_PLACE)])
-    return kind(**dict(zip(_names(kind), row[len(_PLACE) :], strict=True)), place=place)
+    return kind(**dict(zip(_NAMES[kind], row[len(_PLACE) :], strict=True)), place=place)
 
 
 def _conditions_of(chosen: SubmapFilter) -> list[ColumnElement[bool]]:
