@@ -27,9 +27,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from server.checks.agreement import index_discrepancies
-from server.checks.integrity import discrepancies
-from server.collections import registry
+from server.checks.database import discrepancies
+from server.checks.index import index_discrepancies
+from server.collections import crud
 from server.config.settings_groups import IndexSettings
 from server.errors import NotFound
 from server.index.catalog import Catalog
@@ -40,7 +40,7 @@ from server.schemas.collections import CollectionPut
 from server.schemas.submaps import NamedSubmap
 from server.store import migrations_runner
 from server.store.sqlite.database import Database
-from server.submaps import bulk, ingest
+from server.submaps import bulk_ingest, writes
 from urquhart import Recognizer
 
 _FEW: Final = IndexSettings(flush_submaps=8, memory_submaps=30, block_submaps=12, cache_mb=1)
@@ -100,7 +100,7 @@ def run(folder: Path, rounds: int, seed: int = 0) -> Report:
     path, rng, report, expected = folder / "crashes.db", random.Random(seed), Report(), Expected()
     database = Database(path)
     migrations_runner.upgrade(database)
-    registry.ensure(database, _COLLECTION, CollectionPut())
+    crud.ensure(database, _COLLECTION, CollectionPut())
     database.dispose()
     for number in range(rounds):
         journal = folder / f"{number}.journal"
@@ -148,7 +148,7 @@ def _work(path: Path, journal: Path, seed: int, at_event: int | None) -> None:
                     gone: dict[str, int | None] = {name: None}
                     file.write(json.dumps(["begin", gone]) + "\n")
                     with suppress(NotFound):
-                        ingest.delete(database, _COLLECTION, name)
+                        writes.delete(database, _COLLECTION, name)
                     file.write(json.dumps(["done", gone]) + "\n")
                 case 4:
                     with catalog.view(_COLLECTION):
@@ -165,7 +165,7 @@ def _work(path: Path, journal: Path, seed: int, at_event: int | None) -> None:
 
 def _put(database: Database, changes: dict[str, int]) -> None:
     named = [NamedSubmap.model_validate({"id": n, "xy": forest(s).tolist()}) for n, s in changes.items()]
-    for _ in bulk.ingest_many(database, _COLLECTION, named):
+    for _ in bulk_ingest.ingest_many(database, _COLLECTION, named):
         pass
 
 

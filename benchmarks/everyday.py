@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from scipy.spatial import Delaunay
 
 from benchmarks.timing import milliseconds, side_by_side
-from server.collections import registry
+from server.collections import crud
 from server.schemas.collections import CollectionPut
 from server.schemas.submaps import NamedSubmap
 from server.store import migrations_runner
 from server.store.sqlite.database import Database
-from server.submaps import bulk
+from server.submaps import bulk_ingest
 from urquhart import SE2, Config, Features, Recognizer, describe
 from urquhart.evaluation.simulation import observe, paper_forest
 from urquhart.features.describe import local_density
@@ -142,10 +142,10 @@ def ingest_rate(forest: Forest, batch_size: int = 500) -> tuple[float, float]:
         database = Database(path)
         try:
             migrations_runner.upgrade(database)
-            registry.ensure(database, "bench", CollectionPut())
+            crud.ensure(database, "bench", CollectionPut())
             start = time.perf_counter()
             stored = sum(
-                batch.created for batch in bulk.ingest_many(database, "bench", submaps(), batch_size=batch_size)
+                batch.created for batch in bulk_ingest.ingest_many(database, "bench", submaps(), batch_size=batch_size)
             )
             seconds = time.perf_counter() - start
         finally:

@@ -18,12 +18,12 @@ import orjson
 
 from benchmarks.everyday import Forest
 from benchmarks.served import PATIENCE, served
-from server.collections import registry
+from server.collections import crud
 from server.schemas.collections import CollectionPut
 from server.store import migrations_runner
 from server.store.sqlite.database import Database
-from server.submaps import bulk
-from server.submaps.batches import describers
+from server.submaps import bulk_ingest
+from server.submaps.described_batches import describers
 from urquhart import Recognizer
 
 COLLECTION: Final = "bench"
@@ -73,7 +73,7 @@ def http_cost(
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "bench.db"
         with _database(path) as database:
-            for _ in bulk.ingest_lines(database, COLLECTION, _lines(forest, len(forest.submaps))):
+            for _ in bulk_ingest.ingest_lines(database, COLLECTION, _lines(forest, len(forest.submaps))):
                 pass
         with _connected(path) as connection:
             for number in range(asked + 20):
@@ -103,8 +103,8 @@ def bulk_rate(forest: Forest, submaps: int, processes: int | None = None) -> Bul
         with describers(processes) as workers:
             stored, half = 0, (0, 0.0)
             began = time.perf_counter()
-            for batch in bulk.ingest_lines(
-                database, COLLECTION, _lines(forest, submaps), bulk.LineOptions(workers=workers)
+            for batch in bulk_ingest.ingest_lines(
+                database, COLLECTION, _lines(forest, submaps), bulk_ingest.LineOptions(workers=workers)
             ):
                 stored += batch.created
                 if not half[0] and 2 * stored >= submaps:
@@ -125,7 +125,7 @@ def _database(path: Path) -> Iterator[Database]:
     database = Database(path)
     try:
         migrations_runner.upgrade(database)
-        registry.ensure(database, COLLECTION, CollectionPut())
+        crud.ensure(database, COLLECTION, CollectionPut())
         yield database
     finally:
         database.dispose()

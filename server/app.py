@@ -15,36 +15,35 @@ from server.config import settings_loading
 from server.config.settings import Settings
 from server.errors import DomainError
 from server.http import problems
-from server.http.admission.admission import AdmissionState
-from server.http.admission.gate import Gate
+from server.http.admission.attempts_in_progress import RepeatedRequests
+from server.http.admission.fair_queue import FairQueue
 from server.http.admission.job_waits import JobWaits
-from server.http.admission.overload import AdmissionMiddleware
+from server.http.admission.middleware import AdmissionMiddleware
 from server.http.admission.readiness import SHUTDOWN, ReadinessChecks
-from server.http.admission.repeated_requests import RepeatedRequests
+from server.http.admission.request_admission import AdmissionState
 from server.http.admission.revocation import watch_keys
 from server.http.body_limit import BodyLimit
 from server.http.browser_protection import KnownHosts, SafeAnswers
 from server.http.compression import DeflateAnswers, InflateRequests
 from server.http.documentation.openapi_document import openapi_document
-from server.http.request_context import RequestContext
+from server.http.request_logging import RequestLogging
 from server.index.catalog import Catalog
 from server.index.maintenance import Maintenance
-from server.jobs.assignment import JobContext
 from server.jobs.folder import JobFolder
 from server.jobs.runner import Runner
+from server.jobs.running_job import JobContext
 from server.jobs.types.job_types import JOB_TYPES
-from server.observability import logs
+from server.observability import kernel_progress, logs
 from server.observability.metrics import Metrics
 from server.observability.metrics_exchange import MetricsExchange
 from server.parsing import strict_json
-from server.platform import kernel_progress
 from server.platform.precedence import Precedence
-from server.platform.threads import pin_threads
+from server.platform.thread_limits import pin_threads
 from server.platform.version import service_version
-from server.routes import collections, imports, jobs, pages, queries, snapshots, submap_writes, submaps, system
-from server.runtime import JobRuntime, Service
+from server.routes import collections, html_pages, imports, jobs, queries, snapshots, submap_writes, submaps, system
 from server.security.authenticator import Authenticator, check_exposure
 from server.security.rate_limit import RateLimiter
+from server.service_parts import JobRuntime, Service
 from server.snapshots.snapshot_folder import SnapshotFolder
 from server.store.feature_backfill import bring_up_to_date
 from server.store.sqlite.database import Database
@@ -63,7 +62,7 @@ _ROUTERS = (
     imports.router,
     snapshots.router,
     system.router,
-    pages.router,
+    html_pages.router,
 )
 _TAGS = [
     {"name": "collections", "description": "Submaps that share a configuration."},
@@ -102,7 +101,7 @@ def create_app(settings: Settings, exchange: MetricsExchange | None = None, *, c
         redoc_url=None,
     )
     # The documentation's scripts come from an installed package, because a forest has no internet.
-    app.mount(pages.ASSETS, StaticFiles(packages=[("fastapi_offline", "static")]), name="assets")
+    app.mount(html_pages.ASSETS, StaticFiles(packages=[("fastapi_offline", "static")]), name="assets")
     app.state.service = service
     app.state.authenticator = Authenticator(settings, service.database)
     app.state.routers = _ROUTERS
@@ -125,9 +124,9 @@ def _build_service(settings: Settings, exchange: MetricsExchange | None, *, crea
     catalog = Catalog(database, metrics, settings.index)
     precedence = Precedence()
     context = JobContext(settings, database, catalog, metrics, JobFolder(database), precedence)
-    gate, readiness = Gate(settings.limits), ReadinessChecks(database.trouble)
-    metrics.in_flight.set_function(lambda: gate.running)
-    metrics.queued.set_function(lambda: gate.waiting)
+    fair_queue, readiness = FairQueue(settings.limits), ReadinessChecks(database.trouble)
+    metrics.in_flight.set_function(lambda: fair_queue.running)
+    metrics.queued.set_function(lambda: fair_queue.waiting)
     waits = JobWaits(database, settings.limits, lambda: readiness.stopping)
     metrics.job_waits.set_function(lambda: waits.count)
     return Service(
@@ -140,7 +139,7 @@ def _build_service(settings: Settings, exchange: MetricsExchange | None, *, crea
         JobRuntime(context.folder, Runner(context, JOB_TYPES)),
         RateLimiter(settings.limits.requests_per_second),
         exchange,
-        gate,
+        fair_queue,
         precedence,
         SnapshotFolder(database.path),
         RepeatedRequests(),
@@ -155,7 +154,7 @@ def _add_middleware(app: FastAPI, service: Service) -> None:
     app.add_middleware(DeflateAnswers)
     app.add_middleware(BodyLimit, limit=settings.limits.body_bytes)
     app.state.shared = AdmissionState(
-        settings.limits, service.gate, service.metrics, service.readiness, service.precedence
+        settings.limits, service.fair_queue, service.metrics, service.readiness, service.precedence
     )
     app.add_middleware(AdmissionMiddleware, shared=app.state.shared)
     app.add_middleware(
@@ -165,7 +164,7 @@ def _add_middleware(app: FastAPI, service: Service) -> None:
         everywhere=settings.host in ("0.0.0.0", "::", "[::]"),
     )
     app.add_middleware(SafeAnswers)
-    app.add_middleware(RequestContext, metrics=service.metrics)
+    app.add_middleware(RequestLogging, metrics=service.metrics)
 
 
 def create_app_from_env() -> FastAPI:

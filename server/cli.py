@@ -14,7 +14,7 @@ from typer.exceptions import TyperException
 from server.commands import config, db, index, jobs, keys, locate, reference, serve, snapshot
 from server.commands.demo import command as demo
 from server.commands.support.failure import CommandError
-from server.config.settings_sources import Misconfigured
+from server.config.file_and_environment import Misconfigured
 from server.errors import DomainError
 from server.platform.version import service_version
 from server.stem_maps.reader import StemMapError

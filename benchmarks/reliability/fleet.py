@@ -22,7 +22,7 @@ from benchmarks.scale.job import spread
 from benchmarks.scale.world import World
 from benchmarks.served import served
 from server.schemas.submaps import NamedSubmap
-from server.submaps import batches
+from server.submaps import described_batches
 from urquhart.se2 import SE2
 
 _SESSIONS: Final = 5
@@ -70,7 +70,7 @@ def _lines(world: World, drives: list[Any]) -> Iterator[bytes]:
                 "session": f"drive-{drive}",
                 "stamp": f"2026-05-{drive + 1:02}T09:00:00Z",
             }
-            yield batches.line_of(NamedSubmap.model_validate(submap))
+            yield described_batches.line_of(NamedSubmap.model_validate(submap))
 
 
 def _question(world: World, kind: str, number: int) -> dict[str, Any]:

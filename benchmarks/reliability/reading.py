@@ -14,18 +14,18 @@ from pydantic import BaseModel, ValidationError
 import server.schemas
 from benchmarks.reliability.mutation import NAMES, changed, damaged, dumped, value
 from benchmarks.reliability.trees import body
-from server.collections import registry
+from server.collections import crud
 from server.config.settings import Limits
 from server.errors import DomainError
 from server.parsing.field_errors import field_problems
-from server.platform.threads import pin_threads
+from server.platform.thread_limits import pin_threads
 from server.resources.paging import read_cursor, read_name_cursor
 from server.schemas.collections import CollectionPut
 from server.schemas.common import Body
 from server.stem_maps.reader import StemMapError, read_stem_map
 from server.store import migrations_runner
 from server.store.sqlite.database import Database
-from server.submaps import batches
+from server.submaps import described_batches
 from server.submaps.reader import submap_filter
 from urquhart import Config, warm_up
 
@@ -76,13 +76,13 @@ def lines(folder: Path) -> Iterator[Reader]:
     """NDJSON: batches of lines as bulk ingest reads, checks and describes them."""
     database = Database(folder / "lines.db")
     migrations_runner.upgrade(database)
-    registry.ensure(database, "plots", CollectionPut())
+    crud.ensure(database, "plots", CollectionPut())
     pin_threads()
     warm_up(Config())
-    work = batches.of_lines(database, "plots", Limits())
+    work = described_batches.of_lines(database, "plots", Limits())
 
     def read(line: bytes) -> str | None:
-        described = work.here(batches.Batch([(0, line)], 1))
+        described = work.here(described_batches.Batch([(0, line)], 1))
         return type(described.refused[0].error).__name__ if described.refused else None
 
     try:

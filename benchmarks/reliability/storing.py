@@ -5,18 +5,20 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from benchmarks.scale.world import World
-from server.collections import registry
+from server.collections import crud
 from server.schemas.collections import CollectionPut
 from server.schemas.submaps import NamedSubmap
 from server.store import migrations_runner
 from server.store.sqlite.database import Database
-from server.submaps import batches, bulk
+from server.submaps import bulk_ingest, described_batches
 
 
 def lines_of(world: World) -> Iterator[bytes]:
     """The submaps of a world as lines of NDJSON, `s0` and on."""
     for index in range(world.submaps):
-        yield batches.line_of(NamedSubmap.model_validate({"id": f"s{index}", "xy": world.submap(index).xy.tolist()}))
+        yield described_batches.line_of(
+            NamedSubmap.model_validate({"id": f"s{index}", "xy": world.submap(index).xy.tolist()})
+        )
 
 
 def store(path: Path, collection: str, lines: Iterable[bytes]) -> tuple[int, float]:
@@ -24,12 +26,14 @@ def store(path: Path, collection: str, lines: Iterable[bytes]) -> tuple[int, flo
     database = Database(path)
     try:
         migrations_runner.upgrade(database)
-        registry.ensure(database, collection, CollectionPut())
+        crud.ensure(database, collection, CollectionPut())
         began = time.perf_counter()
-        with batches.describers() as workers:
+        with described_batches.describers() as workers:
             stored = sum(
                 batch.created
-                for batch in bulk.ingest_lines(database, collection, lines, bulk.LineOptions(workers=workers))
+                for batch in bulk_ingest.ingest_lines(
+                    database, collection, lines, bulk_ingest.LineOptions(workers=workers)
+                )
             )
         return stored, time.perf_counter() - began
     finally:

@@ -15,7 +15,7 @@ from benchmarks.scale.parts import COMPARED
 from benchmarks.scale.simulate import SUBMAPS, WARMING
 from benchmarks.scale.world import KINDS
 from server.index.catalog import Catalog
-from server.platform.threads import pin_threads
+from server.platform.thread_limits import pin_threads
 from urquhart import SE2, Config, Recognition, warm_up
 
 SHIFT: Final = 1.0

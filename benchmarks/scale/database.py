@@ -12,7 +12,7 @@ from typing import Final
 import orjson
 
 from benchmarks.scale.observations import Observations
-from server.collections import registry
+from server.collections import crud
 from server.index.catalog import Catalog, View
 from server.index.maintenance import Maintenance
 from server.observability.metrics import Metrics
@@ -20,7 +20,7 @@ from server.schemas.collections import CollectionPut
 from server.store import migrations_runner
 from server.store.feature_backfill import bring_up_to_date
 from server.store.sqlite.database import Database
-from server.submaps import batches, bulk
+from server.submaps import bulk_ingest, described_batches
 
 COLLECTION: Final = "scale"
 _BATCH: Final = 500
@@ -46,11 +46,11 @@ def store(path: Path, submaps: Observations, workers: int, done: Callable[[int],
     database = Database(path)
     try:
         migrations_runner.upgrade(database)
-        registry.ensure(database, COLLECTION, CollectionPut())
+        crud.ensure(database, COLLECTION, CollectionPut())
         stored = 0
-        with batches.describers(workers) as pool:
-            for batch in bulk.ingest_lines(
-                database, COLLECTION, lines(), bulk.LineOptions(batch_size=_BATCH, workers=pool)
+        with described_batches.describers(workers) as pool:
+            for batch in bulk_ingest.ingest_lines(
+                database, COLLECTION, lines(), bulk_ingest.LineOptions(batch_size=_BATCH, workers=pool)
             ):
                 # Two trees may stand within a millimetre of each other: such a submap is refused, and left out.
                 if len(batch.refused) > _REFUSED * batch.submaps:

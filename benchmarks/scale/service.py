@@ -12,7 +12,7 @@ from benchmarks.scale.database import COLLECTION, opened
 from benchmarks.scale.job import Figures, Job, Steps, spread
 from benchmarks.scale.observations import Observations
 from server.commands.demo.service import running_service
-from server.platform.threads import pin_threads
+from server.platform.thread_limits import pin_threads
 from urquhart import Config, warm_up
 
 _TIMEOUT: Final = 120.0

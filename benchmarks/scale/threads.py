@@ -8,7 +8,7 @@ from benchmarks.scale.asking import answer
 from benchmarks.scale.database import opened
 from benchmarks.scale.job import Figures, Job
 from benchmarks.scale.observations import Observations
-from server.platform.threads import pin_threads
+from server.platform.thread_limits import pin_threads
 from urquhart import Config, warm_up
 
 THREADS: Final = (1, 2)

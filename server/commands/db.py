@@ -8,9 +8,9 @@ import orjson
 import typer
 from rich.console import Console
 
-from server.checks.inspection import inspect
-from server.checks.integrity import Discrepancy
-from server.collections.registry import known_collections, read
+from server.checks.all_checks import inspect
+from server.checks.database import Discrepancy
+from server.collections.crud import known_collections, read
 from server.commands.support.database import (
     _database,
     existing_database,

@@ -10,7 +10,7 @@ import typer
 from rich.console import Console
 
 import urquhart
-from server.collections.registry import ensure
+from server.collections.crud import ensure
 from server.commands.support.database import open_database, settings_with
 from server.commands.support.failure import CommandError
 from server.commands.support.options import DatabaseOption, DbhUnit, Ignored
@@ -27,8 +27,8 @@ from server.stem_maps.reader import StemMap, read_stem_map
 from server.stem_maps.stands import StandError, StandReport, cut_stand, store_stand
 from server.stem_maps.tiling import MINIMUM_TREES, Cut, CuttingError
 from server.store.sqlite.database import Database
-from server.submaps.batches import describers
-from server.submaps.bulk import LineOptions
+from server.submaps.bulk_ingest import LineOptions
+from server.submaps.described_batches import describers
 
 
 def index(

@@ -10,7 +10,7 @@ from server.commands.support.console import wide_console
 from server.commands.support.database import check_there, open_database, settings_with
 from server.commands.support.failure import CommandError
 from server.commands.support.options import DatabaseOption
-from server.jobs import operator
+from server.jobs import operator_commands
 from server.store.sqlite.database import Database
 
 app = typer.Typer(help="List the jobs of a database, and cancel them.")
@@ -24,7 +24,7 @@ def list_jobs(
     """List unfinished jobs, oldest first, with their collection, key and progress."""
     store = _existing(database)
     try:
-        found = operator.listed(store, finished=every)
+        found = operator_commands.listed(store, finished=every)
     finally:
         store.dispose()
     if not found:
@@ -52,7 +52,7 @@ def cancel(
         raise CommandError("no jobs are named: give their ids, --key KEY, or --all")
     store = _existing(database)
     try:
-        ended = operator.cancel(store, ids=ids or (), key=key, every=every)
+        ended = operator_commands.cancel(store, ids=ids or (), key=key, every=every)
     finally:
         store.dispose()
     for job_id in ended:

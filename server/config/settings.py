@@ -7,8 +7,8 @@ from urllib.parse import unquote
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 from pydantic_settings import BaseSettings, InitSettingsSource, PydanticBaseSettingsSource, SettingsConfigDict
 
+from server.config.file_and_environment import NESTED, PREFIX, check_environment, config_file, read_file
 from server.config.settings_groups import IndexSettings, JobSettings, LogSettings, SnapshotSettings
-from server.config.settings_sources import NESTED, PREFIX, check_environment, config_file, read_file
 
 _SQLITE_URL = "sqlite:///"
 STOP_SPARE: Final = 8.0

@@ -5,8 +5,8 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
+from server.config.file_and_environment import Misconfigured, config_file, flat, in_environment, read_file, variable
 from server.config.settings import Settings
-from server.config.settings_sources import Misconfigured, config_file, flat, in_environment, read_file, variable
 
 
 def load(**given: Any) -> Settings:

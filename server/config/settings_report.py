@@ -8,14 +8,14 @@ from pydantic import BaseModel, SecretStr
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-from server.config.settings import Settings
-from server.config.settings_loading import Origins
-from server.config.settings_sources import (
+from server.config.file_and_environment import (
     fields,
     flat,
     groups,
     variable,
 )
+from server.config.settings import Settings
+from server.config.settings_loading import Origins
 
 HIDDEN: Final = "(hidden)"
 _BOUNDS: Final = {"ge": "at least", "gt": "more than", "le": "at most", "lt": "less than"}

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 import orjson
 
-from server.collections.registry import get_collection
+from server.collections.crud import get_collection
 from server.errors import InvalidField
 from server.queries.lookup import LookupResult
 from server.queries.poses import flat, transform_answer

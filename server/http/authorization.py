@@ -10,9 +10,9 @@ from fastapi.routing import APIRoute
 from server.errors import InvalidField, NotFound, TooManyRequests, Unauthorized
 from server.http.body_limit import is_streamed
 from server.security.authenticator import Authenticator
+from server.security.operation_scopes import ALSO, SCOPES
 from server.security.principal import ANONYMOUS, Principal
 from server.security.rate_limit import RateLimiter
-from server.security.scopes import ALSO, SCOPES
 
 
 class GuardedRoute(APIRoute):

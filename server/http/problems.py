@@ -14,7 +14,7 @@ from starlette.responses import Response
 from starlette.types import Scope
 
 from server import errors
-from server.http.routing import allowed_methods
+from server.http.route_lookup import allowed_methods
 from server.parsing.field_errors import describe, field_problems
 from server.problem_types import (
     INTERNAL,

@@ -4,7 +4,7 @@ import threading
 from collections import OrderedDict
 from collections.abc import Collection, Iterable, Mapping
 
-from server.index.derived import features_of
+from server.index.row_decoding import features_of
 from server.store.storage import ReadTransaction
 from urquhart import Config, Features, FeaturesError
 

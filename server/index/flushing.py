@@ -13,8 +13,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from server.index.derived import config_of, features_of
 from server.index.live_index import IndexVersion
+from server.index.row_decoding import config_of, features_of
 from server.index.segment_folder import SegmentFolder, is_of
 from server.store.records import CollectionRecord, SegmentRecord, trusted
 from server.store.storage import ReadTransaction, Storage

@@ -15,8 +15,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from server.index.derived import config_of, features_of
 from server.index.feature_cache import FeatureCache
+from server.index.row_decoding import config_of, features_of
 from server.index.segment_folder import SegmentFolder
 from server.store.records import CollectionRecord, SegmentRecord, trusted
 from server.store.repositories.feature_rows import FeatureRows

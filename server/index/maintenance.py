@@ -15,9 +15,9 @@ from typing import Final
 from server.index.catalog import Catalog
 from server.index.flushing import Progress, Stopped, count_uncovered, flush, flush_state
 from server.index.live_index import LiveIndex, UnusableSegment
-from server.index.merging import due, merge
+from server.index.segment_merging import due, merge
 from server.observability.metrics import Metrics
-from server.platform.threads import pin_threads
+from server.platform.thread_limits import pin_threads
 from server.store.records import SegmentRecord
 from server.store.storage import Storage
 from urquhart.index.collection_index import LiveSegment

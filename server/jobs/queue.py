@@ -5,14 +5,14 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any, BinaryIO, Literal
 
-from server.collections.registry import get_collection
+from server.collections.crud import get_collection
 from server.config.settings import Limits
 from server.constraints.extraction import read_found
 from server.constraints.formats import StoredSubmap, is_stale, write_out
 from server.errors import Conflict, Forbidden, Gone, NotFound, StorageReadOnly
 from server.jobs.folder import JobFolder
 from server.jobs.quota import check_key, check_quota
-from server.jobs.refusals import summary
+from server.jobs.refused_lines import summary
 from server.platform.disk_errors import disk_errors
 from server.platform.ids import new_id
 from server.resources import links

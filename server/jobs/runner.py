@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from server.errors import DomainError, StorageBusy, StorageError, StorageFull, WorkerLost
-from server.jobs.assignment import Assignment, Dismissed, Interrupted, JobContext, JobFunction, Yielded
 from server.jobs.folder import ARRIVING, FOUND, INPUT, RESULTS
-from server.platform.threads import pin_threads
+from server.jobs.running_job import Dismissed, Interrupted, JobContext, JobFunction, RunningJob, Yielded
+from server.platform.thread_limits import pin_threads
 from server.problem_types import INTERNAL, document
 from server.store.service_records import Queue
 from urquhart import Abandoned, Budget
@@ -147,41 +147,41 @@ class Runner:
             jobs.change(row.id, **changes)
             row = replace(row, **changes)
             turn = self._context.settings.jobs.slice_seconds
-            assignment = Assignment(row, self._context.database, self._stopping, turn, self._budget)
+            job = RunningJob(row, self._context.database, self._stopping, turn, self._budget)
             dismissed = row.dismissed
         if dismissed:
             self._finish(row.id, "dismissed")
         elif starts > _STARTS:
             self._finish(row.id, "failed", _given_up(starts))
         else:
-            return self._do(row.kind, assignment)
+            return self._do(row.kind, job)
         return True
 
-    def _do(self, kind: str, assignment: Assignment) -> bool:
+    def _do(self, kind: str, job: RunningJob) -> bool:
         """Run a job to its end, or as far as possible now. Returns whether it has ended or had its turn."""
         try:
-            self._job_types[kind](assignment, self._context)
+            self._job_types[kind](job, self._context)
         except Yielded:
-            self._put_back(assignment.id, starts=-1)
+            self._put_back(job.id, starts=-1)
             return True
         except (Interrupted, Abandoned):
-            self._put_back(assignment.id, starts=-1)
+            self._put_back(job.id, starts=-1)
             return False
         except Dismissed:
-            self._finish(assignment.id, "dismissed")
+            self._finish(job.id, "dismissed")
         except (StorageBusy, WorkerLost) as error:
-            _log.warning("job %s (%s) will be continued later: %s", assignment.id, kind, error)
+            _log.warning("job %s (%s) will be continued later: %s", job.id, kind, error)
             # A busy database will be free; what ended a process may end another one.
-            self._put_back(assignment.id, starts=0 if isinstance(error, WorkerLost) else -1)
+            self._put_back(job.id, starts=0 if isinstance(error, WorkerLost) else -1)
             return False
         except DomainError as error:
-            _log.warning("job %s (%s) failed: %s", assignment.id, kind, error)
-            self._finish(assignment.id, "failed", document(error))
+            _log.warning("job %s (%s) failed: %s", job.id, kind, error)
+            self._finish(job.id, "failed", document(error))
         except Exception:  # noqa: BLE001  whatever happens to one job, the others are done
-            _log.exception("job %s (%s) failed", assignment.id, kind)
-            self._finish(assignment.id, "failed", _internal("The log of the service tells why."))
+            _log.exception("job %s (%s) failed", job.id, kind)
+            self._finish(job.id, "failed", _internal("The log of the service tells why."))
         else:
-            self._finish(assignment.id, "successful")
+            self._finish(job.id, "successful")
         return True
 
     def _finish(self, job_id: str, state: str, problem: dict[str, Any] | None = None) -> None:
@@ -206,7 +206,7 @@ class Runner:
         def note() -> None:
             with self._context.database.write() as tx:
                 jobs = tx.jobs
-                # The assignment's progress may be from a transaction that was undone.
+                # The job's progress may be from a transaction that was undone.
                 if (row := jobs.get(job_id)) is not None:
                     count = max(int(row.progress.get("starts", 0)) + starts, 0)
                     jobs.change(job_id, state="accepted", progress={**row.progress, "starts": count})

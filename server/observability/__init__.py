@@ -1,4 +1,4 @@
-"""Logs and Prometheus metrics, also of several processes together.
+"""Logs, Prometheus metrics, also of several processes together, and the progress of compiling.
 
 Imports `store` (for gauges over rows) and `config`.
 """

@@ -12,7 +12,7 @@ import orjson
 from numpy.typing import NDArray
 
 from server.errors import InvalidField, TooLarge
-from server.parsing import json_pieces
+from server.parsing import large_json
 from server.parsing.field_errors import pointer
 from urquhart._kernel import kernel
 
@@ -36,7 +36,7 @@ def read_json(raw: bytes, most: int) -> Any:
     integer that does not fit into 64 bits.
     """
     _check_values(raw, most)
-    content = json_pieces.parse(raw)
+    content = large_json.parse(raw)
     _check_text(raw)
     _check_breadth(content, len(raw))
     return content
@@ -45,7 +45,7 @@ def read_json(raw: bytes, most: int) -> Any:
 def warm_up() -> None:
     """Compile the kernels, so that no request waits for them."""
     _check_text(b'{"a": [1]}')
-    json_pieces.warm_up()
+    large_json.warm_up()
 
 
 def _check_text(raw: bytes) -> None:

@@ -1,4 +1,4 @@
-"""What the operating system provides: processes, threads, file locks, errors of the disk, random ids.
+"""Processes, threads, file locks and errors of the disk, and ids that sort by time.
 
 Knows nothing of submaps, SQL or HTTP. Imports `errors` only.
 """

@@ -5,14 +5,14 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from server.collections.registry import get_collection
+from server.collections.crud import get_collection
 from server.errors import DeadlineExceeded, DomainError, KeyReused, TooLarge
 from server.parsing.field_errors import invalid_body
 from server.problem_types import document
 from server.queries.answers import Shares, carried
 from server.queries.lookup import QueryContext, answer_query, shown
 from server.queries.query import PlaceQuery
-from server.queries.stored import AnswerKey, kept_answer
+from server.queries.stored_queries import AnswerKey, kept_answer
 from server.resources.idempotency import IdempotencyKey
 from server.schemas.queries import BatchAnswer, BatchInput, BatchProblem, QueryAnswer, QueryInput
 from server.security.principal import Principal, Scope

@@ -1,4 +1,4 @@
-"""Queries: landmarks in, a verdict with its evidence out; and stored queries."""
+"""One query from its landmarks to its answer: filters, the search, contradicting maps, and what the answer shows."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -13,8 +13,8 @@ from server.config.settings import Limits
 from server.errors import NotFound
 from server.index.catalog import Catalog, View
 from server.observability.metrics import Metrics
-from server.observability.request_log import note_query
-from server.platform.threads import pin_threads
+from server.observability.request_notes import note_query
+from server.platform.thread_limits import pin_threads
 from server.queries.answers import (
     candidate_answers,
     finding_answers,
@@ -28,7 +28,7 @@ from server.queries.answers import (
 from server.queries.explanations import QueryExplanation, sentences
 from server.queries.query import PlaceQuery, QueryLandmarks
 from server.queries.search import SubmapSearch, describe_query
-from server.queries.stored import NO_KEY, AnswerKey, NewAnswer, keep
+from server.queries.stored_queries import NO_KEY, AnswerKey, NewAnswer, keep
 from server.resources import links
 from server.schemas.candidates import CandidateAnswer
 from server.schemas.queries import QueryAnswer, QueryLinks

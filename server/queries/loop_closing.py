@@ -7,13 +7,13 @@ that stores a submap considers what was committed since the search, and whoever 
 from typing import Final
 
 from server.errors import InvalidField
-from server.index.derived import config_of, features_of
+from server.index.row_decoding import config_of, features_of
 from server.queries.lookup import PendingSubmap, QueryContext, look_up, share_of, shown
 from server.queries.query import PlaceQuery
 from server.schemas.queries import QueryAnswer
 from server.store.records import CollectionRecord
 from server.store.storage import ReadTransaction
-from server.submaps.question import SearchOutdated
+from server.submaps.loop_closing import SearchOutdated
 from urquhart import Budget, Description, Features, Recognizer
 
 _AT_LEISURE: Final = 2
@@ -24,7 +24,7 @@ _SECONDS: Final = 0.25
 """Longest time of that search."""
 
 
-class LoopQuestion:
+class LoopClosingQuery:
     """Where else a submap was seen, among all that is stored before it."""
 
     def __init__(
@@ -63,7 +63,7 @@ class LoopQuestion:
     def _unseen(
         self, tx: ReadTransaction, collection: CollectionRecord, revision: int, own_key: int | None
     ) -> list[int]:
-        """Keys of the submaps that were stored after the search and that the question covers; only some if there are
+        """Keys of the submaps that were stored after the search and that the query covers; only some if there are
         very many.
         """
         if collection.revision == revision:

@@ -2,7 +2,7 @@
 
 from fastapi import APIRouter, Request, Response
 
-from server.collections import registry
+from server.collections import crud
 from server.http.json_body import JsonRoute
 from server.http.responses import etag_header, json_response, next_link, not_modified, problems, stored_response
 from server.resources import links
@@ -52,7 +52,7 @@ def list_collections(
     cursor: PageCursor = None,
 ) -> Response:
     """Lists the collections that the key may see, in the order they were created. The last page has no `next`."""
-    page = registry.page(service.database, service.settings.limits, caller, limit, cursor)
+    page = crud.page(service.database, service.settings.limits, caller, limit, cursor)
     headers = {} if page.next is None else {"Link": next_link("/v1/collections", request, page.next)}
     return json_response(page, headers=headers)
 
@@ -81,16 +81,16 @@ def put_collection(
     409 if it exists and differs in a member that you send.
     """
     if idempotency_key is None:  # mostly it is there, and then nothing is to be written
-        return stored_response(_answered(registry.ensure(service.database, collection, body, preconditions)))
+        return stored_response(_answered(crud.ensure(service.database, collection, body, preconditions)))
     operation = f"putCollection {collection}"
     response = find_before(service.database, idempotency_key, operation)
     if response is None:
-        config = registry.checked(body)
+        config = crud.checked(body)
         response = run_once(
             service.database,
             idempotency_key,
             operation,
-            lambda tx: _answered(registry.ensure_in(tx, collection, body, config, preconditions)),
+            lambda tx: _answered(crud.ensure_in(tx, collection, body, config, preconditions)),
         )
     return stored_response(response)
 
@@ -104,7 +104,7 @@ def put_collection(
 )
 def get_collection(collection: CollectionId, service: ServiceDep, if_none_match: IfNoneMatch = None) -> Response:
     """Returns configuration, fingerprint, counts, extent and revision."""
-    found, etag = registry.read(service.database, collection)
+    found, etag = crud.read(service.database, collection)
     return not_modified(if_none_match, etag) or json_response(found, headers=etag_header(etag))
 
 
@@ -127,13 +127,13 @@ def patch_collection(
 
     422 if a CRS or origin would put a stored submap outside the area of that CRS.
     """
-    config = registry.checked(body)
+    config = crud.checked(body)
     return stored_response(
         run_once(
             service.database,
             idempotency_key,
             f"patchCollection {collection}",
-            lambda tx: _answered(registry.patch_in(tx, collection, body, config, preconditions)),
+            lambda tx: _answered(crud.patch_in(tx, collection, body, config, preconditions)),
         )
     )
 
@@ -154,14 +154,14 @@ def delete_collection(
         service.database,
         idempotency_key,
         f"deleteCollection {collection}",
-        lambda tx: registry.delete_in(tx, collection, preconditions),
+        lambda tx: crud.delete_in(tx, collection, preconditions),
     )
     if not response.replayed:
         service.catalog.forget(collection)
     return stored_response(response)
 
 
-def _answered(ensured: registry.Ensured) -> StoredResponse:
+def _answered(ensured: crud.Ensured) -> StoredResponse:
     headers = etag_header(ensured.etag)
     if ensured.created:
         headers["Location"] = links.collection(ensured.collection.id)

@@ -13,9 +13,9 @@ from server.http.authorization import get_principal, get_visitor
 from server.http.responses import entity_tags
 from server.resources.idempotency import IdempotencyKey
 from server.resources.preconditions import Preconditions
-from server.runtime import Service
 from server.schemas.common import ResourceId, check_digits
 from server.security.principal import Principal
+from server.service_parts import Service
 from urquhart import Budget
 from urquhart.budget import DeadlinePassed
 

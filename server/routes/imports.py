@@ -19,7 +19,7 @@ from server.routes.dependencies import CollectionId, IdempotencyKeyHeader, Princ
 from server.routes.jobs import ACCEPTED
 from server.schemas.jobs import JobAnswer
 from server.schemas.submaps import NamedSubmap
-from server.submaps.bulk import OnConflict
+from server.submaps.bulk_ingest import OnConflict
 
 router = APIRouter(route_class=GuardedRoute, tags=["jobs"])
 _INPUT = '{"id": "p7", "xy": [[1.2, 3.4], [4.9, -2.2], [-3.1, 0.7]]}\n'

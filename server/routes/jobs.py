@@ -9,7 +9,7 @@ from fastapi import APIRouter, Path, Query, Request, Response
 from starlette.responses import StreamingResponse
 
 from server.constraints.extraction import check_ids, chosen_submaps
-from server.http.admission.admission import AdmissionDep
+from server.http.admission.request_admission import AdmissionDep
 from server.http.json_body import JsonRoute
 from server.http.negotiation import JSON, NDJSON
 from server.http.responses import json_response, lines_of, next_link, problems, stored_response

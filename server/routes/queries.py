@@ -4,11 +4,11 @@ from typing import Annotated
 
 from fastapi import APIRouter, Path, Response
 
-from server.http.admission.admission import BudgetDep
+from server.http.admission.request_admission import BudgetDep
 from server.http.json_body import JsonRoute
 from server.http.negotiation import JSON, SVG, choose
 from server.http.responses import json_response, problems
-from server.queries import lookup, stored
+from server.queries import lookup, stored_queries
 from server.queries.batch import answer_batch
 from server.queries.query import PlaceQuery
 from server.routes.dependencies import Accept, CollectionId, IdempotencyKeyDep, PrincipalDep, ServiceDep, in_time
@@ -57,8 +57,8 @@ def query(
     headers = {}
     if body.store:
         caller.require(Scope.WRITE)
-    asked, key = PlaceQuery.of(body, service.limits), stored.AnswerKey(idempotency_key)
-    answer = stored.kept_answer(service.database, collection, key) if asked.store else None
+    asked, key = PlaceQuery.of(body, service.limits), stored_queries.AnswerKey(idempotency_key)
+    answer = stored_queries.kept_answer(service.database, collection, key) if asked.store else None
     if answer is not None:
         answer, headers = lookup.shown(answer, asked), {"Idempotency-Replayed": "true"}
     else:
@@ -106,7 +106,7 @@ def query_batch(
 )
 def get_query(collection: CollectionId, query: QueryId, service: ServiceDep) -> Response:
     """Returns the answer to a query that was sent with `store`. 410 if it is no longer kept."""
-    return json_response(stored.stored_answer(service.database, collection, query))
+    return json_response(stored_queries.stored_answer(service.database, collection, query))
 
 
 @router.get(
@@ -140,7 +140,7 @@ def get_match(
     """
     media_type = choose(accept, [SVG, JSON])
     with in_time(service, budget) as own:
-        match = stored.stored_match(service.database, collection, query, rank)
+        match = stored_queries.stored_match(service.database, collection, query, rank)
         if media_type == SVG:
             return Response(match.to_svg(own), media_type=SVG, headers={"Vary": "Accept"})
     return json_response(match.to_answer(), headers={"Vary": "Accept"})
@@ -166,7 +166,7 @@ def get_explanation(
     """
     media_type = choose(accept, [SVG, JSON])
     with in_time(service, budget) as own:
-        explained = stored.stored_explanation(service.database, collection, query)
+        explained = stored_queries.stored_explanation(service.database, collection, query)
         if media_type == SVG:
             return Response(explained.to_svg(own), media_type=SVG, headers={"Vary": "Accept"})
     return json_response(explained.to_answer(), headers={"Vary": "Accept"})

@@ -5,12 +5,12 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query, Response
 
 from server.errors import InvalidField
-from server.http.admission.admission import BudgetDep
+from server.http.admission.request_admission import BudgetDep
 from server.http.json_body import JsonRoute
 from server.http.negotiation import JSON
 from server.http.responses import problems, stored_response
 from server.platform.ids import new_id
-from server.queries.loop_closing import LoopQuestion
+from server.queries.loop_closing import LoopClosingQuery
 from server.queries.query import PlaceQuery
 from server.routes.dependencies import (
     CollectionId,
@@ -21,11 +21,11 @@ from server.routes.dependencies import (
     SubmapId,
 )
 from server.routes.submaps import _SUBMAP
-from server.runtime import Service
 from server.schemas import examples
 from server.schemas.submaps import ArrivingSubmap, Submap, SubmapPatch, SubmapReceipt
 from server.security.principal import Principal, Scope
-from server.submaps import ingest
+from server.service_parts import Service
+from server.submaps import writes
 from urquhart import Budget
 
 router = APIRouter(route_class=JsonRoute, tags=["submaps"])
@@ -69,9 +69,9 @@ def put_submap(
 
     With `query`, the service first searches for this place among all other submaps stored before.
     """
-    question = _question(service, caller, collection, submap, body, budget) if query or body.query is not None else None
-    terms = ingest.WriteTerms(preconditions, idempotency_key, question)
-    return _answered(service, ingest.put(service.database, collection, submap, body, service.settings.limits, terms))
+    loop = _loop_closing(service, caller, collection, submap, body, budget) if query or body.query is not None else None
+    terms = writes.WriteTerms(preconditions, idempotency_key, loop)
+    return _answered(service, writes.put(service.database, collection, submap, body, service.settings.limits, terms))
 
 
 @router.post(
@@ -102,24 +102,24 @@ def post_submap(
     """Stores a submap under an id that the service generates; later ids sort after earlier ones. If you repeat the
     request with the same `Idempotency-Key`, nothing is stored again and you get the first answer.
     """
-    question = _question(service, caller, collection, None, body, budget) if query or body.query is not None else None
-    terms = ingest.WriteTerms(idempotency_key=idempotency_key, question=question, is_named=False)
-    return _answered(service, ingest.put(service.database, collection, new_id(), body, service.settings.limits, terms))
+    loop = _loop_closing(service, caller, collection, None, body, budget) if query or body.query is not None else None
+    terms = writes.WriteTerms(idempotency_key=idempotency_key, loop_closing=loop, is_named=False)
+    return _answered(service, writes.put(service.database, collection, new_id(), body, service.settings.limits, terms))
 
 
-def _question(
+def _loop_closing(
     service: Service, caller: Principal, collection: str, submap: str | None, body: ArrivingSubmap, budget: Budget
-) -> LoopQuestion:
+) -> LoopClosingQuery:
     """The query before the submap is stored. Raises Forbidden."""
     caller.require(Scope.READ)
     try:
         query = PlaceQuery.of(body.question(), service.limits)
     except InvalidField as error:
         raise error.below("/query") from error
-    return LoopQuestion(service.queries, collection, query, submap, budget)
+    return LoopClosingQuery(service.queries, collection, query, submap, budget)
 
 
-def _answered(service: Service, stored: ingest.Stored) -> Response:
+def _answered(service: Service, stored: writes.Stored) -> Response:
     if stored.outcome is not None:
         service.metrics.submaps_written.labels(stored.outcome).inc()
     return stored_response(stored.response)
@@ -149,8 +149,8 @@ def patch_submap(
     caller.require(Scope.READ)
     limits = service.settings.limits
     return stored_response(
-        ingest.patch(
-            service.database, collection, submap, body, limits, ingest.WriteTerms(preconditions, idempotency_key)
+        writes.patch(
+            service.database, collection, submap, body, limits, writes.WriteTerms(preconditions, idempotency_key)
         )
     )
 
@@ -172,5 +172,5 @@ def delete_submap(
 ) -> Response:
     """Deletes a submap. The next query no longer finds it."""
     return stored_response(
-        ingest.delete(service.database, collection, submap, preconditions, idempotency_key=idempotency_key)
+        writes.delete(service.database, collection, submap, preconditions, idempotency_key=idempotency_key)
     )

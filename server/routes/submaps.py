@@ -4,7 +4,7 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
 
-from server.http.admission.admission import BudgetDep
+from server.http.admission.request_admission import BudgetDep
 from server.http.json_body import JsonRoute
 from server.http.negotiation import GEOJSON, JSON, SVG, choose
 from server.http.responses import etag_header, json_response, next_link, not_modified, problems

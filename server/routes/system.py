@@ -45,8 +45,8 @@ async def readyz(service: ServiceDep) -> Response:
     share.
     """
     service.readiness.require()
-    gate = service.gate
-    load = Load(in_flight=gate.running, capacity=gate.places, queued=gate.waiting, saturated=gate.is_saturated)
+    queue = service.fair_queue
+    load = Load(in_flight=queue.running, capacity=queue.places, queued=queue.waiting, saturated=queue.is_saturated)
     return json_response(Readiness(status="ok", checks=dict(service.readiness.states()), load=load))
 
 

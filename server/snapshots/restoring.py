@@ -7,10 +7,10 @@ import logging
 from dataclasses import dataclass
 from pathlib import Path
 
-from server.checks.integrity import file_discrepancies
-from server.collections.registry import get_collection
+from server.checks.database import file_discrepancies
+from server.collections.crud import get_collection
 from server.errors import Conflict, NotADatabase, NotFound, StorageDamaged
-from server.index.derived import config_of
+from server.index.row_decoding import config_of
 from server.index.segment_folder import SegmentFolder
 from server.problem_types import document
 from server.schemas.snapshots import Snapshot

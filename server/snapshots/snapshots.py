@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
-from server.checks.integrity import file_discrepancies
+from server.checks.database import file_discrepancies
 from server.config.settings import Limits
 from server.errors import Conflict, StorageDamaged, StorageReadOnly
 from server.platform.ids import moment_name

@@ -7,8 +7,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from server.stem_maps.columns import Columns
-from server.stem_maps.rows import StemMapError
+from server.stem_maps.csv_columns import Columns
+from server.stem_maps.csv_rows import StemMapError
 
 _NAMED_CM: Final = (1.0, 300.0)
 """Centimetres. The median diameter of any stand lies between these."""

@@ -24,9 +24,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from server.schemas.landmarks import STEMS_CM, TALLEST_M
-from server.stem_maps.columns import DBH_UNITS, Columns, find_columns
+from server.stem_maps.csv_columns import DBH_UNITS, Columns, find_columns
+from server.stem_maps.csv_rows import SEPARATORS, Rows, StemMapError, decode, read_bytes
 from server.stem_maps.plausibility import check_centres, check_cut_decimals, check_diameters, check_plots
-from server.stem_maps.rows import SEPARATORS, Rows, StemMapError, decode, read_bytes
 from server.store.codec import digest
 
 __all__ = ["StemMap", "StemMapError", "read_stem_map"]

@@ -8,12 +8,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
-from server.collections.registry import get_collection
+from server.collections.crud import get_collection
 from server.platform.disk_errors import disk_errors
 from server.store.records import StandRecord
 from server.store.storage import Storage
-from server.submaps.batches import DescribedBatch, Refusal
-from server.submaps.bulk import BatchResult, write_in
+from server.submaps.bulk_ingest import BatchResult, write_in
+from server.submaps.described_batches import DescribedBatch, Refusal
 
 _IN_MEMORY: Final = 32 * 1024 * 1024
 """Bytes of described submaps that wait in memory. The rest waits in a file beside the database."""

@@ -21,8 +21,8 @@ from server.stem_maps.tiling import Cut, cut
 from server.store.codec import digest, pack_positions
 from server.store.records import StandRecord
 from server.store.storage import Storage
-from server.submaps.batches import DescribedBatch
-from server.submaps.bulk import USUAL, LineOptions, describe_lines
+from server.submaps.bulk_ingest import USUAL, LineOptions, describe_lines
+from server.submaps.described_batches import DescribedBatch
 
 BATCH = 200
 

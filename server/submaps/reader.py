@@ -7,11 +7,11 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 import urquhart
+from server.collections.crud import get_collection
 from server.collections.georeference import Georeference, polygon
-from server.collections.registry import get_collection
 from server.config.settings import Limits
 from server.errors import InvalidField, NotAcceptable, NotFound
-from server.index.derived import config_of, features_of
+from server.index.row_decoding import config_of, features_of
 from server.resources import links
 from server.resources.paging import PageRequest, page_size, read_name_cursor, write_cursor
 from server.schemas.common import Stamp
@@ -30,8 +30,8 @@ from server.schemas.submaps import (
 from server.store.codec import digest, unpack_attributes, unpack_ids, unpack_positions
 from server.store.storage import Storage
 from server.store.submap_records import SubmapContent, SubmapFilter, SubmapMetadata, SubmapWhole
-from server.submaps.footprints import geometry_of, outside, references_of, without_crs
-from server.submaps.pages import rows_of_page
+from server.submaps.geo_footprints import geometry_of, outside, references_of, without_crs
+from server.submaps.page_rows import rows_of_page
 from urquhart import Budget
 
 

@@ -9,7 +9,7 @@ from fastapi import FastAPI
 
 from server.app import create_app
 from server.config.settings import Limits, Settings
-from server.runtime import Service
+from server.service_parts import Service
 from server.store import migrations_runner
 from server.store.sqlite.database import Database
 from tests.server.factories import TestClient

@@ -19,7 +19,7 @@ from server.app import create_app
 from server.commands.serve import bind
 from server.config.settings import Limits, Settings
 from server.http.serving.connections import ServerConfig, TimedConnection
-from server.runtime import Service
+from server.service_parts import Service
 from tests.server.forked import Forked
 from tests.server.processes import spawned
 

@@ -11,7 +11,7 @@ import httpx
 from benchmarks.experiments import Figures
 from benchmarks.reliability.trees import body
 from benchmarks.served import BenchmarkServer, served
-from server.collections import registry
+from server.collections import crud
 from server.schemas.collections import CollectionPut
 from server.store import migrations_runner
 from server.store.sqlite.database import Database
@@ -88,7 +88,7 @@ def _make(path: Path, count: int) -> None:
     try:
         migrations_runner.upgrade(database)
         for number in range(count):
-            registry.ensure(database, f"c{number}", CollectionPut())
+            crud.ensure(database, f"c{number}", CollectionPut())
     finally:
         database.dispose()
 

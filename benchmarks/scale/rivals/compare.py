@@ -15,7 +15,7 @@ from benchmarks.scale.rivals.rival import CONFIG, REACHED, Described, RivalMetho
 from benchmarks.scale.rivals.triangles import TriangleRival
 from benchmarks.scale.simulate import SUBMAPS
 from benchmarks.scale.world import KINDS, World
-from server.platform.threads import pin_threads
+from server.platform.thread_limits import pin_threads
 from urquhart import SE2, describe, warm_up
 from urquhart.verify.evidence import PoseEvidence
 from urquhart.verify.refinement import best_hypotheses, verify_best

@@ -27,12 +27,12 @@ from server.commands.index import ensure_collection, sentence
 from server.commands.support.failure import CommandError
 from server.commands.support.progress import progress_bar
 from server.config.settings import Limits
-from server.platform.kernel_progress import warm_up
+from server.observability.kernel_progress import warm_up
 from server.stem_maps.reader import StemMap, read_stem_map
 from server.stem_maps.stands import cut_stand, store_stand
 from server.store.migrations_runner import upgrade
 from server.store.sqlite.database import Database
-from server.submaps.bulk import LineOptions
+from server.submaps.bulk_ingest import LineOptions
 from urquhart_client import Candidate, Client
 
 COLLECTION: Final = "forests"

@@ -11,7 +11,7 @@ import anyio.to_thread
 
 from server.config.settings import Limits
 from server.errors import StorageError
-from server.http.admission.admission import Admission
+from server.http.admission.request_admission import Admission
 from server.jobs import queue
 from server.store.storage import Storage
 

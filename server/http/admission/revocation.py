@@ -7,7 +7,7 @@ from typing import Final
 import anyio.to_thread
 
 from server.errors import StorageError, Unauthorized
-from server.http.admission.admission import Admission, AdmissionState
+from server.http.admission.request_admission import Admission, AdmissionState
 from server.security.authenticator import Authenticator
 
 _LOOK: Final = 1.0

@@ -5,13 +5,13 @@ from typing import Any
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 
-from server.http.admission.admission import ALWAYS_ANSWERED
+from server.http.admission.request_admission import ALWAYS_ANSWERED
 from server.http.responses import problems
 from server.schemas.common import Problem
 from server.schemas.constraints import ConstraintList
 from server.schemas.jobs import LineResult
 from server.schemas.submaps import NamedSubmap
-from server.security.scopes import SCOPES
+from server.security.operation_scopes import SCOPES
 
 
 def openapi_document(app: FastAPI) -> dict[str, Any]:

@@ -1,4 +1,4 @@
 """The socket: connections and their timers, file descriptors, start and graceful end.
 
-Imports `runtime`, `http.admission` and below.
+Imports `service_parts`, `http.admission` and below.
 """

@@ -14,10 +14,10 @@ from uvicorn.server import ServerState
 
 from server.config.settings import Limits
 from server.errors import Overloaded, TooSlow
-from server.http.admission.admission import ABORT
+from server.http.admission.request_admission import ABORT
 from server.http.browser_protection import safe_headers
 from server.http.problems import MEDIA_TYPE
-from server.http.request_context import new_request_id
+from server.http.request_logging import new_request_id
 from server.problem_types import OTHER, document, plain
 
 _LAST_WORD = 0.25

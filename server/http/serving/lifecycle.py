@@ -20,11 +20,11 @@ from fastapi import FastAPI
 from uvicorn.server import Server
 
 from server.errors import NotReady
-from server.http.admission.admission import AdmissionState
 from server.http.admission.readiness import SHUTDOWN
+from server.http.admission.request_admission import AdmissionState
 from server.http.serving.acceptor import Acceptor
 from server.http.serving.connections import ServerConfig, TimedConnection
-from server.runtime import Service
+from server.service_parts import Service
 
 _LAST_WORDS: Final = 1.0
 """Seconds for answering the requests that were cut off, after `drain_seconds`."""

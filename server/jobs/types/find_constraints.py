@@ -9,10 +9,10 @@ from pydantic import ValidationError
 
 from server.constraints.extraction import agree, chosen_submaps, from_look, question, read_found
 from server.errors import Conflict, NotFound
-from server.jobs.assignment import Assignment, JobContext
 from server.jobs.folder import cut
+from server.jobs.running_job import JobContext, RunningJob
 from server.platform.disk_errors import disk_errors
-from server.queries.contradictions import REASON
+from server.queries.contradicting_maps import REASON
 from server.queries.lookup import LookupResult, QueryContext, look_up
 from server.queries.older_answers import completed
 from server.schemas.constraints import ConstraintsInput
@@ -27,40 +27,40 @@ CONTRADICTING: Final = "contradicting_maps"
 """Number of submaps without a result because the maps that they were found in contradict each other."""
 
 
-def run_constraints(assignment: Assignment, context: JobContext) -> None:
+def run_constraints(job: RunningJob, context: JobContext) -> None:
     """Look submaps up one by one. At the end, keep one constraint for each pair. Raises NotFound, StorageError and
     others.
     """
-    if "written" in assignment.progress:
+    if "written" in job.progress:
         return  # only its end could not be stored
     try:
-        body = ConstraintsInput.model_validate(completed(ConstraintsInput, assignment.parameters))
+        body = ConstraintsInput.model_validate(completed(ConstraintsInput, job.parameters))
     except ValidationError as error:
         raise Conflict(
             "Another version of the service accepted this job, and this version cannot read its parameters. Post it "
             "again."
         ) from error
-    found_file, results_file = context.folder.found(assignment.id), context.folder.results(assignment.id)
-    if assignment.total is None:
+    found_file, results_file = context.folder.found(job.id), context.folder.results(job.id)
+    if job.total is None:
         with context.database.read() as tx:
-            assignment.total = len(_matching(assignment, tx, body))
+            job.total = len(_matching(job, tx, body))
     with disk_errors(context.folder.path):
         with found_file.open("a+b") as found:
             context.folder.sync()
-            cut(found, assignment.progress.get("found", 0))
-            contradicting = int(assignment.progress.get(CONTRADICTING, 0))
-            for row, is_last in _rows(assignment, context, body):
-                look = _look_up(assignment, context, row, body)
+            cut(found, job.progress.get("found", 0))
+            contradicting = int(job.progress.get(CONTRADICTING, 0))
+            for row, is_last in _rows(job, context, body):
+                look = _look_up(job, context, row, body)
                 if look is not None:
                     contradicting += look.answer.reason == REASON
                     found.writelines(orjson.dumps(one) + b"\n" for one in from_look(row, look, body))
-                assignment.done += 1
+                job.done += 1
                 # A search may take seconds, and somebody may wait for the end of the job, or for a turn.
-                if is_last or assignment.since_report > _SILENCE:
+                if is_last or job.since_report > _SILENCE:
                     found.flush()
                     os.fsync(found.fileno())
-                    assignment.report(after=row.key, found=found.tell(), contradicting_maps=contradicting)
-                    assignment.yield_turn()
+                    job.report(after=row.key, found=found.tell(), contradicting_maps=contradicting)
+                    job.yield_turn()
             found.seek(0)
             kept, contradictions = agree(read_found(line) for line in found)
         with results_file.open("wb") as results:
@@ -69,23 +69,23 @@ def run_constraints(assignment: Assignment, context: JobContext) -> None:
             results.flush()
             os.fsync(results.fileno())
             size = results.tell()
-        assignment.total = assignment.done  # submaps may have been stored or deleted in the meantime
-        assignment.counts = {
+        job.total = job.done  # submaps may have been stored or deleted in the meantime
+        job.counts = {
             "constraints": len(kept),
             "inconsistent": contradictions,
             CONTRADICTING: contradicting,
         }
-        assignment.report(written=size)
+        job.report(written=size)
 
 
-def _rows(assignment: Assignment, context: JobContext, body: ConstraintsInput) -> Iterator[tuple[SubmapMetadata, bool]]:
+def _rows(job: RunningJob, context: JobContext, body: ConstraintsInput) -> Iterator[tuple[SubmapMetadata, bool]]:
     """Submaps to look up, in the order of their keys, from where the job stands, each with whether it is the last of a
     page.
     """
-    after = int(assignment.progress.get("after", 0))
+    after = int(job.progress.get("after", 0))
     while True:
         with context.database.read() as tx:
-            rows = _page(assignment, tx, body, after)
+            rows = _page(job, tx, body, after)
         if not rows:
             return
         for row in rows:
@@ -93,27 +93,25 @@ def _rows(assignment: Assignment, context: JobContext, body: ConstraintsInput) -
         after = rows[-1].key
 
 
-def _page(assignment: Assignment, tx: ReadTransaction, body: ConstraintsInput, after: int) -> list[SubmapMetadata]:
-    submaps = tx.submaps(assignment.collection(tx).key)
+def _page(job: RunningJob, tx: ReadTransaction, body: ConstraintsInput, after: int) -> list[SubmapMetadata]:
+    submaps = tx.submaps(job.collection(tx).key)
     if body.submap_ids is None:
         return submaps.page(chosen_submaps(body), SubmapMetadata, after_key=after, limit=_PAGE)
-    keys = sorted(key for key in _matching(assignment, tx, body) if key > after)
+    keys = sorted(key for key in _matching(job, tx, body) if key > after)
     return submaps.some(keys[:_PAGE], SubmapMetadata)
 
 
-def _matching(assignment: Assignment, tx: ReadTransaction, body: ConstraintsInput) -> set[int]:
-    submaps = tx.submaps(assignment.collection(tx).key)
+def _matching(job: RunningJob, tx: ReadTransaction, body: ConstraintsInput) -> set[int]:
+    submaps = tx.submaps(job.collection(tx).key)
     keys = submaps.matching(chosen_submaps(body))
     return keys if body.submap_ids is None else keys & set(submaps.keys(body.submap_ids).values())
 
 
-def _look_up(
-    assignment: Assignment, context: JobContext, row: SubmapMetadata, body: ConstraintsInput
-) -> LookupResult | None:
+def _look_up(job: RunningJob, context: JobContext, row: SubmapMetadata, body: ConstraintsInput) -> LookupResult | None:
     limits = context.settings.limits
     asked = question(row, body, limits.candidates)
     queries = QueryContext(context.database, context.catalog, context.metrics, limits)
     try:
-        return look_up(queries, assignment.collection_id, asked, budget=assignment.budget)
+        return look_up(queries, job.collection_id, asked, budget=job.budget)
     except NotFound:
         return None  # deleted in the meantime

@@ -18,60 +18,58 @@ import orjson
 
 from server.errors import LinesRefused, StorageError, StorageUnavailable, TooLarge
 from server.index.flushing import Stopped, flush
-from server.jobs.assignment import Assignment, Interrupted, JobContext
 from server.jobs.folder import cut
-from server.jobs.refusals import Refusals
+from server.jobs.refused_lines import Refusals
+from server.jobs.running_job import Interrupted, JobContext, RunningJob
 from server.platform.disk_errors import disk_errors
 from server.store.storage import WriteTransaction
-from server.submaps import batches, bulk
-from server.submaps.batches import BlankLines
-from server.submaps.bulk import BatchResult, LineOutcome
+from server.submaps import bulk_ingest, described_batches
+from server.submaps.bulk_ingest import BatchResult, LineOutcome
+from server.submaps.described_batches import BlankLines
 
 _BLANK: Final = re.compile(rb"\s*\n")
 _log = logging.getLogger(__name__)
 
 
-def run_import(assignment: Assignment, context: JobContext) -> None:
+def run_import(job: RunningJob, context: JobContext) -> None:
     """Store the upload. `parameters`: `on_conflict`, and `mode`: `continue` past refused lines, or `all` lines or none.
 
     Raises NotFound and Conflict (the collection was deleted or replaced), StorageError, Interrupted, Dismissed.
     """
     with context.database.read() as tx:
-        assignment.collection(tx)
-    with disk_errors(context.folder.path), context.folder.results(assignment.id).open("a+b") as results:
+        job.collection(tx)
+    with disk_errors(context.folder.path), context.folder.results(job.id).open("a+b") as results:
         context.folder.sync()  # the name of the file, without which its content is lost after a power cut
-        cut(results, assignment.progress.get("written", 0))
-        source = _InputLines(context.folder.input(assignment.id), assignment, context.settings.limits.body_bytes)
-        if assignment.parameters["mode"] == "all":
-            _all_or_nothing(assignment, context, source, results)
+        cut(results, job.progress.get("written", 0))
+        source = _InputLines(context.folder.input(job.id), job, context.settings.limits.body_bytes)
+        if job.parameters["mode"] == "all":
+            _all_or_nothing(job, context, source, results)
         else:
-            _one_by_one(assignment, context, source, results)
-    _write_index(assignment, context)
+            _one_by_one(job, context, source, results)
+    _write_index(job, context)
 
 
-def _write_index(assignment: Assignment, context: JobContext) -> None:
+def _write_index(job: RunningJob, context: JobContext) -> None:
     """Write the new submaps to segments if there are many, so that the next query need not.
 
     Everything is stored, whatever happens here: maintenance tries again. Raises Interrupted.
     """
     try:
         with context.metrics.maintenance("flush"):
-            flush(
-                context.catalog.flush_context, assignment.collection_id, least=context.settings.index.flush_submaps + 1
-            )
+            flush(context.catalog.flush_context, job.collection_id, least=context.settings.index.flush_submaps + 1)
     except Stopped as error:
         raise Interrupted from error
     except (OSError, StorageError) as error:
-        _log.warning("job %s: all lines are stored, but the index is not written yet: %s", assignment.id, error)
+        _log.warning("job %s: all lines are stored, but the index is not written yet: %s", job.id, error)
 
 
 class _InputLines:
     """The lines from where the job stands, and the position in the file after a batch of them."""
 
-    def __init__(self, path: Path, assignment: Assignment, longest: int) -> None:
-        self._path, self._longest, self._total = path, longest, assignment.total
-        self.first: int = assignment.progress.get("line", 0)
-        self._offset: int = assignment.progress.get("offset", 0)
+    def __init__(self, path: Path, job: RunningJob, longest: int) -> None:
+        self._path, self._longest, self._total = path, longest, job.total
+        self.first: int = job.progress.get("line", 0)
+        self._offset: int = job.progress.get("offset", 0)
         self._ends: deque[tuple[int, int]] = deque()
 
     def lines(self) -> Iterator[bytes | BlankLines]:
@@ -123,14 +121,14 @@ def _skip_line(file: BinaryIO) -> None:
         pass
 
 
-def _one_by_one(assignment: Assignment, context: JobContext, source: _InputLines, results: BinaryIO) -> None:
-    refusals = Refusals(context.settings.limits.import_refusal_bytes, assignment.progress.get("refusals"))
+def _one_by_one(job: RunningJob, context: JobContext, source: _InputLines, results: BinaryIO) -> None:
+    refusals = Refusals(context.settings.limits.import_refusal_bytes, job.progress.get("refusals"))
 
     def on_written(tx: WriteTransaction, batch: BatchResult) -> None:
-        assignment.collection(tx)
+        job.collection(tx)
         _write_results(results, _refusal_lines(batch.lines, refusals))
-        _count(assignment, batch.lines, batch.following)
-        assignment.report(
+        _count(job, batch.lines, batch.following)
+        job.report(
             tx,
             line=batch.following,
             offset=source.after(batch.following),
@@ -138,38 +136,38 @@ def _one_by_one(assignment: Assignment, context: JobContext, source: _InputLines
             refusals=refusals.state(),
         )
 
-    with batches.describers(context.settings.jobs.processes) as workers:
-        ingesting = bulk.ingest_lines(
+    with described_batches.describers(context.settings.jobs.processes) as workers:
+        ingesting = bulk_ingest.ingest_lines(
             context.database,
-            assignment.collection_id,
+            job.collection_id,
             source.lines(),
-            bulk.LineOptions(
-                limits=context.settings.limits, workers=workers, first=source.first, careful=assignment.is_suspect
+            bulk_ingest.LineOptions(
+                limits=context.settings.limits, workers=workers, first=source.first, careful=job.is_suspect
             ),
-            on_conflict=assignment.parameters["on_conflict"],
+            on_conflict=job.parameters["on_conflict"],
             on_written=on_written,
         )
         with closing(ingesting):
             for batch in ingesting:
                 _observe(context, batch)
-                assignment.yield_turn()
+                job.yield_turn()
 
 
-def _all_or_nothing(assignment: Assignment, context: JobContext, source: _InputLines, results: BinaryIO) -> None:
+def _all_or_nothing(job: RunningJob, context: JobContext, source: _InputLines, results: BinaryIO) -> None:
     if source.first:
         return  # all lines were stored, and only that could not be reported
     # Refused lines may have their results already, and only the end of the job was not stored.
-    assignment.done, assignment.counts = 0, {}
-    assignment.report(written=0)
+    job.done, job.counts = 0, {}
+    job.report(written=0)
     cut(results, 0)
-    _check_size(assignment, context)
-    found, refused = list[batches.DescribedBatch](), list[LineOutcome]()
-    with batches.describers(context.settings.jobs.processes) as workers:
-        describing = bulk.describe_lines(
+    _check_size(job, context)
+    found, refused = list[described_batches.DescribedBatch](), list[LineOutcome]()
+    with described_batches.describers(context.settings.jobs.processes) as workers:
+        describing = bulk_ingest.describe_lines(
             context.database,
-            assignment.collection_id,
+            job.collection_id,
             source.lines(),
-            bulk.LineOptions(limits=context.settings.limits, workers=workers, careful=assignment.is_suspect),
+            bulk_ingest.LineOptions(limits=context.settings.limits, workers=workers, careful=job.is_suspect),
         )
         with closing(describing):
             for batch in describing:
@@ -177,9 +175,9 @@ def _all_or_nothing(assignment: Assignment, context: JobContext, source: _InputL
                 refused += [
                     LineOutcome(one.position, one.submap_id, "refused", error=one.error) for one in batch.refused
                 ]
-                assignment.report()
+                job.report()
     if not refused:
-        refused = _store_all(assignment, context, found, results)
+        refused = _store_all(job, context, found, results)
     if refused:
         at_fault = {line.position for line in refused}
         lines = refused + [
@@ -191,19 +189,19 @@ def _all_or_nothing(assignment: Assignment, context: JobContext, source: _InputL
         lines.sort(key=lambda line: line.position)
         refusals = Refusals(context.settings.limits.import_refusal_bytes)
         _write_results(results, _refusal_lines(lines, refusals))
-        _count(assignment, lines, found[-1].following)
-        assignment.report(written=results.tell(), refusals=refusals.state())
+        _count(job, lines, found[-1].following)
+        job.report(written=results.tell(), refusals=refusals.state())
         raise LinesRefused(
             f"Nothing was stored: {len(refused)} lines were refused, and mode=all stores all lines or none. Correct "
             "them, or use mode=continue."
         )
 
 
-def _check_size(assignment: Assignment, context: JobContext) -> None:
+def _check_size(job: RunningJob, context: JobContext) -> None:
     """Raise TooLarge if the upload is too large for one transaction, which needs all of it in memory."""
-    limits, path = context.settings.limits, context.folder.input(assignment.id)
+    limits, path = context.settings.limits, context.folder.input(job.id)
     for name, allowed, got in (
-        ("import_all_lines", limits.import_all_lines, assignment.total or 0),
+        ("import_all_lines", limits.import_all_lines, job.total or 0),
         ("import_all_bytes", limits.import_all_bytes, path.stat().st_size if path.exists() else 0),
     ):
         if got > allowed:
@@ -215,23 +213,23 @@ class _RolledBack(Exception):
 
 
 def _store_all(
-    assignment: Assignment, context: JobContext, found: list[batches.DescribedBatch], results: BinaryIO
+    job: RunningJob, context: JobContext, found: list[described_batches.DescribedBatch], results: BinaryIO
 ) -> list[LineOutcome]:
     """Store all lines in one transaction. If one is refused, store nothing and return the refused ones."""
     stored: list[BatchResult] = []
     refused: list[LineOutcome] = []
     try:
         with context.database.write() as tx:
-            assignment.collection(tx)
+            job.collection(tx)
             for batch in found:
-                stored.append(bulk.write_in(tx, assignment.collection_id, batch, assignment.parameters["on_conflict"]))
+                stored.append(bulk_ingest.write_in(tx, job.collection_id, batch, job.parameters["on_conflict"]))
                 refused += [line for line in stored[-1].lines if line.outcome == "refused"]
             if refused:
                 raise _RolledBack
             lines = [line for batch in stored for line in batch.lines]
             _write_results(results, _refusal_lines(lines, Refusals(0)))
-            _count(assignment, lines, found[-1].following if found else 0)
-            assignment.report(tx, line=assignment.done, written=results.tell())
+            _count(job, lines, found[-1].following if found else 0)
+            job.report(tx, line=job.done, written=results.tell())
     except _RolledBack:
         return refused
     for result in stored:
@@ -261,9 +259,9 @@ def _line_of(line: LineOutcome) -> bytes:
     return orjson.dumps(told) + b"\n"
 
 
-def _count(assignment: Assignment, lines: list[LineOutcome], following: int) -> None:
-    assignment.done = following
-    assignment.counts = dict(sorted((Counter(assignment.counts) + Counter(line.outcome for line in lines)).items()))
+def _count(job: RunningJob, lines: list[LineOutcome], following: int) -> None:
+    job.done = following
+    job.counts = dict(sorted((Counter(job.counts) + Counter(line.outcome for line in lines)).items()))
 
 
 def _observe(context: JobContext, batch: BatchResult) -> None:

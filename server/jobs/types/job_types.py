@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Final
 
-from server.jobs.assignment import JobFunction
+from server.jobs.running_job import JobFunction
 from server.jobs.types.find_constraints import run_constraints
 from server.jobs.types.import_submaps import run_import
 from server.jobs.types.reindex import run_reindex

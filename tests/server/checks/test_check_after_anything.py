@@ -13,12 +13,12 @@ import orjson
 import pytest
 
 from server.app import create_app
-from server.checks.inspection import inspect
+from server.checks.all_checks import inspect
 from server.config.settings import Limits, Settings
 from server.config.settings_groups import IndexSettings, JobSettings
-from server.runtime import Service
 from server.security import api_keys
 from server.security.principal import Scope
+from server.service_parts import Service
 from server.store.sqlite.database import Database
 from tests.server.factories import TestClient, forest, observed, points
 from tests.server.processes import Server

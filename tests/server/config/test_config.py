@@ -8,8 +8,8 @@ from pydantic import BaseModel, Field, SecretStr
 
 from server.cli import run
 from server.config import settings_loading, settings_report
+from server.config.file_and_environment import Misconfigured, fields, variable
 from server.config.settings import Settings
-from server.config.settings_sources import Misconfigured, fields, variable
 from tests.server.commands.cli_helpers import Said, Urquhart, refused
 
 ROOT = Path(__file__).parents[3]

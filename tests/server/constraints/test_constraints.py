@@ -12,9 +12,9 @@ import pytest
 from server.constraints.extraction import agree
 from server.constraints.formats import StoredSubmap, write_out
 from server.errors import StorageBusy
-from server.jobs import assignment, runner
-from server.jobs.assignment import Assignment
+from server.jobs import runner, running_job
 from server.jobs.folder import JobFolder
+from server.jobs.running_job import RunningJob
 from server.jobs.types import find_constraints as constraints_job
 from server.queries.lookup import look_up
 from server.queries.poses import transform_answer
@@ -144,23 +144,23 @@ def test_a_search_that_is_stopped_at_any_point_finds_the_same(
     expected = found(client, {})
     monkeypatch.setattr("server.jobs.types.find_constraints._PAGE", 2)
     monkeypatch.setattr(runner, "_LOOK", 0.01)
-    real, runs = Assignment.report, 0
+    real, runs = RunningJob.report, 0
     folder: JobFolder = client.app.state.service.jobs.folder  # type: ignore[attr-defined]
     while True:
         runs, left = runs + 1, runs + 1
 
-        def report(self: Assignment, session: Any = None, runs: int = runs, **progress: Any) -> None:
+        def report(self: RunningJob, session: Any = None, runs: int = runs, **progress: Any) -> None:
             nonlocal left
             left -= 1
             if left == 0 and runs % 2:
-                raise assignment.Interrupted
+                raise running_job.Interrupted
             real(self, session, **progress)
             if left == 0:
                 with folder.found(self.id).open("ab") as file:
                     file.write(b'{"from": "a1", "to')
-                raise assignment.Interrupted
+                raise running_job.Interrupted
 
-        monkeypatch.setattr(Assignment, "report", report)
+        monkeypatch.setattr(RunningJob, "report", report)
         assert found(client, {}) == expected
         if left > 0:
             break
@@ -184,7 +184,7 @@ def test_a_slow_search_that_is_cut_short_goes_on_where_it_was(
         return look_up(*given, **options)
 
     monkeypatch.setattr(constraints_job, "look_up", slow)
-    monkeypatch.setattr(assignment, "time", SimpleNamespace(monotonic=lambda: now))
+    monkeypatch.setattr(running_job, "time", SimpleNamespace(monotonic=lambda: now))
     monkeypatch.setattr(runner, "_LOOK", 0.01)
     assert pairs(found(client, {})) == ALL
     assert sorted(asked) == sorted([*truth, "a process ends", "a process ends"])

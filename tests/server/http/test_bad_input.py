@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from server.config.settings import Limits
 from server.errors import InvalidField, TooLarge
-from server.submaps.batches import read_line
+from server.submaps.described_batches import read_line
 from tests.server.factories import forest, points, put_submap
 
 PLOTS = "/v1/collections/plots"
@@ -329,7 +329,7 @@ def test_unforeseen_failures_tell_nothing_but_an_id(client: httpx.Client, monkey
     def fail(*_: object) -> None:
         raise RuntimeError("secret path /etc")
 
-    monkeypatch.setattr("server.routes.collections.registry.read", fail)
+    monkeypatch.setattr("server.routes.collections.crud.read", fail)
     response = client.get(PLOTS, headers={"X-Request-Id": "call-17"})
     found = problem(response, 500)
     assert found["request_id"] == "call-17"

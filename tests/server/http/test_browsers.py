@@ -11,9 +11,9 @@ from fastapi import FastAPI
 
 from server.app import create_app
 from server.config.settings import Settings
-from server.runtime import Service
 from server.security import api_keys
 from server.security.principal import Scope
+from server.service_parts import Service
 from tests.server.factories import TestClient, forest, points, put_submap
 
 QUERY = {"xy": points(forest(1))}

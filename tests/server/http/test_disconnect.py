@@ -118,7 +118,7 @@ def test_the_work_on_a_batch_ends_with_its_caller(
     connection = send(server, f"{ASK}/batch", BATCH, packed=packed)
     wait_until(lambda: endless.begun == 1)
     leave(connection)
-    wait_until(lambda: server.service.gate.running == 0)
+    wait_until(lambda: server.service.fair_queue.running == 0)
     connection.close()
     assert (endless.begun, endless.ended) == (1, 1)
     wait_until(lambda: answered(server, "499") == 1.0)
@@ -139,23 +139,23 @@ def test_a_caller_that_has_sent_the_next_request_already_is_seen_to_go(
     connection.sendall(b" " * size)
     time.sleep(0.1)
     leave(connection)
-    wait_until(lambda: server.service.gate.running == 0)
+    wait_until(lambda: server.service.fair_queue.running == 0)
     connection.close()
     assert (endless.begun, endless.ended) == (1, 1)
 
 
 def test_who_leaves_while_waiting_for_a_place_is_not_waited_for(start: Start, endless: Searches) -> None:
     server = start(concurrent_requests=1, queue_seconds=PATIENCE, query_seconds=PATIENCE)
-    gate = server.service.gate
+    fair_queue = server.service.fair_queue
     first = send(server, ASK, QUERY)
     wait_until(lambda: endless.begun == 1)
     second = send(server, ASK, QUERY)
-    wait_until(lambda: gate.waiting == 1)
+    wait_until(lambda: fair_queue.waiting == 1)
     reset(second)
-    wait_until(lambda: gate.waiting == 0)
-    assert (gate.running, endless.begun) == (1, 1)
+    wait_until(lambda: fair_queue.waiting == 0)
+    assert (fair_queue.running, endless.begun) == (1, 1)
     reset(first)
-    wait_until(lambda: gate.running == 0)
+    wait_until(lambda: fair_queue.running == 0)
     assert endless.begun == 1
     assert server.client.get("/v1/collections/plots").status_code == 200
 
@@ -166,9 +166,9 @@ def test_a_real_batch_is_not_computed_for_nobody(start: Start) -> None:
         put_submap(server.client, "plots", f"p{seed}", seed).raise_for_status()
     unknown = {"xy": points(forest(99, count=400, radius=120.0))}
     connection = send(server, f"{ASK}/batch", {"queries": [unknown] * 200})
-    wait_until(lambda: server.service.gate.running == 1)
+    wait_until(lambda: server.service.fair_queue.running == 1)
     reset(connection)
-    wait_until(lambda: server.service.gate.running == 0)
+    wait_until(lambda: server.service.fair_queue.running == 0)
     asked = server.service.metrics.registry.get_sample_value("urquhart_query_verdicts_total", {"verdict": "no_match"})
     assert (asked or 0.0) < 100
 

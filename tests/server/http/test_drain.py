@@ -15,7 +15,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from server.checks.integrity import discrepancies
+from server.checks.database import discrepancies
 from server.config.settings import STOP_SPARE, Settings
 from server.store.sqlite.database import Database
 from tests.server.factories import forest, points, put_submap

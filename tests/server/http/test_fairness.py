@@ -12,7 +12,7 @@ import pytest
 
 from server.config.settings import Limits
 from server.errors import Overloaded
-from server.http.admission.gate import Gate
+from server.http.admission.fair_queue import FairQueue
 from server.security import api_keys
 from server.security.principal import Scope
 from tests.server.factories import put_submap
@@ -20,15 +20,15 @@ from tests.server.http.test_disconnect import ASK, BATCH, QUERY, Searches
 from tests.server.served import PATIENCE, Start, Threaded, starting, wait_until
 from urquhart import Features, Recognition, Recognizer
 
-# --------------------------------------------------------------------- the gate
+# --------------------------------------------------------------------- the fair_queue
 
 
 class Visits:
-    """Callers at a gate, in the order in which they were let in."""
+    """Callers at a fair_queue, in the order in which they were let in."""
 
     def __init__(self, **limits: float) -> None:
         self.now = 0.0
-        self.gate = Gate(Limits.model_validate({"queue_seconds": 100, **limits}), clock=lambda: self.now)
+        self.fair_queue = FairQueue(Limits.model_validate({"queue_seconds": 100, **limits}), clock=lambda: self.now)
         self.inside: list[str] = []
         self.refused: list[str] = []
         self._tasks: list[asyncio.Task[None]] = []
@@ -41,7 +41,7 @@ class Visits:
     async def leave(self, name: str, seconds: float) -> None:
         """One of them is done."""
         self.inside.remove(name)
-        self.gate.leave(name, seconds)
+        self.fair_queue.leave(name, seconds)
         await asyncio.sleep(0.01)
 
     def end(self) -> None:
@@ -51,7 +51,7 @@ class Visits:
 
     async def _visit(self, name: str) -> None:
         try:
-            await self.gate.enter(name, asyncio.get_running_loop().create_future())
+            await self.fair_queue.enter(name, asyncio.get_running_loop().create_future())
         except Overloaded:
             self.refused.append(name)
             return
@@ -114,7 +114,7 @@ def test_where_the_queue_is_full_the_one_with_most_requests_in_it_is_refused() -
         assert visits.refused == ["many"] * 5
         await visits.arrive("one", 2)
         assert visits.refused == ["many"] * 7
-        assert visits.gate.waiting == 4
+        assert visits.fair_queue.waiting == 4
         visits.end()
 
     asyncio.run(scenario())
@@ -124,10 +124,10 @@ def test_callers_are_forgotten() -> None:
     async def scenario() -> None:
         visits = Visits(concurrent_requests=1)
         for number in range(100):
-            await visits.gate.enter(str(number), asyncio.get_running_loop().create_future())
-            visits.gate.leave(str(number), 1.0)
+            await visits.fair_queue.enter(str(number), asyncio.get_running_loop().create_future())
+            visits.fair_queue.leave(str(number), 1.0)
             visits.now += 1.0
-        assert len(visits.gate._callers) < 70
+        assert len(visits.fair_queue._callers) < 70
 
     asyncio.run(scenario())
 
@@ -173,7 +173,7 @@ def test_others_are_answered_beside_many_requests_of_one_key_which_end_when_it_i
     start: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     server = start(concurrent_requests=8, queue_seconds=PATIENCE, query_seconds=PATIENCE, batch_seconds=PATIENCE)
-    gate = server.service.gate
+    fair_queue = server.service.fair_queue
     greedy_id, greedy = key_of(server, "greedy")
     _, modest = key_of(server, "modest")
     time.sleep(1.1)  # until it is known that there are keys
@@ -182,7 +182,7 @@ def test_others_are_answered_beside_many_requests_of_one_key_which_end_when_it_i
     flood, statuses = background(
         lambda: httpx.post(f"{server.url}{ASK}/batch", json=body, headers=greedy, timeout=PATIENCE), 40
     )
-    wait_until(lambda: gate.running + gate.waiting == 40)
+    wait_until(lambda: fair_queue.running + fair_queue.waiting == 40)
     for _ in range(3):
         answer = httpx.post(f"{server.url}{ASK}", json=QUERY, headers=modest, timeout=PATIENCE)
         assert (answer.status_code, answer.json()["verdict"]) == (200, "matched")
@@ -193,7 +193,7 @@ def test_others_are_answered_beside_many_requests_of_one_key_which_end_when_it_i
     for thread in flood:
         thread.join(PATIENCE)
     assert statuses == [401] * 40
-    assert (gate.running, gate.waiting) == (0, 0)
+    assert (fair_queue.running, fair_queue.waiting) == (0, 0)
     assert endless.begun == endless.ended <= 6
 
 
@@ -201,7 +201,7 @@ def test_all_places_taken_is_told(start: Start, monkeypatch: pytest.MonkeyPatch)
     server = start(concurrent_requests=1, query_seconds=PATIENCE, batch_seconds=PATIENCE)
     only_of(monkeypatch, len(QUERY["xy"]))
     _, statuses = background(lambda: server.client.post(f"{ASK}/batch", json={**BATCH, "timeout_ms": 1000}), 1)
-    wait_until(lambda: server.service.gate.running == 1)
+    wait_until(lambda: server.service.fair_queue.running == 1)
     told = httpx.get(f"{server.url}/readyz")
     assert (told.status_code, told.json()["load"]["saturated"]) == (200, True)
     wait_until(lambda: statuses == [200])
@@ -212,7 +212,7 @@ def test_a_body_that_is_not_asked_for_does_not_pass_the_gate(start: Start, monke
     server = start(concurrent_requests=1, query_seconds=PATIENCE, queue_seconds=0.2)
     only_of(monkeypatch, len(QUERY["xy"]))
     threads, _ = background(lambda: server.client.post(ASK, json={**QUERY, "timeout_ms": 3000}), 1)
-    wait_until(lambda: server.service.gate.running == 1)
+    wait_until(lambda: server.service.fair_queue.running == 1)
     sneaky = httpx.request("GET", f"{server.url}/v1/collections/plots/submaps", content=b"x", timeout=PATIENCE)
     assert sneaky.status_code == 503
     threads[0].join(PATIENCE)

@@ -11,7 +11,7 @@ from server.errors import InvalidField, NotAcceptable
 from server.http.negotiation import choose
 from server.http.problems import domain_problem
 from server.parsing.field_errors import pointer
-from server.platform.threads import pin_threads
+from server.platform.thread_limits import pin_threads
 from server.resources.paging import read_cursor, write_cursor
 from server.resources.preconditions import Preconditions
 

@@ -14,7 +14,7 @@ import pytest
 
 from server.config.settings import Limits
 from server.errors import Overloaded, TooManyRequests
-from server.http.admission.gate import Gate
+from server.http.admission.fair_queue import FairQueue
 from server.queries import lookup
 from server.schemas.queries import QueryAnswer
 from server.security import api_keys
@@ -70,9 +70,9 @@ def background(work: Callable[[], httpx.Response], count: int) -> tuple[list[thr
 
 def test_what_is_too_much_is_refused_at_once(start: Start, held: threading.Event) -> None:
     server = start(concurrent_requests=2, queued_requests=1, queue_seconds=100)
-    gate = server.service.gate
+    fair_queue = server.service.fair_queue
     threads, answers = background(lambda: ask(server), 3)
-    wait_until(lambda: (gate.running, gate.waiting) == (2, 1))
+    wait_until(lambda: (fair_queue.running, fair_queue.waiting) == (2, 1))
     refused = ask(server)
     problem = refused.json()
     assert (refused.status_code, problem["type"]) == (503, "/problems/overloaded")
@@ -89,16 +89,16 @@ def test_what_is_too_much_is_refused_at_once(start: Start, held: threading.Event
     for thread in threads:
         thread.join(PATIENCE)
     assert [answer.status_code for answer in answers] == [200] * 3
-    wait_until(lambda: (gate.running, gate.waiting) == (0, 0))
+    wait_until(lambda: (fair_queue.running, fair_queue.waiting) == (0, 0))
 
 
 def test_one_that_waits_too_long_is_refused(start: Start, held: threading.Event) -> None:
     server = start(concurrent_requests=1, queue_seconds=0.1)
     threads, answers = background(lambda: ask(server), 1)
-    wait_until(lambda: server.service.gate.running == 1)
+    wait_until(lambda: server.service.fair_queue.running == 1)
     refused = ask(server)
     assert (refused.status_code, refused.json()["type"]) == (503, "/problems/overloaded")
-    assert server.service.gate.waiting == 0
+    assert server.service.fair_queue.waiting == 0
     held.set()
     threads[0].join(PATIENCE)
     assert [answer.status_code for answer in answers] == [200]
@@ -117,16 +117,16 @@ def test_failures_give_their_places_back(start: Start, monkeypatch: pytest.Monke
     assert server.client.post(ASK, content=b"{", headers={"Content-Type": "application/json"}).status_code == 400
     assert server.client.post("/v1/collections/none/queries", json={"xy": []}).status_code in {404, 422, 500}
     assert server.client.get("/nope").status_code == 404
-    wait_until(lambda: server.service.gate.running == 0)
+    wait_until(lambda: server.service.fair_queue.running == 0)
 
 
 def test_places_are_given_in_turn_and_none_is_lost() -> None:
     async def scenario() -> list[int]:
-        gate = Gate(Limits(concurrent_requests=1, queued_requests=3, queue_seconds=100))
+        fair_queue = FairQueue(Limits(concurrent_requests=1, queued_requests=3, queue_seconds=100))
         order: list[int] = []
 
         async def enter() -> None:
-            await gate.enter("a", asyncio.get_running_loop().create_future())
+            await fair_queue.enter("a", asyncio.get_running_loop().create_future())
 
         async def visit(number: int) -> None:
             await enter()
@@ -139,15 +139,15 @@ def test_places_are_given_in_turn_and_none_is_lost() -> None:
             await enter()
         tasks[1].cancel()
         await asyncio.sleep(0)
-        assert gate.waiting == 2
+        assert fair_queue.waiting == 2
         # Given up in the moment in which it is handed over: the next one has it.
-        gate.leave("a", 0.0)
+        fair_queue.leave("a", 0.0)
         tasks[0].cancel()
         await asyncio.sleep(0.01)
-        assert (gate.running, gate.waiting) == (1, 0)
-        gate.leave("a", 0.0)
+        assert (fair_queue.running, fair_queue.waiting) == (1, 0)
+        fair_queue.leave("a", 0.0)
         await asyncio.gather(*tasks, return_exceptions=True)
-        assert gate.running == 0
+        assert fair_queue.running == 0
         return order
 
     assert asyncio.run(scenario()) == [2]
@@ -273,7 +273,7 @@ def test_slow_bodies_take_nobodys_turn(start: Start) -> None:
     slow = [server.connect() for _ in range(30)]
     for connection in slow:
         connection.sendall(PUT_HEAD.format(1000).encode() + b'{"xy": [')
-    assert server.service.gate.running == 0
+    assert server.service.fair_queue.running == 0
     assert ask(server).status_code == 200
     for connection in slow:
         connection.close()
@@ -414,4 +414,4 @@ def test_many_at_once_are_all_answered(start: Start) -> None:
     server = start(concurrent_requests=2, queued_requests=100, queue_seconds=PATIENCE)
     codes = together(40, lambda number: ask(server).status_code)
     assert codes == [200] * 40
-    assert (server.service.gate.running, server.service.gate.waiting) == (0, 0)
+    assert (server.service.fair_queue.running, server.service.fair_queue.waiting) == (0, 0)

@@ -11,7 +11,7 @@ import pytest
 from server.app import create_app
 from server.errors import StorageDamaged
 from server.problem_types import PROBLEM_TYPES, TABLE
-from server.runtime import Service
+from server.service_parts import Service
 from server.store.migrations_runner import expected_revision
 from tests.server.factories import TestClient, forest, points, put_submap
 

@@ -58,7 +58,7 @@ def test_one_look_is_enough_for_all_who_wait(start: Start, monkeypatch: pytest.M
     wait_until(lambda: len(looks) >= 5)
     assert time.monotonic() - began > 0.5  # five looks at 0.2 s, however many wait
     assert set(looks[-3:]) == {2}
-    assert server.service.gate.running == 0
+    assert server.service.fair_queue.running == 0
     assert "urquhart_job_waits 31.0" in server.client.get("/metrics").text.splitlines()
     server.client.delete(f"/v1/jobs/{name}").raise_for_status()
     server.service.jobs.runner.run_once()  # which notes the end of the dismissed job

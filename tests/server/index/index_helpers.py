@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from server.checks.agreement import index_discrepancies
-from server.checks.integrity import discrepancies
+from server.checks.database import discrepancies
+from server.checks.index import index_discrepancies
 from server.config.settings import Limits
 from server.config.settings_groups import IndexSettings
 from server.index.catalog import Catalog
@@ -22,7 +22,7 @@ from server.schemas.submaps import NamedSubmap, SubmapInput
 from server.store.records import SegmentRecord
 from server.store.sqlite.database import Database
 from server.store.submap_records import SubmapMetadata
-from server.submaps import bulk, ingest
+from server.submaps import bulk_ingest, writes
 from tests.server.factories import forest, points
 from urquhart import Features
 from urquhart.index.collection_index import CollectionIndex
@@ -50,17 +50,17 @@ class Process:
     def put(self, name: str, seed: int) -> None:
         """Store a forest."""
         body = SubmapInput.model_validate({"xy": points(trees(seed))})
-        ingest.put(self.database, "plots", name, body, LIMITS)
+        writes.put(self.database, "plots", name, body, LIMITS)
 
     def put_many(self, seeds: range, *, batch: int = 500) -> None:
         """Store forests under their seeds, `batch` of them in a transaction."""
         named = (NamedSubmap.model_validate({"id": f"p{seed}", "xy": points(trees(seed))}) for seed in seeds)
-        for _ in bulk.ingest_many(self.database, "plots", named, batch_size=batch):
+        for _ in bulk_ingest.ingest_many(self.database, "plots", named, batch_size=batch):
             pass
 
     def delete(self, name: str) -> None:
         """Remove it."""
-        ingest.delete(self.database, "plots", name)
+        writes.delete(self.database, "plots", name)
 
     def ask(self, seed: int) -> QueryAnswer:
         """Query with a forest."""

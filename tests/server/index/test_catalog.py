@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from server.checks.integrity import discrepancies
-from server.collections import registry
+from server.checks.database import discrepancies
+from server.collections import crud
 from server.config.settings import Limits
 from server.errors import NotFound
 from server.index.catalog import Catalog
@@ -24,7 +24,7 @@ from server.store.repositories.feature_rows import FeatureRows
 from server.store.sqlite.database import Database
 from server.store.storage import ReadTransaction
 from server.store.submap_records import StoredFeatures
-from server.submaps import bulk, ingest
+from server.submaps import bulk_ingest, writes
 from tests.server.factories import forest, points
 from tests.server.index import index_helpers
 
@@ -40,11 +40,11 @@ class CatalogProcess:
 
     def put(self, name: str, seed: int) -> None:
         """Store a forest."""
-        ingest.put(self.database, "plots", name, SubmapInput.model_validate({"xy": points(forest(seed))}), LIMITS)
+        writes.put(self.database, "plots", name, SubmapInput.model_validate({"xy": points(forest(seed))}), LIMITS)
 
     def delete(self, name: str) -> None:
         """Remove it."""
-        ingest.delete(self.database, "plots", name)
+        writes.delete(self.database, "plots", name)
 
     def ask(self, seed: int) -> QueryAnswer:
         """Query with a forest."""
@@ -60,7 +60,7 @@ class CatalogProcess:
 @pytest.fixture
 def pair(database: Database) -> Iterator[tuple[CatalogProcess, CatalogProcess]]:
     """Two processes' parts over one database with the collection `plots`."""
-    registry.ensure(database, "plots", CollectionPut())
+    crud.ensure(database, "plots", CollectionPut())
     both = CatalogProcess(database), CatalogProcess(database)
     yield both
     for process in both:
@@ -89,10 +89,10 @@ def test_a_collection_that_another_process_made_again(pair: tuple[CatalogProcess
     one, two = pair
     one.put("a", 1)
     assert two.found(1) == "a"
-    registry.delete(one.database, "plots")
+    crud.delete(one.database, "plots")
     with pytest.raises(NotFound):
         two.ask(1)
-    registry.ensure(one.database, "plots", CollectionPut())
+    crud.ensure(one.database, "plots", CollectionPut())
     assert two.ask(1).reason == "empty_collection"
     one.put("a", 2)
     assert (two.found(1), two.found(2)) == (None, "a")
@@ -115,7 +115,7 @@ def test_only_landmarks_concern_the_index(
 
     monkeypatch.setattr(FeatureRows, "changed_since", watched)
     body = SubmapInput.model_validate({"xy": points(forest(1)), "session": "s", "ids": [f"t{i}" for i in range(60)]})
-    assert ingest.put(one.database, "plots", "a", body, LIMITS).outcome == "replaced"
+    assert writes.put(one.database, "plots", "a", body, LIMITS).outcome == "replaced"
     answer = two.ask(1)
     assert streamed == []
     assert (answer.candidates[0].session, answer.candidates[0].inliers[0].submap[0]) == ("s", "t")
@@ -211,7 +211,7 @@ def test_readers_and_writers_together(pair: tuple[CatalogProcess, CatalogProcess
 
 def test_every_view_is_of_one_revision(database: Database) -> None:
     """While two threads write, segments are written and merged: each view holds all that was acknowledged before it."""
-    registry.ensure(database, "plots", CollectionPut())
+    crud.ensure(database, "plots", CollectionPut())
     process = index_helpers.Process(database.path)
     acknowledged: list[int] = []
     failures: list[BaseException] = []
@@ -301,9 +301,9 @@ def test_a_database_that_was_put_back_and_written_to(pair: tuple[CatalogProcess,
 def test_warm_up_builds_every_index_but_empty_ones(pair: tuple[CatalogProcess, CatalogProcess]) -> None:
     one, two = pair
     one.put("a", 1)
-    registry.ensure(one.database, "never", CollectionPut())
-    registry.ensure(one.database, "other", CollectionPut())
-    ingest.put(one.database, "other", "b", SubmapInput(xy=points(forest(2))), Limits())
+    crud.ensure(one.database, "never", CollectionPut())
+    crud.ensure(one.database, "other", CollectionPut())
+    writes.put(one.database, "other", "b", SubmapInput(xy=points(forest(2))), Limits())
     assert list(two.catalog.warm_up()) == [("plots", 1, 2), ("other", 2, 2)]
     assert two.catalog.live("never") is None
     with two.catalog.view("never") as view:
@@ -311,7 +311,7 @@ def test_warm_up_builds_every_index_but_empty_ones(pair: tuple[CatalogProcess, C
 
 
 def test_ingest_many(database: Database) -> None:
-    registry.ensure(database, "plots", CollectionPut())
+    crud.ensure(database, "plots", CollectionPut())
     process = CatalogProcess(database)
 
     def submaps(first: int) -> Iterator[NamedSubmap]:
@@ -319,28 +319,28 @@ def test_ingest_many(database: Database) -> None:
             xy = [[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]] if i == 4 else points(forest(first + i))
             yield NamedSubmap.model_validate({"id": f"s{i}", "xy": xy})
 
-    batches = list(bulk.ingest_many(database, "plots", submaps(0), batch_size=4))
+    batches = list(bulk_ingest.ingest_many(database, "plots", submaps(0), batch_size=4))
     assert [(b.submaps, b.created, len(b.refused)) for b in batches] == [(4, 4, 0), (4, 3, 1), (2, 2, 0)]
     assert (batches[1].refused[0].submap_id, batches[-1].revision) == ("s4", 3)
     assert "line" in str(batches[1].refused[0].error)
     assert process.found(9) == "s9"
-    again = list(bulk.ingest_many(database, "plots", submaps(0)))
+    again = list(bulk_ingest.ingest_many(database, "plots", submaps(0)))
     assert [(b.unchanged, b.revision) for b in again] == [(9, 3)]
-    moved = list(bulk.ingest_many(database, "plots", submaps(1)))
+    moved = list(bulk_ingest.ingest_many(database, "plots", submaps(1)))
     assert moved[0].replaced == 9
     assert process.found(9) == "s8"
     twice = [NamedSubmap.model_validate({"id": "t", "xy": points(forest(seed))}) for seed in (50, 51)]
-    (batch,) = bulk.ingest_many(database, "plots", twice)
+    (batch,) = bulk_ingest.ingest_many(database, "plots", twice)
     assert (batch.submaps, batch.created, batch.replaced) == (2, 1, 1)
     assert (process.found(50), process.found(51)) == (None, "t")
     assert list(discrepancies(database)) == []
     with pytest.raises(NotFound):
-        list(bulk.ingest_many(database, "nope", submaps(0)))
+        list(bulk_ingest.ingest_many(database, "nope", submaps(0)))
     process.database.dispose()
 
 
 def test_findings_tell_what_does_not_agree(database: Database) -> None:
-    registry.ensure(database, "plots", CollectionPut())
+    crud.ensure(database, "plots", CollectionPut())
     process = CatalogProcess(database)
     for i in range(6):
         process.put(f"p{i}", i)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import urquhart
-from server.collections import registry
+from server.collections import crud
 from server.index.feature_cache import Entry, FeatureCache, FeatureReader
 from server.schemas.collections import CollectionPut
 from server.store.sqlite.database import Database
@@ -98,7 +98,7 @@ def test_every_view_reads_what_was_at_its_revision(steps: list[tuple[str, int]])
 
 
 def test_readers_of_a_database(database: Database) -> None:
-    registry.ensure(database, "plots", CollectionPut())
+    crud.ensure(database, "plots", CollectionPut())
     process = Process(database.path)
     process.put_many(range(6))
     with process.database.write_connection() as connection:

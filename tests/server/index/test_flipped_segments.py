@@ -12,11 +12,11 @@ import httpx
 import pytest
 
 from server.app import create_app
-from server.checks.agreement import index_discrepancies
+from server.checks.index import index_discrepancies
 from server.config.settings import Settings
 from server.config.settings_groups import IndexSettings
 from server.index import maintenance
-from server.runtime import Service
+from server.service_parts import Service
 from tests.server.factories import TestClient, forest, observed, points
 from urquhart.index.segment_file import SegmentFile
 

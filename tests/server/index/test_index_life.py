@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
-from server.collections import registry
+from server.collections import crud
 from server.schemas.collections import CollectionPut
 from server.store import migrations_runner
 from server.store.sqlite.database import Database
@@ -39,7 +39,7 @@ class Life(RuleBasedStateMachine):
     def begin(self) -> None:
         database = Database(self.path)
         migrations_runner.upgrade(database)
-        registry.ensure(database, "plots", CollectionPut())
+        crud.ensure(database, "plots", CollectionPut())
         database.dispose()
         self.processes = [Process(self.path), Process(self.path)]
 

@@ -17,13 +17,13 @@ from fastapi import FastAPI
 from sqlalchemy import event
 
 from server.app import create_app
-from server.collections import registry
+from server.collections import crud
 from server.config.settings import Settings
 from server.config.settings_groups import IndexSettings
 from server.index import flushing, maintenance
 from server.index.flushing import Stopped
-from server.runtime import Service
 from server.schemas.collections import CollectionPut
+from server.service_parts import Service
 from server.store.sqlite.database import Database
 from tests.server.factories import TestClient, forest, points, put_submap
 from tests.server.index.index_helpers import Process
@@ -35,7 +35,7 @@ ROOT = Path(__file__).parents[3]
 @pytest.fixture
 def process(database: Database) -> Iterator[Process]:
     """A process over a database with the empty collection `plots`."""
-    registry.ensure(database, "plots", CollectionPut())
+    crud.ensure(database, "plots", CollectionPut())
     made = Process(database.path)
     yield made
     made.close()
@@ -56,7 +56,7 @@ def wait_for(condition: Callable[[], bool]) -> None:
 def test_a_look_at_many_collections_is_one_look(process: Process) -> None:
     process.put_many(range(5))
     for number in range(40):
-        registry.ensure(process.database, f"empty{number}", CollectionPut())
+        crud.ensure(process.database, f"empty{number}", CollectionPut())
     process.maintenance.run()
     assert process.maintenance.run()
     statements: list[str] = []

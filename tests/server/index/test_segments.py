@@ -14,11 +14,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from server.checks.agreement import index_discrepancies
-from server.collections import registry
+from server.checks.index import index_discrepancies
+from server.collections import crud
 from server.index.flushing import flush, rebuild
-from server.index.merging import FANOUT, plan
 from server.index.segment_folder import SegmentFolder
+from server.index.segment_merging import FANOUT, plan
 from server.schemas.collections import CollectionPut
 from server.store.records import SegmentRecord, trusted
 from server.store.repositories.feature_rows import FeatureRows
@@ -33,7 +33,7 @@ KINDS = ["missing", "empty", "truncated", "header", "arrays"]
 @pytest.fixture
 def process(database: Database) -> Iterator[Process]:
     """A process over a database with the empty collection `plots`."""
-    registry.ensure(database, "plots", CollectionPut())
+    crud.ensure(database, "plots", CollectionPut())
     made = Process(database.path)
     yield made
     made.close()
@@ -95,11 +95,11 @@ def test_a_collection_that_is_dropped_takes_its_files_along(process: Process) ->
     process.put_many(range(6))
     process.maintenance.flush_and_merge("plots")
     assert process.files()
-    registry.delete(process.database, "plots")
+    crud.delete(process.database, "plots")
     assert process.catalog.folder.clean_up(grace=60.0) == 0  # young files might be about to be listed
     assert process.catalog.folder.clean_up(grace=0.0) == 1
     assert process.files() == []
-    registry.ensure(process.database, "plots", CollectionPut())
+    crud.ensure(process.database, "plots", CollectionPut())
     assert process.found(1) is None
 
 
@@ -325,7 +325,7 @@ def test_damage_is_not_merged_into_something_sound(process: Process) -> None:
 def test_the_file_of_another(process: Process) -> None:
     """Of another collection, of another revision, or with other features: each is sound in itself."""
     process.put_many(range(5))
-    registry.ensure(process.database, "others", CollectionPut())
+    crud.ensure(process.database, "others", CollectionPut())
     with process.catalog.view("others"):
         pass
     flush(process.catalog.flush_context, "plots")

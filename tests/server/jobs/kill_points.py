@@ -20,15 +20,15 @@ import orjson
 from sqlalchemy.engine.default import DefaultDialect
 
 import urquhart
-from server.collections import registry
+from server.collections import crud
 from server.config.settings import Limits, Settings
 from server.config.settings_groups import JobSettings
 from server.index.catalog import Catalog
 from server.jobs import folder as job_folder
 from server.jobs import queue
-from server.jobs.assignment import JobContext
 from server.jobs.folder import JobFolder
 from server.jobs.runner import Runner
+from server.jobs.running_job import JobContext
 from server.jobs.types import import_submaps
 from server.jobs.types.job_types import JOB_TYPES
 from server.observability.metrics import Metrics
@@ -36,7 +36,7 @@ from server.schemas.collections import CollectionPut
 from server.security.principal import UNRESTRICTED
 from server.store import migrations_runner
 from server.store.sqlite.database import Database
-from server.submaps import bulk
+from server.submaps import bulk_ingest
 
 _JOB = "job"
 _POINTS = 12
@@ -81,7 +81,7 @@ def _prepare(path: Path, mode: str, content: bytes) -> None:
     path.parent.mkdir()
     database = Database(path)
     migrations_runner.upgrade(database)
-    registry.ensure(database, "plots", CollectionPut())
+    crud.ensure(database, "plots", CollectionPut())
     folder = JobFolder(database)
     folder.make()
     folder.input(_JOB).write_bytes(content)
@@ -130,13 +130,13 @@ def _work(path: Path, point: int) -> None:
         results.truncate(before)
         write(results, lines)
 
-    write, describe = import_submaps._write_results, bulk.describe_lines
+    write, describe = import_submaps._write_results, bulk_ingest.describe_lines
     import_submaps._write_results = write_half
 
-    def describe_two(database: Any, name: str, lines: Any, options: Any = bulk.USUAL) -> Any:
+    def describe_two(database: Any, name: str, lines: Any, options: Any = bulk_ingest.USUAL) -> Any:
         return describe(database, name, lines, replace(options, batch_size=2))
 
-    bulk.describe_lines = describe_two  # type: ignore[assignment]
+    bulk_ingest.describe_lines = describe_two  # type: ignore[assignment]
     os.fsync, os.unlink = around(os.fsync), around(os.unlink)
     DefaultDialect.do_commit = around(DefaultDialect.do_commit)  # type: ignore[method-assign]
     runner = _runner(path)
@@ -153,7 +153,7 @@ def _tell(path: Path) -> None:
     with found.file as file:
         results = [orjson.loads(line) for line in file.read(found.size).splitlines()]
     job = queue.read(context.database, UNRESTRICTED, _JOB)
-    collection, _ = registry.read(context.database, "plots")
+    collection, _ = crud.read(context.database, "plots")
     told = {
         "state": job.state,
         "done": job.done,

@@ -5,7 +5,7 @@ import signal
 import time
 from typing import Any
 
-from server.submaps import batches
+from server.submaps import described_batches
 
 
 def poisoned(task: Any) -> Any:
@@ -14,4 +14,4 @@ def poisoned(task: Any) -> Any:
         os.kill(os.getpid(), signal.SIGKILL)
     if any(b'"endless' in line for _, line in task.lines):
         time.sleep(600)
-    return batches._describe_there(task)
+    return described_batches._describe_there(task)

@@ -14,12 +14,12 @@ from server import cli
 from server.app import create_app
 from server.config.settings import Limits, Settings
 from server.config.settings_groups import JobSettings
-from server.jobs import operator, queue
-from server.jobs.assignment import Assignment, JobContext
+from server.jobs import operator_commands, queue
+from server.jobs.running_job import JobContext, RunningJob
 from server.jobs.types import find_constraints
-from server.runtime import Service
 from server.security import api_keys
 from server.security.principal import UNRESTRICTED, Scope
+from server.service_parts import Service
 from tests.server.factories import TestClient, put_submap
 from tests.server.jobs.test_jobs import finished, line, upload
 
@@ -102,12 +102,12 @@ def test_callers_take_turns(client: httpx.Client, app: FastAPI, service: Service
     """Each gets a turn before anybody gets another, however many jobs the first has."""
     order: list[str] = []
 
-    def work(assignment: Assignment, context: JobContext) -> None:
-        order.append(assignment.parameters["name"])
-        assignment.done += 1
-        assignment.report()
-        if assignment.done < 2:
-            assignment.yield_turn()
+    def work(job: RunningJob, context: JobContext) -> None:
+        order.append(job.parameters["name"])
+        job.done += 1
+        job.report()
+        if job.done < 2:
+            job.yield_turn()
 
     runner = service.jobs.runner
     runner.stop()
@@ -193,7 +193,7 @@ def test_a_key_that_was_just_revoked_begins_nothing(client: httpx.Client, app: F
     assert client.get("/v1/jobs", headers=busy).status_code == 200, "the service remembers the key for a second"
     api_keys.revoke(service.database, name)
     assert client.post(CONSTRAINTS, json={}, headers=busy).status_code == 401
-    assert not operator.listed(service.database)
+    assert not operator_commands.listed(service.database)
 
 
 def test_the_operator_lists_and_cancels(

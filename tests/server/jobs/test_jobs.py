@@ -18,20 +18,20 @@ from server.config.settings import Limits, Settings
 from server.config.settings_groups import IndexSettings
 from server.errors import StorageBusy, StorageFull, WorkerLost
 from server.index.flushing import count_uncovered
-from server.jobs import assignment, queue, runner
-from server.jobs.assignment import Assignment
+from server.jobs import queue, runner, running_job
 from server.jobs.folder import JobFolder
+from server.jobs.running_job import RunningJob
 from server.jobs.types import import_submaps
 from server.platform.file_locks import try_lock
-from server.runtime import Service
 from server.schemas.jobs import LineResult
 from server.security import api_keys
 from server.security.authenticator import Authenticator
 from server.security.principal import UNRESTRICTED, Scope
+from server.service_parts import Service
 from server.store.repositories.jobs import JobReader
 from server.store.service_records import Queue
 from server.store.sqlite.sqlite_errors import storage_errors
-from server.submaps import bulk
+from server.submaps import bulk_ingest
 from tests.server.factories import TestClient, forest, points, put_submap
 
 IMPORTS = "/v1/collections/plots/imports"
@@ -281,18 +281,18 @@ def test_an_upload_that_says_it_is_too_large_is_not_read(small: httpx.Client) ->
 
 def test_blank_lines_have_no_result_and_are_counted(client: httpx.Client, monkeypatch: pytest.MonkeyPatch) -> None:
     """Also at the end, and where what was written before has to be cut off."""
-    monkeypatch.setattr(bulk, "describe_lines", _small_batches(bulk.describe_lines))
-    real, stopped = Assignment.report, list[int]()
+    monkeypatch.setattr(bulk_ingest, "describe_lines", _small_batches(bulk_ingest.describe_lines))
+    real, stopped = RunningJob.report, list[int]()
 
-    def report(self: Assignment, tx: Any = None, **progress: Any) -> None:
+    def report(self: RunningJob, tx: Any = None, **progress: Any) -> None:
         if self.done == 6 and not stopped:
             stopped.append(1)
             with service_folder(client).results(self.id).open("ab") as file:
                 file.write(b"never committed\n" * 100)
-            raise assignment.Interrupted
+            raise running_job.Interrupted
         real(self, tx, **progress)
 
-    monkeypatch.setattr(Assignment, "report", report)
+    monkeypatch.setattr(RunningJob, "report", report)
     job = finished(client, upload(client, [b"", b" ", b"\t", b"", line("a", 1), b"{", b"", b""]))
     assert stopped
     assert (job["state"], job["done"], job["total"]) == ("successful", 8, 8)
@@ -306,13 +306,13 @@ def test_blank_lines_cost_next_to_nothing(
 ) -> None:
     """They are skipped together, and there is no transaction for them."""
     monkeypatch.setattr(import_submaps, "_check_size", lambda *_: None)  # all of them at once, too
-    real, reported = Assignment.report, list[int]()
+    real, reported = RunningJob.report, list[int]()
 
-    def report(self: Assignment, tx: Any = None, **progress: Any) -> None:
+    def report(self: RunningJob, tx: Any = None, **progress: Any) -> None:
         reported.append(self.done)
         real(self, tx, **progress)
 
-    monkeypatch.setattr(Assignment, "report", report)
+    monkeypatch.setattr(RunningJob, "report", report)
     run = blank * 100_000
     content = run + line("a", 1) + b"\n" + run + b"\n" + line("b", 2) + b"\n" + run + b"  "
     job = finished(client, client.post(IMPORTS, content=content, headers=NDJSON, params={"mode": mode}))
@@ -340,9 +340,9 @@ def test_outcomes_do_not_depend_on_batches(client: httpx.Client, monkeypatch: py
         "skip": ["created", "unchanged", "skipped", "created", "unchanged", "unchanged"],
         "fail": ["created", "unchanged", "refused", "created", "unchanged", "unchanged"],
     }
-    describe = bulk.describe_lines
+    describe = bulk_ingest.describe_lines
     for size in (1, 2, 3, 6):
-        monkeypatch.setattr(bulk, "describe_lines", _small_batches(describe, size))
+        monkeypatch.setattr(bulk_ingest, "describe_lines", _small_batches(describe, size))
         for on_conflict, outcome in expected.items():
             client.delete("/v1/collections/plots").raise_for_status()
             client.put("/v1/collections/plots", json={}).raise_for_status()
@@ -431,14 +431,14 @@ def test_a_finished_job_can_be_forgotten(client: httpx.Client, settings: Setting
 
 def held(monkeypatch: pytest.MonkeyPatch, until: Callable[[], bool]) -> None:
     """Batches of imports wait."""
-    real = Assignment.report
+    real = RunningJob.report
 
-    def report(self: Assignment, tx: Any = None, **progress: Any) -> None:
+    def report(self: RunningJob, tx: Any = None, **progress: Any) -> None:
         while not until() and not self._stopping.is_set():
             time.sleep(0.01)
         real(self, tx, **progress)
 
-    monkeypatch.setattr(Assignment, "report", report)
+    monkeypatch.setattr(RunningJob, "report", report)
 
 
 def test_a_job_at_work_can_be_dismissed(client: httpx.Client, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -479,16 +479,16 @@ def test_a_job_that_waits_is_dismissed_at_once(
 
 
 def test_a_dismissed_import_keeps_what_it_stored(client: httpx.Client, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bulk, "describe_lines", _small_batches(bulk.describe_lines))
-    real, reported = Assignment.report, list[int]()
+    monkeypatch.setattr(bulk_ingest, "describe_lines", _small_batches(bulk_ingest.describe_lines))
+    real, reported = RunningJob.report, list[int]()
 
-    def report(self: Assignment, tx: Any = None, **progress: Any) -> None:
+    def report(self: RunningJob, tx: Any = None, **progress: Any) -> None:
         reported.append(self.done)
         if len(reported) == 3:
             tx.jobs.change(self.id, dismissed=True)
         real(self, tx, **progress)
 
-    monkeypatch.setattr(Assignment, "report", report)
+    monkeypatch.setattr(RunningJob, "report", report)
     job = finished(client, upload(client, [line(f"p{i}", i) for i in range(10)]))
     assert (job["state"], job["done"], count(client)) == ("dismissed", 4, 4)
     assert outcomes(client, job) == [(i + 1, f"p{i}", "created") for i in range(4)]
@@ -499,16 +499,16 @@ def _small_batches(describe: Callable[..., Any], size: int = 2) -> Callable[...,
 
 
 def test_a_stopped_job_goes_on_where_it_was(settings: Settings, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bulk, "describe_lines", _small_batches(bulk.describe_lines))
-    real, stopping = Assignment.report, list[int]()
+    monkeypatch.setattr(bulk_ingest, "describe_lines", _small_batches(bulk_ingest.describe_lines))
+    real, stopping = RunningJob.report, list[int]()
 
-    def report(self: Assignment, tx: Any = None, **progress: Any) -> None:
+    def report(self: RunningJob, tx: Any = None, **progress: Any) -> None:
         if self.done == 6 and not stopping:
             stopping.append(1)
-            raise assignment.Interrupted
+            raise running_job.Interrupted
         real(self, tx, **progress)
 
-    monkeypatch.setattr(Assignment, "report", report)
+    monkeypatch.setattr(RunningJob, "report", report)
     with TestClient(create_app(settings)) as client:
         client.put("/v1/collections/plots", json={}).raise_for_status()
         job = finished(client, upload(client, [line(f"p{i}", i) for i in range(10)]))
@@ -521,15 +521,15 @@ def test_a_stopped_job_goes_on_where_it_was(settings: Settings, monkeypatch: pyt
 
 def failing(monkeypatch: pytest.MonkeyPatch, error: Exception, times: int) -> list[int]:
     """Reports raise an error so many times, whoever makes them; how often they were made."""
-    real, reports = Assignment.report, list[int]()
+    real, reports = RunningJob.report, list[int]()
 
-    def report(self: Assignment, tx: Any = None, **progress: Any) -> None:
+    def report(self: RunningJob, tx: Any = None, **progress: Any) -> None:
         reports.append(self.done)
         if len(reports) <= times:
             raise error
         real(self, tx, **progress)
 
-    monkeypatch.setattr(Assignment, "report", report)
+    monkeypatch.setattr(RunningJob, "report", report)
     return reports
 
 
@@ -542,7 +542,7 @@ def test_a_job_that_ends_processes_is_given_up(client: httpx.Client, monkeypatch
 
 
 @pytest.mark.parametrize(
-    ("error", "times"), [(assignment.Interrupted(), 9), (StorageBusy("busy"), 9), (WorkerLost("gone"), 3)]
+    ("error", "times"), [(running_job.Interrupted(), 9), (StorageBusy("busy"), 9), (WorkerLost("gone"), 3)]
 )
 def test_what_is_no_fault_of_a_job_does_not_end_it(
     client: httpx.Client, monkeypatch: pytest.MonkeyPatch, error: Exception, times: int
@@ -602,7 +602,7 @@ def test_a_collection_that_is_gone_fails_its_jobs(
 def test_a_collection_that_goes_in_the_middle_of_an_import(
     client: httpx.Client, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(bulk, "describe_lines", _small_batches(bulk.describe_lines))
+    monkeypatch.setattr(bulk_ingest, "describe_lines", _small_batches(bulk_ingest.describe_lines))
     real, gone = import_submaps._observe, list[int]()
 
     def observe(*arguments: Any) -> None:
@@ -697,9 +697,9 @@ def test_results_are_read_to_their_end_although_the_job_is_forgotten(client: htt
         assert orjson.loads(file.read(found.size))["outcome"] == "created"
 
 
-def _with(context: assignment.JobContext, jobs: Any) -> assignment.JobContext:
+def _with(context: running_job.JobContext, jobs: Any) -> running_job.JobContext:
     settings = context.settings.model_copy(update={"jobs": jobs})
-    return assignment.JobContext(settings, context.database, context.catalog, context.metrics, context.folder)
+    return running_job.JobContext(settings, context.database, context.catalog, context.metrics, context.folder)
 
 
 def test_what_was_never_taken_on_is_removed(client: httpx.Client, service: Service) -> None:

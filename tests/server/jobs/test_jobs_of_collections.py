@@ -7,16 +7,16 @@ import orjson
 import pytest
 from fastapi import FastAPI
 
-from server.checks.inspection import inspect
-from server.collections import registry
+from server.checks.all_checks import inspect
+from server.collections import crud
 from server.index import flushing
-from server.jobs import assignment
+from server.jobs import running_job
 from server.jobs.folder import JobFolder
-from server.runtime import Service
 from server.schemas.collections import CollectionPut
 from server.security import api_keys
 from server.security.authenticator import Authenticator
 from server.security.principal import Scope
+from server.service_parts import Service
 from server.store.sqlite.database import Database
 from tests.server.factories import put_submap
 from tests.server.jobs.test_jobs import finished, left, line, upload
@@ -91,8 +91,8 @@ def test_an_upload_is_for_the_collection_that_was_there_when_it_began(
     real = JobFolder.publish
 
     def publish(*arguments: Any) -> None:
-        registry.delete(service.database, "plots")
-        registry.ensure(service.database, "plots", CollectionPut())
+        crud.delete(service.database, "plots")
+        crud.ensure(service.database, "plots", CollectionPut())
         real(*arguments)
 
     monkeypatch.setattr(JobFolder, "publish", publish)
@@ -124,16 +124,16 @@ def test_constraints_beside_writers_leave_a_sound_database(
 ) -> None:
     put_submap(client, "plots", "p0", 0).raise_for_status()
     put_submap(client, "plots", "p1", 1).raise_for_status()
-    real, told = assignment.Assignment.report, list[tuple[int, int | None]]()
+    real, told = running_job.RunningJob.report, list[tuple[int, int | None]]()
 
-    def report(self: assignment.Assignment, tx: Any = None, **progress: Any) -> None:
+    def report(self: running_job.RunningJob, tx: Any = None, **progress: Any) -> None:
         if not told:
             put_submap(client, "plots", "late", 7).raise_for_status()
         real(self, tx, **progress)
         told.append((self.done, self.total))
         assert list(inspect(service.database)) == []
 
-    monkeypatch.setattr(assignment.Assignment, "report", report)
+    monkeypatch.setattr(running_job.RunningJob, "report", report)
     job = finished(client, client.post(f"{URL}/constraints", json={}))
     assert (job["state"], job["done"], job["total"]) == ("successful", 3, 3), told
     assert list(inspect(service.database)) == []

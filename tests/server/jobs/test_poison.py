@@ -14,10 +14,10 @@ from server.app import create_app
 from server.config.settings import Limits, Settings
 from server.config.settings_groups import JobSettings
 from server.errors import WorkerLost
-from server.jobs.assignment import Assignment
+from server.jobs.running_job import RunningJob
 from server.platform.isolated_process import IsolatedProcess
 from server.platform.process_pool import ProcessPool
-from server.submaps import batches
+from server.submaps import described_batches
 from tests.server.factories import TestClient
 from tests.server.jobs.poisoning import poisoned
 from tests.server.jobs.test_jobs import finished, line, results, upload
@@ -47,12 +47,12 @@ def test_a_process_that_cannot_begin_is_not_the_fault_of_its_task() -> None:
 @pytest.fixture
 def client(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[httpx.Client]:
     """A service whose processes meet what they cannot survive; every line is described in one of them."""
-    real = batches.of_lines
+    real = described_batches.of_lines
 
     def of_lines(*arguments: Any, **named: Any) -> Any:
         return dataclasses.replace(real(*arguments, **(named | {"careful": True})), there=poisoned)
 
-    monkeypatch.setattr(batches, "of_lines", of_lines)
+    monkeypatch.setattr(described_batches, "of_lines", of_lines)
     settings = Settings(
         database=str(tmp_path / "a.db"), limits=Limits(import_line_seconds=5.0), jobs=JobSettings(processes=2)
     )
@@ -83,8 +83,8 @@ def test_all_or_nothing_names_the_line(client: httpx.Client) -> None:
 
 def test_lines_with_many_trees_are_not_described_in_the_service() -> None:
     few, many = b'{"xy": [%s]}' % b",".join([b"[0,0]"] * 500), b'{"xy": [%s]}' % b",".join([b"[0,0]"] * 20_000)
-    assert batches._is_light(few)
-    assert not batches._is_light(many)
+    assert described_batches._is_light(few)
+    assert not described_batches._is_light(many)
 
 
 def test_a_job_whose_process_ended_is_resumed_with_care(tmp_path: Path) -> None:
@@ -100,5 +100,5 @@ def test_a_job_whose_process_ended_is_resumed_with_care(tmp_path: Path) -> None:
             suspicion = []
             for starts in (1, 2, 3):
                 begun = dataclasses.replace(row, progress={**row.progress, "starts": starts})
-                suspicion.append(Assignment(begun, database, threading.Event(), 1.0, Budget()).is_suspect)
+                suspicion.append(RunningJob(begun, database, threading.Event(), 1.0, Budget()).is_suspect)
     assert suspicion == [False, False, True]

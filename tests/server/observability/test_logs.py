@@ -14,11 +14,11 @@ import pytest
 from fastapi import FastAPI
 
 from server.config.settings_groups import LogSettings
-from server.observability import logs, request_log
-from server.runtime import Service
+from server.observability import logs, request_notes
 from server.security import api_keys
 from server.security.authenticator import Authenticator
 from server.security.principal import Scope
+from server.service_parts import Service
 from tests.server.factories import forest, points, put_submap
 from tests.server.served import Served
 
@@ -91,11 +91,11 @@ def test_lines_are_the_requests_own(client: httpx.Client) -> None:
 
 
 def test_several_queries_of_a_request_are_summed() -> None:
-    noted = request_log.begin()
+    noted = request_notes.begin()
     assert noted.log_members() == {}
-    request_log.note_query("matched", [("vote", 1.0), ("verify", 2.0)])
+    request_notes.note_query("matched", [("vote", 1.0), ("verify", 2.0)])
     assert noted.log_members() == {"verdict": "matched", "stages": {"vote": 1.0, "verify": 2.0}}
-    request_log.note_query("no_match", [("vote", 0.5)])
+    request_notes.note_query("no_match", [("vote", 0.5)])
     assert noted.log_members() == {"verdicts": {"matched": 1, "no_match": 1}, "stages": {"vote": 1.5, "verify": 2.0}}
 
 

@@ -12,7 +12,7 @@ import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
 from server.app import create_app
-from server.collections.registry import ensure
+from server.collections.crud import ensure
 from server.config.settings import Settings
 from server.errors import StorageBusy
 from server.observability import database_gauges

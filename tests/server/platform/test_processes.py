@@ -8,7 +8,7 @@ from pathlib import Path
 
 import httpx
 
-from server.checks.integrity import discrepancies
+from server.checks.database import discrepancies
 from server.store.sqlite.database import Database
 from tests.server.factories import forest, observed, points, put_submap
 from tests.server.processes import Server

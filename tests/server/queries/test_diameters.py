@@ -10,12 +10,12 @@ from fastapi import FastAPI
 from numpy.typing import NDArray
 
 from server.app import create_app
-from server.checks.integrity import discrepancies
+from server.checks.database import discrepancies
 from server.config.settings import Settings
-from server.runtime import Service
+from server.service_parts import Service
 from server.stem_maps.reader import read_stem_map
 from server.stem_maps.stands import cut_stand, store_stand
-from server.submaps.bulk import LineOptions
+from server.submaps.bulk_ingest import LineOptions
 from tests.server.factories import TestClient, points
 from urquhart import SE2
 from urquhart.evaluation.simulation import observe, plantation

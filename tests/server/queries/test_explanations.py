@@ -14,8 +14,8 @@ from fastapi import FastAPI
 from server.app import create_app
 from server.config.settings import Limits, Settings
 from server.queries.answers import strongest
-from server.runtime import Service
 from server.schemas.queries import FINDINGS
+from server.service_parts import Service
 from tests.server.factories import TestClient, forest, observed, points, put_submap
 from urquhart import SE2, Config, Finding, Gates
 from urquhart.evaluation.simulation import observe, plantation

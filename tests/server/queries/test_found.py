@@ -2,19 +2,19 @@
 
 from typing import Any
 
-from server.collections import registry
+from server.collections import crud
 from server.config.settings import Limits
 from server.schemas.collections import CollectionPut
 from server.schemas.submaps import SubmapInput
 from server.store.sqlite.database import Database
 from server.store.submap_records import FoundSubmap, SubmapContent
-from server.submaps import ingest
+from server.submaps import writes
 from tests.server.factories import forest, points
 
 
 def test_what_is_found_is_what_is_stored(database: Database) -> None:
     for name in ("plots", "other"):
-        registry.ensure(database, name, CollectionPut())
+        crud.ensure(database, name, CollectionPut())
     pose = {"frame_id": "m", "x": 1.5, "y": -2.25, "yaw": 0.1}
     fields: list[dict[str, Any]] = [
         {},
@@ -24,9 +24,9 @@ def test_what_is_found_is_what_is_stored(database: Database) -> None:
     for seed, more in enumerate(fields):
         body = SubmapInput.model_validate({"xy": points(forest(seed)), **more})
         for name in ("plots", "other"):
-            ingest.put(database, name, f"p{seed}", body, Limits())
+            writes.put(database, name, f"p{seed}", body, Limits())
     with database.read() as tx:
-        key = registry.get_collection(tx, "plots").key
+        key = crud.get_collection(tx, "plots").key
         submaps = tx.submaps(key)
         rows = [row for row in (submaps.get(f"p{seed}", SubmapContent) for seed in range(3)) if row is not None]
         assert len(rows) == 3

@@ -9,8 +9,8 @@ import orjson
 import pytest
 
 from server.queries.older_answers import completed
-from server.runtime import Service
 from server.schemas.queries import QueryAnswer
+from server.service_parts import Service
 from tests.server.factories import forest, observed, points, put_submap
 
 QUERIES = "/v1/collections/plots/queries"

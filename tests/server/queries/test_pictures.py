@@ -97,9 +97,9 @@ def test_the_picture_ends_with_its_caller(
     server = start(query_seconds=PATIENCE)
     connection = asked_for(server, path, media_type)
     assert endless.begun.wait(PATIENCE)
-    assert server.service.gate.running == 1
+    assert server.service.fair_queue.running == 1
     connection.close()
-    wait_until(lambda: server.service.gate.running == 0)
+    wait_until(lambda: server.service.fair_queue.running == 0)
     wait_until(lambda: gone(server) == [1.0])
     assert not [one for one in caplog.records if one.exc_info]
 
@@ -114,5 +114,5 @@ def test_who_may_not_have_the_picture_any_more_is_told_why(
         for request in list(server.app.state.shared.requests):
             request.refuse(NotReady("shutdown", "the service is stopping"))
         assert connection.recv(65536).startswith(b"HTTP/1.1 503 ")
-    wait_until(lambda: server.service.gate.running == 0)
+    wait_until(lambda: server.service.fair_queue.running == 0)
     assert not [one for one in caplog.records if one.exc_info]

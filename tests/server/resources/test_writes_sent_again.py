@@ -10,7 +10,7 @@ import pytest
 from fastapi import FastAPI
 
 from server.queries import lookup
-from server.runtime import Service
+from server.service_parts import Service
 from tests.server.factories import forest, observed, points, put_submap
 
 COLLECTION = "/v1/collections/plots"

@@ -21,9 +21,9 @@ from server.app import create_app
 from server.commands.support.database import open_database
 from server.config.settings import Limits, Settings
 from server.errors import InvalidField, Unauthorized
-from server.runtime import Service
 from server.security import api_keys, authenticator
 from server.security.principal import Principal, Scope
+from server.service_parts import Service
 from server.snapshots import restoring
 from server.store.service_tables import KeyRow
 from server.store.sqlite.database import Database

@@ -17,8 +17,8 @@ from server.errors import Conflict, InvalidField, NotFound, Unauthorized
 from server.http.authorization import GuardedRoute
 from server.security import api_keys
 from server.security.authenticator import Authenticator, check_exposure
+from server.security.operation_scopes import SCOPES
 from server.security.principal import ANONYMOUS, UNRESTRICTED, Principal, Scope
-from server.security.scopes import SCOPES
 from server.store.sqlite.database import Database
 from tests.server.factories import TestClient, forest, points, put_submap
 from tests.server.processes import Server

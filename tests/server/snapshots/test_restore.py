@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from server.checks.inspection import inspect
-from server.collections import registry
+from server.checks.all_checks import inspect
+from server.collections import crud
 from server.config.settings import Limits
 from server.errors import Conflict, DatabaseTooNew, DomainError, NotADatabase, NotFound, StorageDamaged, StorageFull
 from server.index.catalog import Catalog
@@ -29,7 +29,7 @@ from server.snapshots.snapshot_folder import SnapshotFolder
 from server.store import migrations_runner
 from server.store.sqlite import database_lock
 from server.store.sqlite.database import Database
-from server.submaps import ingest
+from server.submaps import writes
 from tests.server.factories import forest, points, put_submap
 from tests.server.index.index_helpers import Process, trees
 from tests.server.processes import Server
@@ -41,7 +41,7 @@ def process(tmp_path: Path) -> Iterator[Process]:
     """A database with the collection `plots` and an index with small segments."""
     made = Process(tmp_path / "stand.db")
     migrations_runner.upgrade(made.database)
-    registry.ensure(made.database, "plots", CollectionPut())
+    crud.ensure(made.database, "plots", CollectionPut())
     yield made
     made.close()
 
@@ -170,16 +170,16 @@ def test_the_same_revision_with_other_submaps(process: Process, flushed_after: b
 
 def test_an_entity_tag_of_later_is_not_one_of_now(process: Process) -> None:
     source = snapshot(process)
-    registry.patch(process.database, "plots", CollectionPatch(title="later"))
-    _, tag = registry.read(process.database, "plots")
+    crud.patch(process.database, "plots", CollectionPatch(title="later"))
+    _, tag = crud.read(process.database, "plots")
     process.close()
     restore(source, process.database.path, force=True)
     store = Database(process.database.path)
-    now, own = registry.patch(store, "plots", CollectionPatch(title="now"))
+    now, own = crud.patch(store, "plots", CollectionPatch(title="now"))
     assert now.revision == 1
     assert own != tag
     with pytest.raises(DomainError, match="If-Match"):
-        registry.patch(store, "plots", CollectionPatch(title="lost"), Preconditions(if_match=(tag,)))
+        crud.patch(store, "plots", CollectionPatch(title="lost"), Preconditions(if_match=(tag,)))
     store.dispose()
 
 
@@ -215,7 +215,7 @@ def test_jobs_do_not_go_on(process: Process) -> None:
 def process_time(process: Process) -> object:
     """A moment that the database knows."""
     with process.database.read() as tx:
-        return registry.get_collection(tx, "plots").created
+        return crud.get_collection(tx, "plots").created
 
 
 def test_keys_are_those_of_then(process: Process) -> None:
@@ -514,7 +514,7 @@ def test_a_look_up_after_a_restore_has_the_rows_of_now(process: Process) -> None
     process.put("p", 1)
     source = snapshot(process)
     body = SubmapInput.model_validate({"xy": points(trees(2))})
-    ingest.put(process.database, "plots", "p", body, Limits())
+    writes.put(process.database, "plots", "p", body, Limits())
     process.close()
     restore(source, process.database.path, force=True)
     store = Database(process.database.path)

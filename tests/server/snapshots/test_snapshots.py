@@ -18,22 +18,22 @@ import pytest
 from fastapi import FastAPI
 
 from server.app import create_app
-from server.collections import registry
+from server.collections import crud
 from server.config.settings import Limits, Settings
 from server.config.settings_groups import SnapshotSettings
 from server.errors import StorageFull
-from server.runtime import Service
 from server.schemas.collections import CollectionPut
 from server.schemas.submaps import SubmapInput
 from server.security import api_keys
 from server.security.authenticator import Authenticator
 from server.security.principal import Scope
+from server.service_parts import Service
 from server.snapshots import restoring, snapshot_folder, snapshots
 from server.snapshots.snapshot_folder import SnapshotFolder
 from server.store import migrations_runner
 from server.store.sqlite import database as store_database
 from server.store.sqlite.database import Database
-from server.submaps import ingest
+from server.submaps import writes
 from tests.server.factories import TestClient, forest, points, put_submap
 from tests.server.processes import Server
 from tests.server.steps import killed_at_every_step
@@ -359,10 +359,10 @@ def test_killed_at_any_step(tmp_path: Path) -> None:
 def store_database_with(database: Database, seeds: range) -> None:
     """Forests under their seeds in the collection `plots`."""
     migrations_runner.upgrade(database)
-    registry.ensure(database, "plots", CollectionPut())
+    crud.ensure(database, "plots", CollectionPut())
     for seed in seeds:
         body = SubmapInput.model_validate({"xy": points(forest(seed, count=30, radius=25.0))})
-        ingest.put(database, "plots", f"p{seed}", body, Limits())
+        writes.put(database, "plots", f"p{seed}", body, Limits())
 
 
 def test_no_room_is_told_by_what_is_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from server.checks.integrity import discrepancies
+from server.checks.database import discrepancies
 from server.commands.index import ensure_collection
 from server.config.settings import Limits
 from server.schemas.collections import CollectionPut
@@ -24,7 +24,7 @@ from server.stem_maps.stands import StandReport, cut_stand, store_stand
 from server.store import migrations_runner
 from server.store.repositories.stands import Stands
 from server.store.sqlite.database import Database
-from server.submaps.bulk import LineOptions
+from server.submaps.bulk_ingest import LineOptions
 from tests.server.commands.cli_helpers import Urquhart, refused, write_observation
 from tests.server.commands.conftest import urquhart
 from tests.server.factories import Client, points

@@ -15,7 +15,7 @@ from server.schemas.common import check_id
 from server.stem_maps.reader import StemMap, StemMapError, read_stem_map
 from server.stem_maps.stands import StandError, cut_stand, lines_of
 from server.stem_maps.tiling import MERGE_DISTANCE, MINIMUM_TREES, CuttingError, cut, merge
-from server.submaps.batches import read_line
+from server.submaps.described_batches import read_line
 
 STEM_MAPS = Path(__file__).parents[3] / "data" / "stem_maps"
 

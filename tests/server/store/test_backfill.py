@@ -8,7 +8,7 @@ from sqlalchemy import select
 
 import urquhart as method
 from server.app import create_app
-from server.checks.integrity import discrepancies
+from server.checks.database import discrepancies
 from server.config.settings import Settings
 from server.store import feature_backfill, migrations_runner
 from server.store.feature_backfill import BackfillProgress, backfill, bring_up_to_date

@@ -13,8 +13,8 @@ from fastapi import FastAPI
 from sqlalchemy import create_engine, event
 
 from server.app import create_app
-from server.checks.integrity import discrepancies
-from server.collections import registry
+from server.checks.database import discrepancies
+from server.collections import crud
 from server.config.settings import Limits, Settings
 from server.errors import (
     DatabaseNotUpgraded,
@@ -26,14 +26,14 @@ from server.errors import (
     StorageReadOnly,
     StorageUnavailable,
 )
-from server.runtime import Service
 from server.schemas.collections import CollectionPut
 from server.schemas.submaps import NamedSubmap, SubmapInput
+from server.service_parts import Service
 from server.store import migrations_runner
 from server.store.sqlite.database import Database
 from server.store.sqlite.file_checks import schema_of
 from server.store.tables import CollectionRow
-from server.submaps import bulk, ingest
+from server.submaps import bulk_ingest, writes
 from tests.server.factories import Client, TestClient, forest, points, put_submap
 
 
@@ -236,26 +236,26 @@ def test_a_full_disk_refuses_writes_and_keeps_what_is_there(client: Client, app:
 
 
 def test_another_writer_for_too_long_is_busy(database: Database) -> None:
-    registry.ensure(database, "plots", CollectionPut())
+    crud.ensure(database, "plots", CollectionPut())
     other = sqlite3.connect(database.path, isolation_level=None)
     other.execute("BEGIN IMMEDIATE")
     quick = Database(database.path, busy_timeout=0.05)
     body = SubmapInput.model_validate({"xy": points(forest(1))})
     with pytest.raises(StorageBusy, match="try again"):
-        ingest.put(quick, "plots", "p", body, Limits())
-    assert registry.read(quick, "plots")[0].counts.submaps == 0
+        writes.put(quick, "plots", "p", body, Limits())
+    assert crud.read(quick, "plots")[0].counts.submaps == 0
     other.execute("ROLLBACK")
     other.close()
-    assert ingest.put(quick, "plots", "p", body, Limits()).outcome == "created"
+    assert writes.put(quick, "plots", "p", body, Limits()).outcome == "created"
     with quick.write(), pytest.raises(StorageBusy):
-        registry.delete(quick, "plots")
+        crud.delete(quick, "plots")
     quick.dispose()
 
 
 def test_damage_is_named(database: Database) -> None:
-    registry.ensure(database, "plots", CollectionPut())
+    crud.ensure(database, "plots", CollectionPut())
     for seed in range(20):
-        ingest.put(database, "plots", f"p{seed}", SubmapInput.model_validate({"xy": points(forest(seed))}), Limits())
+        writes.put(database, "plots", f"p{seed}", SubmapInput.model_validate({"xy": points(forest(seed))}), Limits())
     database.dispose()
     content = bytearray(database.path.read_bytes())
     content[4096 * 3 :] = b"\x5a" * (len(content) - 4096 * 3)
@@ -265,13 +265,13 @@ def test_damage_is_named(database: Database) -> None:
 
 
 def test_a_full_disk_is_an_error_of_the_domain(database: Database) -> None:
-    registry.ensure(database, "plots", CollectionPut())
+    crud.ensure(database, "plots", CollectionPut())
     bodies = (
         NamedSubmap.model_validate({"id": f"p{seed}", "xy": points(forest(seed)), "properties": {"x": "y" * 9000}})
         for seed in range(40)
     )
     with full_disk(database), pytest.raises(StorageFull):
-        list(bulk.ingest_many(database, "plots", bodies, batch_size=1))
+        list(bulk_ingest.ingest_many(database, "plots", bodies, batch_size=1))
     assert list(discrepancies(database)) == []
 
 
@@ -288,8 +288,8 @@ def test_a_full_disk_is_an_error_of_the_domain(database: Database) -> None:
     ],
 )
 def test_findings_name_each_kind_of_disagreement(database: Database, statement: str, told: str) -> None:
-    registry.ensure(database, "plots", CollectionPut())
-    ingest.put(database, "plots", "p", SubmapInput.model_validate({"xy": points(forest(1))}), Limits())
+    crud.ensure(database, "plots", CollectionPut())
+    writes.put(database, "plots", "p", SubmapInput.model_validate({"xy": points(forest(1))}), Limits())
     with closing(sqlite3.connect(database.path, isolation_level=None)) as connection:
         connection.execute("PRAGMA ignore_check_constraints = ON")
         connection.execute(statement)
@@ -297,7 +297,7 @@ def test_findings_name_each_kind_of_disagreement(database: Database, statement: 
 
 
 def test_text_whose_bytes_are_damaged(database: Database) -> None:
-    registry.ensure(database, "plots", CollectionPut())
+    crud.ensure(database, "plots", CollectionPut())
     with database.write_connection() as connection:
         connection.exec_driver_sql("UPDATE collections SET title = CAST(x'ff70' AS TEXT)")
     with pytest.raises(StorageDamaged, match="db check"):

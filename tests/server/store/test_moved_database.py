@@ -14,15 +14,15 @@ from pathlib import Path
 import httpx
 import pytest
 
-from server.checks.inspection import inspect
-from server.collections import registry
+from server.checks.all_checks import inspect
+from server.collections import crud
 from server.config.settings import Limits
 from server.errors import StorageAltered
 from server.schemas.collections import CollectionPut
 from server.schemas.submaps import SubmapInput
 from server.store import migrations_runner
 from server.store.sqlite.database import Database
-from server.submaps import ingest
+from server.submaps import writes
 from tests.server.factories import forest, points
 from tests.server.processes import Server
 
@@ -259,8 +259,8 @@ def other_database(folder: Path) -> Path:
     path = folder / "other.db"
     database = Database(path)
     migrations_runner.upgrade(database)
-    registry.ensure(database, "plots", CollectionPut())
-    ingest.put(database, "plots", "other", SubmapInput.model_validate({"xy": TREES}), Limits())
+    crud.ensure(database, "plots", CollectionPut())
+    writes.put(database, "plots", "other", SubmapInput.model_validate({"xy": TREES}), Limits())
     database.dispose()
     assert not log_of(path).exists()
     return path
@@ -332,7 +332,7 @@ def test_a_file_that_was_only_touched(path: Path) -> None:
     """Nobody can tell from outside; the answer says where the log is, and with it back nothing is missing."""
     database = Database(path)
     migrations_runner.upgrade(database)
-    registry.ensure(database, "plots", CollectionPut())
+    crud.ensure(database, "plots", CollectionPut())
     assert database.trouble() is None
     os.utime(path)
     said = database.trouble() or ""
@@ -341,7 +341,7 @@ def test_a_file_that_was_only_touched(path: Path) -> None:
     database.dispose()
     aside.rename(log_of(path))
     again = Database(path)
-    assert registry.known_collections(again) == ["plots"]
+    assert crud.known_collections(again) == ["plots"]
     again.dispose()
 
 
@@ -352,7 +352,7 @@ def test_who_did_not_see_it_happen_does_not_write_the_log_either(path: Path) -> 
         migrations_runner.upgrade(database)
     with closing(sqlite3.connect(path)) as connection:
         connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
-    registry.ensure(seeing, "plots", CollectionPut())
+    crud.ensure(seeing, "plots", CollectionPut())
     content = path.read_bytes()
     path.write_bytes(content)
     os.utime(path, ns=(1, 1))
@@ -368,7 +368,7 @@ def test_logs_that_are_set_aside_keep_each_other(path: Path) -> None:
     for number in range(1, 12):
         database = Database(path)
         migrations_runner.upgrade(database)
-        registry.ensure(database, f"plots{number}", CollectionPut())
+        crud.ensure(database, f"plots{number}", CollectionPut())
         assert database.trouble() is None
         os.utime(path)
         assert f"set-aside-{number} " in (database.trouble() or "")
@@ -380,11 +380,11 @@ def test_what_is_read_while_the_file_is_moved_does_not_keep_the_log_full(path: P
     """Where somebody reads an older state, the log cannot be emptied at once; it is when the database is closed."""
     database = Database(path)
     migrations_runner.upgrade(database)
-    registry.ensure(database, "plots", CollectionPut())
+    crud.ensure(database, "plots", CollectionPut())
     reader = sqlite3.connect(path, isolation_level=None)
     reader.execute("BEGIN")
     reader.execute("SELECT count(*) FROM collections").fetchone()
-    registry.ensure(database, "more", CollectionPut())
+    crud.ensure(database, "more", CollectionPut())
     moved = path.with_name("moved.db")
     path.rename(moved)
     assert database.trouble() is not None
@@ -393,7 +393,7 @@ def test_what_is_read_while_the_file_is_moved_does_not_keep_the_log_full(path: P
     database.dispose()
     assert not log_of(path).stat().st_size
     again = Database(moved)
-    assert registry.known_collections(again) == ["plots", "more"]
+    assert crud.known_collections(again) == ["plots", "more"]
     again.dispose()
 
 

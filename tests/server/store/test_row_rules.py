@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from server.checks.inspection import inspect
+from server.checks.all_checks import inspect
 from server.store import migrations_runner
 from server.store.sqlite.database import Database
 from tests.server.store import older

@@ -14,7 +14,7 @@ import orjson
 import pytest
 
 from server.app import create_app
-from server.checks.inspection import inspect
+from server.checks.all_checks import inspect
 from server.config.settings import Settings
 from server.errors import Conflict, DatabaseNotUpgraded, DomainError, StorageFull
 from server.snapshots.restoring import find, restore

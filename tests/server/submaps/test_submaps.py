@@ -7,8 +7,8 @@ import httpx
 import numpy as np
 import pytest
 
-from server.checks.contents import content_discrepancies
-from server.runtime import Service
+from server.checks.derived_columns import content_discrepancies
+from server.service_parts import Service
 from tests.server.factories import forest, points, put_submap
 
 PLOTS = "/v1/collections/plots"

@@ -13,7 +13,7 @@ from server.config.settings import Limits
 from server.queries import lookup, loop_closing
 from server.schemas.submaps import SubmapInput
 from server.store.sqlite.database import Database
-from server.submaps import ingest
+from server.submaps import writes
 from tests.server.factories import forest, observed, points
 from tests.server.processes import Server
 
@@ -85,7 +85,7 @@ class Meanwhile:
             found = look_up(*arguments, **options)
             if self.waiting:
                 name, xy = self.waiting.pop(0)
-                ingest.put(database, "plots", name, SubmapInput.model_validate({"xy": xy}), Limits())
+                writes.put(database, "plots", name, SubmapInput.model_validate({"xy": xy}), Limits())
             return found
 
         monkeypatch.setattr(loop_closing, "look_up", looked_up)

@@ -4,7 +4,7 @@ from typing import Final, TypeVar
 
 import orjson
 
-from server.collections.registry import get_collection
+from server.collections.crud import get_collection
 from server.config.settings import Limits
 from server.resources.paging import PageRequest, page_size, read_cursor, write_cursor
 from server.store.records import CollectionRecord

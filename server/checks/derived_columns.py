@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from server.checks.integrity import Discrepancy
+from server.checks.database import Discrepancy
 from server.schemas.common import check_id
 from server.schemas.poses import PlacedPose
 from server.store.codec import unpack_positions

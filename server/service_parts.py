@@ -4,10 +4,10 @@ import math
 from dataclasses import dataclass
 
 from server.config.settings import Limits, Settings
-from server.http.admission.gate import Gate
+from server.http.admission.attempts_in_progress import RepeatedRequests
+from server.http.admission.fair_queue import FairQueue
 from server.http.admission.job_waits import JobWaits
 from server.http.admission.readiness import ReadinessChecks
-from server.http.admission.repeated_requests import RepeatedRequests
 from server.index.catalog import Catalog
 from server.index.maintenance import Maintenance
 from server.jobs.folder import JobFolder
@@ -42,7 +42,7 @@ class Service:
     jobs: JobRuntime
     rates: RateLimiter
     exchange: MetricsExchange | None
-    gate: Gate
+    fair_queue: FairQueue
     precedence: Precedence
     snapshots: SnapshotFolder
     repetitions: RepeatedRequests

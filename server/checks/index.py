@@ -5,9 +5,9 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from server.checks.integrity import Discrepancy
-from server.index.derived import config_of
+from server.checks.database import Discrepancy
 from server.index.live_index import assemble
+from server.index.row_decoding import config_of
 from server.index.segment_folder import SegmentFolder
 from server.store.records import CollectionRecord, SegmentRecord, trusted
 from server.store.storage import ReadTransaction, Storage

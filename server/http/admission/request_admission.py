@@ -13,7 +13,7 @@ from starlette.types import Message, Receive, Scope, Send
 
 from server.config.settings import Limits
 from server.errors import DomainError, Overloaded, TooSlow
-from server.http.admission.gate import Gate
+from server.http.admission.fair_queue import FairQueue
 from server.http.admission.readiness import ReadinessChecks
 from server.http.body_limit import is_streamed
 from server.observability.metrics import Metrics
@@ -38,7 +38,7 @@ class AdmissionState:
     """
 
     limits: Limits
-    gate: Gate
+    fair_queue: FairQueue
     metrics: Metrics
     readiness: ReadinessChecks
     precedence: Precedence
@@ -250,7 +250,7 @@ class Admission:
         self._name = self.name
         self._place = asyncio.get_running_loop().create_future()
         try:
-            await self._shared.gate.enter(self._name, self._place)
+            await self._shared.fair_queue.enter(self._name, self._place)
         except Overloaded:
             self._shared.count("overloaded")
             raise
@@ -259,7 +259,7 @@ class Admission:
 
     def _leave(self) -> None:
         if self._entered is not None:
-            self._shared.gate.leave(self._name, time.monotonic() - self._entered)
+            self._shared.fair_queue.leave(self._name, time.monotonic() - self._entered)
             self._entered = None
             self._shared.precedence.leave(self)
         self._takes_place = False

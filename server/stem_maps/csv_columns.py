@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from server.stem_maps.rows import SEPARATORS, Rows, StemMapError
+from server.stem_maps.csv_rows import SEPARATORS, Rows, StemMapError
 
 _ALIASES: Final[Mapping[str, tuple[str, ...]]] = {
     "tree_id": ("tree_id", "id"),

@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from server.collections import georeference
-from server.collections.registry import get_collection
+from server.collections.crud import get_collection
 from server.config.settings import Limits
 from server.errors import Conflict, InvalidLandmarks, NotFound, Overloaded
-from server.index.derived import config_of, features_of
-from server.platform.threads import pin_threads
+from server.index.row_decoding import config_of, features_of
+from server.platform.thread_limits import pin_threads
 from server.resources.idempotency import NO_CONTENT, IdempotencyKey, StoredResponse, find_response, store_response
 from server.resources.preconditions import ANYTHING, Preconditions
 from server.schemas.submaps import SubmapInput, SubmapPatch
@@ -23,9 +23,9 @@ from server.store.records import CollectionRecord
 from server.store.storage import ReadTransaction, Storage, WriteTransaction
 from server.store.submap_records import Identity, Place, SubmapContent, SubmapRecord
 from server.submaps import reader
+from server.submaps.loop_closing import LoopClosing, SearchOutdated
 from server.submaps.preparation import Prepared, Trees, check_properties, patched, reconcile
-from server.submaps.question import Question, SearchOutdated
-from server.submaps.receipts import Outcome, Receipt, receipt_answer, refusal_answer, submap_answer
+from server.submaps.write_answers import Outcome, Receipt, receipt_answer, refusal_answer, submap_answer
 from urquhart import OBSTACLES, Description, Features
 
 _TURNS: Final = 8
@@ -47,13 +47,13 @@ class WriteTerms:
     Attributes:
         preconditions: what must be true of the submap that is there.
         idempotency_key: a request that repeats it is answered as the first one was.
-        question: what is asked of the collection before the submap is stored.
+        loop_closing: the search for the place of the submap before it is stored, if there is one.
         is_named: whether the id is the caller's; else the service made it, and a repeated request has another.
     """
 
     preconditions: Preconditions = ANYTHING
     idempotency_key: IdempotencyKey | None = None
-    question: Question | None = None
+    loop_closing: LoopClosing | None = None
     is_named: bool = True
 
 
@@ -70,7 +70,7 @@ def put(
 ) -> Stored:
     """Store a submap under an id: created, replaced, or unchanged if it is stored already with the same content.
 
-    With a question in its `terms`, landmarks that cannot make a submap are answered, and nothing is stored.
+    With a search for loops in its `terms`, landmarks that cannot make a submap are answered, and nothing is stored.
 
     Raises NotFound, PreconditionFailed, InvalidLandmarks, TooLarge, KeyReused, Overloaded and StorageError; then
     nothing is stored.
@@ -85,14 +85,14 @@ def put(
             return Stored(None, response)
         check_place(tx, collection, prepared.place)
         known = tx.submaps(collection.key).identities([submap_id]).get(submap_id)
-        if known is not None and terms.question is not None and prepared.has_features(known):
+        if known is not None and terms.loop_closing is not None and prepared.has_features(known):
             prepared.trees.reuse(_stored_features(tx, collection, known.key))
     terms.preconditions.check(known.etag if known else None)
     same = known is not None and known.etag == prepared.etag
     if known is not None and same and terms.idempotency_key is None:
         found = None
-        if terms.question is not None:
-            found = terms.question.ask(Description(prepared.describe(config_of(collection))))
+        if terms.loop_closing is not None:
+            found = terms.loop_closing.ask(Description(prepared.describe(config_of(collection))))
         receipt = Receipt("unchanged", known.etag, known.revision, known.counts)
         return Stored("unchanged", receipt_answer(collection_id, submap_id, receipt, found))
     return _store(database, collection, prepared, known, terms)
@@ -107,21 +107,21 @@ def _store(
     database: Storage, collection: CollectionRecord, prepared: Prepared, known: Identity | None, terms: WriteTerms
 ) -> Stored:
     """Search, then store in a transaction, until nothing was committed in between that the search should have seen."""
-    config, question = config_of(collection), terms.question
+    config, loop_closing = config_of(collection), terms.loop_closing
     observation = found = None
-    if question is not None or not prepared.has_features(known):
+    if loop_closing is not None or not prepared.has_features(known):
         try:
             observation = Description(prepared.describe(config))
         except InvalidLandmarks as error:
-            if question is None or error.code not in OBSTACLES:
+            if loop_closing is None or error.code not in OBSTACLES:
                 raise
-            found = question.ask(Description(OBSTACLES[error.code]))
+            found = loop_closing.ask(Description(OBSTACLES[error.code]))
             return Stored(
                 None, refusal_answer(collection, prepared.id if terms.is_named else None, known, error, found)
             )
     for turn in range(_TURNS):
-        if question is not None and observation is not None:
-            question.ask(observation)
+        if loop_closing is not None and observation is not None:
+            loop_closing.ask(observation)
         try:
             return _write(database, collection, prepared, terms, turn)
         except SearchOutdated:
@@ -145,7 +145,11 @@ def _write(database: Storage, collection: CollectionRecord, prepared: Prepared, 
         submaps = tx.submaps(now.key)
         known = submaps.identities([submap_id]).get(submap_id)
         terms.preconditions.check(known.etag if known else None)
-        found = None if terms.question is None else terms.question.confirm(tx, now, known.key if known else None, turn)
+        found = (
+            None
+            if terms.loop_closing is None
+            else terms.loop_closing.confirm(tx, now, known.key if known else None, turn)
+        )
         before = frozenset[str]() if known is None else submaps.members(known.key)
         record = prepared.record(known, config)
         receipt = store(tx, now, [(known, record)])[0]

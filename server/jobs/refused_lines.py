@@ -10,7 +10,7 @@ from typing import Any, Final
 import orjson
 
 from server.problem_types import document
-from server.submaps.bulk import LineOutcome
+from server.submaps.bulk_ingest import LineOutcome
 
 _IN_FULL: Final = 0.5
 """Share of the bytes for full reports; the rest is for shortened ones."""

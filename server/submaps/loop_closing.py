@@ -1,4 +1,4 @@
-"""The search before a submap is stored, as the writes know it."""
+"""The search for a submap's place before the submap is stored. Writes know this protocol; `queries` implements it."""
 
 from typing import Protocol
 
@@ -12,8 +12,8 @@ class SearchOutdated(Exception):
     """Others have stored submaps between a search and the write that relies on it."""
 
 
-class Question(Protocol):
-    """A search before a submap is stored."""
+class LoopClosing(Protocol):
+    """A search for a submap's place before the submap is stored."""
 
     def ask(self, observation: Description) -> QueryAnswer:
         """Search for the submap's landmarks, which are described already."""

@@ -9,10 +9,10 @@ import orjson
 from numpy.typing import NDArray
 
 import urquhart
-from server.collections.registry import get_collection
+from server.collections.crud import get_collection
 from server.config.settings import Limits
 from server.errors import Gone, NotFound
-from server.index.derived import config_of
+from server.index.row_decoding import config_of
 from server.queries.answers import gates_answer
 from server.queries.explanations import QueryExplanation
 from server.queries.older_answers import completed, gone, read_older

@@ -12,11 +12,11 @@ from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from server.http.problems import internal_problem
-from server.http.routing import matched
+from server.http.route_lookup import matched
 from server.observability.logs import log_access, quoted, shortened
 from server.observability.metrics import Metrics
-from server.observability.request_log import RequestNotes
-from server.observability.request_log import begin as begin_notes
+from server.observability.request_notes import RequestNotes
+from server.observability.request_notes import begin as begin_notes
 
 _log = logging.getLogger("server")
 _GIVEN_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
@@ -37,7 +37,7 @@ class _Seen:
     begun: bool = False
 
 
-class RequestContext:
+class RequestLogging:
     """Gives each request an id (the caller's X-Request-Id if it is plain text), counts it, and answers HEAD like GET.
 
     Each request is one line in the log, without its content. An unhandled exception is logged with the id and answered

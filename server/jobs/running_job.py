@@ -50,16 +50,16 @@ class JobContext:
 class JobFunction(Protocol):
     """The function of a type of job: it does a job from where it stands to its end.
 
-    It calls `assignment.report` regularly, best in the transaction of what it reports. `report` raises if the job must
+    It calls `job.report` regularly, best in the transaction of what it reports. `report` raises if the job must
     stop, which undoes that transaction. Where the job could continue another time, it then calls
-    `assignment.yield_turn`. It keeps what it needs after a restart in `progress`. A `DomainError` that it raises
+    `job.yield_turn`. It keeps what it needs after a restart in `progress`. A `DomainError` that it raises
     becomes the reason why the job failed.
     """
 
-    def __call__(self, assignment: "Assignment", context: JobContext) -> None: ...
+    def __call__(self, job: "RunningJob", context: JobContext) -> None: ...
 
 
-class Assignment:
+class RunningJob:
     """A job as its runner sees it."""
 
     def __init__(

@@ -4,7 +4,7 @@ from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from server.errors import Overloaded, TooSlow, forget_frames
-from server.http.admission.admission import Admission, AdmissionState
+from server.http.admission.request_admission import Admission, AdmissionState
 from server.http.problems import domain_problem
 from urquhart import Abandoned
 

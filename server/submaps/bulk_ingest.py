@@ -8,14 +8,14 @@ from typing import Final, Literal, TypeVar
 from server.config.settings import Limits
 from server.errors import Conflict, DomainError
 from server.platform.process_pool import PoolTask, ProcessPool
-from server.platform.threads import pin_threads
+from server.platform.thread_limits import pin_threads
 from server.schemas.submaps import NamedSubmap
 from server.store.storage import Storage, WriteTransaction
 from server.store.submap_records import SubmapRecord
-from server.submaps import batches
-from server.submaps.batches import BlankLines, DescribedBatch, Refusal
-from server.submaps.ingest import same_collection, store
-from server.submaps.receipts import Outcome
+from server.submaps import described_batches
+from server.submaps.described_batches import BlankLines, DescribedBatch, Refusal
+from server.submaps.write_answers import Outcome
+from server.submaps.writes import same_collection, store
 
 OnConflict = Literal["replace", "skip", "fail"]
 """What to do if an id is stored with other content: replace it, skip the new one, or refuse it."""
@@ -99,13 +99,13 @@ def ingest_many(
 
     A submap that cannot be used is reported in `refused` and does not stop the others. A stored id is replaced. If an
     id is twice in a batch, the last one counts. While a batch is written, `workers` describe the next ones (of
-    `batches.describers`; without it a pool for this call, with a process for each core). They are started when the work
-    takes longer than a second.
+    `described_batches.describers`; without it a pool for this call, with a process for each core). They are started
+    when the work takes longer than a second.
 
     Raises NotFound, StorageError and WorkerLost; what was yielded is stored.
     """
-    work = batches.of_submaps(database, collection_id, limits or Limits())
-    cut = batches.cut(submaps, batch_size, batches.weigh_submap)
+    work = described_batches.of_submaps(database, collection_id, limits or Limits())
+    cut = described_batches.cut(submaps, batch_size, described_batches.weigh_submap)
     for described in _described(work, cut, workers):
         yield write(database, collection_id, described)
 
@@ -158,8 +158,8 @@ def describe_lines(
     """Read and describe the lines without storing them, batch by batch. Raises NotFound, StorageError and
     WorkerLost.
     """
-    work = batches.of_lines(database, collection_id, options.limits, careful=options.careful)
-    return _described(work, batches.cut(lines, options.batch_size, len, options.first), options.workers)
+    work = described_batches.of_lines(database, collection_id, options.limits, careful=options.careful)
+    return _described(work, described_batches.cut(lines, options.batch_size, len, options.first), options.workers)
 
 
 def write(
@@ -228,7 +228,7 @@ def _described(
 ) -> Generator[DescribedBatch, None, None]:
     pin_threads()
     with (
-        nullcontext(workers) if workers is not None else batches.describers() as pool,
+        nullcontext(workers) if workers is not None else described_batches.describers() as pool,
         closing(pool.map(work, given)) as results,
     ):
         yield from results

@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator
 
-from server.checks.agreement import index_discrepancies
-from server.checks.contents import content_discrepancies
-from server.checks.integrity import Discrepancy, discrepancies
+from server.checks.database import Discrepancy, discrepancies
+from server.checks.derived_columns import content_discrepancies
+from server.checks.index import index_discrepancies
 from server.store import migrations_runner
 from server.store.sqlite.database import Database
 

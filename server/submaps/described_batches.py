@@ -13,15 +13,15 @@ import orjson
 from pydantic import ValidationError
 
 import urquhart
+from server.collections.crud import get_collection
 from server.collections.georeference import check_place
-from server.collections.registry import get_collection
 from server.config.settings import Limits
 from server.errors import DomainError, InvalidBody, InvalidField, MalformedBody, TooCostly, TooLarge, forget_frames
-from server.index.derived import config_of
+from server.index.row_decoding import config_of
 from server.parsing.field_errors import invalid_body
 from server.parsing.strict_json import read_json
 from server.platform.process_pool import PATIENCE, IsolationPolicy, PoolTask, ProcessPool
-from server.platform.threads import pin_threads
+from server.platform.thread_limits import pin_threads
 from server.schemas.submaps import NamedSubmap
 from server.store.storage import Storage
 from server.store.submap_records import SubmapRecord

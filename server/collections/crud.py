@@ -7,7 +7,7 @@ from server.collections.georeference import check_crs
 from server.collections.map_frames import check_default_frame, check_frames, must_agree, set_frames
 from server.config.settings import Limits
 from server.errors import Conflict, InvalidField, NotFound
-from server.index.derived import config_of
+from server.index.row_decoding import config_of
 from server.resources import links
 from server.resources.idempotency import NO_CONTENT, StoredResponse
 from server.resources.paging import page_size, read_cursor, write_cursor

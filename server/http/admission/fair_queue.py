@@ -38,7 +38,7 @@ class _Caller:
         return self.running > 0 or bool(self.waiting)
 
 
-class Gate:
+class FairQueue:
     """Places for requests in progress, and a queue before them.
 
     The next place goes to the waiting caller that has used the fewest seconds. While several callers are active, each

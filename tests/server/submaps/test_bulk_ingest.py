@@ -15,8 +15,8 @@ import pytest
 from pydantic import ValidationError
 from sqlalchemy import select
 
-from server.checks.integrity import discrepancies
-from server.collections import registry
+from server.checks.database import discrepancies
+from server.collections import crud
 from server.config.settings import Limits
 from server.errors import InvalidBody, InvalidLandmarks, MalformedBody, NotFound, TooLarge
 from server.platform.process_pool import ProcessPool
@@ -24,9 +24,9 @@ from server.schemas.collections import CollectionPut
 from server.schemas.submaps import NamedSubmap, SubmapInput
 from server.store.sqlite.database import Database
 from server.store.tables import CollectionRow, SubmapRow
-from server.submaps import ingest
-from server.submaps.batches import Batch, BlankLines, cut, describers, line_of, read_line
-from server.submaps.bulk import BatchResult, LineOptions, ingest_lines, ingest_many
+from server.submaps import writes
+from server.submaps.bulk_ingest import BatchResult, LineOptions, ingest_lines, ingest_many
+from server.submaps.described_batches import Batch, BlankLines, cut, describers, line_of, read_line
 from server.submaps.preparation import Prepared, reconcile
 from tests.server.factories import forest, points
 from tests.server.platform import job_helpers
@@ -48,7 +48,7 @@ def pool() -> Iterator[ProcessPool]:
 def plots(database: Database) -> Database:
     """A database with the empty collections `plots` and `other`."""
     for name in ("plots", "other"):
-        registry.ensure(database, name, CollectionPut())
+        crud.ensure(database, name, CollectionPut())
     return database
 
 
@@ -133,7 +133,7 @@ def test_features_are_made_only_for_other_trees(plots: Database, pool: ProcessPo
 def test_of_an_id_that_comes_again_the_last_stands(plots: Database, pool: ProcessPool) -> None:
     seeds = [0, 1, 1, 0, 2, 0]
     for workers in (describers(1), pool):
-        ingest.put(plots, "plots", "a", SubmapInput.model_validate({"xy": points(forest(0, 30))}), Limits())
+        writes.put(plots, "plots", "a", SubmapInput.model_validate({"xy": points(forest(0, 30))}), Limits())
         again = [NamedSubmap.model_validate(body("a", seed)) for seed in seeds]
         results = list(ingest_many(plots, "plots", again, batch_size=1, workers=workers))
         assert [one.replaced for one in results] == [0, 1, 0, 1, 1, 1]
@@ -150,9 +150,9 @@ def test_what_was_described_early_is_made_to_fit_what_is_there_by_now(plots: Dat
         return Prepared("a", SubmapInput.model_validate({"xy": points(forest(seed, 30)), **fields}), Limits())
 
     def stored(seed: int) -> Any:
-        ingest.put(plots, "plots", "a", SubmapInput.model_validate({"xy": points(forest(seed, 30))}), Limits())
+        writes.put(plots, "plots", "a", SubmapInput.model_validate({"xy": points(forest(seed, 30))}), Limits())
         with plots.read() as tx:
-            key = registry.get_collection(tx, "plots").key
+            key = crud.get_collection(tx, "plots").key
             return tx.submaps(key).identities(["a"])["a"]
 
     whole = prepared(0).record(None, config)
@@ -230,11 +230,11 @@ def test_batches_end_by_number_and_by_weight() -> None:
 SCRIPT = """
 import sys
 from pathlib import Path
-from server.submaps.batches import describers, line_of
-from server.submaps.bulk import LineOptions, ingest_lines
+from server.submaps.described_batches import describers, line_of
+from server.submaps.bulk_ingest import LineOptions, ingest_lines
 from server.store.sqlite.database import Database
 from tests.server.platform import job_helpers
-from tests.server.submaps.test_ingest import body
+from tests.server.submaps.test_bulk_ingest import body
 import itertools, orjson
 if __name__ == "__main__":
     workers = describers(3, patience=0.0)
@@ -271,7 +271,7 @@ def test_kill_loses_nothing_that_was_told_and_leaves_no_process(plots: Database,
 
 
 def test_lines_that_are_refused_leave_nothing_in_memory(database: Database) -> None:
-    registry.ensure(database, "plots", CollectionPut())
+    crud.ensure(database, "plots", CollectionPut())
     # Of each kind: what no field allows, what a check of ours refuses, what is no JSON, what is no forest.
     kinds = [b'{"id": "a", "xy": 5}', b'{"id": "a b", "xy": []}', b'{"id": 1', b'{"id": "a", "xy": [[1, 2]]}']
 

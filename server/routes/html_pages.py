@@ -5,11 +5,11 @@ from typing import Annotated
 from fastapi import APIRouter, Path, Request, Response
 from fastapi.openapi.docs import get_swagger_ui_html
 
-from server.collections import registry
+from server.collections import crud
 from server.errors import NotFound
 from server.http.authorization import GuardedRoute
 from server.http.browser_protection import page_policy
-from server.http.documentation import pages
+from server.http.documentation import html_pages
 from server.http.negotiation import HTML, JSON, choose
 from server.http.responses import json_response, problems
 from server.problem_types import PROBLEM_TYPES
@@ -39,12 +39,12 @@ ASSETS = "/docs/assets"
 def landing_page(request: Request, service: ServiceDep, visitor: VisitorDep, accept: Accept = None) -> Response:
     """Lists the collections that the caller may see, and the first calls to make; HTML or JSON, by `Accept`."""
     media_type = choose(accept, [JSON, HTML])
-    page = registry.page(service.database, service.settings.limits, visitor, None, None)
+    page = crud.page(service.database, service.settings.limits, visitor, None, None)
     docs = service.settings.docs_url or "/docs"
     headers = {"Vary": "Accept"}
     if media_type == HTML:
-        return _html(pages.landing_html(page, docs, str(request.base_url).rstrip("/")))
-    return json_response(pages.landing_json(page, docs), headers=headers)
+        return _html(html_pages.landing_html(page, docs, str(request.base_url).rstrip("/")))
+    return json_response(html_pages.landing_json(page, docs), headers=headers)
 
 
 @router.get("/docs", include_in_schema=False)
@@ -90,7 +90,7 @@ def problem_page(
     media_type = choose(accept, [JSON, HTML])
     headers = {"Vary": "Accept"}
     if media_type == HTML:
-        return _html(pages.problem_html(kind.title, kind.status, kind.about))
+        return _html(html_pages.problem_html(kind.title, kind.status, kind.about))
     about = {"type": f"/problems/{kind.slug}", "title": kind.title, "status": kind.status, "about": kind.about}
     return json_response(about, headers=headers)
 

@@ -11,7 +11,7 @@ import pytest
 
 from server.app import create_app
 from server.config.settings import Limits, Settings
-from server.submaps import bulk
+from server.submaps import bulk_ingest
 from tests.server.factories import TestClient
 from tests.server.jobs.test_jobs import finished, line, results, upload
 
@@ -76,9 +76,9 @@ def test_the_count_goes_on_after_a_stop(tmp_path: Path, monkeypatch: pytest.Monk
     settings = Settings(database=str(tmp_path / "a.db"), limits=Limits(import_refusal_bytes=MOST))
     sent = [b"{}"] * 2_000
     stopping = create_app(settings)
-    describe, batches = bulk.describe_lines, 0
+    describe, batches = bulk_ingest.describe_lines, 0
 
-    def stop_in_the_middle(database: Any, name: str, lines: Any, options: bulk.LineOptions) -> Iterator[Any]:
+    def stop_in_the_middle(database: Any, name: str, lines: Any, options: bulk_ingest.LineOptions) -> Iterator[Any]:
         nonlocal batches
         for batch in describe(database, name, lines, replace(options, batch_size=100)):
             batches += 1
@@ -86,7 +86,7 @@ def test_the_count_goes_on_after_a_stop(tmp_path: Path, monkeypatch: pytest.Monk
                 stopping.state.service.jobs.runner._stopping.set()
             yield batch
 
-    monkeypatch.setattr(bulk, "describe_lines", stop_in_the_middle)
+    monkeypatch.setattr(bulk_ingest, "describe_lines", stop_in_the_middle)
     with TestClient(stopping) as first:
         first.put("/v1/collections/plots", json={}).raise_for_status()
         accepted = upload(first, sent)
