@@ -12,8 +12,8 @@ from rich.progress import Progress
 from rich.table import Table
 
 from benchmarks.everyday import Forest, QueryCost, build, describe_cost, ingest_rate, query_cost
+from benchmarks.http_overhead import BulkRate, HttpCost, bulk_rate, http_cost
 from benchmarks.machine import machine
-from benchmarks.service import BulkRate, HttpCost, bulk_rate, http_cost
 from urquhart import Config, warm_up
 
 SETTINGS = {"20 cm, 90 % seen": (0.2, 0.9), "40 cm, 80 % seen": (0.4, 0.8)}

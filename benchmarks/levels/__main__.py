@@ -10,12 +10,12 @@ from rich.console import Console
 
 from benchmarks import record
 from benchmarks.experiments import measure, progress_on
-from benchmarks.levels import worlds
+from benchmarks.levels import cases
 from benchmarks.levels.report import NAME
 from benchmarks.levels.summary import summarize
 from benchmarks.markdown import FOLDER
-from benchmarks.page import write_page
 from benchmarks.pool import Pool
+from benchmarks.results_page import write_page
 
 FULL: Final = Path("docs")
 QUICK: Final = Path("benchmark-output/levels")
@@ -24,9 +24,9 @@ QUICK: Final = Path("benchmark-output/levels")
 def run(pool: Pool, *, quick: bool, seed: int) -> dict[str, Any]:
     """Ask all worlds; figures by the name of the world."""
     figures = {}
-    for name in worlds.WORLDS:
-        jobs = worlds.jobs(name, seed, quick=quick)
-        found = pool.map(worlds.run, jobs, name) if jobs else []
+    for name in cases.WORLDS:
+        jobs = cases.jobs(name, seed, quick=quick)
+        found = pool.map(cases.run, jobs, name) if jobs else []
         asked = np.concatenate(found) if found else np.empty(0)
         if len(asked):
             figures[name] = summarize(asked)

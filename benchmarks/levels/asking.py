@@ -7,7 +7,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.robust.worlds import AskedQuery
+from benchmarks.robust.known_places import AskedQuery
 from urquhart import Features, Recognition, Recognizer
 from urquhart.decide.ranking import NOTHING, rank
 from urquhart.decide.verdict import decide

@@ -9,5 +9,5 @@ tracks, table2           map merging on real stem maps
 table3                   what describing and matching cost
 published                the figures of the letter
 pool, record             two processes, progress, JSON with machine, seed and command
-plots, report            pictures, and docs/results.md from the JSON alone
+charts, report           pictures, and docs/results.md from the JSON alone
 """

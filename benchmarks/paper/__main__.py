@@ -10,10 +10,10 @@ from rich.console import Console
 from benchmarks import record
 from benchmarks.experiments import Experiment, choose, measure, progress_on
 from benchmarks.markdown import FOLDER
-from benchmarks.page import write_page
 from benchmarks.paper import ablation, pr_curves, table1, table2, table3
-from benchmarks.paper.plots import PICTURES, SOURCES, draw
+from benchmarks.paper.charts import PICTURES, SOURCES, draw
 from benchmarks.pool import Pool
+from benchmarks.results_page import write_page
 
 EXPERIMENTS: Final[dict[str, Experiment]] = {
     "table1": table1.run,

@@ -3,7 +3,7 @@
 from typing import Any
 
 from benchmarks.markdown import number, page, picture, prose, table
-from benchmarks.paper.plots import best_rows, serves, verified
+from benchmarks.paper.charts import best_rows, serves, verified
 
 Figures = dict[str, Any]
 PLAIN = "plain, M = 20"

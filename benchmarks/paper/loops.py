@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from benchmarks.markdown import bullets, number, page, picture, prose, table
 from benchmarks.paper import published
+from benchmarks.paper.charts import best_gate
 from benchmarks.paper.drive import LAPS, SENSOR, STEP
 from benchmarks.paper.methods import LETTER_TAU
-from benchmarks.paper.plots import best_gate
 from benchmarks.paper.table1 import best_minimum, f1
 
 Figures = dict[str, Any]

@@ -4,7 +4,7 @@ import math
 from typing import Any, Final
 
 from benchmarks.markdown import bullets, number, page, picture, prose, table
-from benchmarks.paper.plots import NAMES
+from benchmarks.paper.charts import NAMES
 from benchmarks.paper.published import TABLE2, TABLE2_POSES
 from benchmarks.paper.table2 import OFF, PICTURED, REACH
 from benchmarks.paper.tracks import ADVANCE, DRIFT, LANES, LEAST, MOST, RANGE, STRETCH, TREES

@@ -6,7 +6,7 @@ from typing import Final
 from benchmarks.experiments import Figures, provenance
 from benchmarks.markdown import number, page, picture, prose, table
 from benchmarks.paper import choices, loops, merges
-from benchmarks.paper.plots import NAMES
+from benchmarks.paper.charts import NAMES
 from benchmarks.paper.published import TABLE3
 
 

@@ -11,18 +11,28 @@ from benchmarks import record
 from benchmarks.experiments import Figures, choose
 from benchmarks.machine import machine
 from benchmarks.markdown import FOLDER
-from benchmarks.reliability import contract, exhaustion, fleet, hostile, load, meetings, readers, season, shapes
+from benchmarks.reliability import (
+    contract,
+    exhaustion,
+    fuzz_readers,
+    hostile,
+    load,
+    meetings,
+    per_session,
+    shape_costs,
+    upload_beside_queries,
+)
 from benchmarks.reliability.report import write_report
 
 PARTS: Final[dict[str, Callable[..., Figures]]] = {
     "contract": contract.run,
-    "readers": readers.run,
+    "readers": fuzz_readers.run,
     "load": load.run,
-    "fleet": fleet.run,
-    "season": season.run,
+    "fleet": per_session.run,
+    "season": upload_beside_queries.run,
     "meetings": meetings.run,
     "hostile": hostile.run,
-    "shapes": shapes.run,
+    "shapes": shape_costs.run,
     "exhaustion": exhaustion.run,
 }
 FULL: Final = Path("docs")

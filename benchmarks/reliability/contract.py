@@ -31,7 +31,7 @@ from schemathesis.specs.openapi.checks import (
 
 from benchmarks.experiments import Figures
 from benchmarks.reliability.trees import body
-from benchmarks.served import served
+from benchmarks.server_process import served
 
 _CHECKS: Final = [
     status_code_conformance,

@@ -13,12 +13,12 @@ from typing import Final
 import httpx
 
 from benchmarks.experiments import Figures
-from benchmarks.reliability.storing import lines_of, store
+from benchmarks.reliability.prefilled import lines_of, store
 from benchmarks.reliability.traffic import BASE, COLLECTION, Told, TrafficQuery, drive, questions
 from benchmarks.reliability.trees import body, forest
-from benchmarks.scale.job import spread
-from benchmarks.scale.world import World
-from benchmarks.served import BenchmarkServer, served
+from benchmarks.scale.measurement import spread
+from benchmarks.scale.tiled_forest import World
+from benchmarks.server_process import BenchmarkServer, served
 
 _CLIENTS: Final = 32
 _CROWD: Final = 400

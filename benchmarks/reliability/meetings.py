@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from benchmarks.experiments import Figures
 from benchmarks.reliability.trees import forest
-from benchmarks.served import BenchmarkServer, served
+from benchmarks.server_process import BenchmarkServer, served
 from urquhart import SE2, Config, Recognizer, describe
 from urquhart.evaluation.simulation import bridson, observe, paper_forest, plantation
 

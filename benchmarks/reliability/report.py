@@ -6,9 +6,9 @@ from typing import Any, Final
 from benchmarks.experiments import Figures, provenance
 from benchmarks.markdown import bullets, number, page, prose, table
 from benchmarks.reliability.exhaustion.section import exhaustion_faults, exhaustion_section
+from benchmarks.reliability.hostile_report import trials_section
 from benchmarks.reliability.meetings_report import meeting_faults, meetings_section
-from benchmarks.reliability.shapes_report import shape_faults, shapes_section
-from benchmarks.reliability.trials import trials_section
+from benchmarks.reliability.shape_costs_report import shape_faults, shapes_section
 
 GROWTH: Final = 20.0
 """MB by which a reader may grow over half a million inputs."""

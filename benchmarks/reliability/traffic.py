@@ -14,8 +14,8 @@ import orjson
 from benchmarks.experiments import Figures
 from benchmarks.reliability.trees import body
 from benchmarks.scale.asking import is_right
-from benchmarks.scale.job import spread
-from benchmarks.scale.world import World
+from benchmarks.scale.measurement import spread
+from benchmarks.scale.tiled_forest import World
 from urquhart.se2 import SE2
 
 COLLECTION: Final = "load"

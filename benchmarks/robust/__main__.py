@@ -12,12 +12,12 @@ from benchmarks import record
 from benchmarks.experiments import Experiment, choose, measure, progress_on
 from benchmarks.machine import machine
 from benchmarks.markdown import FOLDER
-from benchmarks.page import write_page
-from benchmarks.paper.plots import save
+from benchmarks.paper.charts import save
 from benchmarks.pool import Pool
+from benchmarks.results_page import write_page
 from benchmarks.robust import edges, grid, rows, stands, table1
-from benchmarks.robust.plots import PICTURES
-from benchmarks.robust.reliability import reliability
+from benchmarks.robust.calibration_curve import reliability
+from benchmarks.robust.charts import PICTURES
 
 EXPERIMENTS: Final[dict[str, Experiment]] = {
     "robust_table1": table1.run,

@@ -9,8 +9,8 @@ from benchmarks.experiments import Figures, provenance
 from benchmarks.markdown import number, page, picture, prose, table
 from benchmarks.robust.calibrate import read as read_calibration
 from benchmarks.robust.calibration_report import calibration_section
+from benchmarks.robust.charts import KINDS, NAMES, grid_rates
 from benchmarks.robust.grid import CLUTTERS, DETECTIONS, SIGMAS
-from benchmarks.robust.plots import KINDS, NAMES, grid_rates
 from benchmarks.robust.table1 import PEERS
 
 SHORT: Final = 0.95

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.pool import Pool
-from benchmarks.robust.worlds import STRICT, AskedQuery, Points, RobustWorld, TruePlace, gather, summarize
+from benchmarks.robust.known_places import STRICT, AskedQuery, Points, RobustWorld, TruePlace, gather, summarize
 from urquhart import SE2, Config, warm_up
 from urquhart.evaluation.simulation import observe, plantation
 

@@ -14,7 +14,7 @@ from scipy.spatial import ConvexHull, cKDTree
 
 from benchmarks.paper.tracks import BESIDE, SHIPPED
 from benchmarks.pool import Pool
-from benchmarks.robust.worlds import STRICT, AskedQuery, Points, RobustWorld, TruePlace, gather, summarize
+from benchmarks.robust.known_places import STRICT, AskedQuery, Points, RobustWorld, TruePlace, gather, summarize
 from server.stem_maps.reader import read_stem_map
 from urquhart import SE2, Config, warm_up
 from urquhart.evaluation.simulation import observe

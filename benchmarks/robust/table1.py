@@ -12,7 +12,7 @@ from benchmarks.paper.drive import CELLS, PER_LAP, ROTATIONS, Drive, drive
 from benchmarks.paper.methods import Glarot, Li, Method, Paper
 from benchmarks.paper.table1 import best_minimum, f1
 from benchmarks.pool import Pool
-from benchmarks.robust.worlds import MATCHED, PAPER, RobustWorld, TruePlace, gather
+from benchmarks.robust.known_places import MATCHED, PAPER, RobustWorld, TruePlace, gather
 from urquhart import SE2, Config, warm_up
 from urquhart.evaluation.scores import Outcomes, score
 

@@ -12,11 +12,11 @@ import typer
 from benchmarks import record
 from benchmarks.machine import machine
 from benchmarks.markdown import FOLDER
-from benchmarks.paper.plots import save
-from benchmarks.scale.job import Figures, Job
-from benchmarks.scale.others import watched
-from benchmarks.scale.parts import PARTS, SIZES, asked
-from benchmarks.scale.plots import PICTURES
+from benchmarks.paper.charts import save
+from benchmarks.scale.charts import PICTURES
+from benchmarks.scale.measurement import Figures, Measurement
+from benchmarks.scale.measurement_plan import PARTS, SIZES, asked
+from benchmarks.scale.other_load import watched
 from benchmarks.scale.report import write_report
 from benchmarks.scale.worker import run_alone
 
@@ -71,7 +71,7 @@ def sizes(max_n: int, quick: bool) -> list[int]:
 
 
 def measure(
-    size: int, room: Path, *, quick: bool, seed: int, workers: int, run: Callable[[Job], Figures] = run_alone
+    size: int, room: Path, *, quick: bool, seed: int, workers: int, run: Callable[[Measurement], Figures] = run_alone
 ) -> dict[str, Figures]:
     """All parts of a size by name; those that were measured before, and nothing before them since, are read."""
     room.mkdir(parents=True, exist_ok=True)
@@ -82,10 +82,10 @@ def measure(
             typer.echo(f"{size:>9,} {name}: measured before")
             continue
         typer.echo(f"{size:>9,} {name}")
-        job = Job(name, size, str(room.absolute()), asked(name, size, quick), seed, workers)
+        measurement = Measurement(name, size, str(room.absolute()), asked(name, size, quick), seed, workers)
         around: Figures = {}
         with watched(around):
-            figures = middle([run(job) for _ in range(1 if quick else part.runs)])
+            figures = middle([run(measurement) for _ in range(1 if quick else part.runs)])
         record.write(_record(room, name), figures | around)
         typer.echo(f"{size:>9,} {name}: {around['spent_seconds']:.1f} s, others on {around['others']:.1f} cores")
     return {name: record.read(_record(room, name)) for name in PARTS if _record(room, name).exists()}

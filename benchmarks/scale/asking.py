@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.scale.database import COLLECTION, index_of, opened
-from benchmarks.scale.job import Figures, Job, Steps, memory, spread
+from benchmarks.scale.measurement import Figures, Measurement, Steps, memory, spread
+from benchmarks.scale.measurement_plan import COMPARED
 from benchmarks.scale.observations import Observations
-from benchmarks.scale.parts import COMPARED
 from benchmarks.scale.simulate import SUBMAPS, WARMING
-from benchmarks.scale.world import KINDS
+from benchmarks.scale.tiled_forest import KINDS
 from server.index.catalog import Catalog
 from server.platform.thread_limits import pin_threads
 from urquhart import SE2, Config, Recognition, warm_up
@@ -24,22 +24,22 @@ TURN: Final = float(np.radians(3.0))
 """radians: a pose is right when it is no farther from the true one."""
 
 
-def run(job: Job) -> Figures:
+def run(measurement: Measurement) -> Figures:
     """Ask all queries of a kind one after the other: verdicts, poses, times, and the memory at the end."""
     kind, submaps, queries = (
-        KINDS[job.part],
-        Observations.load(job.room, SUBMAPS),
-        Observations.load(job.room, job.part),
+        KINDS[measurement.part],
+        Observations.load(measurement.room, SUBMAPS),
+        Observations.load(measurement.room, measurement.part),
     )
     pin_threads()
     warm_up(Config())
     empty = memory()
     rows: list[dict[str, Any]] = []
-    with opened(job.database) as catalog:
+    with opened(measurement.database) as catalog:
         for last in range(1, WARMING + 1):
             answer(catalog, queries.xy(len(queries) - last))
-        steps = Steps(f"asked, {kind}", job.asked)
-        for number in range(job.asked):
+        steps = Steps(f"asked, {kind}", measurement.asked)
+        for number in range(measurement.asked):
             rows.append(_ask(catalog, submaps, queries, number, inside=kind.inside))
             steps.done(number + 1)
         used = memory()

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.lib.format import open_memmap
 from numpy.typing import NDArray
 
-from benchmarks.scale.world import Seen
+from benchmarks.scale.tiled_forest import Seen
 from urquhart.se2 import SE2
 
 

@@ -6,11 +6,11 @@ import numpy as np
 
 from benchmarks.machine import LIBRARIES
 from benchmarks.markdown import bullets, number, page, picture, prose, table
-from benchmarks.scale.parts import EXACT_UP_TO, RIVALS
-from benchmarks.scale.plots import RIVAL_NAMES, Read, parts_of, series, short, sizes_of
+from benchmarks.scale.charts import RIVAL_NAMES, Read, parts_of, series, short, sizes_of
+from benchmarks.scale.measurement_plan import EXACT_UP_TO, RIVALS
 from benchmarks.scale.requirements import ASKED_OF, CAUSES, REQUIREMENTS, look, per, resident
 from benchmarks.scale.rivals.report import rivals
-from benchmarks.scale.world import KINDS
+from benchmarks.scale.tiled_forest import KINDS
 
 Figures = dict[str, Any]
 QUIET: Final = 0.1

@@ -10,10 +10,10 @@ from rich.console import Console
 
 from benchmarks.experiments import progress_on
 from benchmarks.pool import Pool
-from benchmarks.scale.job import Figures, Job
+from benchmarks.scale.measurement import Figures, Measurement
+from benchmarks.scale.measurement_plan import asked
 from benchmarks.scale.observations import Observations, join, write
-from benchmarks.scale.parts import asked
-from benchmarks.scale.world import KINDS, World
+from benchmarks.scale.tiled_forest import KINDS, World
 
 SUBMAPS: Final = "submaps"
 WARMING: Final = 10
@@ -35,21 +35,31 @@ class Stretch:
     name: str
 
 
-def run(job: Job) -> Figures:
+def run(measurement: Measurement) -> Figures:
     """Write the submaps and all queries; seconds and sizes."""
     begun = time.perf_counter()
-    wanted = {SUBMAPS: job.submaps} | {kind: asked(kind, job.submaps, quick=False) + WARMING for kind in KINDS}
+    wanted = {SUBMAPS: measurement.submaps} | {
+        kind: asked(kind, measurement.submaps, quick=False) + WARMING for kind in KINDS
+    }
     stretches = [
-        Stretch(job.submaps, job.seed, what, first, min(first + _band(job), count), job.room, f"{what}.{first}")
+        Stretch(
+            measurement.submaps,
+            measurement.seed,
+            what,
+            first,
+            min(first + _band(measurement), count),
+            measurement.room,
+            f"{what}.{first}",
+        )
         for what, count in wanted.items()
-        for first in range(0, count, _band(job))
+        for first in range(0, count, _band(measurement))
     ]
-    with progress_on(Console()) as progress, Pool(job.workers, progress) as pool:
-        pool.map(make, stretches, f"{job.submaps:,} submaps seen")
+    with progress_on(Console()) as progress, Pool(measurement.workers, progress) as pool:
+        pool.map(make, stretches, f"{measurement.submaps:,} submaps seen")
     for what in wanted:
-        join(job.room, what, [stretch.name for stretch in stretches if stretch.what == what])
-    submaps = Observations.load(job.room, SUBMAPS)
-    world = World(job.submaps, job.seed)
+        join(measurement.room, what, [stretch.name for stretch in stretches if stretch.what == what])
+    submaps = Observations.load(measurement.room, SUBMAPS)
+    world = World(measurement.submaps, measurement.seed)
     return {
         "seconds": time.perf_counter() - begun,
         "landmarks": len(submaps.points) / len(submaps),
@@ -68,9 +78,9 @@ def make(stretch: Stretch) -> None:
     write(stretch.folder, stretch.name, seen)
 
 
-def _band(job: Job) -> int:
+def _band(measurement: Measurement) -> int:
     """Submaps of one stretch: whole rows of the grid, so that a process meets few tiles twice."""
-    columns = World(job.submaps, job.seed).columns
+    columns = World(measurement.submaps, measurement.seed).columns
     return max(1, _MOST // columns) * columns
 
 

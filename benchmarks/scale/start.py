@@ -4,7 +4,7 @@ import time
 
 from benchmarks.scale.asking import answer
 from benchmarks.scale.database import opened
-from benchmarks.scale.job import Figures, Job, memory, seconds_alive
+from benchmarks.scale.measurement import Figures, Measurement, memory, seconds_alive
 from benchmarks.scale.observations import Observations
 from urquhart import Config, warm_up
 
@@ -12,13 +12,13 @@ _ALIVE = seconds_alive()
 """Until everything was imported."""
 
 
-def run(job: Job) -> Figures:
+def run(measurement: Measurement) -> Figures:
     """Seconds of each step. The kernels come from their cache, or are compiled where that is empty."""
-    queries = Observations.load(job.room, "inside-20")
+    queries = Observations.load(measurement.room, "inside-20")
     begun = time.perf_counter()
     warm_up(Config())
     compiled = time.perf_counter()
-    with opened(job.database) as catalog:
+    with opened(measurement.database) as catalog:
         ready = time.perf_counter()
         for _ in catalog.warm_up():
             pass

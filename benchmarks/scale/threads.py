@@ -6,7 +6,7 @@ from typing import Final
 
 from benchmarks.scale.asking import answer
 from benchmarks.scale.database import opened
-from benchmarks.scale.job import Figures, Job
+from benchmarks.scale.measurement import Figures, Measurement
 from benchmarks.scale.observations import Observations
 from server.platform.thread_limits import pin_threads
 from urquhart import Config, warm_up
@@ -14,12 +14,12 @@ from urquhart import Config, warm_up
 THREADS: Final = (1, 2)
 
 
-def run(job: Job) -> Figures:
+def run(measurement: Measurement) -> Figures:
     """Queries a second of one thread and of two: the same ones, after all of them were asked once."""
-    queries = Observations.load(job.room, "inside-20")
+    queries = Observations.load(measurement.room, "inside-20")
     warm_up(Config())
     rates: dict[str, float] = {}
-    with opened(job.database) as catalog:
+    with opened(measurement.database) as catalog:
 
         def ask(number: int) -> None:
             pin_threads()
@@ -28,6 +28,6 @@ def run(job: Job) -> Figures:
         for count in (max(THREADS), *THREADS):
             with ThreadPoolExecutor(count) as pool:
                 start = time.perf_counter()
-                list(pool.map(ask, range(job.asked)))
-                rates[str(count)] = job.asked / (time.perf_counter() - start)
-    return {"asked": job.asked, "queries_per_second": rates, "speedup": rates["2"] / rates["1"]}
+                list(pool.map(ask, range(measurement.asked)))
+                rates[str(count)] = measurement.asked / (time.perf_counter() - start)
+    return {"asked": measurement.asked, "queries_per_second": rates, "speedup": rates["2"] / rates["1"]}

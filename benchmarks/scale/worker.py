@@ -8,27 +8,27 @@ import tempfile
 from pathlib import Path
 
 from benchmarks import record
-from benchmarks.scale.job import Figures, Job
-from benchmarks.scale.parts import PARTS
+from benchmarks.scale.measurement import Figures, Measurement
+from benchmarks.scale.measurement_plan import PARTS
 
 ROOT = Path(__file__).parents[2]
 
 
-def run_here(job: Job) -> Figures:
+def run_here(measurement: Measurement) -> Figures:
     """Measure in this process. Only the part's own module is loaded, because memory and start are measured, too."""
-    module = importlib.import_module(f"benchmarks.scale.{PARTS[job.part].module}")
-    figures: Figures = module.run(job)
+    module = importlib.import_module(f"benchmarks.scale.{PARTS[measurement.part].module}")
+    figures: Figures = module.run(measurement)
     return figures
 
 
-def run_alone(job: Job) -> Figures:
+def run_alone(measurement: Measurement) -> Figures:
     """Measure in a fresh process. Raises subprocess.CalledProcessError when that fails."""
-    target = job.room / f"{job.part}.new"
-    command = [sys.executable, "-m", "benchmarks.scale.worker", job.to_json(), str(target.absolute())]
+    target = measurement.room / f"{measurement.part}.new"
+    command = [sys.executable, "-m", "benchmarks.scale.worker", measurement.to_json(), str(target.absolute())]
     # No setting of the caller's environment may change what is measured.
     environment = {name: value for name, value in os.environ.items() if not name.startswith("URQUHART_")}
     with tempfile.TemporaryDirectory() as nothing:
-        if job.part == "compile":
+        if measurement.part == "compile":
             environment["NUMBA_CACHE_DIR"] = nothing
         subprocess.run(command, cwd=ROOT, env=environment, check=True)
     figures = record.read(target)
@@ -37,4 +37,4 @@ def run_alone(job: Job) -> Figures:
 
 
 if __name__ == "__main__":
-    record.write(Path(sys.argv[2]), run_here(Job.from_json(sys.argv[1])))
+    record.write(Path(sys.argv[2]), run_here(Measurement.from_json(sys.argv[1])))

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from benchmarks.robust import calibrate
-from benchmarks.robust.worlds import ANSWER
+from benchmarks.robust.known_places import ANSWER
 from urquhart import SE2, Config
 from urquhart.decide.confidence import CALIBRATION, Calibration, Line, chance_logit, combine, rival_logit
 from urquhart.verify.evidence import EVIDENCE, PoseEvidence

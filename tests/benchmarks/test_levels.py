@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from benchmarks import record
-from benchmarks.levels import worlds
+from benchmarks.levels import cases
 from benchmarks.levels.__main__ import main
 from benchmarks.levels.asking import NAMES, ROW, SPARED, ask, search
 from benchmarks.levels.report import NAME
@@ -23,7 +23,7 @@ SMALL = ("extended grid, one submap each", "plantations, 36 submaps")
 @pytest.mark.parametrize("name", SMALL)
 def test_it_searches_as_the_method_does(name: str) -> None:
     reached = set[str]()
-    for question in worlds.WORLDS[name].questions(7, 3, 2):
+    for question in cases.WORLDS[name].questions(7, 3, 2):
         recognizer = question.world.recognizer
         described = describe_observation(question.xy, recognizer.config)
         assert isinstance(described.result, Features)
@@ -38,8 +38,8 @@ def test_it_searches_as_the_method_does(name: str) -> None:
 
 
 def test_a_question_is_asked_again_without_each_level_that_ran() -> None:
-    job = worlds.Job("plantations, 36 submaps", 2, 3, 3)
-    rows = worlds.run(job)
+    job = cases.Job("plantations, 36 submaps", 2, 3, 3)
+    rows = cases.run(job)
     assert len(rows) == 6
     assert rows["stored"].tolist() == [True] * 3 + [False] * 3
     assert (rows["milliseconds"][rows["ran"]] > 0.0).all()
@@ -52,7 +52,7 @@ def test_a_question_is_asked_again_without_each_level_that_ran() -> None:
 
 
 def test_too_few_trees_are_no_question() -> None:
-    question = next(worlds.WORLDS["extended grid, one submap each"].questions(0, 3, 1))
+    question = next(cases.WORLDS["extended grid, one submap each"].questions(0, 3, 1))
     world = question.world
     assert ask(question) is not None
     assert ask(type(question)(world, question.xy[:2], 0, question.pose)) is None
@@ -95,7 +95,7 @@ def test_what_a_level_adds_and_costs_is_counted() -> None:
 
 
 def test_a_quick_run_leaves_figures_and_a_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(worlds, "WORLDS", {name: worlds.WORLDS[name] for name in SMALL[:1]})
+    monkeypatch.setattr(cases, "WORLDS", {name: cases.WORLDS[name] for name in SMALL[:1]})
     main(quick=True, out=tmp_path, seed=1, workers=1)
     figures = record.read(tmp_path / FOLDER / f"{NAME}.json")
     assert figures["command"] == "python -m benchmarks.levels --quick --seed 1"

@@ -12,18 +12,18 @@ from rich.progress import Progress
 
 from benchmarks import record
 from benchmarks.markdown import FOLDER, WIDTH, bullets, prose, table
-from benchmarks.page import compose
 from benchmarks.paper import published
 from benchmarks.paper.__main__ import EXPERIMENTS, FULL, main
 from benchmarks.paper.attempts import MINIMA, Scoring, ask, attempt
+from benchmarks.paper.charts import PICTURES, SOURCES, draw
 from benchmarks.paper.drive import LAPS, ROTATIONS, SENSOR, Drive, drive, path
 from benchmarks.paper.methods import Glarot, Li, Paper, Robust
-from benchmarks.paper.plots import PICTURES, SOURCES, draw
 from benchmarks.paper.table1 import best_minimum, f1
 from benchmarks.paper.table2 import aligner, merge_track, summary
 from benchmarks.paper.table3 import slope
 from benchmarks.paper.tracks import LEAST, LEVELS, MAPS, cut, read_maps, sensor_range
 from benchmarks.pool import Pool
+from benchmarks.results_page import compose
 from urquhart import SE2, Config, describe
 from urquhart.evaluation.scores import Outcomes, score
 from urquhart.paper.matching import match_landmarks

@@ -11,26 +11,26 @@ import pytest
 import schemathesis
 
 from benchmarks import record
-from benchmarks.reliability import contract, readers
+from benchmarks.reliability import contract, fuzz_readers
 from benchmarks.reliability.__main__ import FULL, PAGE, PARTS, path_of, write_page
 from benchmarks.reliability.exhaustion.attacks import ATTACKS
+from benchmarks.reliability.fuzz_inputs import changed, damaged
+from benchmarks.reliability.fuzz_targets import READERS, Reader
 from benchmarks.reliability.hostile import TRIALS, clock, names, slow
 from benchmarks.reliability.hostile.jobs import ndjson
-from benchmarks.reliability.mutation import changed, damaged
-from benchmarks.reliability.reading import READERS, Reader
 from benchmarks.reliability.report import GROWTH, SECTIONS, faults, write_report
-from benchmarks.reliability.shapes_report import MOST
+from benchmarks.reliability.shape_costs_report import MOST
 from benchmarks.reliability.traffic import Told
 from benchmarks.reliability.trees import body, forest
 from benchmarks.reliability.worst_shapes import SHAPES
-from benchmarks.served import served
+from benchmarks.server_process import served
 
 ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.parametrize("name", sorted(READERS))
 def test_only_errors_of_the_domain_come_out_of_the_readers(name: str) -> None:
-    tally = readers.feed(name, 2_500, seed=5)
+    tally = fuzz_readers.feed(name, 2_500, seed=5)
     assert tally.findings == {}
     assert tally.inputs == 2_500
     assert tally.accepted > 25
@@ -50,8 +50,8 @@ def test_a_reader_that_breaks_or_hangs_is_found(monkeypatch: pytest.MonkeyPatch)
         yield Reader(lambda rng: rng.randrange(9), read)
 
     monkeypatch.setitem(READERS, "broken", broken)
-    monkeypatch.setattr(readers, "PATIENCE", 0.05)
-    tally = readers.feed("broken", 40, seed=1)
+    monkeypatch.setattr(fuzz_readers, "PATIENCE", 0.05)
+    tally = fuzz_readers.feed("broken", 40, seed=1)
     assert {what.split()[0] for what in tally.findings} == {"ZeroDivisionError", "TimeoutError"}
     assert set(tally.findings.values()) == {"7", "8"}
     assert tally.slowest[0] > 0.04

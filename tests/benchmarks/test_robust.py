@@ -13,10 +13,10 @@ from benchmarks.paper.drive import CELLS
 from benchmarks.paper.tracks import BESIDE
 from benchmarks.robust import edges, grid, rows, stands, table1
 from benchmarks.robust.__main__ import EXPERIMENTS, FULL, RELIABILITY, main
-from benchmarks.robust.plots import PICTURES
-from benchmarks.robust.reliability import LEAST, bins, expected_error
+from benchmarks.robust.calibration_curve import LEAST, bins, expected_error
+from benchmarks.robust.charts import PICTURES
+from benchmarks.robust.known_places import ANSWER, MATCHED, STRICT, RobustWorld, TruePlace, gather, summarize
 from benchmarks.robust.report import SECTIONS
-from benchmarks.robust.worlds import ANSWER, MATCHED, STRICT, RobustWorld, TruePlace, gather, summarize
 from urquhart import SE2, Config
 from urquhart.evaluation.simulation import observe, paper_forest
 

@@ -16,18 +16,18 @@ from benchmarks import record
 from benchmarks.markdown import FOLDER
 from benchmarks.scale import __main__ as command
 from benchmarks.scale.asking import is_right, summarize
-from benchmarks.scale.job import Job, memory, seconds_alive, spread
+from benchmarks.scale.charts import PICTURES, short
+from benchmarks.scale.measurement import Measurement, memory, seconds_alive, spread
+from benchmarks.scale.measurement_plan import COMPARED, PARTS, RIVALS, SIZES, asked
 from benchmarks.scale.observations import Observations, join, write
-from benchmarks.scale.parts import COMPARED, PARTS, RIVALS, SIZES, asked
-from benchmarks.scale.plots import PICTURES, short
 from benchmarks.scale.report import slope, write_report
 from benchmarks.scale.requirements import ASKED_OF, CAUSES, REQUIREMENTS, look, resident
 from benchmarks.scale.rivals.quads import RADIUS
 from benchmarks.scale.rivals.rival import TOLERANCE, Described
 from benchmarks.scale.rivals.triangles import TriangleRival, sorted_triangles
+from benchmarks.scale.tiled_forest import GOOD, KINDS, MARGIN, SPACING, World, grid_shape
+from benchmarks.scale.tiled_forest import RADIUS as RANGE
 from benchmarks.scale.worker import run_alone, run_here
-from benchmarks.scale.world import GOOD, KINDS, MARGIN, SPACING, World, grid_shape
-from benchmarks.scale.world import RADIUS as RANGE
 from urquhart import SE2, Config, describe
 
 ROOT = Path(__file__).parents[2]
@@ -40,8 +40,8 @@ def room(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A size of `TINY` submaps measured whole: the forest by a process of its own, the rest here."""
     folder = tmp_path_factory.mktemp("scale")
 
-    def run(job: Job) -> dict[str, Any]:
-        return run_alone(job) if job.part == "simulate" else run_here(job)
+    def run(measurement: Measurement) -> dict[str, Any]:
+        return run_alone(measurement) if measurement.part == "simulate" else run_here(measurement)
 
     command.measure(TINY, folder, quick=True, seed=SEED, workers=2, run=run)
     return folder
@@ -58,9 +58,9 @@ def figures(room: Path) -> dict[str, Any]:
 # ------------------------------------------------------------------ the world
 
 
-def points(job: tuple[int, float, tuple[int, ...]]) -> list[NDArray[np.float64]]:
+def points(measurement: tuple[int, float, tuple[int, ...]]) -> list[NDArray[np.float64]]:
     """Submaps of a world of 400, asked for in an order of the caller's."""
-    seed, tile, indices = job
+    seed, tile, indices = measurement
     world = World(400, seed, tile=tile)
     return [world.submap(index).xy for index in indices]
 
@@ -179,8 +179,8 @@ def test_rivals_find_places_among_few(figures: dict[str, Any], name: str) -> Non
 def test_what_was_measured_is_not_measured_again(room: Path) -> None:
     ran: list[str] = []
 
-    def run(job: Job) -> dict[str, Any]:
-        ran.append(job.part)
+    def run(measurement: Measurement) -> dict[str, Any]:
+        ran.append(measurement.part)
         return {"submaps": 1.0}
 
     before = {name: (room / f"{name}.json").read_bytes() for name in PARTS if (room / f"{name}.json").exists()}
@@ -197,8 +197,8 @@ def test_what_was_measured_is_not_measured_again(room: Path) -> None:
 
 
 def test_a_part_that_fails_stops_the_run(tmp_path: Path) -> None:
-    def run(job: Job) -> dict[str, Any]:
-        raise OSError(f"no room for {job.part}")
+    def run(measurement: Measurement) -> dict[str, Any]:
+        raise OSError(f"no room for {measurement.part}")
 
     with pytest.raises(OSError, match="no room for simulate"):
         command.measure(TINY, tmp_path, quick=True, seed=SEED, workers=1, run=run)

@@ -11,7 +11,7 @@ from server.stem_maps.reader import StemMapError, read_stem_map
 from server.stem_maps.stands import landmarks_of
 from tests.client.fake import RECEIPT, RESULT
 from urquhart_client import Client, cli
-from urquhart_client._protocol.files import FileError, read_body, read_csv
+from urquhart_client._protocol.landmark_files import FileError, read_body, read_csv
 
 GRID = [(i % 5 * 4.5, i // 5 * 3.5) for i in range(25)]
 

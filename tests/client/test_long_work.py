@@ -8,7 +8,7 @@ import pytest
 
 from tests.server.factories import forest, observed, points
 from urquhart_client import Client, ProblemError, Progress
-from urquhart_client._protocol.files import read_csv
+from urquhart_client._protocol.landmark_files import read_csv
 from urquhart_client.cli import run
 
 

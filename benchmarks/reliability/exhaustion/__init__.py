@@ -12,11 +12,11 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from benchmarks.experiments import Figures
+from benchmarks.reliability.exhaustion.attack_outcome import give_way
+from benchmarks.reliability.exhaustion.attacked_service import AttackedService
 from benchmarks.reliability.exhaustion.attacks import ATTACKS, Attack
 from benchmarks.reliability.exhaustion.robot import Robot
-from benchmarks.reliability.exhaustion.site import Site
-from benchmarks.reliability.exhaustion.strike import give_way
-from benchmarks.scale.job import spread
+from benchmarks.scale.measurement import spread
 
 
 def run(*, quick: bool, seed: int) -> Figures:
@@ -27,19 +27,19 @@ def run(*, quick: bool, seed: int) -> Figures:
 def _measure(attack: Attack, *, quick: bool, seed: int) -> Figures:
     """One attack on a service of its own."""
     least = 3.0 if quick else 15.0
-    with tempfile.TemporaryDirectory() as folder, Site(Path(folder), attack.limits) as site:
-        attack.prepare(site, quick=quick)
-        with Robot(site, seed) as robot:
+    with tempfile.TemporaryDirectory() as folder, AttackedService(Path(folder), attack.limits) as attacked:
+        attack.prepare(attacked, quick=quick)
+        with Robot(attacked, seed) as robot:
             robot.settle(1.0)
             before = robot.times(least)
-            with site.watched() as watch:
+            with attacked.watched() as watch:
                 robot.begin()
                 with ThreadPoolExecutor(1, initializer=give_way) as attacker:
-                    outcome = attacker.submit(attack.strike, site, least, quick=quick).result()
+                    outcome = attacker.submit(attack.strike, attacked, least, quick=quick).result()
                 during = robot.end()
             after = robot.times(least / 3.0)
-        failures = Counter(site.server.failures())
-        log_megabytes = site.server.log.stat().st_size / 1e6
+        failures = Counter(attacked.server.failures())
+        log_megabytes = attacked.server.log.stat().st_size / 1e6
     return {
         "does": attack.does,
         "requests": outcome.requests,

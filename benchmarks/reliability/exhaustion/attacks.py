@@ -5,15 +5,15 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from benchmarks.reliability.exhaustion import connections, requests
-from benchmarks.reliability.exhaustion.site import Site
-from benchmarks.reliability.exhaustion.strike import AttackOutcome
+from benchmarks.reliability.exhaustion.attack_outcome import AttackOutcome
+from benchmarks.reliability.exhaustion.attacked_service import AttackedService
 
 Prepare = Callable[..., None]
 Strike = Callable[..., AttackOutcome]
 
 
-def _nothing(site: Site, *, quick: bool) -> None:
-    requests.collection(site)
+def _nothing(attacked: AttackedService, *, quick: bool) -> None:
+    requests.collection(attacked)
 
 
 @dataclass(frozen=True, slots=True)

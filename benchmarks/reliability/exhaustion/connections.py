@@ -12,9 +12,9 @@ from urllib.parse import urlsplit
 
 import orjson
 
+from benchmarks.reliability.exhaustion.attack_outcome import AttackOutcome, at_once
+from benchmarks.reliability.exhaustion.attacked_service import ATTACKER, AttackedService
 from benchmarks.reliability.exhaustion.requests import BASE, slow_query
-from benchmarks.reliability.exhaustion.site import ATTACKER, Site
-from benchmarks.reliability.exhaustion.strike import AttackOutcome, at_once
 
 _READERS: Final = 150
 _CONNECTIONS: Final = 1_100
@@ -22,30 +22,30 @@ _WAITS: Final = 4_000
 _BATCH: Final = 200
 
 
-def unread(site: Site, least: float, *, quick: bool) -> AttackOutcome:
+def unread(attacked: AttackedService, least: float, *, quick: bool) -> AttackOutcome:
     """Answers are asked for and left where they are."""
     one = {"submap_id": "large0", "limit": 10}
-    asked = _post(site, f"{BASE}/queries/batch", orjson.dumps({"queries": [one] * 20}))
-    return _hold(site, [asked] * (30 if quick else _READERS), least)
+    asked = _post(attacked, f"{BASE}/queries/batch", orjson.dumps({"queries": [one] * 20}))
+    return _hold(attacked, [asked] * (30 if quick else _READERS), least)
 
 
-def waits(site: Site, least: float, *, quick: bool) -> AttackOutcome:
+def waits(attacked: AttackedService, least: float, *, quick: bool) -> AttackOutcome:
     """For a job that goes on; each connection waits for its end."""
-    job = site.client(ATTACKER).get("/v1/jobs").json()["jobs"][0]["id"]
-    asked = _head(site, "GET", f"/v1/jobs/{job}?wait=60") + b"\r\n"
-    return _hold(site, [asked] * (200 if quick else _WAITS), least)
+    job = attacked.client(ATTACKER).get("/v1/jobs").json()["jobs"][0]["id"]
+    asked = _head(attacked, "GET", f"/v1/jobs/{job}?wait=60") + b"\r\n"
+    return _hold(attacked, [asked] * (200 if quick else _WAITS), least)
 
 
-def many(site: Site, least: float, *, quick: bool) -> AttackOutcome:
+def many(attacked: AttackedService, least: float, *, quick: bool) -> AttackOutcome:
     """Connections that are opened and say nothing; who is sent away comes again."""
-    return _hold(site, [b""] * _CONNECTIONS, least)
+    return _hold(attacked, [b""] * _CONNECTIONS, least)
 
 
-def abandoned(site: Site, least: float, *, quick: bool) -> AttackOutcome:
+def abandoned(attacked: AttackedService, least: float, *, quick: bool) -> AttackOutcome:
     """How busy the service is half a second after the last caller has gone counts; the robot is busy with it, too."""
     outcome, until = AttackOutcome(), time.monotonic() + least
     raw = orjson.dumps({"queries": [slow_query(number) for number in range(_BATCH)]})
-    client = site.client(ATTACKER)
+    client = attacked.client(ATTACKER)
 
     def ask(_: int) -> None:
         outcome.send(
@@ -56,14 +56,14 @@ def abandoned(site: Site, least: float, *, quick: bool) -> AttackOutcome:
 
     at_once(4, until, ask)
     time.sleep(0.5)
-    outcome.more["cores_busy_afterwards"] = _busy(site)
+    outcome.more["cores_busy_afterwards"] = _busy(attacked)
     return outcome
 
 
-def _hold(site: Site, asked: list[bytes], least: float) -> AttackOutcome:
+def _hold(attacked: AttackedService, asked: list[bytes], least: float) -> AttackOutcome:
     """Open a connection for each request, send it, and read nothing; one that is closed is opened again, in turn."""
     outcome = AttackOutcome()
-    address = urlsplit(site.server.url)
+    address = urlsplit(attacked.server.url)
     with _descriptors(len(asked) + 200):
         until, refused = time.monotonic() + least, 0
         there: list[socket.socket | None] = [None] * len(asked)
@@ -105,20 +105,20 @@ def _is_closed(connection: socket.socket | None) -> bool:
         return True
 
 
-def _head(site: Site, method: str, path: str) -> bytes:
-    key = site.keys[ATTACKER]
-    host = urlsplit(site.server.url).netloc
+def _head(attacked: AttackedService, method: str, path: str) -> bytes:
+    key = attacked.keys[ATTACKER]
+    host = urlsplit(attacked.server.url).netloc
     return f"{method} {path} HTTP/1.1\r\nHost: {host}\r\nAuthorization: Bearer {key}\r\n".encode()
 
 
-def _post(site: Site, path: str, raw: bytes) -> bytes:
+def _post(attacked: AttackedService, path: str, raw: bytes) -> bytes:
     fields = f"Content-Type: application/json\r\nContent-Length: {len(raw)}\r\n\r\n".encode()
-    return _head(site, "POST", path) + fields + raw
+    return _head(attacked, "POST", path) + fields + raw
 
 
-def _busy(site: Site) -> float:
+def _busy(attacked: AttackedService) -> float:
     """Cores that the service keeps busy for the next two seconds."""
-    stat = Path(f"/proc/{site.server.process.pid}/stat")
+    stat = Path(f"/proc/{attacked.server.process.pid}/stat")
     ticks = []
     for pause in (2.0, 0.0):
         fields = stat.read_text(encoding="utf-8").rpartition(")")[2].split()

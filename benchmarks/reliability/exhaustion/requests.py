@@ -9,8 +9,8 @@ import numpy as np
 import orjson
 from numpy.typing import NDArray
 
-from benchmarks.reliability.exhaustion.site import ATTACKER, HONEST, Site
-from benchmarks.reliability.exhaustion.strike import AttackOutcome, at_once
+from benchmarks.reliability.exhaustion.attack_outcome import AttackOutcome, at_once
+from benchmarks.reliability.exhaustion.attacked_service import ATTACKER, HONEST, AttackedService
 from benchmarks.reliability.hostile.jobs import finished
 from benchmarks.reliability.trees import body
 
@@ -24,58 +24,58 @@ _CROWD: Final = 40
 _BATCH: Final = 200
 
 
-def collection(site: Site) -> None:
+def collection(attacked: AttackedService) -> None:
     """The attacker's collection."""
-    site.client(ATTACKER).put(BASE, json={}).raise_for_status()
+    attacked.client(ATTACKER).put(BASE, json={}).raise_for_status()
 
 
-def store_large(site: Site, *, quick: bool) -> None:
+def store_large(attacked: AttackedService, *, quick: bool) -> None:
     """Ten submaps of one place with thousands of trees each: every one matches every other in all pairs."""
-    collection(site)
+    collection(attacked)
     trees = np.random.default_rng(5).uniform(-150.0, 150.0, (500 if quick else 5_000, 2))
     for number in range(10):
-        _put(site, f"large{number}", trees).raise_for_status()
+        _put(attacked, f"large{number}", trees).raise_for_status()
 
 
-def store_lattices(site: Site, *, quick: bool) -> None:
+def store_lattices(attacked: AttackedService, *, quick: bool) -> None:
     """Rows of trees, a little irregular, which take a search the longest."""
-    collection(site)
+    collection(attacked)
     rng = np.random.default_rng(6)
     for number in range(20):
-        _put(site, f"rows{number}", _lattice(400) + rng.normal(0.0, 0.15, (400, 2))).raise_for_status()
+        _put(attacked, f"rows{number}", _lattice(400) + rng.normal(0.0, 0.15, (400, 2))).raise_for_status()
 
 
-def store_jobs(site: Site, *, quick: bool) -> None:
+def store_jobs(attacked: AttackedService, *, quick: bool) -> None:
     """Submaps that keep a constraints job busy."""
-    store_lattices(site, quick=quick)
-    site.client(ATTACKER).post(f"{BASE}/constraints", json={}).raise_for_status()
+    store_lattices(attacked, quick=quick)
+    attacked.client(ATTACKER).post(f"{BASE}/constraints", json={}).raise_for_status()
 
 
-def equal_points(site: Site, least: float, *, quick: bool) -> AttackOutcome:
+def equal_points(attacked: AttackedService, least: float, *, quick: bool) -> AttackOutcome:
     """One caller after the other."""
     raw, outcome = gzip.compress(orjson.dumps({"xy": [[1.0, 2.0]] * MOST}), 9, mtime=0), AttackOutcome()
-    client, until = site.client(ATTACKER), time.monotonic() + least
+    client, until = attacked.client(ATTACKER), time.monotonic() + least
     at_once(2, until, lambda _: outcome.send(lambda: client.put(f"{BASE}/submaps/e", content=raw, headers=_PACKED)))
     outcome.more["bytes"] = len(raw)
     return outcome
 
 
-def poisoned_line(site: Site, least: float, *, quick: bool) -> AttackOutcome:
+def poisoned_line(attacked: AttackedService, least: float, *, quick: bool) -> AttackOutcome:
     """The other lines are stored."""
     lines = [orjson.dumps({"id": f"s{i}", **body(3, i)}) for i in range(99)]
     lines.insert(50, orjson.dumps({"id": "bad", "xy": [[1.0, 2.0]] * MOST}))
-    return _import(site, lines, least)
+    return _import(attacked, lines, least)
 
 
-def empty_lines(site: Site, least: float, *, quick: bool) -> AttackOutcome:
+def empty_lines(attacked: AttackedService, least: float, *, quick: bool) -> AttackOutcome:
     """Each is refused, and the results say so."""
-    return _import(site, [b"{}"] * (1_300 if quick else 13_000), least)
+    return _import(attacked, [b"{}"] * (1_300 if quick else 13_000), least)
 
 
-def shapes(site: Site, least: float, *, quick: bool) -> AttackOutcome:
+def shapes(attacked: AttackedService, least: float, *, quick: bool) -> AttackOutcome:
     """Each stored first, then asked for."""
     outcome, seconds = AttackOutcome(), dict[str, float]()
-    client = site.client(ATTACKER)
+    client = attacked.client(ATTACKER)
     for name, xy in _shapes(1_000 if quick else MOST):
         raw = _pack({"xy": xy.tolist()})
         for does, ask in (
@@ -89,9 +89,9 @@ def shapes(site: Site, least: float, *, quick: bool) -> AttackOutcome:
     return outcome
 
 
-def large_answers(site: Site, least: float, *, quick: bool) -> AttackOutcome:
+def large_answers(attacked: AttackedService, least: float, *, quick: bool) -> AttackOutcome:
     """The largest answer counts, in bytes."""
-    outcome, client, until = AttackOutcome(), site.client(ATTACKER), time.monotonic() + least
+    outcome, client, until = AttackOutcome(), attacked.client(ATTACKER), time.monotonic() + least
     one = {"submap_id": "large0", "limit": 20, "explain": True}
     raw, largest = orjson.dumps({"queries": [one] * _BATCH}), [0]
 
@@ -106,22 +106,22 @@ def large_answers(site: Site, least: float, *, quick: bool) -> AttackOutcome:
     return outcome
 
 
-def crowd(site: Site, least: float, *, quick: bool) -> AttackOutcome:
+def crowd(attacked: AttackedService, least: float, *, quick: bool) -> AttackOutcome:
     """All with one key; each again and again."""
-    outcome, client = AttackOutcome(), site.client(ATTACKER)
+    outcome, client = AttackOutcome(), attacked.client(ATTACKER)
     at_once(_CROWD, time.monotonic() + least, lambda number: _slow(client, outcome, number))
     return outcome
 
 
-def revoked(site: Site, least: float, *, quick: bool) -> AttackOutcome:
+def revoked(attacked: AttackedService, least: float, *, quick: bool) -> AttackOutcome:
     """How long the service still works for the key afterwards counts, in seconds."""
-    outcome, client = AttackOutcome(), site.client(ATTACKER)
+    outcome, client = AttackOutcome(), attacked.client(ATTACKER)
     started = time.monotonic()
     last, gone = [0.0], [float("inf")]
 
     def ask(number: int) -> None:
         if number == 0 and time.monotonic() > started + least / 2.0 and gone[0] == float("inf"):
-            site.revoke(ATTACKER)
+            attacked.revoke(ATTACKER)
             gone[0] = time.monotonic()
         answer = _slow(client, outcome, number)
         if answer is not None and answer.status_code == 200:
@@ -132,16 +132,16 @@ def revoked(site: Site, least: float, *, quick: bool) -> AttackOutcome:
     return outcome
 
 
-def jobs(site: Site, least: float, *, quick: bool) -> AttackOutcome:
+def jobs(attacked: AttackedService, least: float, *, quick: bool) -> AttackOutcome:
     """How long an import of the robot's takes, which is one submap, counts."""
-    outcome, client = AttackOutcome(), site.client(ATTACKER)
+    outcome, client = AttackOutcome(), attacked.client(ATTACKER)
     lines = b"".join(orjson.dumps({"id": f"s{i}", **body(4, i)}) + b"\n" for i in range(50 if quick else 500))
     posted = client.post(f"{BASE}/imports", content=lines, headers=_LINES).raise_for_status()
     finished(client, posted.headers["Location"], _PATIENCE)
     until = time.monotonic() + least / 3.0
     while time.monotonic() < until:
         outcome.send(lambda: client.post(f"{BASE}/constraints", json={}))
-    robot = site.client(HONEST)
+    robot = attacked.client(HONEST)
     began = time.perf_counter()
     mine = orjson.dumps({"id": "mine", **body(9)}) + b"\n"
     posted = robot.post(f"/v1/collections/{HONEST}/imports", content=mine, headers=_LINES).raise_for_status()
@@ -163,8 +163,8 @@ def _slow(client: httpx.Client, outcome: AttackOutcome, number: int) -> httpx.Re
     return answer
 
 
-def _import(site: Site, lines: list[bytes], least: float) -> AttackOutcome:
-    outcome, client = AttackOutcome(), site.client(ATTACKER)
+def _import(attacked: AttackedService, lines: list[bytes], least: float) -> AttackOutcome:
+    outcome, client = AttackOutcome(), attacked.client(ATTACKER)
     raw, until = b"".join(line + b"\n" for line in lines), time.monotonic() + least
     while True:
         posted = outcome.send(lambda: client.post(f"{BASE}/imports", content=raw, headers=_LINES))
@@ -183,8 +183,8 @@ def _import(site: Site, lines: list[bytes], least: float) -> AttackOutcome:
             return outcome
 
 
-def _put(site: Site, name: str, xy: NDArray[np.float64]) -> httpx.Response:
-    return site.client(ATTACKER).put(f"{BASE}/submaps/{name}", content=_pack({"xy": xy.tolist()}), headers=_PACKED)
+def _put(attacked: AttackedService, name: str, xy: NDArray[np.float64]) -> httpx.Response:
+    return attacked.client(ATTACKER).put(f"{BASE}/submaps/{name}", content=_pack({"xy": xy.tolist()}), headers=_PACKED)
 
 
 def _pack(content: dict[str, Any]) -> bytes:

@@ -8,7 +8,7 @@ from typing import Final
 
 import httpx
 
-from benchmarks.reliability.exhaustion.site import HONEST, Site
+from benchmarks.reliability.exhaustion.attacked_service import HONEST, AttackedService
 from benchmarks.reliability.trees import body
 
 _PAUSE: Final = 0.02
@@ -24,14 +24,14 @@ class Robot:
         errors: answers other than a right match, by what they were; 503 and 429 with Retry-After among them.
     """
 
-    def __init__(self, site: Site, seed: int) -> None:
+    def __init__(self, attacked: AttackedService, seed: int) -> None:
         self.errors: Counter[str] = Counter()
         context = multiprocessing.get_context("spawn")
         self._ours, theirs = context.Pipe()
-        key = site.keys[HONEST]
-        site.client(HONEST).put(f"/v1/collections/{HONEST}", json={}).raise_for_status()
-        site.client(HONEST).put(f"/v1/collections/{HONEST}/submaps/p", json=body(seed)).raise_for_status()
-        self._process = context.Process(target=_ask_forever, args=(site.server.url, key, seed, theirs), daemon=True)
+        key = attacked.keys[HONEST]
+        attacked.client(HONEST).put(f"/v1/collections/{HONEST}", json={}).raise_for_status()
+        attacked.client(HONEST).put(f"/v1/collections/{HONEST}/submaps/p", json=body(seed)).raise_for_status()
+        self._process = context.Process(target=_ask_forever, args=(attacked.server.url, key, seed, theirs), daemon=True)
 
     def __enter__(self) -> "Robot":
         self._process.start()

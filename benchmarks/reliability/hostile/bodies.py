@@ -13,7 +13,7 @@ import httpx
 
 from benchmarks.experiments import Figures
 from benchmarks.reliability.trees import body
-from benchmarks.served import served
+from benchmarks.server_process import served
 
 _ROUTES: Final = (
     ("PUT", "/v1/collections/any"),

@@ -10,7 +10,7 @@ import httpx
 
 from benchmarks.experiments import Figures
 from benchmarks.reliability.trees import body
-from benchmarks.served import BenchmarkServer, served
+from benchmarks.server_process import BenchmarkServer, served
 
 _YEAR: Final = 365 * 86_400.0
 _HOUR: Final = 3_600.0
@@ -27,7 +27,7 @@ def run(*, quick: bool, seed: int) -> Figures:
     with tempfile.TemporaryDirectory() as folder:
         clock = Path(folder) / "clock"
         clock.write_text("0")
-        program = ("-m", "benchmarks.reliability.hostile.jumping", str(clock))
+        program = ("-m", "benchmarks.reliability.hostile.jumping_clock", str(clock))
         with served(Path(folder) / "clock.db", Path(folder) / "log", program, **_SMALL) as server:
             with httpx.Client(base_url=server.url, timeout=60.0) as client:
                 client.put(_BASE, json={}).raise_for_status()

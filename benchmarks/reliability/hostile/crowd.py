@@ -10,7 +10,7 @@ import httpx
 
 from benchmarks.experiments import Figures
 from benchmarks.reliability.trees import body
-from benchmarks.served import BenchmarkServer, served
+from benchmarks.server_process import BenchmarkServer, served
 from server.collections import crud
 from server.schemas.collections import CollectionPut
 from server.store import migrations_runner

@@ -12,7 +12,7 @@ import httpx
 from benchmarks.experiments import Figures
 from benchmarks.reliability.hostile.jobs import finished, has_jobs, ndjson
 from benchmarks.reliability.trees import body
-from benchmarks.served import served
+from benchmarks.server_process import served
 
 _BASE: Final = "/v1/collections/plots"
 _MEGABYTES: Final = 48

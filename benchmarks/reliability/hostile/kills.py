@@ -13,7 +13,7 @@ import httpx
 from benchmarks.experiments import Figures
 from benchmarks.reliability.hostile.jobs import JobInterrupted, has_jobs
 from benchmarks.reliability.trees import body
-from benchmarks.served import BenchmarkServer, served
+from benchmarks.server_process import BenchmarkServer, served
 
 _BASE: Final = "/v1/collections/plots"
 _WRITERS: Final = 4

@@ -10,7 +10,7 @@ import httpx
 
 from benchmarks.experiments import Figures
 from benchmarks.reliability.trees import body
-from benchmarks.served import served
+from benchmarks.server_process import served
 
 _GOOD: Final = (
     "plots", "p~7", "a.b", "...", "-", "_", "~", "0", "A", "é", "Ünïcode", "林", "森林-7", "лес",

@@ -12,8 +12,8 @@ import httpx
 
 from benchmarks.experiments import Figures
 from benchmarks.reliability.trees import body
-from benchmarks.scale.job import spread
-from benchmarks.served import BenchmarkServer, served
+from benchmarks.scale.measurement import spread
+from benchmarks.server_process import BenchmarkServer, served
 
 _HEAD: Final = (
     b"POST /v1/collections/plots/queries HTTP/1.1\r\nHost: here\r\nContent-Type: application/json\r\n"

@@ -7,14 +7,14 @@ from typing import Final
 import numpy as np
 
 from benchmarks.scale.asking import is_right
-from benchmarks.scale.job import Figures, Job, Steps, memory, spread
+from benchmarks.scale.measurement import Figures, Measurement, Steps, memory, spread
 from benchmarks.scale.observations import Observations
 from benchmarks.scale.rivals.brute import ExhaustiveRival
 from benchmarks.scale.rivals.quads import QuadRival
 from benchmarks.scale.rivals.rival import CONFIG, REACHED, Described, RivalMethod, RivalRanking
 from benchmarks.scale.rivals.triangles import TriangleRival
 from benchmarks.scale.simulate import SUBMAPS
-from benchmarks.scale.world import KINDS, World
+from benchmarks.scale.tiled_forest import KINDS, World
 from server.platform.thread_limits import pin_threads
 from urquhart import SE2, describe, warm_up
 from urquhart.verify.evidence import PoseEvidence
@@ -27,10 +27,10 @@ _MADE: Final[dict[str, Callable[[], RivalMethod]]] = {
 }
 
 
-def run(job: Job) -> Figures:
+def run(measurement: Measurement) -> Figures:
     """Build the rival's index of all submaps and ask it."""
-    submaps = Observations.load(job.room, SUBMAPS)
-    rival = _MADE[job.part]()
+    submaps = Observations.load(measurement.room, SUBMAPS)
+    rival = _MADE[measurement.part]()
     warm_up(CONFIG)
     begun, steps = time.perf_counter(), Steps("taken in", len(submaps))
     for i in range(len(submaps)):
@@ -41,21 +41,21 @@ def run(job: Job) -> Figures:
     pin_threads()
     kinds = [kind for kind in KINDS if KINDS[kind].inside]
     return {
-        "asked": job.asked,
+        "asked": measurement.asked,
         "build_seconds": built,
         "bytes": rival.nbytes() / len(submaps),
-        "kinds": {kind: _ask_all(job, rival, submaps, kind) for kind in kinds},
+        "kinds": {kind: _ask_all(measurement, rival, submaps, kind) for kind in kinds},
         "memory": memory(),
     }
 
 
-def _ask_all(job: Job, rival: RivalMethod, submaps: Observations, kind: str) -> Figures:
-    queries, world = Observations.load(job.room, kind), World(job.submaps, job.seed)
+def _ask_all(measurement: Measurement, rival: RivalMethod, submaps: Observations, kind: str) -> Figures:
+    queries, world = Observations.load(measurement.room, kind), World(measurement.submaps, measurement.seed)
     listed, right = 0, 0
     search, verification, whole = list[float](), list[float](), list[float]()
-    steps = Steps(f"asked, {job.part}", job.asked)
+    steps = Steps(f"asked, {measurement.part}", measurement.asked)
     # The first query pays for compiling: it is asked once more, and counted only then.
-    for count, number in enumerate([0, *range(job.asked)]):
+    for count, number in enumerate([0, *range(measurement.asked)]):
         truth = queries.pose(number)
         start = time.perf_counter()
         query = Described.of(describe(queries.xy(number), CONFIG))
@@ -79,8 +79,8 @@ def _ask_all(job: Job, rival: RivalMethod, submaps: Observations, kind: str) -> 
             right += int(is_right(submaps.pose(int(ranking.submaps[at])), pose, truth))
         steps.done(number)
     return {
-        "listed": listed / job.asked,
-        "recall": right / job.asked,
+        "listed": listed / measurement.asked,
+        "recall": right / measurement.asked,
         "search": spread(search),
         "verify": spread(verification),
         "milliseconds": spread(whole),

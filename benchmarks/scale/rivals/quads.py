@@ -10,7 +10,7 @@ import faiss
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.scale.parts import EXACT_UP_TO
+from benchmarks.scale.measurement_plan import EXACT_UP_TO
 from benchmarks.scale.rivals.rival import CONFIG, TOLERANCE, Described, RivalRanking, most
 from urquhart import Features
 from urquhart._kernel import kernel

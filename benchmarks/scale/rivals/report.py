@@ -3,9 +3,9 @@
 from typing import Any, Final
 
 from benchmarks.markdown import bullets, number, page, prose, table
-from benchmarks.scale.parts import RIVALS
-from benchmarks.scale.plots import RIVAL_NAMES, parts_of, short, sizes_of
-from benchmarks.scale.world import KINDS
+from benchmarks.scale.charts import RIVAL_NAMES, parts_of, short, sizes_of
+from benchmarks.scale.measurement_plan import RIVALS
+from benchmarks.scale.tiled_forest import KINDS
 
 _WHAT: Final = (
     """FAISS over quads: the five lengths that our quad index has, range search with a ball of the volume of our box;

@@ -9,6 +9,7 @@ from urquhart_client._protocol.bodies import UNSET
 from urquhart_client._protocol.retry import Retry
 from urquhart_client.client import AsyncClient, Client
 from urquhart_client.errors import ConnectionFailed, ProblemError, UnexpectedAnswer, UrquhartError
+from urquhart_client.job_models import Job, JobLine, Progress, Snapshot
 from urquhart_client.models import (
     Candidate,
     Collection,
@@ -23,13 +24,13 @@ from urquhart_client.models import (
     Polygon,
     QueryResult,
     Rival,
+    SessionSummary,
     Stage,
     Submap,
     SubmapReceipt,
     Tessellation,
 )
 from urquhart_client.poses import MapPose, Transform, TreesMiddle
-from urquhart_client.work import Job, JobLine, Progress, SessionSummary, Snapshot
 
 __all__ = [
     "UNSET",

@@ -11,11 +11,11 @@ from typing import Any, Final, NoReturn
 import httpx
 from pydantic import BaseModel
 
-from urquhart_client._protocol.files import FileError, read_body, read_csv
+from urquhart_client._protocol.landmark_files import FileError, read_body, read_csv
 from urquhart_client._protocol.retry import Retry
 from urquhart_client.client import Client
 from urquhart_client.errors import ProblemError, UrquhartError
-from urquhart_client.work import Job, Progress
+from urquhart_client.job_models import Job, Progress
 
 _OBSERVED: Final = frozenset({"xy", "ids", "landmarks", "frame_id", "stamp"})
 _SUBMAP: Final = _OBSERVED | {"session", "map_pose", "properties", "query"}

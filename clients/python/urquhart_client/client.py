@@ -2,11 +2,11 @@
 
 from urquhart_client._async.jobs import AsyncJobCalls
 from urquhart_client._async.queries import AsyncQueryCalls
-from urquhart_client._async.service import AsyncServiceCalls
+from urquhart_client._async.service_and_collections import AsyncServiceCalls
 from urquhart_client._async.submaps import AsyncSubmapCalls
 from urquhart_client._sync.jobs import JobCalls
 from urquhart_client._sync.queries import QueryCalls
-from urquhart_client._sync.service import ServiceCalls
+from urquhart_client._sync.service_and_collections import ServiceCalls
 from urquhart_client._sync.submaps import SubmapCalls
 
 

@@ -247,6 +247,16 @@ class Submap(Model):
     links: dict[str, Any] = Field(default_factory=dict)
 
 
+class SessionSummary(Model):
+    """A session: the submaps of one drive, flight or survey."""
+
+    session: str
+    submaps: int
+    landmarks: int = 0
+    first: datetime | None = None
+    last: datetime | None = None
+
+
 class Polygon(Model):
     """An interior Urquhart polygon: landmark positions counter-clockwise, triangle positions, descriptor."""
 

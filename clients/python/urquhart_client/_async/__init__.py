@@ -1,1 +1,1 @@
-"""The awaiting client. `mirror.py` generates it from `_sync`."""
+"""The awaiting client. `generate_async.py` generates it from `_sync`."""

@@ -9,7 +9,7 @@ from typing import Any, Literal
 from urquhart_client._async.connection import AsyncConnection
 from urquhart_client._protocol import job_requests
 from urquhart_client.errors import UnexpectedAnswer
-from urquhart_client.work import Job, JobLine, Progress, Snapshot
+from urquhart_client.job_models import Job, JobLine, Progress, Snapshot
 
 _WAIT = 20.0
 """Seconds that the service is asked to hold an answer back; less than it takes to time out."""

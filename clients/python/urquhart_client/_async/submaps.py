@@ -7,8 +7,7 @@ from typing import Any
 from urquhart_client._async.connection import AsyncConnection
 from urquhart_client._protocol import bodies, requests
 from urquhart_client._protocol.bodies import UNSET, Diameters, Landmarks, Points, Pose, Unset
-from urquhart_client.models import Submap, SubmapReceipt, Tessellation
-from urquhart_client.work import SessionSummary
+from urquhart_client.models import SessionSummary, Submap, SubmapReceipt, Tessellation
 
 
 class AsyncSubmapCalls(AsyncConnection):

@@ -8,8 +8,8 @@ import httpx
 
 from urquhart_client._protocol.exchange import Request, Upload, model, nothing, page, text
 from urquhart_client._protocol.requests import JSON, collection_path, once, parameters, segment, with_body
+from urquhart_client.job_models import Job, Snapshot
 from urquhart_client.models import Page
-from urquhart_client.work import Job, Snapshot
 
 _NDJSON = "application/x-ndjson"
 

@@ -22,11 +22,11 @@ from urquhart_client.models import (
     Limits,
     Page,
     QueryResult,
+    SessionSummary,
     Submap,
     SubmapReceipt,
     Tessellation,
 )
-from urquhart_client.work import SessionSummary
 
 T = TypeVar("T")
 

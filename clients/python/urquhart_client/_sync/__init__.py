@@ -1,1 +1,1 @@
-"""The blocking client. `mirror.py` generates `_async` from it."""
+"""The blocking client. `generate_async.py` generates `_async` from it."""

@@ -7,8 +7,7 @@ from typing import Any
 from urquhart_client._protocol import bodies, requests
 from urquhart_client._protocol.bodies import UNSET, Diameters, Landmarks, Points, Pose, Unset
 from urquhart_client._sync.connection import Connection
-from urquhart_client.models import Submap, SubmapReceipt, Tessellation
-from urquhart_client.work import SessionSummary
+from urquhart_client.models import SessionSummary, Submap, SubmapReceipt, Tessellation
 
 
 class SubmapCalls(Connection):

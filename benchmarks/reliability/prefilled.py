@@ -4,7 +4,7 @@ import time
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from benchmarks.scale.world import World
+from benchmarks.scale.tiled_forest import World
 from server.collections import crud
 from server.schemas.collections import CollectionPut
 from server.schemas.submaps import NamedSubmap

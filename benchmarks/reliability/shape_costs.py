@@ -13,7 +13,7 @@ import numpy as np
 
 from benchmarks.experiments import Figures
 from benchmarks.reliability.worst_shapes import SHAPES
-from benchmarks.scale.job import memory
+from benchmarks.scale.measurement import memory
 from urquhart import SE2, Budget, Config, Recognizer, describe, warm_up
 
 SIZES: Final = (100, 1_000, 5_000, 20_000)

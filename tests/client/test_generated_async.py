@@ -7,19 +7,19 @@ from pathlib import Path
 
 from urquhart_client import AsyncClient, Client
 
-MIRROR = Path(__file__).parents[2] / "clients/python/mirror.py"
+GENERATOR = Path(__file__).parents[2] / "clients/python/generate_async.py"
 
 
 def test_it_is_made_of_the_blocking_one() -> None:
-    spec = importlib.util.spec_from_file_location("mirror", MIRROR)
+    spec = importlib.util.spec_from_file_location("generate_async", GENERATOR)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    made = module.mirrored()
+    made = module.generated()
     assert made
     for path, text in made.items():
         # Imports are sorted by what they are called, and lines are cut where they are too long.
-        assert _told(path.read_text()) == _told(text), "python clients/python/mirror.py"
+        assert _told(path.read_text()) == _told(text), "python clients/python/generate_async.py"
 
 
 def _told(source: str) -> list[str]:

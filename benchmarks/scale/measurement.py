@@ -15,11 +15,11 @@ _EVERY: Final = 10.0
 
 
 @dataclass(frozen=True, slots=True)
-class Job:
+class Measurement:
     """A part, of a size.
 
     Attributes:
-        part: its name; see `parts.PARTS`.
+        part: its name; see `measurement_plan.PARTS`.
         submaps: how many there are.
         folder: where everything of this size lies.
         asked: how many queries; 0 where none are asked.
@@ -45,13 +45,13 @@ class Job:
         return self.room / "scale.sqlite"
 
     def to_json(self) -> str:
-        """The job as another process reads it."""
+        """The measurement as another process reads it."""
         return json.dumps(asdict(self))
 
     @staticmethod
-    def from_json(text: str) -> "Job":
+    def from_json(text: str) -> "Measurement":
         """What `to_json` wrote."""
-        return Job(**json.loads(text))
+        return Measurement(**json.loads(text))
 
 
 class Steps:

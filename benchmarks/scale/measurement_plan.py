@@ -36,7 +36,7 @@ PARTS: Final = {
     "inside-40": Part("asking", ("ingest",), asked=1_000),
     "outside-40": Part("asking", ("ingest",), asked=1_000),
     "threads": Part("threads", ("ingest",), asked=200),
-    "http": Part("service", ("ingest",), asked=200),
+    "http": Part("http_overhead", ("ingest",), asked=200),
     "rival-quads": Part("rivals.compare", ("simulate",), largest=100_000, asked=200),
     "rival-triangles": Part("rivals.compare", ("simulate",), largest=100_000, asked=200),
     "rival-exhaustive": Part("rivals.compare", ("simulate",), largest=SIZES[0], asked=20),

@@ -17,11 +17,11 @@ import httpx
 
 from benchmarks.experiments import Figures
 from benchmarks.reliability.hostile.jobs import finished
-from benchmarks.reliability.storing import lines_of, store
+from benchmarks.reliability.prefilled import lines_of, store
 from benchmarks.reliability.traffic import questions
-from benchmarks.scale.job import spread
-from benchmarks.scale.world import World
-from benchmarks.served import served
+from benchmarks.scale.measurement import spread
+from benchmarks.scale.tiled_forest import World
+from benchmarks.server_process import served
 
 _ROBOTS: Final = "/v1/collections/robots"
 _SEASON: Final = "/v1/collections/season"

@@ -1,6 +1,6 @@
 """The command line of the service with a clock that jumps: by as many seconds as a file says, read at every look.
 
-    python -m benchmarks.reliability.hostile.jumping CLOCK serve --port 0 ...
+    python -m benchmarks.reliability.hostile.jumping_clock CLOCK serve --port 0 ...
 
 What measures durations (`time.monotonic`) is left alone, as it is when a machine's clock is set.
 """

@@ -9,8 +9,8 @@ from typing import Final
 
 import httpx
 
-from benchmarks.reliability.exhaustion.strike import give_way
-from benchmarks.served import BenchmarkServer, served
+from benchmarks.reliability.exhaustion.attack_outcome import give_way
+from benchmarks.server_process import BenchmarkServer, served
 from server.security import api_keys
 from server.security.principal import Scope
 from server.store import migrations_runner
@@ -38,18 +38,18 @@ class Watch:
     descriptors: int = 0
 
 
-class Site:
+class AttackedService:
     """A running service over a database in `folder`; each caller's collection has the caller's name."""
 
     def __init__(self, folder: Path, limits: Mapping[str, str]) -> None:
         self.folder, self._limits = folder, limits
-        self.database = folder / "site.db"
+        self.database = folder / "attacked.db"
         self._stack = ExitStack()
         self._clients: dict[str, httpx.Client] = {}
         self.keys: dict[str, str] = {}
         self._ids: dict[str, str] = {}
 
-    def __enter__(self) -> "Site":
+    def __enter__(self) -> "AttackedService":
         database = Database(self.database)
         try:
             migrations_runner.upgrade(database)

@@ -1,4 +1,6 @@
-"""What a library would do in the place of the service's own code: `python -m benchmarks.alternatives`, two minutes.
+"""What a library would do in the place of the service's own code.
+
+Run as `python -m benchmarks.library_alternatives`; it takes two minutes.
 
 Each experiment shows the one property for which the own code is kept (docs/decisions/0015-own-code-at-the-edge.md).
 """
@@ -23,7 +25,7 @@ from typing import Final
 from starlette.middleware.gzip import GZipMiddleware
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from benchmarks.served import served
+from benchmarks.server_process import served
 from server.http.compression import DeflateAnswers
 from server.platform.process_pool import IsolationPolicy, PoolTask, ProcessPool
 

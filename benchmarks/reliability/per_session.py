@@ -15,12 +15,12 @@ import httpx
 import numpy as np
 
 from benchmarks.experiments import Figures
-from benchmarks.reliability.storing import store
+from benchmarks.reliability.prefilled import store
 from benchmarks.reliability.traffic import BASE, COLLECTION
 from benchmarks.scale.asking import is_right
-from benchmarks.scale.job import spread
-from benchmarks.scale.world import World
-from benchmarks.served import served
+from benchmarks.scale.measurement import spread
+from benchmarks.scale.tiled_forest import World
+from benchmarks.server_process import served
 from server.schemas.submaps import NamedSubmap
 from server.submaps import described_batches
 from urquhart.se2 import SE2

@@ -8,16 +8,6 @@ from typing import Any
 from urquhart_client.poses import Model
 
 
-class SessionSummary(Model):
-    """A session: the submaps of one drive, flight or survey."""
-
-    session: str
-    submaps: int
-    landmarks: int = 0
-    first: datetime | None = None
-    last: datetime | None = None
-
-
 class Job(Model):
     """A job. `state` is accepted, running, successful, failed or dismissed. `problem` says why it failed."""
 

@@ -17,7 +17,7 @@ import numpy as np
 import orjson
 
 from benchmarks.everyday import Forest
-from benchmarks.served import PATIENCE, served
+from benchmarks.server_process import PATIENCE, served
 from server.collections import crud
 from server.schemas.collections import CollectionPut
 from server.store import migrations_runner

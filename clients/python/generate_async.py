@@ -1,5 +1,6 @@
-"""Generates the asynchronous client from the blocking one: `python clients/python/mirror.py`. A test compares the
-two.
+"""Generates the asynchronous client from the blocking one: `python clients/python/generate_async.py`.
+
+A test compares the two.
 """
 
 import ast
@@ -34,7 +35,7 @@ _WORDS = {
 }
 
 
-def mirror(source: str) -> str:
+def to_async(source: str) -> str:
     """The asynchronous form of a blocking module."""
     lines = source.splitlines(keepends=True)
     for node in ast.walk(ast.parse(source)):
@@ -60,12 +61,12 @@ def _waits(body: str, name: str) -> bool:
     return (awaited and "lambda cursor" not in body) or "yield " in body
 
 
-def mirrored() -> dict[Path, str]:
+def generated() -> dict[Path, str]:
     """The expected files of the asynchronous client."""
-    return {HERE / "_async" / path.name: mirror(path.read_text()) for path in sorted((HERE / "_sync").glob("*.py"))}
+    return {HERE / "_async" / path.name: to_async(path.read_text()) for path in sorted((HERE / "_sync").glob("*.py"))}
 
 
 if __name__ == "__main__":
     (HERE / "_async").mkdir(exist_ok=True)
-    for path, text in mirrored().items():
+    for path, text in generated().items():
         path.write_text(text)

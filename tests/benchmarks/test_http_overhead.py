@@ -3,7 +3,7 @@
 import numpy as np
 
 from benchmarks.everyday import Forest, build
-from benchmarks.service import bulk_rate, http_cost
+from benchmarks.http_overhead import bulk_rate, http_cost
 
 
 def test_over_http_the_answers_are_the_librarys() -> None:

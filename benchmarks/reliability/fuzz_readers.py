@@ -19,8 +19,8 @@ from types import FrameType
 from typing import Any, Final
 
 from benchmarks.experiments import Figures
-from benchmarks.reliability.reading import READERS, Reader
-from benchmarks.scale.job import memory
+from benchmarks.reliability.fuzz_targets import READERS, Reader
+from benchmarks.scale.measurement import memory
 
 PATIENCE: Final = 10.0
 """Seconds for one input."""

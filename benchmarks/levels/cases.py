@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from benchmarks.levels.asking import ROW, ask
 from benchmarks.paper.drive import CELLS, ROTATIONS, SENSOR, drive
 from benchmarks.robust import edges, grid, rows, stands
-from benchmarks.robust.worlds import PAPER, STRICT, AskedQuery, RobustWorld, TruePlace
-from benchmarks.scale.world import GOOD, MARGIN, POOR, RADIUS, Setting
-from benchmarks.scale.world import World as Forest
+from benchmarks.robust.known_places import PAPER, STRICT, AskedQuery, RobustWorld, TruePlace
+from benchmarks.scale.tiled_forest import GOOD, MARGIN, POOR, RADIUS, Setting
+from benchmarks.scale.tiled_forest import World as Forest
 from urquhart import SE2, Config, warm_up
 from urquhart.evaluation.simulation import observe
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from benchmarks.scale.job import Figures
+from benchmarks.scale.measurement import Figures
 
 
 @contextmanager

@@ -12,7 +12,7 @@ import orjson
 from pydantic import BaseModel, ValidationError
 
 import server.schemas
-from benchmarks.reliability.mutation import NAMES, changed, damaged, dumped, value
+from benchmarks.reliability.fuzz_inputs import NAMES, changed, damaged, dumped, value
 from benchmarks.reliability.trees import body
 from server.collections import crud
 from server.config.settings import Limits

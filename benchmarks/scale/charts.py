@@ -7,9 +7,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullLocator
 
-from benchmarks.scale.parts import RIVALS
+from benchmarks.scale.measurement_plan import RIVALS
 from benchmarks.scale.requirements import look, per, resident
-from benchmarks.scale.world import KINDS
+from benchmarks.scale.tiled_forest import KINDS
 
 OURS: Final = "#1a1a1a"
 COLOURS: Final = {
