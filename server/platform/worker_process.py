@@ -25,6 +25,7 @@ except ImportError:  # Windows has no such limits
 
 _Task = TypeVar("_Task")
 _Result = TypeVar("_Result")
+_SPAWN: Final = multiprocessing.get_context("spawn")
 _THREADS: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
@@ -35,9 +36,8 @@ def start_worker(
 
     `memory`: bytes that it may allocate; beyond that, allocations fail.
     """
-    context = multiprocessing.get_context("spawn")
-    ours, theirs = context.Pipe()
-    process = context.Process(target=_work, args=(theirs, warm_up, memory), name=name, daemon=True)
+    ours, theirs = _SPAWN.Pipe()
+    process = _SPAWN.Process(target=_work, args=(theirs, warm_up, memory), name=name, daemon=True)
     with _one_thread_each(), _undisturbed():
         process.start()
     theirs.close()  # the worker has the only other end, so each side notices when the other one ends

@@ -9,10 +9,12 @@ from fastapi import FastAPI
 
 from server.app import create_app
 from server.config.settings import Limits, Settings
+from server.platform import worker_process
 from server.service_parts import Service
 from server.store import migrations_runner
 from server.store.sqlite.database import Database
 from tests.server.factories import TestClient
+from tests.server.forked import ForkedWorkers
 from tests.server.processes import Server
 
 
@@ -64,6 +66,12 @@ def database(tmp_path: Path) -> Iterator[Database]:
     migrations_runner.upgrade(made)
     yield made
     made.dispose()
+
+
+@pytest.fixture
+def forked_workers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Workers of a service in this process are forked from a process that has loaded everything."""
+    monkeypatch.setattr(worker_process, "_SPAWN", ForkedWorkers)
 
 
 @pytest.fixture

@@ -1,27 +1,58 @@
-"""Servers forked from a process that has loaded everything, because loading takes longer than most tests.
+"""Servers and workers forked from a process that has loaded everything, because loading takes longer than most tests.
 
 Each is a process of its own with its own environment, and is signalled and killed as any other; what it shares is that
-modules and kernels are in memory already. The commands as a shell starts them are run in `tests/server/commands`.
+modules and kernels are in memory already. The commands as a shell starts them, and the processes that these spawn, are
+run in `tests/server/commands`; workers as a service spawns them in `tests/server/platform/test_workers.py`.
 """
 
 import contextlib
 import multiprocessing
 import os
 import resource
+import runpy
 import signal
 import subprocess
 import sys
 import tempfile
 from collections.abc import Mapping, Sequence
 from multiprocessing import forkserver
+from multiprocessing.context import ForkProcess, ForkServerProcess
 from pathlib import Path
 
 _ROOT = Path(__file__).parents[2]
 _FORKS = multiprocessing.get_context("forkserver")
 
 
+class ForkedWorkers:
+    """In the place of the context `spawn`: workers of a service in the test's own process."""
+
+    Pipe = staticmethod(multiprocessing.Pipe)
+
+    class Process(ForkServerProcess):
+        """One of them."""
+
+        def start(self) -> None:
+            """Fork it."""
+            _load()
+            super().start()
+
+
+class CopiedProcess(ForkProcess):
+    """In the place of a spawned process of a supervisor, whose environment and open files it keeps."""
+
+    def run(self) -> None:
+        """Begin without the supervisor's handlers."""
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, signal.SIG_DFL)
+        super().run()
+
+
+class _CopiedProcesses:
+    Process = CopiedProcess
+
+
 class Forked:
-    """`urquhart ARGUMENTS`, or `uvicorn ARGUMENTS`, with the methods of `subprocess.Popen` that tests use."""
+    """`urquhart`, `uvicorn` or a module, with arguments and the methods of `subprocess.Popen` that tests use."""
 
     def __init__(
         self,
@@ -40,9 +71,7 @@ class Forked:
         """
         for file in (output, errors):
             file.write_bytes(b"")
-        _FORKS.set_forkserver_preload(["tests.server.preloaded"])
-        with contextlib.chdir(_ROOT):  # where the preloaded module is found
-            forkserver.ensure_running()
+        _load()
         work = (program, list(arguments), folder, dict(environment), output, errors, files)
         self._process = _FORKS.Process(target=_run, args=work)
         self._process.start()
@@ -79,6 +108,12 @@ class Forked:
         self.send_signal(signal.SIGKILL)
 
 
+def _load() -> None:
+    _FORKS.set_forkserver_preload(["tests.server.preloaded"])
+    with contextlib.chdir(_ROOT):  # where the preloaded module is found
+        forkserver._forkserver.ensure_running()
+
+
 def _run(
     program: str,
     arguments: list[str],
@@ -90,6 +125,7 @@ def _run(
 ) -> None:
     os.environ.clear()
     os.environ.update(environment)
+    forkserver._forkserver.ensure_running = lambda: None  # the one that this process was forked from
     tempfile.tempdir = None  # it may be another one in this environment
     os.chdir(folder)
     with Path(os.devnull).open("rb") as nothing, output.open("ab") as out, errors.open("ab") as err:
@@ -100,9 +136,13 @@ def _run(
     sys.argv = [program, *arguments]
     if program == "urquhart":
         from server.cli import main as urquhart
+        from server.commands.support import supervisor
 
+        supervisor._SPAWN = _CopiedProcesses  # type: ignore[assignment,misc]
         urquhart()
-    else:
+    elif program == "uvicorn":
         from uvicorn.main import main as uvicorn
 
         uvicorn()
+    else:
+        runpy.run_module(program, run_name="__main__", alter_sys=True)

@@ -16,7 +16,7 @@ _PATIENCE = 120.0
 
 
 def spawned(parent: int) -> set[int]:
-    """Process ids of a process's Python children, whichever of its threads started them."""
+    """Process ids of a process's Python children, whichever of its threads spawned or forked them."""
     found = set[int]()
     for task in Path(f"/proc/{parent}/task").iterdir():
         for child in (task / "children").read_text().split():
@@ -24,7 +24,7 @@ def spawned(parent: int) -> set[int]:
                 command = Path(f"/proc/{child}/cmdline").read_bytes()
             except FileNotFoundError:  # it has ended since
                 continue
-            if b"spawn_main" in command:
+            if b"spawn_main" in command or b"multiprocessing.forkserver" in command:
                 found.add(int(child))
     return found
 

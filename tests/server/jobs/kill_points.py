@@ -1,9 +1,9 @@
 """A job that is killed at each point at which something of it reaches the disk, one after the other.
 
-`python -m tests.server.jobs.kill_points FOLDER MODE LINES.ndjson` runs an import in processes of its own: the first is
-killed at the first point, the second, on another copy of the database, at the second, and so on until one comes to its
-end. After each, another process goes on, and is killed, too, and a third one. Printed is what each job came to in the
-end, a line of JSON for each point.
+`Forked("tests.server.jobs.kill_points", [FOLDER, MODE, LINES.ndjson])` runs an import in processes of its own: the
+first is killed at the first point, the second, on another copy of the database, at the second, and so on until one
+comes to its end. After each, another process goes on, and is killed, too, and a third one. Printed is what each job
+came to in the end, a line of JSON for each point.
 """
 
 import os
@@ -19,7 +19,6 @@ from typing import Any, BinaryIO
 import orjson
 from sqlalchemy.engine.default import DefaultDialect
 
-import urquhart
 from server.collections import crud
 from server.config.settings import Limits, Settings
 from server.config.settings_groups import JobSettings
@@ -32,11 +31,13 @@ from server.jobs.running_job import JobContext
 from server.jobs.types import import_submaps
 from server.jobs.types.job_types import JOB_TYPES
 from server.observability.metrics import Metrics
+from server.platform import worker_process
 from server.schemas.collections import CollectionPut
 from server.security.principal import UNRESTRICTED
 from server.store import migrations_runner
 from server.store.sqlite.database import Database
 from server.submaps import bulk_ingest
+from tests.server.forked import ForkedWorkers
 
 _JOB = "job"
 _POINTS = 12
@@ -45,7 +46,6 @@ _POINTS = 12
 
 def main(folder: Path, mode: str, lines: Path) -> None:
     """Kill at point after point, until there is none left."""
-    urquhart.warm_up(urquhart.Config())
     folder.mkdir()
     base = folder / "base"
     _in_a_process(partial(_prepare, base / "killed.db", mode, lines.read_bytes()))
@@ -137,6 +137,7 @@ def _work(path: Path, point: int) -> None:
         return describe(database, name, lines, replace(options, batch_size=2))
 
     bulk_ingest.describe_lines = describe_two  # type: ignore[assignment]
+    worker_process._SPAWN = ForkedWorkers  # type: ignore[assignment,misc]
     os.fsync, os.unlink = around(os.fsync), around(os.unlink)
     DefaultDialect.do_commit = around(DefaultDialect.do_commit)  # type: ignore[method-assign]
     runner = _runner(path)

@@ -38,6 +38,9 @@ IMPORTS = "/v1/collections/plots/imports"
 NDJSON = {"Content-Type": "application/x-ndjson"}
 
 
+pytestmark = pytest.mark.usefixtures("forked_workers")
+
+
 def line(name: str, seed: int, **fields: Any) -> bytes:
     return orjson.dumps({"id": name, "xy": points(forest(seed)), **fields})
 
@@ -441,15 +444,21 @@ def held(monkeypatch: pytest.MonkeyPatch, until: Callable[[], bool]) -> None:
     monkeypatch.setattr(RunningJob, "report", report)
 
 
-def test_a_job_at_work_can_be_dismissed(client: httpx.Client, monkeypatch: pytest.MonkeyPatch) -> None:
+def held_at_work(client: httpx.Client, monkeypatch: pytest.MonkeyPatch) -> tuple[httpx.Response, list[bool]]:
+    """A job that is running, and that waits, with all jobs after it, until something is in the list."""
     go: list[bool] = []
-    # Whoever reports from outside of the transaction can be dismissed meanwhile.
     held(monkeypatch, lambda: bool(go))
     accepted = client.post("/v1/collections/plots/reindex")
+    _until(lambda: client.get(accepted.headers["Location"]).json()["state"] == "running")
+    return accepted, go
+
+
+def test_a_job_at_work_can_be_dismissed(client: httpx.Client, monkeypatch: pytest.MonkeyPatch) -> None:
+    # Whoever reports from outside of the transaction can be dismissed meanwhile.
+    accepted, go = held_at_work(client, monkeypatch)
     url = accepted.headers["Location"]
     second = client.post("/v1/collections/plots/reindex")
     assert (second.status_code, second.json()["type"]) == (409, "/problems/conflict")
-    _until(lambda: client.get(url).json()["state"] == "running")
     answer = client.get(url, params={"wait": "0.2"})
     assert answer.headers["Retry-After"] == "1"
     assert client.get(f"{url}/results").status_code == 409
@@ -463,10 +472,7 @@ def test_a_job_at_work_can_be_dismissed(client: httpx.Client, monkeypatch: pytes
 def test_a_job_that_waits_is_dismissed_at_once(
     client: httpx.Client, settings: Settings, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    go: list[bool] = []
-    held(monkeypatch, lambda: bool(go))
-    first = client.post("/v1/collections/plots/reindex")
-    _until(lambda: client.get(first.headers["Location"]).json()["state"] == "running")
+    first, go = held_at_work(client, monkeypatch)
     second = upload(client, [line("a", 1)])
     assert second.json()["state"] == "accepted"
     dismissed = client.delete(second.headers["Location"])
@@ -554,7 +560,9 @@ def test_what_is_no_fault_of_a_job_does_not_end_it(
     assert outcomes(client, job) == [(1, "a", "created")]
 
 
-def test_a_look_that_fails_is_not_the_last(client: httpx.Client, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_look_that_fails_is_not_the_last(
+    client: httpx.Client, service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
     real, failed = JobReader.queues, list[int]()
 
     def queues(self: JobReader) -> list[Queue]:
@@ -564,8 +572,9 @@ def test_a_look_that_fails_is_not_the_last(client: httpx.Client, monkeypatch: py
         return real(self)
 
     monkeypatch.setattr(JobReader, "queues", queues)
+    service.jobs.runner.wake()
+    _until(lambda: bool(failed))
     assert finished(client, upload(client, [line("a", 1)]))["state"] == "successful"
-    assert failed
 
 
 def test_a_defect_fails_the_job_and_not_the_service(
@@ -583,10 +592,7 @@ def test_a_defect_fails_the_job_and_not_the_service(
 def test_a_collection_that_is_gone_fails_its_jobs(
     client: httpx.Client, service: Service, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    go: list[bool] = []
-    held(monkeypatch, lambda: bool(go))
-    first = client.post("/v1/collections/plots/reindex")
-    _until(lambda: client.get(first.headers["Location"]).json()["state"] == "running")
+    first, go = held_at_work(client, monkeypatch)
     second = upload(client, [line("a", 1)])
     client.delete("/v1/collections/plots").raise_for_status()
     client.put("/v1/collections/plots", json={}).raise_for_status()

@@ -3,8 +3,6 @@
 import os
 import random
 import signal
-import subprocess
-import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -14,8 +12,10 @@ import orjson
 import pytest
 
 from tests.server.factories import forest, points
+from tests.server.forked import Forked
 from tests.server.processes import Server, spawned
 
+ROOT = Path(__file__).parents[3]
 LINES = 3000
 BAD = frozenset({7, 1000, 2999})
 
@@ -70,14 +70,13 @@ def test_killed_at_every_point(tmp_path: Path, mode: str, sound: bool) -> None:
     lines = [orjson.dumps({"id": one[0], "xy": trees[one[1]]}) if one else b"" for one in ids]
     lines[2] = b"" if sound else b"{"
     (tmp_path / "lines").write_bytes(b"".join(line + b"\n" for line in lines))
-    ran = subprocess.run(
-        [sys.executable, "-m", "tests.server.jobs.kill_points", str(tmp_path / "runs"), mode, str(tmp_path / "lines")],
-        capture_output=True,
-        check=False,
-        timeout=300,
+    output, errors = tmp_path / "told", tmp_path / "errors"
+    arguments = [str(tmp_path / "runs"), mode, str(tmp_path / "lines")]
+    killing = Forked(
+        "tests.server.jobs.kill_points", arguments, folder=ROOT, environment=os.environ, output=output, errors=errors
     )
-    assert ran.returncode == 0, ran.stderr.decode()
-    told = [orjson.loads(line) for line in ran.stdout.splitlines()]
+    assert killing.wait(280.0) == 0, errors.read_text()
+    told = [orjson.loads(line) for line in output.read_bytes().splitlines()]
     assert len(told) > (25 if mode == "continue" else 15)
     results = [one for one in CREATED if not sound or one[1] != "refused"]
     if mode == "all" and not sound:

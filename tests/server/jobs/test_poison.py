@@ -24,6 +24,8 @@ from tests.server.jobs.test_jobs import finished, line, results, upload
 from tests.server.platform import job_helpers
 from urquhart import Budget
 
+pytestmark = pytest.mark.usefixtures("forked_workers")
+
 GIVEN = [[1, 2, 3], [4, 13, 6], [7, 8, 9], [10, 17, 12], [14, 19, 15], [16]]
 FOUND = [-number if number in (13, 17, 19) else number for number in chain(*GIVEN)]
 
@@ -54,7 +56,7 @@ def client(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[httpx.Cl
 
     monkeypatch.setattr(described_batches, "of_lines", of_lines)
     settings = Settings(
-        database=str(tmp_path / "a.db"), limits=Limits(import_line_seconds=5.0), jobs=JobSettings(processes=2)
+        database=str(tmp_path / "a.db"), limits=Limits(import_line_seconds=2.0), jobs=JobSettings(processes=2)
     )
     with TestClient(create_app(settings)) as started:
         started.put("/v1/collections/plots", json={}).raise_for_status()

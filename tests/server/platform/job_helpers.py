@@ -112,6 +112,6 @@ HOSTILE: PoolTask[list[int], list[int], list[int]] = PoolTask(
         is_light=lambda numbers: not {13, 17, 19} & set(numbers),
         singles=lambda numbers: [[number] for number in numbers],
         refuse=lambda numbers, why: [-number for number in numbers],
-        seconds=3.0,
+        seconds=1.0,
     ),
 )

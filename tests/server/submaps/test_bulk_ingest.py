@@ -19,6 +19,7 @@ from server.checks.database import discrepancies
 from server.collections import crud
 from server.config.settings import Limits
 from server.errors import InvalidBody, InvalidLandmarks, MalformedBody, NotFound, TooLarge
+from server.platform import worker_process
 from server.platform.process_pool import ProcessPool
 from server.schemas.collections import CollectionPut
 from server.schemas.submaps import NamedSubmap, SubmapInput
@@ -29,6 +30,7 @@ from server.submaps.bulk_ingest import BatchResult, LineOptions, ingest_lines, i
 from server.submaps.described_batches import Batch, BlankLines, cut, describers, line_of, read_line
 from server.submaps.preparation import Prepared, reconcile
 from tests.server.factories import forest, points
+from tests.server.forked import ForkedWorkers
 from tests.server.platform import job_helpers
 from urquhart import Config
 
@@ -39,7 +41,8 @@ POSE = {"x": 1.5, "y": -2.25, "yaw": 0.1, "covariance": [0.1, 0, 0, 0, 0.1, 0, 0
 @pytest.fixture(scope="module")
 def pool() -> Iterator[ProcessPool]:
     """Two processes beside this one, that describe."""
-    with describers(3, patience=0.0) as workers:
+    with pytest.MonkeyPatch.context() as patched, describers(3, patience=0.0) as workers:
+        patched.setattr(worker_process, "_SPAWN", ForkedWorkers)
         job_helpers.start(workers)
         yield workers
 
@@ -233,6 +236,7 @@ from pathlib import Path
 from server.submaps.described_batches import describers, line_of
 from server.submaps.bulk_ingest import LineOptions, ingest_lines
 from server.store.sqlite.database import Database
+from tests.server.forked import ForkedWorkers
 from tests.server.platform import job_helpers
 from tests.server.submaps.test_bulk_ingest import body
 import itertools, orjson
