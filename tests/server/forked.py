@@ -125,7 +125,8 @@ def _run(
 ) -> None:
     os.environ.clear()
     os.environ.update(environment)
-    forkserver._forkserver.ensure_running = lambda: None  # the one that this process was forked from
+    # The fork server is the one that this process was forked from.
+    forkserver._forkserver.ensure_running = lambda: None  # type: ignore[method-assign]
     tempfile.tempdir = None  # it may be another one in this environment
     os.chdir(folder)
     with Path(os.devnull).open("rb") as nothing, output.open("ab") as out, errors.open("ab") as err:
