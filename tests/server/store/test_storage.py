@@ -2,14 +2,29 @@
 
 import pickle
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from sqlalchemy import create_engine
 
+from server.collections import crud
+from server.config.settings import Limits
+from server.index.catalog import Catalog
+from server.observability.metrics import Metrics
+from server.queries import lookup, stored_queries
+from server.queries.query import PlaceQuery
+from server.schemas.collections import CollectionPut
+from server.schemas.queries import QueryInput
+from server.schemas.submaps import SubmapInput
 from server.store import migrations_runner
+from server.store.columns import BaseRow
 from server.store.records import StandRecord
+from server.store.sqlite import expressions
 from server.store.sqlite.database import Database
 from server.store.storage import ReadTransaction, Storage, WriteTransaction
+from server.submaps import reader, writes
+from tests.server.factories import forest, observed, points
 
 OF_ALL = ("api_keys", "collections", "jobs", "responses")
 OF_ONE = ("submaps", "map_frames", "segments", "stands", "queries")
@@ -102,3 +117,40 @@ def test_another_process_opens_a_storage_once(storage: Storage) -> None:
     with opened.read() as reading:
         assert reading.collections.ids() == ["plots"]
     opened.dispose()
+
+
+class PlainStorage:
+    """Another storage: SQLAlchemy's own engine, with nothing of what `store.sqlite` does."""
+
+    read_only = False
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        expressions.register()
+        self._engine = create_engine(f"sqlite:///{path}")
+        BaseRow.metadata.create_all(self._engine)
+
+    @contextmanager
+    def read(self) -> Iterator[ReadTransaction]:
+        with self._engine.connect() as connection:
+            yield ReadTransaction(connection)
+
+    @contextmanager
+    def write(self) -> Iterator[WriteTransaction]:
+        with self._engine.begin() as connection:
+            yield WriteTransaction(connection)
+
+
+def test_services_need_no_more_of_a_storage_than_its_protocol(tmp_path: Path) -> None:
+    storage, limits, metrics = PlainStorage(tmp_path / "plain.db"), Limits(), Metrics()
+    crud.ensure(storage, "plots", CollectionPut())
+    for seed in range(3):
+        body = SubmapInput.model_validate({"xy": points(forest(seed)), "session": "monday"})
+        writes.put(storage, "plots", f"p{seed}", body, limits)
+    writes.delete(storage, "plots", "p2")
+    assert reader.read(storage, "plots", "p0").session == "monday"
+    context = lookup.QueryContext(storage, Catalog(storage, metrics), metrics, limits)
+    query = PlaceQuery.of(QueryInput.model_validate({"xy": observed(forest(1), 2)[0], "store": True}), limits)
+    answer = lookup.answer_query(context, "plots", query)
+    assert [(one.submap_id, one.session) for one in answer.candidates] == [("p1", "monday")]
+    assert b'"verdict":"matched"' in stored_queries.stored_answer(storage, "plots", answer.id or "")
