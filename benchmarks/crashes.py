@@ -38,8 +38,8 @@ from server.index.segment_folder import SegmentFolder
 from server.observability.metrics import Metrics
 from server.schemas.collections import CollectionPut
 from server.schemas.submaps import NamedSubmap
-from server.store import migrations_runner
 from server.store.sqlite.database import Database
+from server.store.sqlite.upgrade import migrations_runner
 from server.submaps import bulk_ingest, writes
 from urquhart import Recognizer
 

@@ -16,8 +16,8 @@ from benchmarks.timing import milliseconds, side_by_side
 from server.collections import crud
 from server.schemas.collections import CollectionPut
 from server.schemas.submaps import NamedSubmap
-from server.store import migrations_runner
 from server.store.sqlite.database import Database
+from server.store.sqlite.upgrade import migrations_runner
 from server.submaps import bulk_ingest
 from urquhart import SE2, Config, Features, Recognizer, describe
 from urquhart.evaluation.simulation import observe, paper_forest

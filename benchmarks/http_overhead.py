@@ -20,8 +20,8 @@ from benchmarks.everyday import Forest
 from benchmarks.server_process import PATIENCE, served
 from server.collections import crud
 from server.schemas.collections import CollectionPut
-from server.store import migrations_runner
 from server.store.sqlite.database import Database
+from server.store.sqlite.upgrade import migrations_runner
 from server.submaps import bulk_ingest
 from server.submaps.described_batches import describers
 from urquhart import Recognizer

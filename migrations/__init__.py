@@ -1,1 +1,1 @@
-"""The database schema's history, run by `server.store.migrations_runner`."""
+"""The database schema's history, run by `server.store.sqlite.upgrade.migrations_runner`."""

@@ -45,8 +45,8 @@ from server.security.authenticator import Authenticator, check_exposure
 from server.security.rate_limit import RateLimiter
 from server.service_parts import JobRuntime, Service
 from server.snapshots.snapshot_folder import SnapshotFolder
-from server.store.feature_backfill import bring_up_to_date
 from server.store.sqlite.database import Database
+from server.store.sqlite.upgrade.feature_backfill import bring_up_to_date
 
 _SPARE_THREADS = 8
 _WARMING = 1.0

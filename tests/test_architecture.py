@@ -31,7 +31,7 @@ MOST_PARAMETERS = 6
 SERVICE = (
     *("errors", "problem_types", "platform", "parsing", "config", "schemas"),
     *("store", "store.repositories", "store.storage", "store.sqlite"),
-    *("store.migrations_runner", "store.feature_backfill", "security", "observability", "resources"),
+    *("store.sqlite.upgrade", "security", "observability", "resources"),
     *(
         "index",
         "collections",

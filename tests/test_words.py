@@ -49,7 +49,7 @@ ALLOWED = {
     ),
     "sweeps": (
         "benchmarks/paper/",
-        "server/store/sqlite/old_contents.py",
+        "server/store/sqlite/upgrade/old_contents.py",
         "tests/server/store/test_upgrades.py",
         "tests/server/store/older.py",
     ),

@@ -23,8 +23,8 @@ from server.resources.paging import read_cursor, read_name_cursor
 from server.schemas.collections import CollectionPut
 from server.schemas.common import Body
 from server.stem_maps.reader import StemMapError, read_stem_map
-from server.store import migrations_runner
 from server.store.sqlite.database import Database
+from server.store.sqlite.upgrade import migrations_runner
 from server.submaps import described_batches
 from server.submaps.reader import submap_filter
 from urquhart import Config, warm_up

@@ -8,8 +8,8 @@ from benchmarks.scale.tiled_forest import World
 from server.collections import crud
 from server.schemas.collections import CollectionPut
 from server.schemas.submaps import NamedSubmap
-from server.store import migrations_runner
 from server.store.sqlite.database import Database
+from server.store.sqlite.upgrade import migrations_runner
 from server.submaps import bulk_ingest, described_batches
 
 

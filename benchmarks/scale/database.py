@@ -17,9 +17,9 @@ from server.index.catalog import Catalog, View
 from server.index.maintenance import Maintenance
 from server.observability.metrics import Metrics
 from server.schemas.collections import CollectionPut
-from server.store import migrations_runner
-from server.store.feature_backfill import bring_up_to_date
 from server.store.sqlite.database import Database
+from server.store.sqlite.upgrade import migrations_runner
+from server.store.sqlite.upgrade.feature_backfill import bring_up_to_date
 from server.submaps import bulk_ingest, described_batches
 
 COLLECTION: Final = "scale"

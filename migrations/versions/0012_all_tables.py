@@ -1,4 +1,4 @@
-"""All tables. Databases of the schemas 0001 to 0011 are copied into them: see server/store/sqlite/rebuilding."""
+"""All tables. Databases of the schemas 0001 to 0011 are copied into them: see server/store/sqlite/upgrade."""
 
 from alembic import op
 

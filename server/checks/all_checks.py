@@ -5,8 +5,8 @@ from collections.abc import Iterator
 from server.checks.database import Discrepancy, discrepancies
 from server.checks.derived_columns import content_discrepancies
 from server.checks.index import index_discrepancies
-from server.store import migrations_runner
 from server.store.sqlite.database import Database
+from server.store.sqlite.upgrade import migrations_runner
 
 
 def inspect(database: Database) -> Iterator[Discrepancy]:

@@ -6,11 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 
 import urquhart
-from server.store import migrations_runner
 from server.store.codec import digest, unpack_attributes, unpack_diameters, unpack_ids, unpack_positions
 from server.store.records import CollectionRecord
+from server.store.schema_version import expected_revision
 from server.store.sqlite.database import Database
 from server.store.sqlite.file_checks import broken_invariants, file_faults
+from server.store.sqlite.upgrade import migrations_runner
 from server.store.storage import ReadTransaction
 from server.store.submap_records import SubmapWhole
 from urquhart import Config, ConfigError, Features, FeaturesError, LandmarkError
@@ -30,7 +31,7 @@ def discrepancies(database: Database) -> Iterator[Discrepancy]:
     Nothing is changed. Features are unpacked and compared with those rebuilt from the stored landmarks and diameters.
     Raises StorageError if the file cannot be read at all, DatabaseTooNew, NotADatabase.
     """
-    revision, expected = migrations_runner.current_revision(database), migrations_runner.expected_revision()
+    revision, expected = migrations_runner.current_revision(database), expected_revision()
     if revision != expected:
         yield Discrepancy("", f"the schema is {revision}, this version needs {expected}; run `urquhart db upgrade`")
         return

@@ -24,9 +24,10 @@ from server.index.catalog import Catalog
 from server.index.flushing import rebuild
 from server.index.maintenance import Maintenance
 from server.observability.metrics import Metrics
-from server.store.feature_backfill import backfill, bring_up_to_date
-from server.store.migrations_runner import expected_revision, upgrade
+from server.store.schema_version import expected_revision
 from server.store.sqlite.database import Database
+from server.store.sqlite.upgrade.feature_backfill import backfill, bring_up_to_date
+from server.store.sqlite.upgrade.migrations_runner import upgrade
 
 app = typer.Typer(help="Upgrade and check the database file, and rebuild its index.")
 

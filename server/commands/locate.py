@@ -22,7 +22,7 @@ from server.schemas.queries import QueryAnswer, QueryInput
 from server.stem_maps.reader import StemMap, read_stem_map
 from server.stem_maps.stands import landmarks_of
 from server.stem_maps.tiling import without_twins
-from server.store.feature_backfill import bring_up_to_date
+from server.store.sqlite.upgrade.feature_backfill import bring_up_to_date
 from urquhart.verify.distortion import WARNINGS
 
 

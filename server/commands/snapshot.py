@@ -14,7 +14,7 @@ from server.commands.support.options import DatabaseOption
 from server.security import api_keys
 from server.snapshots import restoring, snapshots
 from server.snapshots.snapshot_folder import SnapshotFolder
-from server.store import migrations_runner
+from server.store.sqlite.upgrade import migrations_runner
 
 app = typer.Typer(help="Create, list, verify, delete and restore snapshots of the whole database.")
 

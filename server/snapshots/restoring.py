@@ -15,12 +15,12 @@ from server.index.segment_folder import SegmentFolder
 from server.problem_types import document
 from server.schemas.snapshots import Snapshot
 from server.snapshots.snapshot_folder import SnapshotFolder, is_name, read_manifest, sha256
-from server.store import migrations_runner
-from server.store.feature_backfill import bring_up_to_date
 from server.store.sqlite.database import Database
 from server.store.sqlite.database_lock import exclusive
 from server.store.sqlite.replacing import fold, has_content, mend, swap, workshop
 from server.store.sqlite.sqlite_errors import storage_errors
+from server.store.sqlite.upgrade import migrations_runner
+from server.store.sqlite.upgrade.feature_backfill import bring_up_to_date
 from urquhart.index.segment_file import SegmentDamaged
 
 _log = logging.getLogger(__name__)

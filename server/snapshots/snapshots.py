@@ -27,10 +27,10 @@ from server.resources.idempotency import (
 from server.resources.paging import page_size, read_name_cursor, write_cursor
 from server.schemas.snapshots import Snapshot, SnapshotCollection, SnapshotPage
 from server.snapshots.snapshot_folder import SnapshotFolder, check_name, sha256
-from server.store import migrations_runner
 from server.store.sqlite.database import Database
 from server.store.sqlite.replacing import require_room
 from server.store.sqlite.sqlite_errors import storage_errors
+from server.store.sqlite.upgrade import migrations_runner
 from server.store.storage import WriteTransaction
 from urquhart.index.segment_file import sync
 

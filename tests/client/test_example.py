@@ -7,8 +7,8 @@ from pathlib import Path
 
 from server.security import api_keys
 from server.security.principal import Scope
-from server.store.feature_backfill import bring_up_to_date
 from server.store.sqlite.database import Database
+from server.store.sqlite.upgrade.feature_backfill import bring_up_to_date
 from tests.server.processes import Server
 from urquhart_client import Client
 

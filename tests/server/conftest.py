@@ -11,8 +11,8 @@ from server.app import create_app
 from server.config.settings import Limits, Settings
 from server.platform import worker_process
 from server.service_parts import Service
-from server.store import migrations_runner
 from server.store.sqlite.database import Database
+from server.store.sqlite.upgrade import migrations_runner
 from tests.server.factories import TestClient
 from tests.server.forked import ForkedWorkers
 from tests.server.processes import Server

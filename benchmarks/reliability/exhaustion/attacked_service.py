@@ -13,8 +13,8 @@ from benchmarks.reliability.exhaustion.attack_outcome import give_way
 from benchmarks.server_process import BenchmarkServer, served
 from server.security import api_keys
 from server.security.principal import Scope
-from server.store import migrations_runner
 from server.store.sqlite.database import Database
+from server.store.sqlite.upgrade import migrations_runner
 
 ATTACKER: Final = "attacker"
 HONEST: Final = "honest"

@@ -13,8 +13,8 @@ from benchmarks.reliability.trees import body
 from benchmarks.server_process import BenchmarkServer, served
 from server.collections import crud
 from server.schemas.collections import CollectionPut
-from server.store import migrations_runner
 from server.store.sqlite.database import Database
+from server.store.sqlite.upgrade import migrations_runner
 
 _FILLED: Final = 100
 """Every so many collections, one has a submap."""

@@ -30,8 +30,8 @@ from server.config.settings import Limits
 from server.observability.kernel_progress import warm_up
 from server.stem_maps.reader import StemMap, read_stem_map
 from server.stem_maps.stands import cut_stand, store_stand
-from server.store.migrations_runner import upgrade
 from server.store.sqlite.database import Database
+from server.store.sqlite.upgrade.migrations_runner import upgrade
 from server.submaps.bulk_ingest import LineOptions
 from urquhart_client import Candidate, Client
 

@@ -5,8 +5,8 @@ from typing import Any
 from server.commands.support.failure import CommandError
 from server.config import settings_loading
 from server.config.settings import Settings
-from server.store.feature_backfill import bring_up_to_date
 from server.store.sqlite.database import Database
+from server.store.sqlite.upgrade.feature_backfill import bring_up_to_date
 
 
 def settings_with(**given: Any) -> Settings:

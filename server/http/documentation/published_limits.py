@@ -3,7 +3,7 @@
 from server.config.settings import Settings
 from server.platform.version import service_version
 from server.schemas.system import LimitsAnswer, Retention, Versions
-from server.store.migrations_runner import expected_revision
+from server.store.schema_version import expected_revision
 
 
 def limits(settings: Settings) -> LimitsAnswer:

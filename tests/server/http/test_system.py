@@ -12,7 +12,7 @@ from server.app import create_app
 from server.errors import StorageDamaged
 from server.problem_types import PROBLEM_TYPES, TABLE
 from server.service_parts import Service
-from server.store.migrations_runner import expected_revision
+from server.store.schema_version import expected_revision
 from tests.server.factories import TestClient, forest, points, put_submap
 
 OPERATIONS = {

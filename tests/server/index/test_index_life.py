@@ -13,8 +13,8 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 
 from server.collections import crud
 from server.schemas.collections import CollectionPut
-from server.store import migrations_runner
 from server.store.sqlite.database import Database
+from server.store.sqlite.upgrade import migrations_runner
 from tests.server.index.index_helpers import Process, damage
 
 NAMES = st.sampled_from([f"s{i}" for i in range(4)])

@@ -34,8 +34,8 @@ from server.observability.metrics import Metrics
 from server.platform import worker_process
 from server.schemas.collections import CollectionPut
 from server.security.principal import UNRESTRICTED
-from server.store import migrations_runner
 from server.store.sqlite.database import Database
+from server.store.sqlite.upgrade import migrations_runner
 from server.submaps import bulk_ingest
 from tests.server.forked import ForkedWorkers
 

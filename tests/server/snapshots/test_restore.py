@@ -26,9 +26,9 @@ from server.security.principal import Scope
 from server.snapshots import restoring, snapshots
 from server.snapshots.restoring import RestoreSource, find, restore, verify
 from server.snapshots.snapshot_folder import SnapshotFolder
-from server.store import migrations_runner
 from server.store.sqlite import database_lock
 from server.store.sqlite.database import Database
+from server.store.sqlite.upgrade import migrations_runner
 from server.submaps import writes
 from tests.server.factories import forest, points, put_submap
 from tests.server.index.index_helpers import Process, trees

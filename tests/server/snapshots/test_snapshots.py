@@ -30,9 +30,9 @@ from server.security.principal import Scope
 from server.service_parts import Service
 from server.snapshots import restoring, snapshot_folder, snapshots
 from server.snapshots.snapshot_folder import SnapshotFolder
-from server.store import migrations_runner
 from server.store.sqlite import database as store_database
 from server.store.sqlite.database import Database
+from server.store.sqlite.upgrade import migrations_runner
 from server.submaps import writes
 from tests.server.factories import TestClient, forest, points, put_submap
 from tests.server.processes import Server

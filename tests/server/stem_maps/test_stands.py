@@ -21,9 +21,9 @@ from server.stem_maps import replacement
 from server.stem_maps.reader import StemMap
 from server.stem_maps.replacement import StandError
 from server.stem_maps.stands import StandReport, cut_stand, store_stand
-from server.store import migrations_runner
 from server.store.repositories.stands import Stands
 from server.store.sqlite.database import Database
+from server.store.sqlite.upgrade import migrations_runner
 from server.submaps.bulk_ingest import LineOptions
 from tests.server.commands.cli_helpers import Urquhart, refused, write_observation
 from tests.server.commands.conftest import urquhart

@@ -11,7 +11,7 @@ from typing import Any
 
 import orjson
 
-from server.store.sqlite.old_contents import changes_since
+from server.store.sqlite.upgrade.old_contents import changes_since
 
 REVISIONS = [f"{number:04}" for number in range(1, 12)]
 DUMP = Path(__file__).parents[1] / "data/schema_0010.sql"

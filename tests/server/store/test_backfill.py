@@ -10,9 +10,9 @@ import urquhart as method
 from server.app import create_app
 from server.checks.database import discrepancies
 from server.config.settings import Settings
-from server.store import feature_backfill, migrations_runner
-from server.store.feature_backfill import BackfillProgress, backfill, bring_up_to_date
 from server.store.sqlite.database import Database
+from server.store.sqlite.upgrade import feature_backfill, migrations_runner
+from server.store.sqlite.upgrade.feature_backfill import BackfillProgress, backfill, bring_up_to_date
 from server.store.tables import SubmapRow
 from tests.server.factories import TestClient, forest, points, put_submap
 from tests.server.store.older import OLD_FEATURES

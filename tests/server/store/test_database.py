@@ -29,9 +29,10 @@ from server.errors import (
 from server.schemas.collections import CollectionPut
 from server.schemas.submaps import NamedSubmap, SubmapInput
 from server.service_parts import Service
-from server.store import migrations_runner
+from server.store.schema_version import expected_revision
 from server.store.sqlite.database import Database
 from server.store.sqlite.file_checks import schema_of
+from server.store.sqlite.upgrade import migrations_runner
 from server.store.tables import CollectionRow
 from server.submaps import bulk_ingest, writes
 from tests.server.factories import Client, TestClient, forest, points, put_submap
@@ -41,7 +42,7 @@ def test_migrations_make_what_the_tables_declare(tmp_path: Path) -> None:
     database = Database(tmp_path / "new.db")
     assert migrations_runner.upgrade(database) is True
     assert migrations_runner.upgrade(database) is False
-    assert migrations_runner.current_revision(database) == migrations_runner.expected_revision()
+    assert migrations_runner.current_revision(database) == expected_revision()
     assert migrations_runner.drift(database) == []
     with database.read_connection() as connection:
         made = schema_of(connection)

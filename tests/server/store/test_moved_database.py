@@ -20,8 +20,8 @@ from server.config.settings import Limits
 from server.errors import StorageAltered
 from server.schemas.collections import CollectionPut
 from server.schemas.submaps import SubmapInput
-from server.store import migrations_runner
 from server.store.sqlite.database import Database
+from server.store.sqlite.upgrade import migrations_runner
 from server.submaps import writes
 from tests.server.factories import forest, points
 from tests.server.processes import Server

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from server.checks.all_checks import inspect
-from server.store import migrations_runner
 from server.store.sqlite.database import Database
+from server.store.sqlite.upgrade import migrations_runner
 from tests.server.store import older
 
 TYPE, NULL, FOREIGN = "cannot store", "NOT NULL constraint failed", "FOREIGN KEY constraint failed"

@@ -17,11 +17,11 @@ from server.queries.query import PlaceQuery
 from server.schemas.collections import CollectionPut
 from server.schemas.queries import QueryInput
 from server.schemas.submaps import SubmapInput
-from server.store import migrations_runner
 from server.store.columns import BaseRow
 from server.store.records import StandRecord
 from server.store.sqlite import expressions
 from server.store.sqlite.database import Database
+from server.store.sqlite.upgrade import migrations_runner
 from server.store.storage import ReadTransaction, Storage, WriteTransaction
 from server.submaps import reader, writes
 from tests.server.factories import forest, observed, points

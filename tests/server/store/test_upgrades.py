@@ -18,11 +18,12 @@ from server.checks.all_checks import inspect
 from server.config.settings import Settings
 from server.errors import Conflict, DatabaseNotUpgraded, DomainError, StorageFull
 from server.snapshots.restoring import find, restore
-from server.store import migrations_runner
-from server.store.feature_backfill import bring_up_to_date
+from server.store.schema_version import expected_revision
 from server.store.sqlite import database_lock
 from server.store.sqlite.database import Database
-from server.store.sqlite.old_contents import changes_since
+from server.store.sqlite.upgrade import migrations_runner
+from server.store.sqlite.upgrade.feature_backfill import bring_up_to_date
+from server.store.sqlite.upgrade.old_contents import changes_since
 from tests.server.commands.cli_helpers import Urquhart
 from tests.server.commands.conftest import urquhart
 from tests.server.factories import TestClient, forest, observed
@@ -241,7 +242,7 @@ def test_the_command_says_what_it_did(urquhart: Urquhart, tmp_path: Path) -> Non
     assert (said.code, "run `urquhart db upgrade`" in said.out) == (1, True)
     said = urquhart("db", "upgrade", "--database", path)
     assert (said.code, said.err) == (0, "")
-    assert said.out == f"{path}: schema {migrations_runner.expected_revision()}, features of 7 submaps rebuilt\n"
+    assert said.out == f"{path}: schema {expected_revision()}, features of 7 submaps rebuilt\n"
     assert "nothing to do" in urquhart("db", "upgrade", "--database", path).out
     assert urquhart("db", "check", "--database", path).out.endswith("clean\n")
 
@@ -350,17 +351,17 @@ def test_killed_at_any_step(tmp_path: Path) -> None:
         database = Database(path)
         migrations_runner.upgrade(database)
         database.dispose()
-        assert (older.rows(path), revision_of(path)) == (before, migrations_runner.expected_revision())
+        assert (older.rows(path), revision_of(path)) == (before, expected_revision())
         for left in beside(path):
             if left.is_dir():  # killed while it was removed; whatever replaces the file next does it
-                assert (left.name, found) == ("old.db.upgrading", migrations_runner.expected_revision())
+                assert (left.name, found) == ("old.db.upgrading", expected_revision())
                 shutil.rmtree(left)
                 continue
             assert left.name.startswith("old.db.before-upgrade-")
             assert (older.rows(left), left.stat().st_nlink) == (before, 1)
             left.unlink()
         path.write_bytes(content)
-    assert seen == {"0011", migrations_runner.expected_revision()}
+    assert seen == {"0011", expected_revision()}
 
 
 @pytest.mark.parametrize("place", ["fsync", "link", "replace"])
@@ -379,7 +380,7 @@ def test_a_full_disk_leaves_the_old_database(tmp_path: Path, monkeypatch: pytest
     assert (older.rows(path), revision_of(path)) == (before, "0011")
     migrations_runner.upgrade(database)
     database.dispose()
-    assert (older.rows(path), revision_of(path)) == (before, migrations_runner.expected_revision())
+    assert (older.rows(path), revision_of(path)) == (before, expected_revision())
 
 
 def test_a_disk_without_room_is_seen_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

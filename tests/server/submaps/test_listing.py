@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from sqlalchemy import event
 
-from server.store import migrations_runner
 from server.store.repositories import submaps as store
 from server.store.sqlite.database import Database
+from server.store.sqlite.upgrade import migrations_runner
 from server.store.submap_records import Place, SubmapFilter, SubmapMetadata, SubmapRecord
 from tests.server.factories import put_submap
 

@@ -1,34 +1,23 @@
 """The schema's version: upgrade a database, or say plainly why not."""
 
 import time
-from functools import cache
-from importlib import resources
 from pathlib import Path
 from typing import Final
 
 from alembic import command
-from alembic.config import Config
 from alembic.migration import MigrationContext
 from alembic.script import ScriptDirectory
 from sqlalchemy import Connection, create_engine
 
 from server.errors import Conflict, DatabaseNotUpgraded, DatabaseTooNew, NotADatabase
-from server.store.sqlite import rebuilding
+from server.store.schema_version import alembic_config, expected_revision
 from server.store.sqlite.database import Database
 from server.store.sqlite.database_lock import lock_path
 from server.store.sqlite.file_checks import schema_of
+from server.store.sqlite.upgrade import rebuilding
 
 _AGAIN: Final = 0.05
 """Seconds after which a database that is in use is looked at again."""
-
-
-@cache
-def expected_revision() -> str:
-    """The schema revision that this version of the service works with."""
-    head = ScriptDirectory.from_config(_alembic()).get_current_head()
-    if head is None:
-        raise RuntimeError("the package `migrations` holds no revision")
-    return head
 
 
 def current_revision(database: Database) -> str | None:
@@ -56,7 +45,7 @@ def upgrade(database: Database) -> bool:
     """Bring the database to the expected revision, and hold it; True when something had to be done.
 
     All steps are one transaction, and several processes may start at once: the later ones find the work done.
-    A database from before the tables were strict is rebuilt, and the old file kept: see `sqlite.rebuilding`.
+    A database from before the tables were strict is rebuilt, and the old file kept: see `rebuilding`.
 
     Raises:
         DatabaseNotUpgraded: an old file that may not be written, or that holds what the tables refuse.
@@ -105,7 +94,7 @@ def _rebuild(database: Database) -> None:
 
 def create_tables(connection: Connection) -> None:
     """Make the tables of this version, or change those of an earlier one, in the transaction of the connection."""
-    command.upgrade(_alembic(connection), "head")
+    command.upgrade(alembic_config(connection), "head")
 
 
 def drift(database: Database) -> list[str]:
@@ -133,17 +122,10 @@ def _current(connection: Connection, path: Path) -> str | None:
                 "as it is. Give another path."
             )
         return None
-    known = {script.revision for script in ScriptDirectory.from_config(_alembic()).walk_revisions()}
+    known = {script.revision for script in ScriptDirectory.from_config(alembic_config()).walk_revisions()}
     if revision not in known | rebuilding.REVISIONS:
         raise DatabaseTooNew(
             f"{path.name} has schema {revision}, which this version does not know: a newer version of the service "
             f"wrote it. Install that version, or give another database; this one is left as it is."
         )
     return revision
-
-
-def _alembic(connection: Connection | None = None) -> Config:
-    config = Config()
-    config.set_main_option("script_location", str(resources.files("migrations")).replace("%", "%%"))
-    config.attributes["connection"] = connection
-    return config

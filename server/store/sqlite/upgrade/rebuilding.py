@@ -17,10 +17,10 @@ from server.errors import DatabaseNotUpgraded, StorageDamaged
 from server.store.sqlite.database import Database
 from server.store.sqlite.database_lock import exclusive
 from server.store.sqlite.file_checks import file_faults
-from server.store.sqlite.old_contents import changes_since
 from server.store.sqlite.replacing import fold, mend, require_room, swap, workshop
-from server.store.sqlite.row_copy import both, copy_rows
 from server.store.sqlite.sqlite_errors import storage_errors
+from server.store.sqlite.upgrade.old_contents import changes_since
+from server.store.sqlite.upgrade.row_copy import both, copy_rows
 
 REVISIONS: Final = frozenset(f"{number:04}" for number in range(1, 12))
 """Of the schemas that are rebuilt."""

@@ -12,10 +12,10 @@ from typing import Any, Final
 from sqlalchemy import Connection, func, select, update
 
 import urquhart
-from server.store import migrations_runner
 from server.store.codec import unpack_diameters, unpack_positions
 from server.store.sqlite.database import Database
 from server.store.sqlite.file_checks import set_user_version, user_version
+from server.store.sqlite.upgrade import migrations_runner
 from server.store.tables import CollectionRow, SubmapRow
 from urquhart import Config, ConfigError, Features, LandmarkError
 from urquhart.features.describe import FEATURES_VERSION, HEAD
