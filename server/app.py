@@ -15,7 +15,7 @@ from server.config import settings_loading
 from server.config.settings import Settings
 from server.errors import DomainError
 from server.http import problems
-from server.http.admission.attempts_in_progress import RepeatedRequests
+from server.http.admission.attempts_in_progress import AttemptsInProgress
 from server.http.admission.fair_queue import FairQueue
 from server.http.admission.job_waits import JobWaits
 from server.http.admission.middleware import AdmissionMiddleware
@@ -142,7 +142,7 @@ def _build_service(settings: Settings, exchange: MetricsExchange | None, *, crea
         fair_queue,
         precedence,
         SnapshotFolder(database.path),
-        RepeatedRequests(),
+        AttemptsInProgress(),
         waits,
     )
 

@@ -180,7 +180,7 @@ class TooManyJobs(Busy):
     def __init__(self, allowed: int) -> None:
         super().__init__(
             f"This key has as many unfinished jobs as the limit unfinished_jobs allows: {allowed}. Wait for one to "
-            "end, or dismiss one with DELETE /v1/jobs/<id>.",
+            "end, or cancel one with DELETE /v1/jobs/<id>.",
             retry_after=10.0,
         )
         self.allowed = allowed

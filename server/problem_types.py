@@ -160,7 +160,7 @@ TABLE: Mapping[type[errors.DomainError], ProblemType] = {
         "too-many-jobs",
         "Too many unfinished jobs",
         "Your key has as many unfinished jobs as `unfinished_jobs` in GET /v1/limits allows. Nothing was accepted. Try "
-        "again after Retry-After seconds, or dismiss a job.",
+        "again after Retry-After seconds, or cancel a job.",
     ),
     errors.TooSlow: ProblemType(
         408,

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 from server.config.settings import Limits, Settings
-from server.http.admission.attempts_in_progress import RepeatedRequests
+from server.http.admission.attempts_in_progress import AttemptsInProgress
 from server.http.admission.fair_queue import FairQueue
 from server.http.admission.job_waits import JobWaits
 from server.http.admission.readiness import ReadinessChecks
@@ -45,7 +45,7 @@ class Service:
     fair_queue: FairQueue
     precedence: Precedence
     snapshots: SnapshotFolder
-    repetitions: RepeatedRequests
+    repetitions: AttemptsInProgress
     waits: JobWaits
 
     def hand_back(self) -> None:

@@ -1,4 +1,4 @@
-"""Jobs: long work that is accepted, queued, run by any process, followed and dismissed.
+"""Jobs: long work that is accepted, queued, run by any process, followed and cancelled.
 
 What the jobs do is in `types/`. Imports `constraints`, `submaps` and below.
 """

@@ -1,4 +1,4 @@
-"""Jobs as callers see them: accepted, reported, dismissed."""
+"""Jobs as callers see them: accepted, reported, cancelled (the API says dismissed)."""
 
 from collections.abc import Collection
 from dataclasses import dataclass, field
@@ -75,7 +75,7 @@ def accept(
         check_quota(tx, caller, limits)
         if job.exclusive and jobs.unfinished(collection.key, job.type):
             raise Conflict(
-                f"Another job of the type {job.type} works on {collection_id!r}. Wait until it ends, or dismiss it."
+                f"Another job of the type {job.type} works on {collection_id!r}. Wait until it ends, or cancel it."
             )
         row = jobs.add(
             job_id=job.id or new_id(),
@@ -140,7 +140,7 @@ def unfinished(database: Storage, job_ids: Collection[str]) -> set[str]:
         return tx.jobs.unfinished_among(job_ids)
 
 
-def dismiss(
+def cancel(
     database: Storage, folder: JobFolder, caller: Principal, job_id: str, idempotency_key: IdempotencyKey | None
 ) -> StoredResponse:
     """End a job, at once or after the work in progress, or delete a finished one with its files. Returns the response.
@@ -154,7 +154,7 @@ def dismiss(
             return response
         row, jobs = _row(tx, caller, job_id), tx.jobs
         if not (row.caller == caller.id or caller.scopes & {Scope.WRITE, Scope.ADMIN}):
-            raise Forbidden("The job belongs to another key. To dismiss it, your key needs the scope write or admin.")
+            raise Forbidden("The job belongs to another key. To cancel it, your key needs the scope write or admin.")
         answer = None
         match row.state:
             case "running":

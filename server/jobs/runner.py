@@ -56,7 +56,7 @@ class Runner:
         self._thread.start()
 
     def wake(self) -> None:
-        """Check at once: a job was accepted or dismissed."""
+        """Check at once: a job was accepted or cancelled."""
         self._news.set()
 
     def hand_back(self) -> None:
@@ -187,7 +187,7 @@ class Runner:
     def _finish(self, job_id: str, state: str, problem: dict[str, Any] | None = None) -> None:
         def note() -> None:
             with self._context.database.write() as tx:
-                # Whoever dismissed it may have stored a reason.
+                # Whoever cancelled it may have stored a reason.
                 why = {} if state == "dismissed" else {"problem": problem}
                 tx.jobs.change(job_id, state=state, finished=datetime.now(UTC), **why)
 

@@ -32,7 +32,7 @@ class Yielded(Exception):
 
 
 class Dismissed(Exception):
-    """Somebody dismissed the job."""
+    """Somebody cancelled the job."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Routes of jobs: start, follow and dismiss them, read their results."""
+"""Routes of jobs: start, follow and cancel them, read their results."""
 
 from collections.abc import Iterator
 from typing import Annotated, Any
@@ -171,7 +171,7 @@ async def get_job(
 @router.delete(
     "/v1/jobs/{job}",
     operation_id="deleteJob",
-    summary="Dismiss or forget a job",
+    summary="Cancel or forget a job",
     response_class=Response,
     status_code=204,
     responses={
@@ -181,9 +181,9 @@ async def get_job(
 )
 def delete_job(job: JobId, service: ServiceDep, caller: PrincipalDep, idempotency_key: IdempotencyKeyDep) -> Response:
     """Ends an unfinished job after the work in progress; what it has stored stays (202). Deletes a finished job with
-    its results (204). A key may dismiss its own jobs with any scope; those of others need `write` or `admin`.
+    its results (204). A key may cancel its own jobs with any scope; those of others need `write` or `admin`.
     """
-    response = queue.dismiss(service.database, service.jobs.folder, caller, job, idempotency_key)
+    response = queue.cancel(service.database, service.jobs.folder, caller, job, idempotency_key)
     service.jobs.runner.wake()
     return stored_response(response)
 

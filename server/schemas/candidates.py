@@ -48,8 +48,8 @@ class Inlier(Answer):
 
 
 _SUPPORT = (
-    "How much proposed this pose: the number of quads or of polygons that agree on it or, if `level` is `exhaustive`, "
-    "of shifts and rotations that stood out. Not comparable between levels."
+    "How many quads or polygons agree on this pose or, if `level` is `exhaustive`, how many shifts and rotations stood "
+    "out. Not comparable between levels."
 )
 _LEVEL = (
     "The step of the search that proposed the pose: matching `quads`, matching `polygons`, an `exhaustive` trial of "

@@ -15,7 +15,7 @@ _PATIENCE: Final = 20.0
 """Seconds that a repetition waits: less than the 30 s that the Python client waits for an answer."""
 
 
-class RepeatedRequests:
+class AttemptsInProgress:
     """The requests with an Idempotency-Key that are in progress in this process, on its event loop."""
 
     def __init__(self, patience: float = _PATIENCE) -> None:

@@ -89,7 +89,7 @@ class AsyncJobCalls(AsyncConnection):
                 raise TimeoutError(f"job {job_id} has not ended in time: {job.state}, {job.done} of {job.total} done")
 
     async def delete_job(self, job_id: str) -> Job | None:
-        """Dismiss an unfinished job, which ends after the work in progress, or delete a finished one (returns None)."""
+        """Cancel an unfinished job, which ends after the work in progress, or delete a finished one (returns None)."""
         return await self._send(job_requests.delete_job(job_id))
 
     async def job_results(self, job_id: str) -> AsyncIterator[JobLine]:

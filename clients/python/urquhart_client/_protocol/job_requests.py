@@ -55,7 +55,7 @@ def get_job(job_id: str, wait: float) -> Request[Job]:
 
 
 def delete_job(job_id: str) -> Request[Job | None]:
-    """Dismiss a job, or delete a finished one."""
+    """Cancel a job, or delete a finished one."""
 
     def parse(response: httpx.Response) -> Job | None:
         return model(Job)(response) if response.status_code == 202 else None
