@@ -202,21 +202,23 @@ def gather_reading(
     wanted, low, high, masks, cells = span
     q, turned, spread = quad
     one, six, three, byte = np.uint64(1), np.uint64(63), np.uint64(7), np.uint64(255)
-    looked, rows = 0, np.int64(1)
+    looked, rows, at = 0, np.int64(1), 0
     for k in range(4):
         rows *= high[k] - low[k] + 1
     for row in range(rows):
         rest = row
-        for k in range(4):
+        for k in range(3, -1, -1):
             wide = high[k] - low[k] + 1
             cells[k] = low[k] + rest % wide
             rest //= wide
-        mask01 = combine_masks(masks[0, cells[0] - low[0]], masks[1, cells[1] - low[1]])
-        mask23 = combine_masks(masks[2, cells[2] - low[2]], masks[3, cells[3] - low[3]])
         cells[4] = low[4]
         begin = cell_code(cells)
         end = begin + high[4] - low[4]
-        at = np.searchsorted(codes, np.uint32(begin))
+        at = next_code(codes, at, begin)
+        if at == len(codes) or codes[at] > end:
+            continue
+        mask01 = combine_masks(masks[0, cells[0] - low[0]], masks[1, cells[1] - low[1]])
+        mask23 = combine_masks(masks[2, cells[2] - low[2]], masks[3, cells[3] - low[3]])
         # The cells of a row are consecutive, unless the table is damaged.
         while at < len(codes) and begin <= codes[at] <= end:
             cells[4] = low[4] + codes[at] - begin
@@ -246,6 +248,19 @@ def gather_reading(
                 return count, looked, False
             at += 1
     return count, looked, False
+
+
+@kernel
+def next_code(codes: NDArray[np.uint32], at: int, code: int) -> int:
+    """The first place from `at` on in ascending `codes` (C,) whose code is not below `code`; C if there is none.
+
+    The steps double, because the rows of a search lie near each other.
+    """
+    wanted, step, last = np.uint32(code), 1, len(codes)
+    while at + step < last and codes[at + step] < wanted:
+        at += step
+        step *= 2
+    return at + np.searchsorted(codes[at : min(at + step + 1, last)], wanted)
 
 
 @kernel
