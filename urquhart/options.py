@@ -1,22 +1,89 @@
 """The options of one search."""
 
+import math
 from collections.abc import Collection
-from typing import Literal, TypedDict
+from dataclasses import dataclass
+from typing import Final, Literal, NamedTuple, TypedDict
 
 import numpy as np
 
 from urquhart.budget import Budget
+from urquhart.config import Config
 
 Method = Literal["robust", "paper"]
 """`robust` is this project's search, `paper` the matching of Nardari et al. 2020."""
 
+Effort = Literal["fast", "full"]
+"""`fast` searches by quads only, so a place that is not stored costs about as much as one that is. `full` goes on with
+polygons and with trials of every rotation and shift, which cost ten to thirty times as much."""
+
+
+class Promise(NamedTuple):
+    """Up to where a search without a match says that the place is not stored.
+
+    Attributes:
+        sigma: metres, noise of each coordinate of the query.
+        detection: share of the trees that the query sees.
+    """
+
+    sigma: float
+    detection: float
+
+
+FAST_PROMISE: Final = Promise(0.4, 0.8)
+"""What `fast` finds: in the paper's forest, 995 of 1,000 places or more among 100,000 submaps
+(`python -m benchmarks.scale`). Rows of trees and dense stands need `full`."""
+
 
 class SearchOptions(TypedDict, total=False):
-    """The keyword arguments of `Recognizer.recognize`; its docstring explains each."""
+    """The keyword arguments of `Recognizer.recognize`: the members of `Options`, which explains each."""
 
     limit: int
     method: Method
+    effort: Effort
+    min_confidence: float | None
     exclude: Collection[int]
     only: Collection[int] | None
     rng: np.random.Generator | None
     budget: Budget | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Options:
+    """How one search is done.
+
+    Attributes:
+        limit: most candidates in the answer.
+        method: the search, or the paper's.
+        effort: how far the search goes if it finds nothing; see `Effort`.
+        min_confidence: least confidence that is `matched`, above 0.5 and below 1; by default that of `Config.gate`.
+        exclude: keys of submaps that are not searched.
+        only: keys of the submaps that are searched; all by default.
+        rng: source of randomness for `paper` (sampling, RANSAC); a fixed seed by default.
+        budget: when the search must end; by default never. At the deadline the answer is `no_match` with the reason
+            `deadline` and the candidates found so far, because rivals may be missing.
+    """
+
+    limit: int = 5
+    method: Method = "robust"
+    effort: Effort = "full"
+    min_confidence: float | None = None
+    exclude: Collection[int] = ()
+    only: Collection[int] | None = None
+    rng: np.random.Generator | None = None
+    budget: Budget | None = None
+
+    def __post_init__(self) -> None:
+        if self.min_confidence is not None and not 0.5 < self.min_confidence < 1.0:
+            raise ValueError(f"min_confidence must be above 0.5 and below 1, not {self.min_confidence:g}")
+
+    def gate(self, config: Config) -> float:
+        """Least log-odds of being right that are `matched`."""
+        if self.min_confidence is None:
+            return config.gate
+        return math.log(self.min_confidence / (1.0 - self.min_confidence))
+
+    @property
+    def is_bounded(self) -> bool:
+        """Whether a search that finds nothing has ended before it tried everything."""
+        return self.method == "robust" and self.effort == "fast"

@@ -6,7 +6,6 @@ verify     each proposed pose, by all landmarks                              ver
 decide     compare with chance and with every rival; candidates, verdict     decide
 """
 
-from collections.abc import Collection as Keys
 from dataclasses import replace
 from typing import Unpack
 
@@ -20,9 +19,9 @@ from urquhart.features.describe import Features
 from urquhart.features.observation import describe_observation
 from urquhart.index.collection_index import CollectionIndex
 from urquhart.index.submap_collection import SubmapCollection
-from urquhart.options import Method, SearchOptions
+from urquhart.options import Options, SearchOptions
 from urquhart.propose.by_paper import propose_by_paper
-from urquhart.propose.levels import propose_on
+from urquhart.propose.levels import LEVELS, propose_on
 from urquhart.propose.query import Proposal, Query, make_query
 from urquhart.se2 import SE2
 from urquhart.verify.refinement import verify
@@ -34,35 +33,25 @@ class Recognizer(SubmapCollection):
     def recognize(
         self,
         observation: Features,
-        *,
-        limit: int = 5,
-        method: Method = "robust",
-        exclude: Keys[int] = (),
-        only: Keys[int] | None = None,
-        rng: np.random.Generator | None = None,
-        budget: Budget | None = None,
+        **options: Unpack[SearchOptions],
     ) -> Recognition:
         """Search for an observation that was described with this collection's configuration.
 
         Args:
             observation: from `describe`, or the features of a stored submap.
-            limit: most candidates in the answer.
-            exclude: keys of submaps that are not searched.
-            only: keys of the submaps that are searched; all by default.
-            rng: source of randomness for `paper` (sampling, RANSAC); a fixed seed by default.
-            budget: when the search must end; by default never. At the deadline the answer is `no_match` with the reason
-                `deadline` and the candidates found so far, because rivals may be missing.
+            options: the members of `Options`.
 
         Raises:
-            ValueError: the observation was described with another configuration.
+            ValueError: the observation was described with another configuration, or an option is out of range.
             Abandoned: nobody waits for the answer any more.
         """
+        chosen = Options(**options)
         index, source = self.snapshot
-        chosen = index.narrowed(only, exclude)
-        if not len(chosen):
+        searched = index.narrowed(chosen.only, chosen.exclude)
+        if not len(searched):
             return unsearched("all_filtered_out" if len(index) else "empty_collection")
-        query = make_query(observation, self.config, source, len(chosen), budget)
-        return _search(query, chosen, limit, method, rng)
+        query = make_query(observation, self.config, source, len(searched), chosen)
+        return _search(query, searched, chosen)
 
     def locate(
         self, xy: ArrayLike, *, diameters: ArrayLike | None = None, **options: Unpack[SearchOptions]
@@ -95,26 +84,26 @@ class Recognizer(SubmapCollection):
             ValueError: the observation was described with another configuration.
         """
         index, source = self.snapshot
-        query = make_query(observation, self.config, source, len(index))
+        query = make_query(observation, self.config, source, len(index), Options())
         start = SE2.shift(query.submaps.features(key).origin).inverse() @ transform @ SE2.shift(query.features.origin)
         with query.trace.timed("verify given"):
             verified = verify(query.grid, query.submaps.grid(key), start, query.reach)
         return decide(query, rank(query, [Proposal(key, "given", 0, verified)]), 1, "exhausted")
 
 
-def _search(
-    query: Query, index: CollectionIndex, limit: int, method: Method, rng: np.random.Generator | None
-) -> Recognition:
+def _search(query: Query, index: CollectionIndex, options: Options) -> Recognition:
     """Propose and rank, level by level, until a pose is certain or time runs out; then decide."""
-    ranking = NOTHING
-    if method == "paper":
-        levels = iter([propose_by_paper(query, index, rng or np.random.default_rng(0))])
+    ranking, limit = NOTHING, options.limit
+    if options.method == "paper":
+        levels = iter([propose_by_paper(query, index, options.rng or np.random.default_rng(0))])
     else:
-        levels = propose_on(index, query, limit, lambda: ranking.is_lost(query))
+        levels = propose_on(index, query, limit, lambda: ranking.is_lost(query), LEVELS[options.effort])
     for proposals in levels:
         ranking = rank(query, proposals, ranking)
         if ranking.is_certain(query):
             return decide(query, ranking, limit, "decided")
         if query.budget.is_spent():
             return decide(query, ranking, limit, "deadline")
-    return decide(query, ranking, limit, "exhausted" if ranking.is_lost(query) else "beats_chance")
+    if not ranking.is_lost(query):
+        return decide(query, ranking, limit, "beats_chance")
+    return decide(query, ranking, limit, "evidence_bound" if options.is_bounded else "exhausted")

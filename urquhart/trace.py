@@ -6,7 +6,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Literal
 
-StoppedBy = Literal["decided", "beats_chance", "exhausted", "deadline", "not_started"]
+from urquhart.options import FAST_PROMISE, Promise
+
+StoppedBy = Literal["decided", "beats_chance", "evidence_bound", "exhausted", "deadline", "not_started"]
 Skipped = Literal["quad_hits", "common_quads", "exhaustive", "exhaustive_rest"]
 
 
@@ -17,8 +19,10 @@ class SearchEnd:
     Attributes:
         stopped_by: `decided`: the first candidate is so certain that no further level could change the answer;
             `beats_chance`: chance is ruled out for the first candidate, and more levels would only add weaker poses;
-            `exhausted`: every level was tried; `deadline`: time ran out, and the verdict's reason is `deadline` too;
-            `not_started`: there was nothing to search for, or nothing to search in.
+            `evidence_bound`: a stored place would have shown more evidence by now, if the query is as good as
+            `promised`; `exhausted`: every level was tried; `deadline`: time ran out, and the verdict's reason is
+            `deadline` too; `not_started`: there was nothing to search for, or nothing to search in.
+        promised: with `evidence_bound`, the noise and the share of trees seen up to which the place is not stored.
         skipped: the limits that were reached, each once, in that order; empty if nothing was left out.
             `quad_hits`: the quad search reached the limit `Config.quad_hits` before it had tried all quads;
             `common_quads`: quads of the query that are too common in the collection were skipped;
@@ -28,6 +32,7 @@ class SearchEnd:
 
     stopped_by: StoppedBy
     skipped: tuple[Skipped, ...] = ()
+    promised: Promise | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,4 +71,4 @@ class Trace:
 
     def end(self, stopped_by: StoppedBy) -> SearchEnd:
         """How the search ended, with all limits that were recorded."""
-        return SearchEnd(stopped_by, tuple(self._skipped))
+        return SearchEnd(stopped_by, tuple(self._skipped), FAST_PROMISE if stopped_by == "evidence_bound" else None)

@@ -120,7 +120,7 @@ def make_finding(proposal: Proposal, query: Query) -> Finding:
     """The finding that explains a proposal."""
     v = proposal.verified
     odds = log_odds(v, query.grid, query.volume)
-    refused = refusal(v, odds, None, query.config)
+    refused = refusal(v, odds, None, query.config.lead_per_landmark, query.gate)
     return Finding(
         proposal.level, proposal.key, proposal.support, len(v.residuals), v.overlap, v.evidence, odds, refused
     )
@@ -134,7 +134,7 @@ def make_rivals(
     Args:
         rivals: the submap, the pose between centred frames, and the extrapolated evidence of each.
     """
-    behind = rival_threshold(best, query.config.gate, query.config.lead_per_landmark)
+    behind = rival_threshold(best, query.gate, query.config.lead_per_landmark)
     close = [(key, rival, evidence) for key, rival, evidence in rivals if evidence > max(behind, 0.0)]
     close.sort(key=lambda found: -found[2])
     return tuple(
@@ -152,7 +152,7 @@ def make_candidate(proposal: Proposal, query: Query, lead: float | None) -> Cand
     v, features, submap = proposal.verified, query.features, query.submaps.features(proposal.key)
     transform = _as_posted(v.transform, proposal.key, query)
     odds = log_odds(v, query.grid, query.volume)
-    refused = refusal(v, odds, lead, query.config)
+    refused = refusal(v, odds, lead, query.config.lead_per_landmark, query.gate)
     seen, stored = features.landmarks[v.query] + features.origin, submap.landmarks[v.submap] + submap.origin
     uncertainty, warnings = _uncertainty(seen, stored, transform, v, query.config, distorted=refused is None)
     return Candidate(

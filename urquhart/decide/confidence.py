@@ -159,10 +159,10 @@ class Gates:
     lead_ratio: float
 
     @staticmethod
-    def of(config: Config) -> "Gates":
-        """The gates of a configuration."""
-        sure = 1.0 / (1.0 + math.exp(-config.gate))
-        odds, lead = (config.gate / line.slope + line.even for line in CALIBRATION)
+    def of(config: Config, gate: float) -> "Gates":
+        """The gates of a search with this configuration and these log-odds; see `Options.gate`."""
+        sure = 1.0 / (1.0 + math.exp(-gate))
+        odds, lead = (gate / line.slope + line.even for line in CALIBRATION)
         return Gates(sure, odds, lead, config.lead_per_landmark, CONFIDENCE.rival_penalty)
 
 
@@ -171,21 +171,23 @@ def combine(chance: float, rival: float) -> float:
     return -float(np.logaddexp(-chance, -rival))
 
 
-def refusal(verified: PoseEvidence, odds: float, lead: float | None, config: Config) -> Refusal | None:
+def refusal(verified: PoseEvidence, odds: float, lead: float | None, margin: float, gate: float) -> Refusal | None:
     """Why a verified pose must not be reported as matched; None if it may be.
 
     Args:
         odds: its `log_odds`.
         lead: evidence minus that of the best distinct pose; None if no pose was compared.
+        margin: `Config.lead_per_landmark`.
+        gate: least log-odds of being right; see `Options.gate`.
     """
     if verified.evidence <= 0.0:
         return "verification_failed"
-    chance, rival = chance_logit(odds), rival_logit(verified, lead, config.lead_per_landmark)
-    if combine(chance, rival) >= config.gate:
+    chance, rival = chance_logit(odds), rival_logit(verified, lead, margin)
+    if combine(chance, rival) >= gate:
         return None
     # A rival without evidence of its own is no rival: then the match itself is too weak.
     close = lead is not None and lead < verified.evidence
-    return "rival_too_close" if close and chance >= config.gate else "below_gate"
+    return "rival_too_close" if close and chance >= gate else "below_gate"
 
 
 def probability(verified: PoseEvidence, odds: float, lead: float | None, config: Config) -> float:

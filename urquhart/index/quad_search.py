@@ -260,7 +260,7 @@ def next_code(codes: NDArray[np.uint32], at: int, code: int) -> int:
     while at + step < last and codes[at + step] < wanted:
         at += step
         step *= 2
-    return at + np.searchsorted(codes[at : min(at + step + 1, last)], wanted)
+    return at + int(np.searchsorted(codes[at : min(at + step + 1, last)], wanted))
 
 
 @kernel

@@ -9,6 +9,7 @@ from urquhart.budget import Budget
 from urquhart.config import Config
 from urquhart.features.describe import Features
 from urquhart.index.submap_collection import FeatureSource
+from urquhart.options import Options
 from urquhart.propose.submap_cache import SubmapCache
 from urquhart.trace import Trace
 from urquhart.verify.evidence import PoseEvidence
@@ -46,6 +47,7 @@ class Query:
         features: of the observation.
         grid: its landmarks, prepared for verification.
         config: parameters of the method.
+        gate: least log-odds of being right that are `matched`.
         submaps: the submaps in which poses are proposed, read on first use.
         volume: logarithm of the volume of all possible poses; see `log_volume`.
         budget: when the search must end, and whether anybody still waits for it.
@@ -55,6 +57,7 @@ class Query:
     features: Features
     grid: LandmarkGrid
     config: Config
+    gate: float
     submaps: SubmapCache
     volume: float
     budget: Budget
@@ -73,9 +76,7 @@ class Query:
             self.submaps.read(wanted[begin : begin + READ_TOGETHER])
 
 
-def make_query(
-    features: Features, config: Config, source: FeatureSource, searched: int, budget: Budget | None = None
-) -> Query:
+def make_query(features: Features, config: Config, source: FeatureSource, searched: int, options: Options) -> Query:
     """Prepare an observation for a search.
 
     Args:
@@ -83,7 +84,7 @@ def make_query(
         config: parameters of the method.
         source: where the features of submaps are read from.
         searched: number of submaps that are searched.
-        budget: when the search must end; by default never.
+        options: when the search must end, and the gate.
 
     Raises:
         ValueError: the observation was described with another configuration.
@@ -95,7 +96,7 @@ def make_query(
         )
     grid = landmark_grid(features, config.reach)
     submaps, volume = SubmapCache(source, config.reach), log_volume(searched, grid)
-    return Query(features, grid, config, submaps, volume, budget or Budget(), Trace())
+    return Query(features, grid, config, options.gate(config), submaps, volume, options.budget or Budget(), Trace())
 
 
 def log_volume(submaps: int, query: LandmarkGrid) -> float:
