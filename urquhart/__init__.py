@@ -25,7 +25,7 @@ from urquhart.features.landmark_checks import LandmarkError
 from urquhart.features.observation import OBSTACLES, Description, describe_observation
 from urquhart.features.tessellation import Tessellation
 from urquhart.index.segment_file import SegmentDamaged
-from urquhart.options import Method, SearchOptions
+from urquhart.options import Effort, Method, Options, SearchOptions
 from urquhart.recognizer import Recognizer
 from urquhart.report.match import draw_match
 from urquhart.report.motion import draw_motion
@@ -43,12 +43,14 @@ __all__ = [
     "Config",
     "ConfigError",
     "Description",
+    "Effort",
     "Features",
     "FeaturesError",
     "Finding",
     "Gates",
     "LandmarkError",
     "Method",
+    "Options",
     "Recognition",
     "Recognizer",
     "Rival",

@@ -1,7 +1,7 @@
 """The options of one search."""
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Final, Literal, NamedTuple, TypedDict
 
@@ -33,6 +33,15 @@ class Promise(NamedTuple):
 FAST_PROMISE: Final = Promise(0.4, 0.8)
 """What `fast` finds: in the paper's forest, 995 of 1,000 places or more among 100,000 submaps
 (`python -m benchmarks.scale`). Rows of trees and dense stands need `full`."""
+
+
+EFFORTS: Final[Mapping[Effort, str]] = {
+    "fast": "a place that is not stored costs about as much as one that is, and places are found that are seen with up "
+    f"to {100 * FAST_PROMISE.sigma:.0f} cm of noise and at least {100 * FAST_PROMISE.detection:.0f} % of the trees",
+    "full": "up to thirty times as long for a place that is not stored; finds places seen with more noise and fewer "
+    "trees, in dense stands and in rows of trees, too",
+}
+"""A sentence for each effort."""
 
 
 class SearchOptions(TypedDict, total=False):

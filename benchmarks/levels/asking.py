@@ -12,11 +12,13 @@ from urquhart import Features, Recognition, Recognizer
 from urquhart.decide.ranking import NOTHING, rank
 from urquhart.decide.verdict import decide
 from urquhart.features.observation import describe_observation
+from urquhart.options import Options
 from urquhart.propose.levels import LEVELS, Level, Search, propose_on
 from urquhart.propose.query import Proposal, make_query
 
-NAMES: Final = tuple(level.name for level in LEVELS)
-SPARED: Final = tuple(name for name in NAMES if name not in ("rare quads", "rare loose quads"))
+_FULL: Final = LEVELS["full"]
+NAMES: Final = tuple(level.name for level in _FULL)
+SPARED: Final = tuple(name for name in NAMES if name not in ("rare quads", "loose quads"))
 """Levels that can be left out. The others begin a search that later levels go on with."""
 
 _EACH: Final = (len(NAMES),)
@@ -42,10 +44,10 @@ class Step(NamedTuple):
     answer: Recognition
 
 
-def search(recognizer: Recognizer, observation: Features, levels: Sequence[Level] = LEVELS) -> Iterator[Step]:
+def search(recognizer: Recognizer, observation: Features, levels: Sequence[Level] = _FULL) -> Iterator[Step]:
     """Search as `Recognizer.recognize` does, level by level."""
     index, source = recognizer.snapshot
-    query = make_query(observation, recognizer.config, source, len(index))
+    query = make_query(observation, recognizer.config, source, len(index), Options())
     reached, ranking = list[str](), NOTHING
 
     def named(level: Level) -> Level:
@@ -84,7 +86,7 @@ def ask(question: AskedQuery) -> NDArray[Any] | None:
     for number, name in enumerate(NAMES):
         # A search that never reached a level goes the same way without it.
         if name in steps and name in SPARED:
-            others = [level for level in LEVELS if level.name != name]
+            others = [level for level in _FULL if level.name != name]
             left = list(search(world, described.result, others))
             ended = judge(question, left[-1].answer) if left else (False, False)
             row["right_without"][number], row["mistaken_without"][number] = ended

@@ -75,7 +75,8 @@ class Verifier:
         query = self._grids[second]
         found = verify(query, self._grids[first], into.inverse() @ first_T_second @ out, self.reach)
         odds = log_odds(found, query, log_volume(1, query))
-        return into @ found.transform @ out.inverse(), refusal(found, odds, None, self.config) is None
+        refused = refusal(found, odds, None, self.config.lead_per_landmark, self.config.gate)
+        return into @ found.transform @ out.inverse(), refused is None
 
 
 def agree(

@@ -1,6 +1,7 @@
 """`urquhart locate`: look one observation up in the database, without a service."""
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -23,7 +24,13 @@ from server.stem_maps.reader import StemMap, read_stem_map
 from server.stem_maps.stands import landmarks_of
 from server.stem_maps.tiling import without_twins
 from server.store.sqlite.upgrade.feature_backfill import bring_up_to_date
+from urquhart import Effort
 from urquhart.verify.distortion import WARNINGS
+
+
+MinConfidence = Annotated[
+    float | None, typer.Option(help="Least confidence that is matched. (default: the collection's)")
+]
 
 
 def locate(
@@ -44,6 +51,8 @@ def locate(
         bool, typer.Option("--json", help="Print the whole answer as JSON, as the service returns it.")
     ] = False,
     limit: Annotated[int, typer.Option(min=1, help="Most candidates to print.")] = 5,
+    effort: Annotated[Effort, typer.Option(help="How far to search if nothing is found.")] = "full",
+    min_confidence: MinConfidence = None,
     seed: Annotated[
         int | None, typer.Option(min=0, help="Seed of random choices. The same seed gives the same answer.")
     ] = None,
@@ -64,9 +73,9 @@ def locate(
     try:
         bring_up_to_date(store)
         catalog, metrics = Catalog(store, Metrics()), Metrics()
-        query = _query(observation, limit, seed, file, explain=explain or explain_svg is not None)
-        to_draw = svg is not None or explain_svg is not None
-        asked = PlaceQuery.of(query, settings.limits)
+        members = {"limit": limit, "effort": effort, "min_confidence": min_confidence, "seed": seed}
+        query = _query(observation, {**members, "explain": explain or explain_svg is not None}, file)
+        asked, to_draw = PlaceQuery.of(query, settings.limits), svg is not None or explain_svg is not None
         look = look_up(QueryContext(store, catalog, metrics, settings.limits), collection, asked, to_draw=to_draw)
         _draw(look, observation.name, svg, explain_svg)
     finally:
@@ -80,11 +89,9 @@ def locate(
         if explain:
             print_explanation(console, answer)
     typer.echo(f"{file.name}: {seen.understood}{_left_out(seen, observation)}", err=as_json)
-    if explain_svg is not None:
-        typer.echo(f"drawn: {explain_svg}", err=as_json)
-    if svg is not None:
-        drawn = f"drawn: {svg}" if answer.candidates else "nothing to draw: there is no candidate"
-        typer.echo(drawn, err=as_json)
+    for path, is_drawn in ((explain_svg, True), (svg, bool(answer.candidates))):
+        if path is not None:
+            typer.echo(f"drawn: {path}" if is_drawn else "nothing to draw: there is no candidate", err=as_json)
 
 
 def _draw(look: LookupResult, name: str, svg: Path | None, explain_svg: Path | None) -> None:
@@ -102,11 +109,13 @@ def _left_out(seen: StemMap, used: StemMap) -> str:
     return f"; {count} trees merged with a thicker neighbour within 1 cm" if count else ""
 
 
-def _query(observation: StemMap, limit: int, seed: int | None, file: Path, *, explain: bool) -> QueryInput:
+def _query(observation: StemMap, members: Mapping[str, object], file: Path) -> QueryInput:
     try:
-        return QueryInput(landmarks=landmarks_of(observation), limit=limit, seed=seed, explain=explain)
+        return QueryInput.model_validate({"landmarks": landmarks_of(observation), **members})
     except ValidationError as error:
         first = error.errors()[0]
+        if first["loc"][0] == "min_confidence":
+            raise CommandError(f"--min-confidence: {first['msg']}, not {first['input']}") from error
         raise CommandError(
             f"{file}: tree value {first['input']!r}: {first['msg'].removeprefix('Value error, ')}"
         ) from error

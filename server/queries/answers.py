@@ -18,6 +18,7 @@ from server.schemas.candidates import (
     FindingAnswer,
     GatesAnswer,
     Inlier,
+    PromiseAnswer,
     RivalAnswer,
     RivalLinks,
     SearchAnswer,
@@ -28,6 +29,7 @@ from server.schemas.queries import FINDINGS, QueryAnswer
 from server.store.codec import unpack_ids
 from server.store.submap_records import FoundSubmap
 from urquhart import Candidate, Config, Finding, Rival, Stage
+from urquhart.options import Options
 from urquhart.report.explanation import search_sentence
 from urquhart.trace import SearchEnd
 
@@ -85,9 +87,9 @@ class Shares:
 
 
 @lru_cache(maxsize=64)
-def gates_answer(config: Config) -> GatesAnswer:
-    """The gates of a configuration."""
-    gates = urquhart.Gates.of(config)
+def gates_answer(config: Config, min_confidence: float | None = None) -> GatesAnswer:
+    """The gates of a query of a collection with this configuration."""
+    gates = urquhart.Gates.of(config, Options(min_confidence=min_confidence).gate(config))
     return GatesAnswer(**asdict(gates))
 
 
@@ -98,7 +100,10 @@ def stage_answers(stages: Sequence[Stage]) -> list[StageAnswer]:
 
 def search_answer(end: SearchEnd) -> SearchAnswer:
     """How a search ended, in stable words and as a sentence."""
-    return SearchAnswer(stopped_by=end.stopped_by, skipped=list(end.skipped), sentence=search_sentence(end))
+    promised = None if end.promised is None else PromiseAnswer(**end.promised._asdict())
+    return SearchAnswer(
+        stopped_by=end.stopped_by, skipped=list(end.skipped), promised=promised, sentence=search_sentence(end)
+    )
 
 
 def candidate_answers(

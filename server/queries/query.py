@@ -14,7 +14,7 @@ from server.store.codec import diameters_of, position_names
 from server.store.repositories.submaps import SubmapReader
 from server.store.submap_records import SubmapFilter
 from server.submaps.preparation import check_landmark_count
-from urquhart import Method
+from urquhart import Effort, Method
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,6 +91,8 @@ class PlaceQuery:
         exclude: what not to find.
         limit: most candidates.
         method: of the search.
+        effort: of the search.
+        min_confidence: that is `matched`; that of the collection if None.
         seed: of random choices.
         explain: whether the answer tells the findings, too.
         pairs: whether the answer lists the landmark pairs.
@@ -108,6 +110,8 @@ class PlaceQuery:
     exclude: Exclusion = Exclusion()
     limit: int = 5
     method: Method = "robust"
+    effort: Effort = "full"
+    min_confidence: float | None = None
     seed: int | None = None
     explain: bool = False
     pairs: bool = True
@@ -140,6 +144,8 @@ class PlaceQuery:
             Exclusion(tuple(excluded.submap_ids), excluded.session, excluded.within_seconds),
             min(body.limit, limits.candidates),  # the default is lower only if the operator's limit is
             body.method,
+            body.effort,
+            body.min_confidence,
             body.seed,
             body.explain,
             body.pairs,

@@ -67,6 +67,8 @@ class SubmapSearch:
             self.observation,
             limit=max(self.most, COMPARED),
             method=self.query.method,
+            effort=self.query.effort,
+            min_confidence=self.query.min_confidence,
             exclude=excluded,
             only=self.only,
             rng=None if self.query.seed is None else np.random.default_rng(self.query.seed),

@@ -14,7 +14,7 @@ from urquhart.trace import Skipped, StoppedBy
 from urquhart.verify.distortion import WARNINGS
 
 
-def _words(meanings: Mapping[Any, str]) -> str:
+def glossed(meanings: Mapping[Any, str]) -> str:
     """Each word with its meaning, as one sentence."""
     return "; ".join(f"`{word}`: {text}" for word, text in meanings.items()) + "."
 
@@ -151,7 +151,7 @@ class FindingAnswer(Answer):
 
 
 class GatesAnswer(Answer):
-    """What a pose must pass to be `matched`, from the collection's configuration.
+    """What a pose must pass to be `matched`, from the query's `min_confidence` and the collection's configuration.
 
     Against a rival, the lead must be at least `lead` + `lead_per_landmark` * (landmarks of the overlap) +
     `lead_ratio` * (evidence of the rival).
@@ -172,14 +172,24 @@ class GatesAnswer(Answer):
     )
 
 
+class PromiseAnswer(Answer):
+    """How good a query must be for the search to find its place, if that is stored: 99 times in 100 or more."""
+
+    sigma: float = Field(description="Noise of each coordinate, in metres.")
+    detection: float = Field(description="Share of the trees that the query sees.")
+
+
 class SearchAnswer(Answer):
     """How the search ended and what its limits left out, so whether a longer search could have found more."""
 
     stopped_by: Annotated[StoppedBy, Formerly(words={"settled": "decided"})] = Field(
-        description=f"Why the search ended, as a stable word. {_words(STOPS)}"
+        description=f"Why the search ended, as a stable word. {glossed(STOPS)}"
     )
     skipped: list[Skipped] = Field(
-        description=f"Limits that left something out, as stable words. Empty if none did. {_words(SKIPS)}"
+        description=f"Limits that left something out, as stable words. Empty if none did. {glossed(SKIPS)}"
+    )
+    promised: PromiseAnswer | None = Field(
+        None, description="Up to where the place is not stored. Null unless `stopped_by` is `evidence_bound`."
     )
     sentence: str = Field(description="`stopped_by` and `skipped` as a sentence.")
 

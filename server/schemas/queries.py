@@ -13,6 +13,7 @@ from server.schemas.candidates import (
     RivalAnswer,
     SearchAnswer,
     StageAnswer,
+    glossed,
 )
 from server.schemas.common import (
     FRAME_NAME,
@@ -29,14 +30,13 @@ from server.schemas.common import (
     write_stamp,
 )
 from server.schemas.landmarks import LandmarkBody
-from urquhart import Method, Verdict
+from urquhart import Effort, Method, Verdict
+from urquhart.options import EFFORTS
 from urquhart.report.explanation import REASONS
 from urquhart.verify.distortion import WARNINGS
 
 _Written = Annotated[datetime, PlainSerializer(write_stamp, return_type=str, when_used="json")]
-_REASON = (
-    "Why this verdict, as a stable word. " + "; ".join(f"`{word}`: {text}" for word, text in REASONS.items()) + "."
-)
+_REASON = f"Why this verdict, as a stable word. {glossed(REASONS)}"
 FINDINGS = 64
 """Most findings in an answer. The default configuration produces no more."""
 _XY: Any = [[0.4, 2.9], [5.1, -1.7], [-2.6, 1.3], [1.8, -6.0], [-6.2, -3.8], [7.0, 5.9]]
@@ -80,8 +80,13 @@ class QueryOptions(Body):
     """Where to search, how, and what to return."""
 
     limit: Annotated[int, Field(ge=1, strict=True)] = Field(5, description="Most candidates to return.")
-    method: Method = Field(
-        "robust", description="`robust` is the method of this service; `paper` runs the published one."
+    method: Method = Field("robust", description="`robust`: the method of this service; `paper`: the published one.")
+    effort: Effort = Field(
+        "full",
+        description=f"How far to search if nothing is found. {glossed(EFFORTS)}",
+    )
+    min_confidence: Annotated[float, Field(gt=0.5, lt=1.0, strict=True)] | None = Field(
+        None, description="Least `confidence` that is `matched`. By default that of the collection: 0.999 if unchanged."
     )
     seed: Annotated[int, Field(ge=0, le=2**63 - 1, strict=True)] | None = Field(
         None, description="Seed of random choices. The same seed, body and revision give the same answer."
@@ -186,6 +191,7 @@ class QueryAnswer(Answer):
     frame_id: str | None = Field(description="Name of the query's frame, as it was sent.")
     stamp: _Written | None = Field(description="When the query's trees were observed, as it was sent.")
     method: Method = Field(description="The method that was asked for.")
+    effort: Effort = Field("full", description="The effort that was asked for.")
     revision: int = Field(description="Revision of the collection that was searched.")
     landmark_count: Annotated[int, Formerly("landmarks")] = Field(description="Number of landmarks in the query.")
     lead: Annotated[float | None, Formerly("margin")] = Field(description=_LEAD)

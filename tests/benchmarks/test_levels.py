@@ -58,13 +58,17 @@ def test_too_few_trees_are_no_question() -> None:
     assert ask(type(question)(world, question.xy[:2], 0, question.pose)) is None
 
 
+SHOWN = ("the only submap", "rare quads", "polygons")
+
+
 def row(stored: bool, ran: str, right: str, mistaken: str, without: str) -> NDArray[Any]:
-    """A row of three levels, each a letter: x for yes."""
+    """A row of the levels `SHOWN`, each a letter: x for yes. No other level ran."""
     found = np.zeros((), ROW)
     found["stored"] = stored
-    pad = len(NAMES) - 3
     for field, letters in (("ran", ran), ("right", right), ("mistaken", mistaken), ("right_without", without)):
-        found[field] = [letter == "x" for letter in letters] + [letters[-1] == "x" and field != "ran"] * pad
+        at = [max(sum(NAMES.index(name) <= level for name in SHOWN) - 1, 0) for level in range(len(NAMES))]
+        said = [letters[place] == "x" for place in at]
+        found[field] = [yes and (field != "ran" or name in SHOWN) for yes, name in zip(said, NAMES, strict=True)]
     found["milliseconds"] = np.where(found["ran"], 2.0, 0.0)
     return found
 
@@ -83,13 +87,13 @@ def test_what_a_level_adds_and_costs_is_counted() -> None:
     assert (found["stored"], found["elsewhere"]) == (3, 1)
     assert (found["right"], found["wrong"], found["false"]) == (2, 0, 1)
     assert found["milliseconds"] == pytest.approx(10.0 / 3.0)
-    assert set(found["levels"]) == set(NAMES[1:3])
-    first, second = (found["levels"][name] for name in NAMES[1:3])
+    assert set(found["levels"]) == set(SHOWN[1:])
+    first, second = (found["levels"][name] for name in SHOWN[1:])
     assert (first["ran"], first["ran_elsewhere"], first["answered"]) == (3, 1, 1)
     assert (first["added"], first["removed"], first["mistaken"]) == (2, 0, 0)
     assert (second["answered"], second["added"], second["removed"], second["mistaken"]) == (1, 1, 1, 1)
     assert (second["milliseconds"], second["each"]) == (2.0, pytest.approx(4.0 / 3.0))
-    assert NAMES[1] not in SPARED
+    assert SHOWN[1] not in SPARED
     assert first["missed_without"] is None
     assert (second["missed_without"], second["gained_without"]) == (1, 0)
 

@@ -103,33 +103,33 @@ def test_evidence_surely_behind_leaves_just_those_odds(odds: float, margin: floa
 )
 def test_the_gates_named_are_the_gates_in_force(config: Config) -> None:
     gates, verified, little = Gates.of(config), pose_with(overlap=40), 1e-6
-    assert refusal(verified, gates.log_odds + little, None, config) is None
-    assert refusal(verified, gates.log_odds - little, None, config) == "below_gate"
+    assert refusal(verified, gates.log_odds + little, None, config.lead_per_landmark, config.gate) is None
+    assert refusal(verified, gates.log_odds - little, None, config.lead_per_landmark, config.gate) == "below_gate"
     assert probability(verified, gates.log_odds, None, config) == pytest.approx(gates.confidence)
     # Far beyond chance the lead alone decides.
     sure = gates.log_odds + 1000.0
     needed = gates.lead + 40 * gates.lead_per_landmark
     lead = needed + gates.lead_ratio * max(verified.evidence - needed, 0.0) / (1.0 + gates.lead_ratio)
-    assert refusal(verified, sure, lead + little, config) is None
-    assert refusal(verified, sure, lead - little, config) is not None
+    assert refusal(verified, sure, lead + little, config.lead_per_landmark, config.gate) is None
+    assert refusal(verified, sure, lead - little, config.lead_per_landmark, config.gate) is not None
     close = replace(verified, evidence=lead + 50.0)
-    assert refusal(close, sure, lead - little, config) == "rival_too_close"
+    assert refusal(close, sure, lead - little, config.lead_per_landmark, config.gate) == "rival_too_close"
     assert probability(verified, sure, lead, config) == pytest.approx(gates.confidence)
     # Neither is enough where both are just reached: one may be wrong in either way.
-    assert refusal(verified, gates.log_odds, lead, config) is not None
+    assert refusal(verified, gates.log_odds, lead, config.lead_per_landmark, config.gate) is not None
 
 
 def test_what_speaks_against_itself_is_refused_whatever_the_odds() -> None:
-    assert refusal(pose_with(evidence=0.0), 100.0, None, CONFIG) == "verification_failed"
-    assert refusal(pose_with(evidence=-3.0), 100.0, 100.0, CONFIG) == "verification_failed"
+    assert refusal(pose_with(evidence=0.0), 100.0, None, MARGIN, CONFIG.gate) == "verification_failed"
+    assert refusal(pose_with(evidence=-3.0), 100.0, 100.0, MARGIN, CONFIG.gate) == "verification_failed"
 
 
 def test_a_rival_that_explains_nothing_itself_makes_nothing_ambiguous() -> None:
     weak = pose_with(evidence=20.0)
     lead = 5.0 + weak.evidence
     assert rival_logit(weak, lead, MARGIN) < CONFIG.gate
-    assert refusal(weak, 40.0, lead, CONFIG) == "below_gate"
-    assert refusal(weak, 40.0, weak.evidence - 5.0, CONFIG) == "rival_too_close"
+    assert refusal(weak, 40.0, lead, MARGIN, CONFIG.gate) == "below_gate"
+    assert refusal(weak, 40.0, weak.evidence - 5.0, MARGIN, CONFIG.gate) == "rival_too_close"
 
 
 def test_confidence_is_a_probability_that_grows_with_odds_and_lead() -> None:

@@ -1,15 +1,29 @@
 """In which order a look-up tries what, how far it goes, and what it is told to look at."""
 
 from collections import Counter
+from dataclasses import fields
 from typing import get_args
 
 import numpy as np
 import pytest
 
 from tests.urquhart.contents import CONFIG, FOREST, outline, over, place
-from urquhart import SE2, Abandoned, Budget, Config, Method, Recognition, Recognizer, SearchEnd, describe
+from urquhart import (
+    SE2,
+    Abandoned,
+    Budget,
+    Config,
+    Effort,
+    Method,
+    Options,
+    Recognition,
+    Recognizer,
+    SearchEnd,
+    describe,
+)
 from urquhart.evaluation.simulation import bridson, observe, paper_forest, plantation
 from urquhart.index.collection_index import CollectionIndex
+from urquhart.options import FAST_PROMISE, SearchOptions
 from urquhart.propose.quad_consensus import QuadConsensus
 from urquhart.report.explanation import SKIPS, STOPS, search_sentence
 from urquhart.trace import Skipped, StoppedBy
@@ -94,14 +108,14 @@ def test_for_a_place_that_is_not_there_every_level_is_tried_once_and_none_withou
     config = Config(survey=200, exhaustive_submaps=16, candidates=10)
     found = recognizer(config, count).locate(nowhere(seed))
     assert found.verdict == "no_match"
-    assert names(found) == ["describe", *QUADS, *QUADS, *POLYGONS, *QUADS, *QUADS, *EXHAUSTIVE]
+    assert names(found) == ["describe", *QUADS, *QUADS, *POLYGONS, *EXHAUSTIVE]
     total = Counter[str]()
     for stage in found.stages:
         for what, number in stage.counts.items():
             total[f"{stage.name}: {what}"] += number
-    # Three searches, each for as many hits as are enough and those of the last few quads.
-    assert total["search quads: hits"] <= 3 * 1.5 * (config.quad_hits + 4 * count)
-    assert total["verify quads: candidates"] <= 5 + 3 * 10
+    # Two searches, each for as many hits as are enough and those of the last few quads.
+    assert total["search quads: hits"] <= 2 * 1.5 * (config.quad_hits + 4 * count)
+    assert total["verify quads: candidates"] <= 5 + 10
     assert total["verify polygons: candidates"] <= 10
     assert total["survey: places"] <= config.survey
     assert total["exhaustive: peaks"] <= 8 * total["survey: places"]
@@ -110,7 +124,7 @@ def test_for_a_place_that_is_not_there_every_level_is_tried_once_and_none_withou
 
 def test_where_every_submap_can_be_tried_quads_are_not_measured_loosely() -> None:
     found = recognizer(count=20).locate(nowhere(0))
-    assert names(found) == ["describe", *QUADS, *QUADS, *POLYGONS, *EXHAUSTIVE]
+    assert names(found) == ["describe", *QUADS, *POLYGONS, *EXHAUSTIVE]
     assert [stage.counts for stage in found.stages if stage.name == "survey"] == [{"places": 20}]
 
 
@@ -135,10 +149,38 @@ def test_a_level_answers_where_those_before_it_have_nothing_to_say(level: str, m
         assert (true @ best.transform).distance(SE2(150.0, 150.0, 1.0))[0] < 0.5
 
 
-def test_in_a_collection_that_a_survey_hardly_reaches_there_is_none() -> None:
-    found = recognizer(Config(survey=1), 72).locate(nowhere(0))
-    assert names(found) == ["describe", *QUADS, *QUADS, *POLYGONS, *QUADS, *QUADS]
+@pytest.mark.parametrize("count", [20, 72])
+@pytest.mark.parametrize("seed", range(5))
+def test_a_fast_search_ends_with_quads_and_says_what_it_promises(seed: int, count: int) -> None:
+    found = recognizer(count=count).locate(nowhere(seed), effort="fast")
+    assert names(found) == ["describe", *QUADS, *QUADS]
     assert found.verdict == "no_match"
+    assert found.search == SearchEnd("evidence_bound", (), FAST_PROMISE)
+
+
+def test_a_fast_search_finds_what_a_full_one_finds_by_quads() -> None:
+    for seed in range(10):
+        seen = here(seed, sigma=0.3, detection=0.8)
+        fast, full = (recognizer(count=72).locate(seen, effort=effort) for effort in get_args(Effort))
+        assert fast.verdict == full.verdict == "matched"
+        assert fast.candidates[0].key == full.candidates[0].key
+
+
+def test_the_least_confidence_of_a_query_is_its_gate() -> None:
+    seen = observe(FOREST, SE2(150.0, 150.0, 1.0), 14.0, np.random.default_rng(0), sigma=0.1).xy
+    unsure = recognizer().locate(seen)
+    assert unsure.reason == "below_gate"
+    confidence = unsure.candidates[0].confidence
+    assert 0.55 < confidence < 0.999
+    assert recognizer().locate(seen, min_confidence=confidence - 0.01).verdict == "matched"
+    assert recognizer().locate(seen, min_confidence=(1.0 + confidence) / 2.0).reason == "below_gate"
+    for wrong in (0.5, 1.0, 0.0, float("nan")):
+        with pytest.raises(ValueError, match=r"above 0\.5 and below 1"):
+            recognizer().locate(seen, min_confidence=wrong)
+
+
+def test_each_keyword_of_a_search_is_an_option() -> None:
+    assert SearchOptions.__annotations__.keys() == {field.name for field in fields(Options)}
 
 
 def test_a_single_submap_is_tried_at_once() -> None:
@@ -302,7 +344,7 @@ def test_limits_that_left_something_out_are_told() -> None:
     crowd.add((key, describe(xy, config)) for key, xy in enumerate(thickets[:2]))
     assert crowd.locate(thickets[2]).search.skipped == ("quad_hits", "common_quads")
     assert recognizer().locate(nowhere(0)).search.skipped == ("exhaustive_rest",)
-    assert recognizer(Config(survey=1), 72).locate(nowhere(0)).search.skipped == ("exhaustive",)
+    assert recognizer(Config(survey=0), 72).locate(nowhere(0)).search.skipped == ("exhaustive",)
     assert recognizer(count=20).locate(nowhere(0)).search.skipped == ()
 
 

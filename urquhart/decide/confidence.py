@@ -159,8 +159,9 @@ class Gates:
     lead_ratio: float
 
     @staticmethod
-    def of(config: Config, gate: float) -> "Gates":
-        """The gates of a search with this configuration and these log-odds; see `Options.gate`."""
+    def of(config: Config, gate: float | None = None) -> "Gates":
+        """The gates of a search with this configuration; `gate`: see `Options.gate`, by default `Config.gate`."""
+        gate = config.gate if gate is None else gate
         sure = 1.0 / (1.0 + math.exp(-gate))
         odds, lead = (gate / line.slope + line.even for line in CALIBRATION)
         return Gates(sure, odds, lead, config.lead_per_landmark, CONFIDENCE.rival_penalty)

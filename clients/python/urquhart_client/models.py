@@ -13,6 +13,7 @@ from urquhart_client.poses import MapPose, Model, Transform
 
 Verdict = Literal["matched", "ambiguous", "no_match"]
 Method = Literal["robust", "paper"]
+Effort = Literal["fast", "full"]
 
 Item = TypeVar("Item", bound=BaseModel)
 
@@ -83,6 +84,16 @@ class Stage(Model):
     counts: dict[str, int] = Field(default_factory=dict)
 
 
+class SearchEnd(Model):
+    """Why the search ended, what its limits left out, and up to which noise and share of trees seen (`promised`) a
+    place that was not found is not stored."""
+
+    stopped_by: str
+    skipped: tuple[str, ...] = ()
+    promised: dict[str, float] | None = None
+    sentence: str = ""
+
+
 class Rival(Model):
     """Another pose that explains the data about as well as the first candidate's; its `transform` as there."""
 
@@ -132,6 +143,7 @@ class QueryResult(Model):
     frame_id: str | None = None
     stamp: datetime | None = None
     method: str
+    effort: str = "full"
     revision: int
     landmark_count: int | None = None
     lead: float | None = None
@@ -139,6 +151,7 @@ class QueryResult(Model):
     gates: Gates | None = None
     candidates: tuple[Candidate, ...] = ()
     rivals: tuple[Rival, ...] = ()
+    search: SearchEnd | None = None
     stages: tuple[Stage, ...] = ()
     findings: tuple[Finding, ...] | None = None
     findings_total: int | None = None

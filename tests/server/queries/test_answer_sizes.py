@@ -10,7 +10,7 @@ import pytest
 from server.app import create_app
 from server.config.settings import Limits, Settings
 from tests.server.factories import TestClient, forest, observed, points
-from urquhart.propose import levels
+from urquhart.propose import by_correlation, levels
 from urquhart.report.explanation import SKIPS, STOPS
 
 TREES = forest(1)
@@ -125,6 +125,7 @@ def test_an_answer_tells_how_the_search_ended(client: httpx.Client) -> None:
     assert answer["search"] == {
         "stopped_by": answer["search"]["stopped_by"],
         "skipped": [],
+        "promised": None,
         "sentence": STOPS["decided"],
     }
     page = client.get(answer["links"]["explanation"], headers={"Accept": "application/json"}).json()
@@ -138,10 +139,18 @@ def test_an_answer_tells_which_limit_left_something_out(
     client: httpx.Client, monkeypatch: pytest.MonkeyPatch, per_session: bool
 ) -> None:
     """A collection that is too large to be searched exhaustively says so."""
-    monkeypatch.setattr(levels, "is_large", lambda index: True)
-    elsewhere = points(forest(99))
-    answer = ask(client, xy=elsewhere, per_session=per_session)
+    monkeypatch.setattr(by_correlation, "is_small", lambda index: False)
+    monkeypatch.setattr(levels, "is_small", lambda index: False)
+    answer = ask(client, xy=points(forest(99)), per_session=per_session)
     assert answer["verdict"] == "no_match"
     assert answer["search"]["stopped_by"] == "exhausted"
-    assert answer["search"]["skipped"] == ["exhaustive"]
-    assert SKIPS["exhaustive"] in answer["search"]["sentence"]
+    assert answer["search"]["skipped"] == ["exhaustive_rest"]
+    assert SKIPS["exhaustive_rest"] in answer["search"]["sentence"]
+
+
+def test_a_fast_search_says_what_it_promises(client: httpx.Client) -> None:
+    answer = ask(client, xy=points(forest(99)), effort="fast", min_confidence=0.99)
+    assert (answer["verdict"], answer["effort"]) == ("no_match", "fast")
+    assert answer["search"]["stopped_by"] == "evidence_bound"
+    assert answer["search"]["promised"] == {"sigma": 0.4, "detection": 0.8}
+    assert answer["gates"]["confidence"] == pytest.approx(0.99)

@@ -108,6 +108,8 @@ def query_body(
     *,
     limit: int,
     method: str | None,
+    effort: str | None,
+    min_confidence: float | None,
     seed: int | None,
     store: bool,
     explain: bool,
@@ -123,6 +125,8 @@ def query_body(
     return dict(observed) | given(
         limit=limit,
         method=method,
+        effort=effort,
+        min_confidence=min_confidence,
         seed=seed,
         store=store or None,
         explain=explain or None,

@@ -8,7 +8,7 @@ from urquhart_client._protocol import bodies, requests
 from urquhart_client._protocol.bodies import Diameters, Landmarks, Points
 from urquhart_client._sync.connection import Connection
 from urquhart_client.errors import ProblemError
-from urquhart_client.models import Explanation, Method, QueryResult
+from urquhart_client.models import Effort, Explanation, Method, QueryResult
 
 
 class QueryCalls(Connection):
@@ -25,6 +25,8 @@ class QueryCalls(Connection):
         submap_id: str | None = None,
         limit: int = 5,
         method: Method | None = None,
+        effort: Effort | None = None,
+        min_confidence: float | None = None,
         seed: int | None = None,
         store: bool = False,
         explain: bool = False,
@@ -46,6 +48,9 @@ class QueryCalls(Connection):
             submap_id: instead of landmarks, a stored submap.
             limit: most candidates to answer.
             method: "robust" (the default of the service) or "paper".
+            effort: "full" (the default of the service), or "fast": a `no_match` costs about as much as a match, and
+                places seen with more noise than 40 cm, or with fewer than 80 % of the trees, are not found.
+            min_confidence: least confidence that is `matched`, above 0.5 and below 1; default: the collection's.
             seed: of the random choices, for the same answer again.
             store: keep the answer, under `result.id`, so that its drawing and explanation can be fetched.
             explain: answer what each level found in each submap, too (`result.findings`).
@@ -61,6 +66,8 @@ class QueryCalls(Connection):
             bodies.observation(xy, ids, dbh_cm, landmarks, submap_id),
             limit=limit,
             method=method,
+            effort=effort,
+            min_confidence=min_confidence,
             seed=seed,
             store=store,
             explain=explain,
