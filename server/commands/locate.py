@@ -27,7 +27,6 @@ from server.store.sqlite.upgrade.feature_backfill import bring_up_to_date
 from urquhart import Effort
 from urquhart.verify.distortion import WARNINGS
 
-
 MinConfidence = Annotated[
     float | None, typer.Option(help="Least confidence that is matched. (default: the collection's)")
 ]
