@@ -19,11 +19,8 @@ Item = TypeVar("Item", bound=BaseModel)
 
 
 class Landmark(BaseModel):
-    """A tree: `x` and `y` in metres, in the frame of its document; `dbh_cm` (diameter at breast height) in
-    centimetres, `height_m` in metres.
-
-    Further members are kept.
-    """
+    """A tree: `x`, `y` and `height_m` in metres, `dbh_cm` in centimetres, in the frame of its document. Further members
+    are kept."""
 
     model_config = ConfigDict(frozen=True, extra="allow")
 
@@ -85,13 +82,11 @@ class Stage(Model):
 
 
 class SearchEnd(Model):
-    """Why the search ended, what its limits left out, and up to which noise and share of trees seen (`promised`) a
-    place that was not found is not stored."""
+    """Why the search ended, and what its limits left out; with up to the noise `promised`, the place is not stored."""
 
     stopped_by: str
     skipped: tuple[str, ...] = ()
     promised: dict[str, float] | None = None
-    sentence: str = ""
 
 
 class Rival(Model):
