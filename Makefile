@@ -34,7 +34,7 @@ test: kernels ## run every test
 	@$(PYTEST) $(ARGS)
 
 test-unit: kernels ## run the tests of the method alone, in less than a minute
-	@$(PYTEST) -m unit $(ARGS)
+	@$(PYTEST) -m unit tests/urquhart $(wildcard tests/test_*.py) $(ARGS)
 
 coverage: kernels ## run every test and print which lines none of them reaches; takes a third longer
 	@$(PYTEST) --cov --cov-report=term $(ARGS)

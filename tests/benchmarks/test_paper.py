@@ -184,8 +184,8 @@ def test_tracks_stay_inside_and_submaps_in_a_row_overlap() -> None:
 
 
 def test_an_experiment_leaves_figures_pictures_and_a_report(tmp_path: Path) -> None:
-    for seed in (0, 1):
-        main(quick=True, out=tmp_path, only=["pr_curves"], seed=seed, workers=1)
+    record.write(tmp_path / FOLDER / "pr_curves.json", {"seeds": [0]})  # of an earlier run
+    main(quick=True, out=tmp_path, only=["pr_curves"], seed=1, workers=1)
     figures = record.read(tmp_path / FOLDER / "pr_curves.json")
     assert figures["seeds"] == [1]
     assert figures["command"] == "python -m benchmarks.paper --quick --seed 1 --only pr_curves"

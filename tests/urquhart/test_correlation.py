@@ -218,7 +218,7 @@ def test_what_is_not_stored_is_not_found_by_a_survey_either() -> None:
         (key, describe(observe(forest, SE2(x, y, 0.0), 15.0, rng, sigma=0.1).xy, CONFIG))
         for key, (x, y) in enumerate(centres)
     )
-    for _ in range(20):
+    for _ in range(8):
         pose = SE2(*rng.uniform((20.0, 20.0, -np.pi), (120.0, 120.0, np.pi)).tolist())
         found = recognizer.locate(observe(other, pose, 15.0, rng, sigma=0.3, detection=0.8, clutter=0.1).xy)
         assert found.verdict != "matched"

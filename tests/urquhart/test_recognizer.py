@@ -108,7 +108,7 @@ def test_another_plantation_of_the_same_pattern_is_not_matched(
         for k, (x, y) in enumerate((x, y) for x in range(20, 90, 12) for y in range(20, 90, 12))
     )
     verdicts = []
-    for _ in range(15):
+    for _ in range(8):
         pose = forests.pose(rng, 25.0, 75.0)
         verdicts.append(recognizer.locate(observe(foreign, pose, 20.0, rng, sigma=0.1, detection=0.9).xy).verdict)
     assert "matched" not in verdicts

@@ -20,11 +20,11 @@ def area(points: NDArray[np.float64]) -> float:
     return 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
 
 
-@pytest.mark.parametrize("seed", range(7))
+@pytest.mark.parametrize("seed", range(4))
 def test_agrees_with_the_faces_of_the_urquhart_graph(seed: int) -> None:
-    """Three thousand sets in all, near-degenerate ones among them, against an oracle that shares no code."""
+    """Two thousand sets in all, near-degenerate ones among them, against an oracle that shares no code."""
     kinds: dict[str, int] = {}
-    for kind, points in forests.all_kinds(seed, each=62):
+    for kind, points in forests.all_kinds(seed, each=70):
         landmarks = points - points.mean(axis=0)
         tessellation = tessellate(landmarks)
         expected, non_simple, dangling = urquhart_polygons(landmarks, tessellation.triangles)

@@ -132,6 +132,19 @@ def test_workers_do_not_outlive_the_process_that_started_them(start: Start) -> N
 # ------------------------------------------------------------------- demo
 
 
+@pytest.fixture
+def small(tmp_path: Path) -> Path:
+    """A folder with an eighth of each stem map."""
+    folder = tmp_path / "small"
+    folder.mkdir()
+    for whole in (ROOT / "data" / "stem_maps").glob("*.csv"):
+        head, *trees = whole.read_text().splitlines(keepends=True)
+        x, y = np.array([[float(value) for value in tree.split(",")[1:3]] for tree in trees]).T
+        near = np.flatnonzero((x < np.quantile(x, 0.35)) & (y < np.quantile(y, 0.35)))
+        (folder / whole.name).write_text(head + "".join(trees[i] for i in near))
+    return folder
+
+
 def test_the_demo_recognises_draws_and_leaves_nothing_running(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -154,8 +167,8 @@ def test_the_demo_recognises_draws_and_leaves_nothing_running(
     wait_until_gone(found[0])
 
 
-def test_the_demo_keeps_its_service_when_asked(start: Start) -> None:
-    process = start("demo", "--observations", 2, "--keep")
+def test_the_demo_keeps_its_service_when_asked(start: Start, small: Path) -> None:
+    process = start("demo", "--data", small, "--observations", 2, "--keep")
     out, _ = process.communicate(timeout=PATIENCE)
     assert process.returncode == 0, out
     kept = re.search(r"still serving on (\S+) ; stop it with: kill (\d+)", out)
@@ -170,8 +183,8 @@ def test_the_demo_keeps_its_service_when_asked(start: Start) -> None:
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_an_interrupted_demo_stops_its_service(start: Start, number: signal.Signals, code: int) -> None:
-    process = start("demo", "--observations", 2000, "--keep")
+def test_an_interrupted_demo_stops_its_service(start: Start, small: Path, number: signal.Signals, code: int) -> None:
+    process = start("demo", "--data", small, "--observations", 1000, "--keep")
     url = address_in(process)
     process.send_signal(number)
     out, _ = process.communicate(timeout=PATIENCE)

@@ -66,7 +66,7 @@ def answered(response: httpx.Response) -> None:
         json.loads(response.content, parse_constant=lambda name: pytest.fail(f"{name} was answered"))
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
 @given(route=st.sampled_from(ROUTES), body=bodies)
 def test_any_json_is_answered(running: httpx.Client, route: tuple[str, str], body: Any) -> None:
     response = running.request(*route, content=json.dumps(body), headers={"Content-Type": "application/json"})
@@ -75,7 +75,7 @@ def test_any_json_is_answered(running: httpx.Client, route: tuple[str, str], bod
     answered(running.get("/v1/collections/plots/submaps"))
 
 
-@settings(max_examples=100, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
 @given(
     name=st.text(min_size=1, max_size=12),
     query=st.dictionaries(st.sampled_from(["bbox", "datetime", "session", "limit", "cursor", "frame_id"]), st.text()),

@@ -7,19 +7,36 @@ from typing import Any
 import httpx
 import orjson
 import pytest
+from fastapi import FastAPI
 
+from server.app import create_app
 from server.queries.older_answers import completed
 from server.schemas.queries import QueryAnswer
 from server.service_parts import Service
-from tests.server.factories import forest, observed, points, put_submap
+from tests.server.conftest import settings_in
+from tests.server.factories import TestClient, forest, observed, points, put_submap
 
 QUERIES = "/v1/collections/plots/queries"
 Path = tuple[str | int, ...]
 JSON, SVG = {"Accept": "application/json"}, {"Accept": "image/svg+xml"}
 
 
-@pytest.fixture
-def stored(client: httpx.Client) -> dict[str, Any]:
+@pytest.fixture(scope="module")
+def app(tmp_path_factory: pytest.TempPathFactory) -> FastAPI:
+    """One for all tests of this module: each writes what it reads."""
+    return create_app(settings_in(tmp_path_factory.mktemp("older")))
+
+
+@pytest.fixture(scope="module")
+def client(app: FastAPI) -> Iterator[httpx.Client]:
+    """A client of the started app."""
+    with TestClient(app) as started:
+        started.put("/v1/collections/plots", json={}).raise_for_status()
+        yield started
+
+
+@pytest.fixture(scope="module")
+def first(client: httpx.Client) -> dict[str, Any]:
     """An answer with a candidate, findings and a map pose, as it was stored."""
     pose = {"x": 100.0, "y": 50.0, "yaw": 0.1, "covariance": [0.1, 0, 0, 0, 0.1, 0, 0, 0, 0.01]}
     put_submap(client, "plots", "p", 1, map_pose=pose, stamp="2026-05-04T09:00:00Z", session="s").raise_for_status()
@@ -31,6 +48,16 @@ def stored(client: httpx.Client) -> dict[str, Any]:
     answer: dict[str, Any] = response.json()
     assert answer["verdict"] == "matched" and answer["findings"]
     return answer
+
+
+@pytest.fixture
+def stored(first: dict[str, Any], service: Service) -> Iterator[dict[str, Any]]:
+    """The same, in the database again after each test, as are the candidates."""
+    with service.database.read_connection() as connection:
+        kept = connection.exec_driver_sql("SELECT answer, candidates FROM queries").one()
+    yield copy.deepcopy(first)
+    with service.database.write_connection() as connection:
+        connection.exec_driver_sql("UPDATE queries SET answer = ?, candidates = ?", tuple(kept))
 
 
 def write(service: Service, answer: Any, candidates: Any = None) -> None:
