@@ -19,7 +19,7 @@ from server.jobs.folder import ARRIVING, FOUND, INPUT, RESULTS
 from server.jobs.running_job import Dismissed, Interrupted, JobContext, JobFunction, RunningJob, Yielded
 from server.platform.thread_limits import pin_threads
 from server.problem_types import INTERNAL, document
-from server.store.service_records import Queue
+from server.store.service_records import JobChanges, Queue
 from urquhart import Abandoned, Budget
 
 _LOOK: Final = 0.5
@@ -139,7 +139,7 @@ class Runner:
             if row is None:
                 return False
             starts = int(row.progress.get("starts", 0)) + 1
-            changes: dict[str, Any] = {
+            changes: JobChanges = {
                 "state": "running",
                 "started": row.started or datetime.now(UTC),
                 "progress": {**row.progress, "starts": starts},
@@ -187,9 +187,10 @@ class Runner:
     def _finish(self, job_id: str, state: str, problem: dict[str, Any] | None = None) -> None:
         def note() -> None:
             with self._context.database.write() as tx:
-                # Whoever cancelled it may have stored a reason.
-                why = {} if state == "dismissed" else {"problem": problem}
-                tx.jobs.change(job_id, state=state, finished=datetime.now(UTC), **why)
+                changes: JobChanges = {"state": state, "finished": datetime.now(UTC)}
+                if state != "dismissed":  # whoever cancelled it may have stored a reason
+                    changes["problem"] = problem
+                tx.jobs.change(job_id, **changes)
 
         def make_room() -> None:
             self._context.folder.clear(job_id)

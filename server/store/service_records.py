@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 from datetime import datetime
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, TypedDict
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,3 +93,17 @@ class JobRecord:
     created: datetime
     started: datetime | None
     finished: datetime | None
+
+
+class JobChanges(TypedDict, total=False):
+    """The fields of a `JobRecord` that change while it waits and runs."""
+
+    state: str
+    total: int | None
+    done: int
+    counts: dict[str, int]
+    progress: dict[str, Any]
+    problem: dict[str, Any] | None
+    dismissed: bool
+    started: datetime
+    finished: datetime

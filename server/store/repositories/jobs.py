@@ -2,14 +2,14 @@
 
 from collections.abc import Collection, Sequence
 from datetime import UTC, datetime
-from typing import Any, Final
+from typing import Any, Final, Unpack
 
 from sqlalchemy import ColumnElement, Connection, Result, delete, exists, func, insert, or_, select, update
 
 from server.store.columns import columns_of
 from server.store.expressions import matches
 from server.store.records import CollectionRecord
-from server.store.service_records import UNFINISHED, JobRecord, Queue
+from server.store.service_records import UNFINISHED, JobChanges, JobRecord, Queue
 from server.store.service_tables import JobRow
 from server.store.tables import CollectionRow
 
@@ -176,8 +176,8 @@ class Jobs(JobReader):
         """Dismiss all unfinished jobs of a caller, for a reason."""
         self.end([row.id for row in self.all(UNFINISHED) if row.caller == caller], problem)
 
-    def change(self, job_id: str, **values: Any) -> None:
-        """Set columns of a job."""
+    def change(self, job_id: str, **values: Unpack[JobChanges]) -> None:
+        """Set fields of a job."""
         self._connection.execute(update(JobRow).where(JobRow.id == job_id).values(**values))
 
     def end_unfinished(self, problem: dict[str, Any]) -> int:

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import closing
+from datetime import datetime
 from pathlib import Path
 
 import pytest
@@ -212,7 +213,7 @@ def test_jobs_do_not_go_on(process: Process) -> None:
     store.dispose()
 
 
-def process_time(process: Process) -> object:
+def process_time(process: Process) -> datetime:
     """A moment that the database knows."""
     with process.database.read() as tx:
         return crud.get_collection(tx, "plots").created
