@@ -1,4 +1,4 @@
-"""Robots that store and ask at one place at the same time: whoever commits last is told of the others."""
+"""Robots that close loops at one place at the same time: whoever commits last is told of the others."""
 
 import threading
 from collections.abc import Callable, Iterator
