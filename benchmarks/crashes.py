@@ -32,7 +32,7 @@ from server.checks.index import index_discrepancies
 from server.collections import crud
 from server.config.settings_groups import IndexSettings
 from server.errors import NotFound
-from server.index.catalog import Catalog
+from server.index.live_indexes import LiveIndexes
 from server.index.maintenance import Maintenance
 from server.index.segment_folder import SegmentFolder
 from server.observability.metrics import Metrics
@@ -131,8 +131,8 @@ def _work(path: Path, journal: Path, seed: int, at_event: int | None) -> None:
     """Write and look after the segments until killed."""
     logging.disable(logging.CRITICAL)
     rng, database, metrics = random.Random(seed), Database(path), Metrics()
-    catalog = Catalog(database, metrics, _FEW)
-    maintenance = Maintenance(database, catalog, metrics)
+    indexes = LiveIndexes(database, metrics, _FEW)
+    maintenance = Maintenance(database, indexes, metrics)
     if at_event is not None:
         _kill_at(at_event)
     with journal.open("a", buffering=1) as file:
@@ -151,7 +151,7 @@ def _work(path: Path, journal: Path, seed: int, at_event: int | None) -> None:
                         writes.delete(database, _COLLECTION, name)
                     file.write(json.dumps(["done", gone]) + "\n")
                 case 4:
-                    with catalog.view(_COLLECTION):
+                    with indexes.view(_COLLECTION):
                         pass
                 case 5:
                     maintenance.flush_and_merge(_COLLECTION)
@@ -187,10 +187,10 @@ def _problems(path: Path, expected: Expected, rng: random.Random) -> list[str]:
     database, problems = Database(path), list[str]()
     try:
         problems += [f"{found.where}: {found.what}" for found in discrepancies(database)]
-        catalog = Catalog(database, Metrics(), _FEW)
+        indexes = LiveIndexes(database, Metrics(), _FEW)
         # Before anything is mended: what a process finds when it starts again.
         problems += [f"{found.where}: {found.what}" for found in index_discrepancies(database)]
-        with catalog.view(_COLLECTION) as view:
+        with indexes.view(_COLLECTION) as view:
             keys = view.tx.submaps(view.collection.key).keys({*expected.submaps, *(expected.under_way or ())})
             if len(view.recognizer) != len(keys) or set(view.recognizer.index) != set(keys.values()):
                 problems.append(f"{len(view.recognizer)} submaps in the index, {len(keys)} in the database")

@@ -27,7 +27,7 @@ from server.http.browser_protection import KnownHosts, SafeAnswers
 from server.http.compression import DeflateAnswers, InflateRequests
 from server.http.documentation.openapi_document import openapi_document
 from server.http.request_logging import RequestLogging
-from server.index.catalog import Catalog
+from server.index.live_indexes import LiveIndexes
 from server.index.maintenance import Maintenance
 from server.jobs.folder import JobFolder
 from server.jobs.runner import Runner
@@ -121,9 +121,9 @@ def _build_service(settings: Settings, exchange: MetricsExchange | None, *, crea
         create=create_database,
     )
     metrics = Metrics(settings.metrics_collections)
-    catalog = Catalog(database, metrics, settings.index)
+    indexes = LiveIndexes(database, metrics, settings.index)
     precedence = Precedence()
-    context = JobContext(settings, database, catalog, metrics, JobFolder(database), precedence)
+    context = JobContext(settings, database, indexes, metrics, JobFolder(database), precedence)
     fair_queue, readiness = FairQueue(settings.limits), ReadinessChecks(database.trouble)
     metrics.in_flight.set_function(lambda: fair_queue.running)
     metrics.queued.set_function(lambda: fair_queue.waiting)
@@ -132,10 +132,10 @@ def _build_service(settings: Settings, exchange: MetricsExchange | None, *, crea
     return Service(
         settings,
         database,
-        catalog,
+        indexes,
         metrics,
         readiness,
-        Maintenance(database, catalog, metrics),
+        Maintenance(database, indexes, metrics),
         JobRuntime(context.folder, Runner(context, JOB_TYPES)),
         RateLimiter(settings.limits.requests_per_second),
         exchange,
@@ -239,7 +239,7 @@ def _warm_up(service: Service, stop: threading.Event, warm: threading.Event) -> 
         kernel_progress.warm_up(partial(_report_kernels, service))
         service.readiness.passed("kernels")
         service.readiness.report("index", "catching up")
-        for collection_id, done, total in service.catalog.warm_up():
+        for collection_id, done, total in service.indexes.warm_up():
             # Only in the log, because everybody can read the readiness, and not everybody may know the collections.
             _log.debug("caught up %d of %d collections, last %s", done, total, collection_id)
             if stop.is_set():

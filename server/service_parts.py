@@ -8,7 +8,7 @@ from server.http.admission.attempts_in_progress import AttemptsInProgress
 from server.http.admission.fair_queue import FairQueue
 from server.http.admission.job_waits import JobWaits
 from server.http.admission.readiness import ReadinessChecks
-from server.index.catalog import Catalog
+from server.index.live_indexes import LiveIndexes
 from server.index.maintenance import Maintenance
 from server.jobs.folder import JobFolder
 from server.jobs.runner import Runner
@@ -35,7 +35,7 @@ class Service:
 
     settings: Settings
     database: Database
-    catalog: Catalog
+    indexes: LiveIndexes
     metrics: Metrics
     readiness: ReadinessChecks
     maintenance: Maintenance
@@ -50,7 +50,7 @@ class Service:
 
     def hand_back(self) -> None:
         """Let jobs and the maintenance of the index end soon; what they did not finish is resumed at the next start."""
-        self.catalog.stopping.set()
+        self.indexes.stopping.set()
         self.jobs.runner.hand_back()
 
     @property
@@ -65,4 +65,4 @@ class Service:
     @property
     def queries(self) -> QueryContext:
         """What queries work with, under the limits in force."""
-        return QueryContext(self.database, self.catalog, self.metrics, self.limits)
+        return QueryContext(self.database, self.indexes, self.metrics, self.limits)

@@ -14,7 +14,7 @@ from benchmarks.scale.measurement_plan import COMPARED
 from benchmarks.scale.observations import Observations
 from benchmarks.scale.simulate import SUBMAPS, WARMING
 from benchmarks.scale.tiled_forest import KINDS
-from server.index.catalog import Catalog
+from server.index.live_indexes import LiveIndexes
 from server.platform.thread_limits import pin_threads
 from urquhart import SE2, Config, Recognition, warm_up
 
@@ -35,20 +35,20 @@ def run(measurement: Measurement) -> Figures:
     warm_up(Config())
     empty = memory()
     rows: list[dict[str, Any]] = []
-    with opened(measurement.database) as catalog:
+    with opened(measurement.database) as indexes:
         for last in range(1, WARMING + 1):
-            answer(catalog, queries.xy(len(queries) - last))
+            answer(indexes, queries.xy(len(queries) - last))
         steps = Steps(f"asked, {kind}", measurement.asked)
         for number in range(measurement.asked):
-            rows.append(_ask(catalog, submaps, queries, number, inside=kind.inside))
+            rows.append(_ask(indexes, submaps, queries, number, inside=kind.inside))
             steps.done(number + 1)
         used = memory()
     return summarize(rows, inside=kind.inside) | {"memory": used, "memory_before": empty}
 
 
-def answer(catalog: Catalog, xy: NDArray[np.float64]) -> Recognition:
+def answer(indexes: LiveIndexes, xy: NDArray[np.float64]) -> Recognition:
     """Look landmarks (N, 2) float64, metres, up in the collection, as a query of the service does."""
-    with catalog.view(COLLECTION) as view:
+    with indexes.view(COLLECTION) as view:
         return view.recognizer.locate(xy)
 
 
@@ -59,11 +59,11 @@ def is_right(submap: SE2, found: SE2, truth: SE2) -> bool:
 
 
 def _ask(
-    catalog: Catalog, submaps: Observations, queries: Observations, number: int, *, inside: bool
+    indexes: LiveIndexes, submaps: Observations, queries: Observations, number: int, *, inside: bool
 ) -> dict[str, Any]:
     xy, truth = queries.xy(number), queries.pose(number)
     start = time.perf_counter()
-    with catalog.view(COLLECTION) as view:
+    with indexes.view(COLLECTION) as view:
         found = view.recognizer.locate(xy)
         milliseconds = 1e3 * (time.perf_counter() - start)
         best = found.candidates[0] if found.candidates else None

@@ -13,7 +13,7 @@ import orjson
 
 from benchmarks.scale.observations import Observations
 from server.collections import crud
-from server.index.catalog import Catalog, View
+from server.index.live_indexes import LiveIndexes, View
 from server.index.maintenance import Maintenance
 from server.observability.metrics import Metrics
 from server.schemas.collections import CollectionPut
@@ -66,7 +66,7 @@ def settle(path: Path) -> None:
     """Write the index of what is stored and merge it, as a bulk import ends."""
     database, metrics = Database(path), Metrics()
     try:
-        Maintenance(database, Catalog(database, metrics), metrics).flush_and_merge(COLLECTION)
+        Maintenance(database, LiveIndexes(database, metrics), metrics).flush_and_merge(COLLECTION)
     finally:
         database.dispose()
 
@@ -90,12 +90,12 @@ def files_of(path: Path) -> list[Path]:
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[Catalog]:
-    """The catalog of the database at `path`, which is there."""
+def opened(path: Path) -> Iterator[LiveIndexes]:
+    """The indexes of the database at `path`, which is there."""
     database = Database(path)
     try:
         bring_up_to_date(database)
-        yield Catalog(database, Metrics())
+        yield LiveIndexes(database, Metrics())
     finally:
         database.dispose()
 

@@ -31,7 +31,7 @@ def run(measurement: Measurement) -> Figures:
     here, there, nothing = dict[int, float](), dict[int, float](), list[float]()
     said, found = dict[int, str](), dict[int, str]()
     with (
-        opened(measurement.database) as catalog,
+        opened(measurement.database) as indexes,
         running_service(measurement.database.absolute(), measurement.room / "service.log", keep=False) as (url, _),
         httpx.Client(base_url=url, timeout=_TIMEOUT, headers={"Content-Type": "application/json"}) as client,
     ):
@@ -52,7 +52,7 @@ def run(measurement: Measurement) -> Figures:
             for number in turn:
                 xy = queries.xy(number)
                 start = time.perf_counter()
-                found[number] = answer(catalog, xy).verdict
+                found[number] = answer(indexes, xy).verdict
                 here[number] = 1e3 * (time.perf_counter() - start)
             steps.done(first)
     return {

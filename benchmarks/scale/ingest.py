@@ -20,8 +20,8 @@ def run(measurement: Measurement) -> Figures:
     processes = store(measurement.database, submaps, measurement.workers, Steps("stored", len(submaps)).done)
     durable = time.perf_counter()
     settle(measurement.database)
-    with opened(measurement.database) as catalog:
-        answer(catalog, submaps.xy(0))
+    with opened(measurement.database) as indexes:
+        answer(indexes, submaps.xy(0))
         searchable = time.perf_counter()
     on_disk = index_bytes(measurement.database)
     return {

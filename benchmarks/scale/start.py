@@ -18,12 +18,12 @@ def run(measurement: Measurement) -> Figures:
     begun = time.perf_counter()
     warm_up(Config())
     compiled = time.perf_counter()
-    with opened(measurement.database) as catalog:
+    with opened(measurement.database) as indexes:
         ready = time.perf_counter()
-        for _ in catalog.warm_up():
+        for _ in indexes.warm_up():
             pass
         indexed = time.perf_counter()
-        answer(catalog, queries.xy(0))
+        answer(indexes, queries.xy(0))
         answered = time.perf_counter()
     return {
         "imports_seconds": _ALIVE,

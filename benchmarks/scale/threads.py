@@ -19,11 +19,11 @@ def run(measurement: Measurement) -> Figures:
     queries = Observations.load(measurement.room, "inside-20")
     warm_up(Config())
     rates: dict[str, float] = {}
-    with opened(measurement.database) as catalog:
+    with opened(measurement.database) as indexes:
 
         def ask(number: int) -> None:
             pin_threads()
-            answer(catalog, queries.xy(number))
+            answer(indexes, queries.xy(number))
 
         for count in (max(THREADS), *THREADS):
             with ThreadPoolExecutor(count) as pool:

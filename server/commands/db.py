@@ -20,8 +20,8 @@ from server.commands.support.database import (
 from server.commands.support.options import DatabaseOption
 from server.commands.support.progress import progress_bar
 from server.errors import StorageDamaged
-from server.index.catalog import Catalog
 from server.index.flushing import rebuild
+from server.index.live_indexes import LiveIndexes
 from server.index.maintenance import Maintenance
 from server.observability.metrics import Metrics
 from server.store.schema_version import expected_revision
@@ -99,13 +99,13 @@ def reindex_database(
     store = existing_database(settings)
     try:
         bring_up_to_date(store)
-        catalog, metrics = Catalog(store, Metrics(), settings.index), Metrics()
+        indexes, metrics = LiveIndexes(store, Metrics(), settings.index), Metrics()
         for collection_id in collections or known_collections(store):
             with progress_bar(Console(stderr=True)) as progress:
                 total = read(store, collection_id)[0].counts.submaps
                 task = progress.add_task(collection_id, total=total)
-                written = rebuild(catalog.flush_context, collection_id, progress=partial(progress.advance, task))
-            Maintenance(store, catalog, metrics).merge_all(collection_id)
+                written = rebuild(indexes.flush_context, collection_id, progress=partial(progress.advance, task))
+            Maintenance(store, indexes, metrics).merge_all(collection_id)
             typer.echo(f"{collection_id}: {written} submaps reindexed")
     finally:
         store.dispose()

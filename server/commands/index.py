@@ -18,7 +18,7 @@ from server.commands.support.progress import progress_bar
 from server.config.settings import Limits
 from server.config.settings_groups import IndexSettings
 from server.errors import StorageError
-from server.index.catalog import Catalog
+from server.index.live_indexes import LiveIndexes
 from server.index.maintenance import Maintenance
 from server.observability.metrics import Metrics
 from server.schemas.collections import CollectionPut
@@ -109,7 +109,7 @@ def _cut_all(files: list[Path], stem_maps: list[StemMap], radius: float, spacing
 def _write_index(store: Database, settings: IndexSettings, collection: str, advance: Callable[[int], Any]) -> None:
     """Write the new submaps to segments if there are many, so that a service need not do it before it answers."""
     metrics = Metrics()
-    maintenance = Maintenance(store, Catalog(store, metrics, settings), metrics)
+    maintenance = Maintenance(store, LiveIndexes(store, metrics, settings), metrics)
     try:
         maintenance.flush_and_merge(collection, least=settings.flush_submaps + 1, progress=advance)
     except (OSError, StorageError) as error:

@@ -15,7 +15,7 @@ from server.commands.support.database import existing_database, settings_with
 from server.commands.support.explanation_tables import print_explanation
 from server.commands.support.failure import CommandError
 from server.commands.support.options import DatabaseOption, DbhUnit, Ignored
-from server.index.catalog import Catalog
+from server.index.live_indexes import LiveIndexes
 from server.observability.metrics import Metrics
 from server.queries.lookup import LookupResult, QueryContext, look_up
 from server.queries.query import PlaceQuery
@@ -71,11 +71,11 @@ def locate(
     store = existing_database(settings)
     try:
         bring_up_to_date(store)
-        catalog, metrics = Catalog(store, Metrics()), Metrics()
+        indexes, metrics = LiveIndexes(store, Metrics()), Metrics()
         members = {"limit": limit, "effort": effort, "min_confidence": min_confidence, "seed": seed}
         query = _query(observation, {**members, "explain": explain or explain_svg is not None}, file)
         asked, to_draw = PlaceQuery.of(query, settings.limits), svg is not None or explain_svg is not None
-        look = look_up(QueryContext(store, catalog, metrics, settings.limits), collection, asked, to_draw=to_draw)
+        look = look_up(QueryContext(store, indexes, metrics, settings.limits), collection, asked, to_draw=to_draw)
         _draw(look, observation.name, svg, explain_svg)
     finally:
         store.dispose()

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Final
 
-from server.index.catalog import Catalog
 from server.index.flushing import Progress, Stopped, count_uncovered, flush, flush_state
 from server.index.live_index import LiveIndex, UnusableSegment
+from server.index.live_indexes import LiveIndexes
 from server.index.segment_merging import due, merge
 from server.observability.metrics import Metrics
 from server.platform.thread_limits import pin_threads
@@ -49,8 +49,8 @@ class _FailedTask:
 class Maintenance:
     """Maintenance of one database's segments, as a thread or at once with `run`."""
 
-    def __init__(self, database: Storage, catalog: Catalog, metrics: Metrics) -> None:
-        self._database, self._catalog, self._metrics = database, catalog, metrics
+    def __init__(self, database: Storage, indexes: LiveIndexes, metrics: Metrics) -> None:
+        self._database, self._indexes, self._metrics = database, indexes, metrics
         self._up_to_date: dict[int, tuple[int, tuple[SegmentRecord, ...]]] = {}
         """Revision and segments at which there was nothing to do for a collection, by key."""
         self._checked: dict[str, float] = {}
@@ -63,13 +63,13 @@ class Maintenance:
 
     def start(self, ready: threading.Event) -> None:
         """Start maintenance in the background as soon as `ready` is set."""
-        self._catalog.stopping.clear()
+        self._indexes.stopping.clear()
         self._thread = threading.Thread(target=self._work, args=(ready,), name="maintenance", daemon=True)
         self._thread.start()
 
     def stop(self, patience: float = 1.0) -> None:
         """Stop maintenance within about `patience` seconds. A merge in progress is given up and done again later."""
-        self._catalog.stopping.set()
+        self._indexes.stopping.set()
         if self._thread is not None:
             self._thread.join(patience)
 
@@ -104,20 +104,20 @@ class Maintenance:
         Raises OSError, StorageError.
         """
         with self._metrics.maintenance("flush"):
-            written = flush(self._catalog.flush_context, collection_id, least=least, progress=progress)
+            written = flush(self._indexes.flush_context, collection_id, least=least, progress=progress)
         self.merge_all(collection_id)
         return written
 
     def merge_all(self, collection_id: str) -> None:
         """Do the due merges of a collection. Raises NotFound, OSError, StorageError."""
-        with self._catalog.view(collection_id):
+        with self._indexes.view(collection_id):
             pass
         self._merge(collection_id)
 
     def _work(self, ready: threading.Event) -> None:
         pin_threads()
-        while not self._catalog.stopping.wait(
-            max(self._catalog.settings.maintenance_seconds, _REST * self._look_seconds)
+        while not self._indexes.stopping.wait(
+            max(self._indexes.settings.maintenance_seconds, _REST * self._look_seconds)
         ):
             try:
                 if ready.is_set():
@@ -146,40 +146,40 @@ class Maintenance:
         return done
 
     def _tend(self, collection_id: str) -> bool:
-        self._catalog.refresh(collection_id)
+        self._indexes.refresh(collection_id)
         done = self._database.read_only or (self._flush(collection_id) and self._merge(collection_id))
-        live = self._catalog.live(collection_id)
+        live = self._indexes.live(collection_id)
         if live is not None:
             self._check(live)
         return done
 
     def _flush(self, collection_id: str) -> bool:
-        most = self._catalog.settings.flush_submaps
+        most = self._indexes.settings.flush_submaps
         if count_uncovered(self._database, collection_id, most + 1) <= most:
             return True
-        live = self._catalog.live(collection_id)
+        live = self._indexes.live(collection_id)
         state = live.state if live is not None else None
         with self._metrics.maintenance("flush"):
             if live is not None and state is not None and sum(part.living for part in state.delta) > most // 2:
-                written = flush_state(self._catalog.flush_context, live.key, state)
+                written = flush_state(self._indexes.flush_context, live.key, state)
             else:
-                written = flush(self._catalog.flush_context, collection_id, least=most + 1, wait=False)
-        self._catalog.refresh(collection_id)
+                written = flush(self._indexes.flush_context, collection_id, least=most + 1, wait=False)
+        self._indexes.refresh(collection_id)
         return written > 0
 
     def _merge(self, collection_id: str) -> bool:
-        live = self._catalog.live(collection_id)
+        live = self._indexes.live(collection_id)
         if live is None or live.state is None:
             return True  # nobody has used it in this process
         while (state := live.state) is not None and (runs := due(state)):
             try:
                 with self._metrics.maintenance("merge"):
-                    if not merge(self._catalog.flush_context, live.key, state, runs[0]):
+                    if not merge(self._indexes.flush_context, live.key, state, runs[0]):
                         return False
             except UnusableSegment as obstacle:
-                self._catalog.quarantine(live, obstacle)
+                self._indexes.quarantine(live, obstacle)
                 return False
-            self._catalog.refresh(collection_id)
+            self._indexes.refresh(collection_id)
             if live.state is state:
                 return False
         return True
@@ -200,7 +200,7 @@ class Maintenance:
             return True
         mapped = [
             (live, listed, part)
-            for live in self._catalog.all_live()
+            for live in self._indexes.all_live()
             if (state := live.state) is not None
             for listed, part in zip(state.chain, state.files, strict=False)
         ]
@@ -214,19 +214,19 @@ class Maintenance:
         return True
 
     def _verify(self, live: LiveIndex, listed: SegmentRecord, part: LiveSegment) -> bool:
-        self._catalog.flush_context.check()
+        self._indexes.flush_context.check()
         with self._metrics.maintenance("check"):
-            sound = self._catalog.verify(live, listed, part)
+            sound = self._indexes.verify(live, listed, part)
         self._checked[listed.name] = time.monotonic()
         return sound
 
     def _clean_up(self) -> bool:
-        for live in self._catalog.all_live():
+        for live in self._indexes.all_live():
             if live.left_out:
                 live.left_out.clear()
-                self._catalog.refresh(live.id)
+                self._indexes.refresh(live.id)
         self._up_to_date.clear()
         if not self._database.read_only:
             with self._metrics.maintenance("clean_up"):
-                self._catalog.folder.clean_up()
+                self._indexes.folder.clean_up()
         return True

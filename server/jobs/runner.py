@@ -62,7 +62,7 @@ class Runner:
     def hand_back(self) -> None:
         """Tell the job in progress to stop soon. It continues when a service is started again.
 
-        A job that writes segments also stops when the catalog's `stopping` is set. Set that first.
+        A job that writes segments also stops when `stopping` of the indexes is set. Set that first.
         """
         self._stopping.set()
         self._budget.abandon()

@@ -8,7 +8,7 @@ from typing import Any, Final, Protocol
 
 from server.config.settings import Settings
 from server.errors import NotFound
-from server.index.catalog import Catalog
+from server.index.live_indexes import LiveIndexes
 from server.jobs.folder import JobFolder
 from server.observability.metrics import Metrics
 from server.platform.precedence import Precedence
@@ -41,7 +41,7 @@ class JobContext:
 
     settings: Settings
     database: Storage
-    catalog: Catalog
+    indexes: LiveIndexes
     metrics: Metrics
     folder: JobFolder
     precedence: Precedence = field(default_factory=Precedence)

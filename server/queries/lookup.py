@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 import urquhart
 from server.config.settings import Limits
 from server.errors import NotFound
-from server.index.catalog import Catalog, View
+from server.index.live_indexes import LiveIndexes, View
 from server.observability.metrics import Metrics
 from server.observability.request_notes import note_query
 from server.platform.thread_limits import pin_threads
@@ -59,7 +59,7 @@ class QueryContext:
     """What all queries of a process need: database, indexes, metrics, and limits."""
 
     database: Storage
-    catalog: Catalog
+    indexes: LiveIndexes
     metrics: Metrics
     limits: Limits
 
@@ -140,7 +140,7 @@ def _retry_without_damaged_segments(
 
     @wraps(look)
     def looked_up(context: QueryContext, collection_id: str, /, *args: P.args, **named: P.kwargs) -> LookupResult:
-        return context.catalog.whatever_happens(collection_id, lambda: look(context, collection_id, *args, **named))
+        return context.indexes.whatever_happens(collection_id, lambda: look(context, collection_id, *args, **named))
 
     return looked_up
 
@@ -165,7 +165,7 @@ def look_up(
     """
     limits = context.limits
     pin_threads()
-    with context.catalog.view(collection_id) as view:
+    with context.indexes.view(collection_id) as view:
         submaps = view.tx.submaps(view.collection.key)
         asked, own = _asked(submaps, query)
         if own is not None:

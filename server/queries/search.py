@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from server.index.catalog import View
+from server.index.live_indexes import View
 from server.queries.contradicting_maps import COMPARED, without_contradictions
 from server.queries.per_session import by_session
 from server.queries.query import PlaceQuery, QueryLandmarks

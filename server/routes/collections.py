@@ -157,7 +157,7 @@ def delete_collection(
         lambda tx: crud.delete_in(tx, collection, preconditions),
     )
     if not response.replayed:
-        service.catalog.forget(collection)
+        service.indexes.forget(collection)
     return stored_response(response)
 
 

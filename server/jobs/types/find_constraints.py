@@ -110,7 +110,7 @@ def _matching(job: RunningJob, tx: ReadTransaction, body: ConstraintsInput) -> s
 def _look_up(job: RunningJob, context: JobContext, row: SubmapMetadata, body: ConstraintsInput) -> LookupResult | None:
     limits = context.settings.limits
     asked = question(row, body, limits.candidates)
-    queries = QueryContext(context.database, context.catalog, context.metrics, limits)
+    queries = QueryContext(context.database, context.indexes, context.metrics, limits)
     try:
         return look_up(queries, job.collection_id, asked, budget=job.budget)
     except NotFound:

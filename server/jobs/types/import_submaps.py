@@ -56,7 +56,7 @@ def _write_index(job: RunningJob, context: JobContext) -> None:
     """
     try:
         with context.metrics.maintenance("flush"):
-            flush(context.catalog.flush_context, job.collection_id, least=context.settings.index.flush_submaps + 1)
+            flush(context.indexes.flush_context, job.collection_id, least=context.settings.index.flush_submaps + 1)
     except Stopped as error:
         raise Interrupted from error
     except (OSError, StorageError) as error:

@@ -12,10 +12,10 @@ def run_reindex(job: RunningJob, context: JobContext) -> None:
     Raises NotFound, StorageError, Interrupted, Dismissed.
     """
     try:
-        with disk_errors(context.catalog.folder.path):
+        with disk_errors(context.indexes.folder.path):
             if not job.progress.get("listed", False):
                 _rebuild(job, context)
-            Maintenance(context.database, context.catalog, context.metrics).merge_all(job.collection_id)
+            Maintenance(context.database, context.indexes, context.metrics).merge_all(job.collection_id)
     except Stopped as error:
         raise Interrupted from error
 
@@ -29,7 +29,7 @@ def _rebuild(job: RunningJob, context: JobContext) -> None:
         job.done += submaps
         job.report()
 
-    written = rebuild(context.catalog.flush_context, job.collection_id, progress=advance)
+    written = rebuild(context.indexes.flush_context, job.collection_id, progress=advance)
     with context.database.read() as tx:
         job.collection(tx)
     job.total = job.done = written

@@ -84,7 +84,7 @@ def test_readiness_names_what_is_open(service: Service, monkeypatch: pytest.Monk
         yield "plots", 1, 1
 
     again = create_app(service.settings)
-    monkeypatch.setattr(again.state.service.catalog, "warm_up", slowly)
+    monkeypatch.setattr(again.state.service.indexes, "warm_up", slowly)
     with TestClient(again) as starting:
         response = starting.get("/readyz")
         while response.json()["check"] != "index":
@@ -103,7 +103,7 @@ def test_a_failed_warm_up_stays_visible(service: Service, monkeypatch: pytest.Mo
         raise StorageDamaged("the index cannot be read")
 
     app = create_app(service.settings)
-    monkeypatch.setattr(app.state.service.catalog, "warm_up", fail)
+    monkeypatch.setattr(app.state.service.indexes, "warm_up", fail)
     with TestClient(app) as client:
         response = client.get("/readyz")
         while "cannot be read" not in response.text:

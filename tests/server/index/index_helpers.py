@@ -12,7 +12,7 @@ from server.checks.database import discrepancies
 from server.checks.index import index_discrepancies
 from server.config.settings import Limits
 from server.config.settings_groups import IndexSettings
-from server.index.catalog import Catalog
+from server.index.live_indexes import LiveIndexes
 from server.index.maintenance import Maintenance
 from server.observability.metrics import Metrics
 from server.queries import lookup
@@ -44,8 +44,8 @@ class Process:
     def __init__(self, path: Path, settings: IndexSettings = FEW, *, read_only: bool = False) -> None:
         self.database = Database(path, read_only=read_only)
         self.metrics = Metrics()
-        self.catalog = Catalog(self.database, self.metrics, settings)
-        self.maintenance = Maintenance(self.database, self.catalog, self.metrics)
+        self.indexes = LiveIndexes(self.database, self.metrics, settings)
+        self.maintenance = Maintenance(self.database, self.indexes, self.metrics)
 
     def put(self, name: str, seed: int) -> None:
         """Store a forest."""
@@ -66,7 +66,7 @@ class Process:
         """Query with a forest."""
         query = PlaceQuery.of(QueryInput.model_validate({"xy": points(trees(seed))}), LIMITS)
         return lookup.answer_query(
-            lookup.QueryContext(self.database, self.catalog, self.metrics, LIMITS), "plots", query
+            lookup.QueryContext(self.database, self.indexes, self.metrics, LIMITS), "plots", query
         )
 
     def found(self, seed: int) -> str | None:
@@ -76,17 +76,17 @@ class Process:
 
     def chain(self) -> tuple[SegmentRecord, ...]:
         """The segments that are listed."""
-        with self.catalog.view("plots") as view:
+        with self.indexes.view("plots") as view:
             return view.tx.segments(view.collection.key).chain()
 
     def files(self) -> list[str]:
         """Names of the segment files that lie there, listed or not."""
-        folder = self.catalog.folder.path
+        folder = self.indexes.folder.path
         return sorted(path.name for path in folder.glob("*.segment*")) if folder.is_dir() else []
 
     def held(self) -> set[str]:
         """Ids of the submaps in the index, which must be that of the rows of the same view."""
-        with self.catalog.view("plots") as view:
+        with self.indexes.view("plots") as view:
             keys = list(view.recognizer.index)
             assert len(keys) == len(set(keys)) == len(view.recognizer) == view.collection.submap_count
             rows = list(view.tx.submaps(view.collection.key).every(SubmapMetadata))

@@ -48,7 +48,7 @@ def settled(client: httpx.Client, service: Service) -> None:
     deadline = time.monotonic() + 60.0
     while True:
         ask(client, 0)
-        live = service.catalog.live("plots")
+        live = service.indexes.live("plots")
         state = live.state if live is not None else None
         if state is not None and sum(part.living for part in state.files) >= COUNT - 5:
             return
@@ -66,7 +66,7 @@ def ask(client: httpx.Client, seed: int, view: int = 0) -> tuple[str, str | None
 
 
 def files(service: Service) -> list[Path]:
-    return sorted(service.catalog.folder.path.glob("*.segment"))
+    return sorted(service.indexes.folder.path.glob("*.segment"))
 
 
 def flip(path: Path, rng: random.Random, count: int, *, silently: bool, part: str | None = None) -> None:
@@ -113,7 +113,7 @@ def test_bytes_that_flip_anywhere(running: tuple[httpx.Client, Service], count: 
     settled(client, service)
     for seed in range(COUNT):
         assert ask(client, seed, 77) == ("matched", f"p{seed}")
-    assert service.catalog.find_damage("plots") is False
+    assert service.indexes.find_damage("plots") is False
 
 
 def until_sound(client: httpx.Client, service: Service) -> None:

@@ -141,7 +141,7 @@ class Life(RuleBasedStateMachine):
         with closing(sqlite3.connect(path)) as copy:
             (revision,) = copy.execute("SELECT revision FROM collections").fetchone()
         # What still runs finds out at its next query, if the database comes before what it knows.
-        known = [process.catalog.live("plots") for process in self.processes]
+        known = [process.indexes.live("plots") for process in self.processes]
         states = [live.state for live in known if live is not None and live.state is not None]
         if restarted or any(state.revision < revision for state in states):
             self.processes = [Process(self.path), Process(self.path)]

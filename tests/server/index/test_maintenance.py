@@ -70,7 +70,7 @@ def test_a_look_at_many_collections_is_one_look(process: Process) -> None:
     finally:
         event.remove(process.database.engine, "before_cursor_execute", note)
     assert 0 < len(statements) < 10
-    assert process.catalog.live("empty7") is None
+    assert process.indexes.live("empty7") is None
     with process.database.read() as tx:
         assert list(tx.all_segments.chains().values()) == [process.chain()]
 
@@ -84,7 +84,7 @@ def test_what_is_in_memory_is_written_when_it_is_much(process: Process) -> None:
     assert len(process.held()) == 5
     process.maintenance.run()
     assert [(s.since, s.revision, s.submaps) for s in process.chain()] == [(0, 2, 5)]
-    live = process.catalog.live("plots")
+    live = process.indexes.live("plots")
     assert live is not None and live.state is not None
     assert (live.state.opened, live.state.delta) == (1, ())
     assert value(process, "urquhart_maintenance_runs_total", task="flush") == 1.0
@@ -275,7 +275,7 @@ def test_stopping_gives_up_what_is_being_written(process: Process, monkeypatch: 
     assert (process.chain(), process.files()) == ((), [])
     with pytest.raises(Stopped):
         process.maintenance.flush_and_merge("plots")
-    process.catalog.stopping.clear()
+    process.indexes.stopping.clear()
     process.maintenance.flush_and_merge("plots")
     process.agreed()
 
@@ -283,14 +283,14 @@ def test_stopping_gives_up_what_is_being_written(process: Process, monkeypatch: 
 def test_files_left_over_are_removed(process: Process, monkeypatch: pytest.MonkeyPatch) -> None:
     process.put_many(range(5))
     process.maintenance.flush_and_merge("plots")
-    folder = process.catalog.folder.path
+    folder = process.indexes.folder.path
     for name in ("a.segment", "b.segment.77.tmp", "notes.txt"):
         (folder / name).write_bytes(b"left over")
         os.utime(folder / name, (0, 0))
     (folder / "young.segment").write_bytes(b"about to be listed")
-    with process.catalog.folder.lock("merge") as held:
+    with process.indexes.folder.lock("merge") as held:
         assert held
-        assert process.catalog.folder.clean_up() == 0  # another is at work
+        assert process.indexes.folder.clean_up() == 0  # another is at work
     process.maintenance.run()
     assert sorted(path.name for path in folder.iterdir()) == sorted(
         ["flush.lock", "merge.lock", "notes.txt", "young.segment", f"{process.chain()[0].name}.segment"]
@@ -302,7 +302,7 @@ def test_one_process_works_and_the_others_take_it_over(process: Process) -> None
     other = Process(process.database.path)
     process.put_many(range(9))
     assert process.held() == other.held()
-    with other.catalog.folder.lock("flush") as held:
+    with other.indexes.folder.lock("flush") as held:
         assert held
         process.maintenance.run()
         assert process.chain() == ()
@@ -311,12 +311,12 @@ def test_one_process_works_and_the_others_take_it_over(process: Process) -> None
     (segment,) = process.chain()
     other.maintenance.run()
     for one in (process, other):
-        live = one.catalog.live("plots")
+        live = one.indexes.live("plots")
         assert live is not None and live.state is not None
         assert (live.state.chain, live.state.delta) == ((segment,), ())
     other.put_many(range(9, 14))
     other.held()
-    with process.catalog.folder.lock("merge"):
+    with process.indexes.folder.lock("merge"):
         other.maintenance.run()
         assert [s.submaps for s in other.chain()] == [9, 5]
     other.maintenance.run()
@@ -330,5 +330,5 @@ def test_an_app_can_be_started_again(app: FastAPI, service: Service) -> None:
     for _ in range(2):
         with TestClient(app) as client:
             client.put("/v1/collections/plots", json={}).raise_for_status()
-            assert not service.catalog.stopping.is_set()
-        assert service.catalog.stopping.is_set()
+            assert not service.indexes.stopping.is_set()
+        assert service.indexes.stopping.is_set()

@@ -46,7 +46,7 @@ def again(process: Process) -> Process:
 
 
 def path_of(process: Process, name: str) -> Path:
-    return process.catalog.folder.file(name)
+    return process.indexes.folder.file(name)
 
 
 # ------------------------------------------------------------------ written
@@ -55,16 +55,16 @@ def path_of(process: Process, name: str) -> Path:
 def test_blocks_make_a_chain(process: Process) -> None:
     process.put_many(range(5), batch=2)  # revisions 1 to 3
     process.put_many(range(5, 15))  # one revision, more than a block
-    assert flush(process.catalog.flush_context, "plots") == 15
+    assert flush(process.indexes.flush_context, "plots") == 15
     chain = process.chain()
     assert [(s.since, s.revision, s.submaps) for s in chain] == [(0, 2, 4), (2, 4, 11)]
     assert [s.size for s in chain] == [path_of(process, s.name).stat().st_size for s in chain]
     assert process.files() == sorted(f"{s.name}.segment" for s in chain)
-    assert flush(process.catalog.flush_context, "plots") == 0
+    assert flush(process.indexes.flush_context, "plots") == 0
     process.put("p0", 50)
     process.delete("p1")
-    assert flush(process.catalog.flush_context, "plots", least=2) == 0
-    assert flush(process.catalog.flush_context, "plots") == 1
+    assert flush(process.indexes.flush_context, "plots", least=2) == 0
+    assert flush(process.indexes.flush_context, "plots") == 1
     assert [(s.since, s.revision, s.submaps) for s in process.chain()[2:]] == [(4, 6, 1)]
     assert process.held() == {"p0", *(f"p{i}" for i in range(2, 15))}
     assert (process.found(50), process.found(0), process.found(1)) == ("p0", None, None)
@@ -73,7 +73,7 @@ def test_blocks_make_a_chain(process: Process) -> None:
 
 def test_opening_reads_no_features(process: Process, monkeypatch: pytest.MonkeyPatch) -> None:
     process.put_many(range(12))
-    flush(process.catalog.flush_context, "plots")
+    flush(process.indexes.flush_context, "plots")
     process.put("new", 20)
     read: list[int] = []
     stored = FeatureRows.stored
@@ -96,8 +96,8 @@ def test_a_collection_that_is_dropped_takes_its_files_along(process: Process) ->
     process.maintenance.flush_and_merge("plots")
     assert process.files()
     crud.delete(process.database, "plots")
-    assert process.catalog.folder.clean_up(grace=60.0) == 0  # young files might be about to be listed
-    assert process.catalog.folder.clean_up(grace=0.0) == 1
+    assert process.indexes.folder.clean_up(grace=60.0) == 0  # young files might be about to be listed
+    assert process.indexes.folder.clean_up(grace=0.0) == 1
     assert process.files() == []
     crud.ensure(process.database, "plots", CollectionPut())
     assert process.found(1) is None
@@ -109,7 +109,7 @@ def test_deletions_are_forgotten_when_no_segment_needs_them(process: Process) ->
     assert other.held() == {f"p{i}" for i in range(8)}
     for i in range(6):
         process.delete(f"p{i}")
-    flush(process.catalog.flush_context, "plots")  # the rows that are left; those that went are in no segment
+    flush(process.indexes.flush_context, "plots")  # the rows that are left; those that went are in no segment
     assert process.held() == {"p6", "p7"}
     with process.database.read() as tx:
         assert tx.features(1).deleted_since(0) == []
@@ -135,10 +135,10 @@ def test_deletions_are_forgotten_when_no_segment_needs_them(process: Process) ->
 
 def test_deletions_that_a_segment_needs_are_kept(process: Process) -> None:
     process.put_many(range(20))
-    flush(process.catalog.flush_context, "plots")
+    flush(process.indexes.flush_context, "plots")
     process.delete("p0")  # the revision after that of the first segment
     process.put_many(range(20, 24))
-    flush(process.catalog.flush_context, "plots")
+    flush(process.indexes.flush_context, "plots")
     process = again(process)
     assert process.held() == {f"p{i}" for i in range(1, 24)}
     assert process.found(0) is None
@@ -153,7 +153,7 @@ def test_rebuilding_leaves_a_running_process_alone(process: Process) -> None:
     before = other.chain()
     process.delete("p3")
     told: list[int] = []
-    assert rebuild(process.catalog.flush_context, "plots", progress=told.append) == 9
+    assert rebuild(process.indexes.flush_context, "plots", progress=told.append) == 9
     assert sum(told) == 9
     after = process.chain()
     assert not {s.name for s in before} & {s.name for s in after}
@@ -273,7 +273,7 @@ def test_what_is_in_memory_is_taken_over_where_it_is_still_right(process: Proces
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_file_that_cannot_be_used(process: Process, kind: str, which: int) -> None:
     process.put_many(range(5), batch=2)
-    flush(process.catalog.flush_context, "plots")
+    flush(process.indexes.flush_context, "plots")
     process.put_many(range(5, 7))
     chain = process.chain()
     assert len(chain) == 2
@@ -294,7 +294,7 @@ def test_damage_is_found_while_running(process: Process) -> None:
     """The large arrays are not read when a file is opened, but soon after."""
     process.put_many(range(8))
     process.maintenance.flush_and_merge("plots")
-    live = process.catalog.live("plots")
+    live = process.indexes.live("plots")
     assert live is not None and live.state is not None
     (segment,) = [part.segment for part in live.state.files]
     segment.quads.words[5] ^= np.uint64(1)  # this process's own copy of the page
@@ -308,9 +308,9 @@ def test_damage_is_found_while_running(process: Process) -> None:
 
 def test_damage_is_not_merged_into_something_sound(process: Process) -> None:
     process.put_many(range(8), batch=4)
-    flush(process.catalog.flush_context, "plots")
+    flush(process.indexes.flush_context, "plots")
     assert len(process.chain()) == 2
-    live = process.catalog.live("plots")
+    live = process.indexes.live("plots")
     assert live is not None and live.state is not None
     live.state.files[1].segment.quads.words[0] ^= np.uint64(1)
     before = process.chain()
@@ -326,13 +326,13 @@ def test_the_file_of_another(process: Process) -> None:
     """Of another collection, of another revision, or with other features: each is sound in itself."""
     process.put_many(range(5))
     crud.ensure(process.database, "others", CollectionPut())
-    with process.catalog.view("others"):
+    with process.indexes.view("others"):
         pass
-    flush(process.catalog.flush_context, "plots")
+    flush(process.indexes.flush_context, "plots")
     process.put_many(range(10, 15))
-    flush(process.catalog.flush_context, "plots")
+    flush(process.indexes.flush_context, "plots")
     first, second = process.chain()
-    folder, config = process.catalog.folder, Config()
+    folder, config = process.indexes.folder, Config()
     for listed, key, other, why in [
         (first, 2, config, "collection"),
         (SegmentRecord(first.name, 1, first.revision, 5, 0), 1, config, "since"),
@@ -353,7 +353,7 @@ def test_the_file_of_another(process: Process) -> None:
 
 def test_a_segment_of_another_format(process: Process, monkeypatch: pytest.MonkeyPatch) -> None:
     process.put_many(range(5))
-    flush(process.catalog.flush_context, "plots")
+    flush(process.indexes.flush_context, "plots")
     (old,) = process.chain()
     process = again(process)
     monkeypatch.setattr("urquhart.index.segment.FORMAT", 99)
@@ -367,7 +367,7 @@ def test_a_segment_of_another_format(process: Process, monkeypatch: pytest.Monke
 
 def test_a_gap_in_the_list(process: Process) -> None:
     process.put_many(range(12), batch=4)
-    flush(process.catalog.flush_context, "plots")
+    flush(process.indexes.flush_context, "plots")
     assert len(process.chain()) == 3
     with process.database.write_connection() as connection:
         connection.exec_driver_sql("DELETE FROM segments WHERE since = 1")
@@ -383,7 +383,7 @@ def test_a_gap_in_the_list(process: Process) -> None:
 
 def test_a_segment_that_was_merged_away_just_now(process: Process, monkeypatch: pytest.MonkeyPatch) -> None:
     process.put_many(range(8), batch=4)
-    flush(process.catalog.flush_context, "plots")
+    flush(process.indexes.flush_context, "plots")
     late, opened = Process(process.database.path), SegmentFolder.open
 
     def merged_before(self: SegmentFolder, listed: SegmentRecord, key: int, config: Config) -> Segment:
@@ -402,7 +402,7 @@ def test_a_segment_that_cannot_be_read_is_left_out_and_kept(
     process: Process, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     process.put_many(range(12), batch=4)
-    flush(process.catalog.flush_context, "plots")
+    flush(process.indexes.flush_context, "plots")
     chain = process.chain()
     process = again(process)
 
@@ -417,7 +417,7 @@ def test_a_segment_that_cannot_be_read_is_left_out_and_kept(
     assert process.chain() == chain
     monkeypatch.undo()
     process.maintenance.run()  # looks again when it removes files
-    live = process.catalog.live("plots")
+    live = process.indexes.live("plots")
     assert live is not None and live.state is not None
     assert live.state.opened == len(live.state.chain)
     assert (process.found(20), process.found(3)) == ("new", "p3")

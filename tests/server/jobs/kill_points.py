@@ -22,7 +22,7 @@ from sqlalchemy.engine.default import DefaultDialect
 from server.collections import crud
 from server.config.settings import Limits, Settings
 from server.config.settings_groups import JobSettings
-from server.index.catalog import Catalog
+from server.index.live_indexes import LiveIndexes
 from server.jobs import folder as job_folder
 from server.jobs import queue
 from server.jobs.folder import JobFolder
@@ -99,8 +99,8 @@ def _prepare(path: Path, mode: str, content: bytes) -> None:
 def _runner(path: Path) -> Runner:
     settings = Settings(database=str(path), jobs=JobSettings(processes=1))
     database, metrics = Database(path), Metrics()
-    catalog = Catalog(database, metrics, settings.index)
-    return Runner(JobContext(settings, database, catalog, metrics, JobFolder(database)), JOB_TYPES)
+    indexes = LiveIndexes(database, metrics, settings.index)
+    return Runner(JobContext(settings, database, indexes, metrics, JobFolder(database)), JOB_TYPES)
 
 
 def _work(path: Path, point: int) -> None:

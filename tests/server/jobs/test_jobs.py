@@ -628,7 +628,7 @@ def test_reindexing(client: httpx.Client, service: Service) -> None:
         put_submap(client, "plots", f"p{i}", i).raise_for_status()
     job = finished(client, client.post("/v1/collections/plots/reindex"))
     assert (job["state"], job["total"], job["done"], job["counts"]) == ("successful", 5, 5, {"indexed": 5})
-    assert list(service.catalog.folder.path.glob("*.segment"))
+    assert list(service.indexes.folder.path.glob("*.segment"))
     answer = client.post("/v1/collections/plots/queries", json={"xy": points(forest(3))}).json()
     assert answer["candidates"][0]["submap_id"] == "p3"
     assert client.post("/v1/collections/nope/reindex").status_code == 404
@@ -705,7 +705,7 @@ def test_results_are_read_to_their_end_although_the_job_is_forgotten(client: htt
 
 def _with(context: running_job.JobContext, jobs: Any) -> running_job.JobContext:
     settings = context.settings.model_copy(update={"jobs": jobs})
-    return running_job.JobContext(settings, context.database, context.catalog, context.metrics, context.folder)
+    return running_job.JobContext(settings, context.database, context.indexes, context.metrics, context.folder)
 
 
 def test_what_was_never_taken_on_is_removed(client: httpx.Client, service: Service) -> None:

@@ -820,7 +820,7 @@ def test_readiness_names_no_collection(settings: Settings, monkeypatch: pytest.M
         hold.wait(60)
 
     app = create_app(settings)
-    monkeypatch.setattr(app.state.service.catalog, "warm_up", slowly)
+    monkeypatch.setattr(app.state.service.indexes, "warm_up", slowly)
     with TestClient(app) as client:
         try:
             assert reached.wait(60)

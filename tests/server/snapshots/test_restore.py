@@ -17,7 +17,7 @@ from server.checks.all_checks import inspect
 from server.collections import crud
 from server.config.settings import Limits
 from server.errors import Conflict, DatabaseTooNew, DomainError, NotADatabase, NotFound, StorageDamaged, StorageFull
-from server.index.catalog import Catalog
+from server.index.live_indexes import LiveIndexes
 from server.observability.metrics import Metrics
 from server.resources.preconditions import Preconditions
 from server.schemas.collections import CollectionPatch, CollectionPut
@@ -519,8 +519,8 @@ def test_a_look_up_after_a_restore_has_the_rows_of_now(process: Process) -> None
     process.close()
     restore(source, process.database.path, force=True)
     store = Database(process.database.path)
-    catalog = Catalog(store, Metrics())
-    with catalog.view("plots") as view:
+    indexes = LiveIndexes(store, Metrics())
+    with indexes.view("plots") as view:
         assert view.recognizer.locate(trees(1)).verdict == "matched"
         assert view.recognizer.locate(trees(2)).verdict == "no_match"
     store.dispose()

@@ -10,7 +10,7 @@ from sqlalchemy import create_engine
 
 from server.collections import crud
 from server.config.settings import Limits
-from server.index.catalog import Catalog
+from server.index.live_indexes import LiveIndexes
 from server.observability.metrics import Metrics
 from server.queries import lookup, stored_queries
 from server.queries.query import PlaceQuery
@@ -149,7 +149,7 @@ def test_services_need_no_more_of_a_storage_than_its_protocol(tmp_path: Path) ->
         writes.put(storage, "plots", f"p{seed}", body, limits)
     writes.delete(storage, "plots", "p2")
     assert reader.read(storage, "plots", "p0").session == "monday"
-    context = lookup.QueryContext(storage, Catalog(storage, metrics), metrics, limits)
+    context = lookup.QueryContext(storage, LiveIndexes(storage, metrics), metrics, limits)
     query = PlaceQuery.of(QueryInput.model_validate({"xy": observed(forest(1), 2)[0], "store": True}), limits)
     answer = lookup.answer_query(context, "plots", query)
     assert [(one.submap_id, one.session) for one in answer.candidates] == [("p1", "monday")]

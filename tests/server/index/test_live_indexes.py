@@ -11,8 +11,8 @@ from server.checks.database import discrepancies
 from server.collections import crud
 from server.config.settings import Limits
 from server.errors import NotFound
-from server.index.catalog import Catalog
 from server.index.live_index import IndexVersion, LiveIndex
+from server.index.live_indexes import LiveIndexes
 from server.observability.metrics import Metrics
 from server.queries import lookup
 from server.queries.query import PlaceQuery
@@ -36,7 +36,7 @@ class CatalogProcess:
 
     def __init__(self, database: Database) -> None:
         self.database = Database(database.path)
-        self.catalog = Catalog(self.database, Metrics())
+        self.indexes = LiveIndexes(self.database, Metrics())
 
     def put(self, name: str, seed: int) -> None:
         """Store a forest."""
@@ -49,7 +49,7 @@ class CatalogProcess:
     def ask(self, seed: int) -> QueryAnswer:
         """Query with a forest."""
         query = PlaceQuery.of(QueryInput.model_validate({"xy": points(forest(seed))}), LIMITS)
-        return lookup.answer_query(lookup.QueryContext(self.database, self.catalog, Metrics(), LIMITS), "plots", query)
+        return lookup.answer_query(lookup.QueryContext(self.database, self.indexes, Metrics(), LIMITS), "plots", query)
 
     def found(self, seed: int) -> str | None:
         """The submap that a forest is matched to."""
@@ -81,7 +81,7 @@ def test_what_one_writes_the_other_finds(pair: tuple[CatalogProcess, CatalogProc
     two.put("b", 1)
     assert one.found(1) == "b"
     assert one.ask(1).revision == two.ask(1).revision == 5
-    with one.catalog.view("plots") as view:
+    with one.indexes.view("plots") as view:
         assert len(view.recognizer) == 2
 
 
@@ -280,7 +280,7 @@ def test_a_reader_that_is_always_overtaken_gets_its_turn(
 
     one.put("c", 3)
     monkeypatch.setattr(LiveIndex, "catch_up", late)
-    with two.catalog.view("plots") as view:
+    with two.indexes.view("plots") as view:
         assert (view.revision, len(view.recognizer)) == (3, 3)
     assert overtaken
 
@@ -304,9 +304,9 @@ def test_warm_up_builds_every_index_but_empty_ones(pair: tuple[CatalogProcess, C
     crud.ensure(one.database, "never", CollectionPut())
     crud.ensure(one.database, "other", CollectionPut())
     writes.put(one.database, "other", "b", SubmapInput(xy=points(forest(2))), Limits())
-    assert list(two.catalog.warm_up()) == [("plots", 1, 2), ("other", 2, 2)]
-    assert two.catalog.live("never") is None
-    with two.catalog.view("never") as view:
+    assert list(two.indexes.warm_up()) == [("plots", 1, 2), ("other", 2, 2)]
+    assert two.indexes.live("never") is None
+    with two.indexes.view("never") as view:
         assert view.recognizer.locate(forest(1)).verdict == "no_match"
 
 

@@ -44,7 +44,7 @@ class View:
     revision: int
 
 
-class Catalog:
+class LiveIndexes:
     """The live indexes of one process."""
 
     def __init__(self, database: Storage, metrics: Metrics, settings: IndexSettings | None = None) -> None:
