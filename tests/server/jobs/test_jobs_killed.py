@@ -72,10 +72,10 @@ def test_killed_at_every_point(tmp_path: Path, mode: str, sound: bool) -> None:
     (tmp_path / "lines").write_bytes(b"".join(line + b"\n" for line in lines))
     output, errors = tmp_path / "told", tmp_path / "errors"
     arguments = [str(tmp_path / "runs"), mode, str(tmp_path / "lines")]
-    killing = Forked(
+    killed = Forked(
         "tests.server.jobs.kill_points", arguments, folder=ROOT, environment=os.environ, output=output, errors=errors
     )
-    assert killing.wait(280.0) == 0, errors.read_text()
+    assert killed.wait(280.0) == 0, errors.read_text()
     told = [orjson.loads(line) for line in output.read_bytes().splitlines()]
     assert len(told) > (25 if mode == "continue" else 15)
     results = [one for one in CREATED if not sound or one[1] != "refused"]
