@@ -23,18 +23,20 @@ _ROOT = Path(__file__).parents[2]
 _FORKS = multiprocessing.get_context("forkserver")
 
 
+class LoadedProcess(ForkServerProcess):
+    """A process that is forked from one that has loaded everything."""
+
+    def start(self) -> None:
+        """Fork it."""
+        _load()
+        super().start()
+
+
 class ForkedWorkers:
     """In the place of the context `spawn`: workers of a service in the test's own process."""
 
     Pipe = staticmethod(multiprocessing.Pipe)
-
-    class Process(ForkServerProcess):
-        """One of them."""
-
-        def start(self) -> None:
-            """Fork it."""
-            _load()
-            super().start()
+    Process = LoadedProcess
 
 
 class CopiedProcess(ForkProcess):
