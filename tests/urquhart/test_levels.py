@@ -179,6 +179,12 @@ def test_the_least_confidence_of_a_query_is_its_gate() -> None:
             recognizer().locate(seen, min_confidence=wrong)
 
 
+def test_in_a_collection_that_a_survey_hardly_reaches_there_is_none() -> None:
+    found = recognizer(Config(survey=1), 72).locate(nowhere(0))
+    assert names(found) == ["describe", *QUADS, *QUADS, *POLYGONS]
+    assert found.verdict == "no_match"
+
+
 def test_each_keyword_of_a_search_is_an_option() -> None:
     assert SearchOptions.__annotations__.keys() == {field.name for field in fields(Options)}
 
@@ -344,7 +350,7 @@ def test_limits_that_left_something_out_are_told() -> None:
     crowd.add((key, describe(xy, config)) for key, xy in enumerate(thickets[:2]))
     assert crowd.locate(thickets[2]).search.skipped == ("quad_hits", "common_quads")
     assert recognizer().locate(nowhere(0)).search.skipped == ("exhaustive_rest",)
-    assert recognizer(Config(survey=0), 72).locate(nowhere(0)).search.skipped == ("exhaustive",)
+    assert recognizer(Config(survey=1), 72).locate(nowhere(0)).search.skipped == ("exhaustive",)
     assert recognizer(count=20).locate(nowhere(0)).search.skipped == ()
 
 

@@ -29,6 +29,10 @@ class SurveyNumbers(NamedTuple):
     """Peaks that are refined after a correlation over a few rotations."""
     circle: float = 12.0
     """Cost of a correlation over all rotations, in correlations around a single one."""
+    reached: float = 0.02
+    """Least share of a collection that a survey must reach. In larger collections, the right place is hardly ever
+    among those surveyed if polygons and quads have not found it: measured, 17 of 380 queries with 0.5 to 0.6 m of noise
+    in 10,000 submaps; no command repeats it."""
     most_landmarks: int = 500_000
     """Landmarks after which a correlation reads no more submaps: they take 100 MB."""
 
@@ -39,6 +43,11 @@ SurveyEntry = tuple[int, float, float]
 """A submap's key, and the rotations to try in it, radians: their middle, and how far they extend to either side."""
 Peaks = tuple[int, NDArray[np.float64]]
 """A submap's key, and the peaks (P, 4) found in it, as `correlation.correlate` returns them."""
+
+
+def is_large(index: CollectionIndex) -> bool:
+    """Whether the index is so large that a survey would reach too few of its submaps."""
+    return len(index) * SURVEY.reached > index.config.survey
 
 
 def is_small(index: CollectionIndex) -> bool:
@@ -75,7 +84,7 @@ def _survey(query: Query, index: CollectionIndex, quads: QuadConsensus | None) -
     """The submaps and rotations to try, the most promising first."""
     if quads is None or is_small(index):
         return [(key, 0.0, math.pi) for key in index]
-    query.trace.skip("exhaustive_rest" if query.config.survey else "exhaustive")
+    query.trace.skip("exhaustive_rest")
     slots, rotations = quads.turns(query.config.survey)
     return [(key, yaw, TURN) for key, yaw in zip(index.keys_of(slots), rotations.tolist(), strict=True)]
 

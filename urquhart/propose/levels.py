@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 
 from urquhart.index.collection_index import CollectionIndex
 from urquhart.options import Effort
-from urquhart.propose.by_correlation import is_small, propose_by_correlation
+from urquhart.propose.by_correlation import is_large, is_small, propose_by_correlation
 from urquhart.propose.by_polygons import propose_by_polygons
 from urquhart.propose.by_quads import QUADS, propose_by_quads, search_quads
 from urquhart.propose.correlation import covers_ends
@@ -100,7 +100,11 @@ LEVELS: Final[Mapping[Effort, Sequence[Level]]] = {
             lambda s: s.propose_by_loose_quads(s.query.config.candidates),
         ),
         Level("polygons", lambda s, _: s.quads is not None, lambda s: propose_by_polygons(s.query, s.index)),
-        Level("correlation", lambda s, lost: lost and not s.is_single, lambda s: s.propose_by_correlation()),
+        Level(
+            "correlation",
+            lambda s, lost: lost and not s.is_single and not is_large(s.index),
+            lambda s: s.propose_by_correlation(),
+        ),
     ),
 }
 """The levels of each effort, the cheapest first."""
@@ -132,3 +136,5 @@ def propose_on(
         for level in levels:
             if level.applies(search, is_lost()):
                 yield level.propose(search)
+    if levels[-1].name == "correlation" and is_lost() and is_large(index):
+        query.trace.skip("exhaustive")
