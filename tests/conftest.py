@@ -23,8 +23,8 @@ _seen: list[str] | None = None
 
 
 def pytest_xdist_auto_num_workers() -> int:
-    """Twice as many as cores: many tests wait for a process, a deadline or a disk most of their time."""
-    return 2 * (os.cpu_count() or 1)
+    """Three times as many as cores: many tests wait for a process, a deadline or a disk most of their time."""
+    return 3 * (os.cpu_count() or 1)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -53,7 +53,7 @@ def _unit_stands_alone(request: pytest.FixtureRequest) -> Iterator[None]:
 
 
 def _watch(event: str, _: tuple[object, ...]) -> None:
-    if event in CONNECTED and _seen is not None:
+    if _seen is not None and event in CONNECTED:
         _seen.append(event)
 
 
