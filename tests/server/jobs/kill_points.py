@@ -1,9 +1,9 @@
 """A job that is killed at each point at which something of it reaches the disk, one after the other.
 
-`Forked("tests.server.jobs.kill_points", [FOLDER, MODE, LINES.ndjson])` runs an import in processes of its own: the
-first is killed at the first point, the second, on another copy of the database, at the second, and so on until one
-comes to its end. After each, another process goes on, and is killed, too, and a third one. Printed is what each job
-came to in the end, a line of JSON for each point.
+`Forked("tests.server.jobs.kill_points", [FOLDER, MODE, LINES.ndjson, FIRST])` runs an import in processes of its own.
+One is killed at the point with the number FIRST (1 or 2), the next, on another copy of the database, two points later,
+and so on until one comes to its end. After each, another process goes on, and is killed, too, and a third one. Printed
+is what each job came to in the end, a line of JSON for each point.
 """
 
 import os
@@ -44,14 +44,14 @@ _POINTS = 12
 """Of a process that goes on, those at which it is killed."""
 
 
-def main(folder: Path, mode: str, lines: Path) -> None:
-    """Kill at point after point, until there is none left."""
+def main(folder: Path, mode: str, lines: Path, first: int) -> None:
+    """Kill at every second point from the first on, until there is none left."""
     folder.mkdir()
     base = folder / "base"
     _in_a_process(partial(_prepare, base / "killed.db", mode, lines.read_bytes()))
-    point, killed = 0, True
+    point, killed = first - 2, True
     while killed:
-        point += 1
+        point += 2
         copy = folder / f"point-{point}"
         shutil.copytree(base, copy)
         killed = _in_a_process(partial(_work, copy / "killed.db", point)) == -signal.SIGKILL
@@ -167,4 +167,4 @@ def _tell(path: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), sys.argv[2], Path(sys.argv[3]))
+    main(Path(sys.argv[1]), sys.argv[2], Path(sys.argv[3]), int(sys.argv[4]))
