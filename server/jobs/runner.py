@@ -14,7 +14,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any, Final
 
-from server.errors import DomainError, StorageBusy, StorageError, StorageFull, WorkerLost
+from server.errors import DomainError, StorageBusy, StorageError, StorageFull, WorkerLost, forget_frames
 from server.jobs.folder import ARRIVING, FOUND, INPUT, RESULTS
 from server.jobs.running_job import Dismissed, Interrupted, JobContext, JobFunction, RunningJob, Yielded
 from server.platform.thread_limits import pin_threads
@@ -176,6 +176,7 @@ class Runner:
             return False
         except DomainError as error:
             _log.warning("job %s (%s) failed: %s", job.id, kind, error)
+            forget_frames(error)
             self._finish(job.id, "failed", document(error))
         except Exception:  # noqa: BLE001  whatever happens to one job, the others are done
             _log.exception("job %s (%s) failed", job.id, kind)

@@ -8,7 +8,7 @@ import logging
 import os
 import re
 from collections import Counter, deque
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import closing
 from io import BufferedReader
 from pathlib import Path
@@ -72,7 +72,7 @@ class _InputLines:
         self._offset: int = job.progress.get("offset", 0)
         self._ends: deque[tuple[int, int]] = deque()
 
-    def lines(self) -> Iterator[bytes | BlankLines]:
+    def lines(self) -> Generator[bytes | BlankLines]:
         """Each line as it was sent; blank lines together; of a line that is too long, only enough to show that.
 
         Raises StorageUnavailable if the upload is missing.
@@ -136,11 +136,12 @@ def _one_by_one(job: RunningJob, context: JobContext, source: _InputLines, resul
             refusals=refusals.state(),
         )
 
-    with described_batches.describers(context.settings.jobs.processes) as workers:
+    # Closed here: an error that ends the job may hold the generator, and its open file the space on a full disk.
+    with closing(source.lines()) as sent, described_batches.describers(context.settings.jobs.processes) as workers:
         ingesting = bulk_ingest.ingest_lines(
             context.database,
             job.collection_id,
-            source.lines(),
+            sent,
             bulk_ingest.LineOptions(
                 limits=context.settings.limits, workers=workers, first=source.first, careful=job.is_suspect
             ),
@@ -162,11 +163,11 @@ def _all_or_nothing(job: RunningJob, context: JobContext, source: _InputLines, r
     cut(results, 0)
     _check_size(job, context)
     found, refused = list[described_batches.DescribedBatch](), list[LineOutcome]()
-    with described_batches.describers(context.settings.jobs.processes) as workers:
+    with closing(source.lines()) as sent, described_batches.describers(context.settings.jobs.processes) as workers:
         describing = bulk_ingest.describe_lines(
             context.database,
             job.collection_id,
-            source.lines(),
+            sent,
             bulk_ingest.LineOptions(limits=context.settings.limits, workers=workers, careful=job.is_suspect),
         )
         with closing(describing):
