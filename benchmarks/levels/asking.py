@@ -18,7 +18,7 @@ from urquhart.propose.query import Proposal, make_query
 
 _FULL: Final = LEVELS["full"]
 NAMES: Final = tuple(level.name for level in _FULL)
-SPARED: Final = tuple(name for name in NAMES if name not in ("rare quads", "loose quads"))
+SPARED: Final = tuple(name for name in NAMES if name not in ("rare quads", "all quads", "loose quads"))
 """Levels that can be left out. The others begin a search that later levels go on with."""
 
 _EACH: Final = (len(NAMES),)

@@ -50,10 +50,10 @@ class Search:
     quads: QuadConsensus | None = None
     loose_quads: QuadConsensus | None = None
 
-    def propose_by_quads(self) -> list[Proposal]:
-        """Search for the rarest of the query's quads with tight lengths."""
-        self.quads = search_quads(self.query, self.index, QUADS.tight, self.buffer)
-        return propose_by_quads(self.query, self.index, self.quads, EXTENT.rare, max(self.limit, EXTENT.few))
+    def propose_by_quads(self, share: float, count: int) -> list[Proposal]:
+        """Continue the search with tight lengths up to a `share` of the query's quads, and propose `count` submaps."""
+        self.quads = self.quads or search_quads(self.query, self.index, QUADS.tight, self.buffer)
+        return propose_by_quads(self.query, self.index, self.quads, share, count)
 
     def propose_by_loose_quads(self, count: int) -> list[Proposal]:
         """Search for all of the query's quads with loose lengths, and propose `count` submaps."""
@@ -83,20 +83,32 @@ class Level(NamedTuple):
 # With one submap there is nothing to choose. If few trees are seen, a correlation has too few pairs to count, and the
 # next levels follow: quads still have a shape.
 _ONLY: Final = Level("the only submap", lambda s, _: s.is_single, lambda s: s.propose_by_correlation())
-_RARE: Final = Level("rare quads", lambda s, lost: lost or not s.is_single, lambda s: s.propose_by_quads())
+_RARE: Final = Level(
+    "rare quads",
+    lambda s, lost: lost or not s.is_single,
+    lambda s: s.propose_by_quads(EXTENT.rare, max(s.limit, EXTENT.few)),
+)
+# A pose that beats chance is compared with its rivals, which tight lengths find.
+_ALL: Final = Level(
+    "all quads",
+    lambda s, lost: s.quads is not None and not lost,
+    lambda s: s.propose_by_quads(1.0, s.query.config.candidates),
+)
 LEVELS: Final[Mapping[Effort, Sequence[Level]]] = {
     "fast": (
         _ONLY,
         _RARE,
-        Level("loose quads", lambda s, _: s.quads is not None, lambda s: s.propose_by_loose_quads(EXTENT.fast)),
+        _ALL,
+        Level("loose quads", lambda _, lost: lost, lambda s: s.propose_by_loose_quads(EXTENT.fast)),
     ),
     "full": (
         _ONLY,
         _RARE,
+        _ALL,
         # In a small collection, correlation tries every submap at every rotation, and needs no quads to choose them.
         Level(
             "loose quads",
-            lambda s, lost: s.quads is not None and not (lost and is_small(s.index)),
+            lambda s, lost: lost and not is_small(s.index),
             lambda s: s.propose_by_loose_quads(s.query.config.candidates),
         ),
         Level("polygons", lambda s, _: s.quads is not None, lambda s: propose_by_polygons(s.query, s.index)),
