@@ -31,8 +31,8 @@ class Promise(NamedTuple):
 
 
 FAST_PROMISE: Final = Promise(0.4, 0.8)
-"""What `fast` finds in the paper's forest: measured, 400 of 400 places among 10,000 submaps and 297 of 300 among 100,000;
-no command repeats it. Rows of trees and dense stands need `full`."""
+"""What `fast` finds in the paper's forest: measured, 400 of 400 places among 10,000 submaps and 297 of 300 among
+100,000; no command repeats it. Rows of trees and dense stands need `full`."""
 
 
 EFFORTS: Final[Mapping[Effort, str]] = {
