@@ -19,7 +19,7 @@ from urquhart.features.describe import Features
 from urquhart.features.observation import describe_observation
 from urquhart.index.collection_index import CollectionIndex
 from urquhart.index.submap_collection import SubmapCollection
-from urquhart.options import Options, SearchOptions
+from urquhart.options import FAST_PROMISE, Options, SearchOptions
 from urquhart.propose.by_paper import propose_by_paper
 from urquhart.propose.levels import LEVELS, propose_on
 from urquhart.propose.query import Proposal, Query, make_query
@@ -106,4 +106,7 @@ def _search(query: Query, index: CollectionIndex, options: Options) -> Recogniti
             return decide(query, ranking, limit, "deadline")
     if not ranking.is_lost(query):
         return decide(query, ranking, limit, "beats_chance")
-    return decide(query, ranking, limit, "evidence_bound" if options.is_bounded else "exhausted")
+    if not options.is_cut_short:
+        return decide(query, ranking, limit, "exhausted")
+    is_promised = len(query.features.landmarks) >= FAST_PROMISE.landmarks
+    return decide(query, ranking, limit, "evidence_bound" if is_promised else "effort")

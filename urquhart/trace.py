@@ -8,7 +8,7 @@ from typing import Literal
 
 from urquhart.options import FAST_PROMISE, Promise
 
-StoppedBy = Literal["decided", "beats_chance", "evidence_bound", "exhausted", "deadline", "not_started"]
+StoppedBy = Literal["decided", "beats_chance", "evidence_bound", "effort", "exhausted", "deadline", "not_started"]
 Skipped = Literal["quad_hits", "common_quads", "exhaustive", "exhaustive_rest"]
 
 
@@ -20,9 +20,10 @@ class SearchEnd:
         stopped_by: `decided`: the first candidate is so certain that no further level could change the answer;
             `beats_chance`: chance is ruled out for the first candidate, and more levels would only add weaker poses;
             `evidence_bound`: a stored place would have shown more evidence by now, if the query is as good as
-            `promised`; `exhausted`: every level was tried; `deadline`: time ran out, and the verdict's reason is
-            `deadline` too; `not_started`: there was nothing to search for, or nothing to search in.
-        promised: with `evidence_bound`, the noise and the share of trees seen up to which the place is not stored.
+            `promised`; `effort`: the effort `fast` ends here, and the query has too few trees for a promise;
+            `exhausted`: every level was tried; `deadline`: time ran out, and the verdict's reason is `deadline` too;
+            `not_started`: there was nothing to search for, or nothing to search in.
+        promised: with `evidence_bound`, how good the query must be for this to mean that its place is not stored.
         skipped: the limits that were reached, each once, in that order; empty if nothing was left out.
             `quad_hits`: the quad search reached the limit `Config.quad_hits` before it had tried all quads;
             `common_quads`: quads of the query that are too common in the collection were skipped;

@@ -147,6 +147,10 @@ def _print(console: Console, answer: QueryAnswer) -> None:
     best_warnings = answer.candidates[0].warnings if answer.verdict == "matched" else []
     for word in (*answer.warnings, *best_warnings):
         console.print(f"warning: {WARNINGS[word]} ({word})", highlight=False, markup=False, soft_wrap=True)
+    if answer.verdict == "no_match" and answer.search is not None:
+        console.print(
+            f"effort {answer.effort}: {answer.search.sentence}", highlight=False, markup=False, soft_wrap=True
+        )
     if answer.verdict == "ambiguous":
         for rival in answer.rivals:
             there = rival.transform
@@ -157,8 +161,12 @@ def _print(console: Console, answer: QueryAnswer) -> None:
                 markup=False,
                 soft_wrap=True,
             )
-    if not answer.candidates:
-        return
+    if answer.candidates:
+        console.print(_table(answer))
+
+
+def _table(answer: QueryAnswer) -> Table:
+    """The candidates, a row each."""
     table = Table(box=None)
     table.add_column("rank", justify="right")
     table.add_column("submap", no_wrap=True)  # never cut short: it is the answer
@@ -179,7 +187,7 @@ def _print(console: Console, answer: QueryAnswer) -> None:
             f"{one.confidence:.3f}",
             one.refused or "",
         )
-    console.print(table)
+    return table
 
 
 def _spread(covariance: list[float] | None) -> str:

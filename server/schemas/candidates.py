@@ -173,10 +173,12 @@ class GatesAnswer(Answer):
 
 
 class PromiseAnswer(Answer):
-    """How good a query must be for the search to find its place, if that is stored: 99 times in 100 or more."""
+    """How good a query must be for the search to find its place, if that is stored: in the paper's forest 99 times in
+    100; rows of trees and dense stands need the effort `full`."""
 
     sigma: float = Field(description="Noise of each coordinate, in metres.")
     detection: float = Field(description="Share of the trees that the query sees.")
+    landmarks: int = Field(description="Fewest trees of the query.")
 
 
 class SearchAnswer(Answer):
@@ -189,7 +191,9 @@ class SearchAnswer(Answer):
         description=f"Limits that left something out, as stable words. Empty if none did. {glossed(SKIPS)}"
     )
     promised: PromiseAnswer | None = Field(
-        None, description="Up to where the place is not stored. Null unless `stopped_by` is `evidence_bound`."
+        None,
+        description="How good the query must be for this to mean that its place is not stored. Null unless "
+        "`stopped_by` is `evidence_bound`.",
     )
     sentence: str = Field(description="`stopped_by` and `skipped` as a sentence.")
 

@@ -155,7 +155,17 @@ def test_a_fast_search_ends_with_quads_and_says_what_it_promises(seed: int, coun
     found = recognizer(count=count).locate(nowhere(seed), effort="fast")
     assert names(found) == ["describe", *QUADS, *QUADS]
     assert found.verdict == "no_match"
-    assert found.search == SearchEnd("evidence_bound", (), FAST_PROMISE)
+    assert found.search == SearchEnd("effort")
+
+
+def test_a_fast_search_promises_nothing_about_few_trees() -> None:
+    rng = np.random.default_rng(9)
+    trees = observe(paper_forest(rng, 200.0), SE2(100.0, 100.0, 1.0), 55.0, rng).xy
+    fewest = FAST_PROMISE.landmarks
+    assert len(trees) > fewest
+    found = [recognizer().locate(trees[:count], effort="fast") for count in (fewest - 1, fewest)]
+    assert [one.verdict for one in found] == ["no_match", "no_match"]
+    assert [one.search for one in found] == [SearchEnd("effort"), SearchEnd("evidence_bound", (), FAST_PROMISE)]
 
 
 def test_a_fast_search_finds_what_a_full_one_finds_by_quads() -> None:

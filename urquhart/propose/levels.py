@@ -99,6 +99,12 @@ LEVELS: Final[Mapping[Effort, Sequence[Level]]] = {
         _ONLY,
         _RARE,
         _ALL,
+        # Nor are rivals saved on: a pose that beats chance is judged as in a full search.
+        Level(
+            "polygons",
+            lambda s, lost: s.quads is not None and not lost,
+            lambda s: propose_by_polygons(s.query, s.index),
+        ),
         Level("loose quads", lambda _, lost: lost, lambda s: s.propose_by_loose_quads(EXTENT.fast)),
     ),
     "full": (

@@ -37,8 +37,8 @@ REASONS: Final[Mapping[str, str]] = {
 STOPS: Final[Mapping[StoppedBy, str]] = {
     "decided": "the first candidate is so sure that searching on could not change the answer",
     "beats_chance": "chance is ruled out for the first candidate; searching on would only add weaker poses",
-    "evidence_bound": "a stored place would have shown more evidence by now; with more noise, or fewer of the trees, "
-    "than promised, search with the effort full",
+    "evidence_bound": "a stored place would have shown more evidence by now, if the query is as good as promised",
+    "effort": "the effort fast ends here, which says nothing about so few trees; search with the effort full",
     "exhausted": "every kind of search was tried",
     "deadline": "the time ran out: what was not searched by then may hold the place",
     "not_started": "there was nothing to search for, or nothing to search in",

@@ -149,8 +149,10 @@ def test_an_answer_tells_which_limit_left_something_out(
 
 
 def test_a_fast_search_says_what_it_promises(client: httpx.Client) -> None:
-    answer = ask(client, xy=points(forest(99)), effort="fast", min_confidence=0.99)
+    answer = ask(client, xy=points(forest(99, 40)), effort="fast", min_confidence=0.99)
     assert (answer["verdict"], answer["effort"]) == ("no_match", "fast")
-    assert answer["search"]["stopped_by"] == "evidence_bound"
-    assert answer["search"]["promised"] == {"sigma": 0.4, "detection": 0.8}
+    assert (answer["search"]["stopped_by"], answer["search"]["promised"]) == ("effort", None)
+    many = ask(client, xy=points(forest(99, 80)), effort="fast")
+    assert many["search"]["stopped_by"] == "evidence_bound"
+    assert many["search"]["promised"] == {"sigma": 0.4, "detection": 0.8, "landmarks": 60}
     assert answer["gates"]["confidence"] == pytest.approx(0.99)
