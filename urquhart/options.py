@@ -14,8 +14,8 @@ Method = Literal["robust", "paper"]
 """`robust` is this project's search, `paper` the matching of Nardari et al. 2020."""
 
 Effort = Literal["fast", "full"]
-"""`fast` searches by quads only, so a place that is not stored costs about as much as one that is. `full` goes on with
-polygons and with trials of every rotation and shift, which cost ten to thirty times as much."""
+"""`fast` searches by quads only, so a place that is not stored takes two to five times as long as one that is. `full`
+goes on with polygons and with trials of every rotation and shift: then it takes ten to twenty times as long."""
 
 
 class Promise(NamedTuple):
@@ -39,10 +39,10 @@ of 96 with 30 to 39. Rows of trees and dense stands need `full`."""
 
 
 EFFORTS: Final[Mapping[Effort, str]] = {
-    "fast": "a place that is not stored costs about as much as one that is, and places are found that are seen with up "
-    f"to {100 * FAST_PROMISE.sigma:.0f} cm of noise and at least {100 * FAST_PROMISE.detection:.0f} % of the trees",
-    "full": "up to thirty times as long for a place that is not stored; finds places seen with more noise and fewer "
-    "trees, in dense stands and in rows of trees, too",
+    "fast": "a place that is not stored takes 2 to 5 times as long as one that is; finds places seen with up to "
+    f"{100 * FAST_PROMISE.sigma:.0f} cm of noise and at least {100 * FAST_PROMISE.detection:.0f} % of the trees",
+    "full": "a place that is not stored takes 10 to 20 times as long as one that is; finds places seen with more noise "
+    "and fewer trees, in dense stands and in rows of trees, too",
 }
 """A sentence for each effort."""
 

@@ -48,7 +48,7 @@ class AsyncQueryCalls(AsyncConnection):
             submap_id: instead of landmarks, a stored submap.
             limit: most candidates to answer.
             method: "robust" (the default of the service) or "paper".
-            effort: "full" (the default of the service), or "fast": a `no_match` costs about as much as a match, and
+            effort: "full" (the default of the service), or "fast": a `no_match` comes much sooner, and
                 places seen with more noise than 40 cm, or with fewer than 80 % of the trees, are not found.
             min_confidence: least confidence that is `matched`, above 0.5 and below 1; default: the collection's.
             seed: of the random choices, for the same answer again.
