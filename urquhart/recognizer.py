@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from urquhart.budget import Budget
-from urquhart.decide.ranking import NOTHING, rank
+from urquhart.decide.ranking import NOTHING, Ranking, rank
 from urquhart.decide.verdict import Recognition, decide, unsearched
 from urquhart.features.describe import Features
 from urquhart.features.observation import describe_observation
@@ -24,6 +24,7 @@ from urquhart.propose.by_paper import propose_by_paper
 from urquhart.propose.levels import LEVELS, propose_on
 from urquhart.propose.query import Proposal, Query, make_query
 from urquhart.se2 import SE2
+from urquhart.trace import StoppedBy
 from urquhart.verify.refinement import verify
 
 
@@ -104,9 +105,13 @@ def _search(query: Query, index: CollectionIndex, options: Options) -> Recogniti
             return decide(query, ranking, limit, "decided")
         if query.budget.is_spent():
             return decide(query, ranking, limit, "deadline")
+    return decide(query, ranking, limit, _end(query, ranking, options))
+
+
+def _end(query: Query, ranking: Ranking, options: Options) -> StoppedBy:
+    """Why a search ends after its last level."""
     if not ranking.is_lost(query):
-        return decide(query, ranking, limit, "beats_chance")
+        return "beats_chance"
     if not options.is_cut_short:
-        return decide(query, ranking, limit, "exhausted")
-    is_promised = len(query.features.landmarks) >= FAST_PROMISE.landmarks
-    return decide(query, ranking, limit, "evidence_bound" if is_promised else "effort")
+        return "exhausted"
+    return "evidence_bound" if len(query.features.landmarks) >= FAST_PROMISE.landmarks else "effort"

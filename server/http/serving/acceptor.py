@@ -49,10 +49,9 @@ class Acceptor:
         waiting, until = select.poll(), time.monotonic() + _LAST_CALL
         for listener in self._listeners:
             waiting.register(listener, select.POLLIN)
-        while (ready := waiting.poll(0)) and time.monotonic() < until:
+        while waiting.poll(0) and time.monotonic() < until:
             for listener in self._listeners:
-                if any(listener.fileno() == descriptor for descriptor, _ in ready):
-                    self._accept_one(listener)
+                self._accept_one(listener)
             await asyncio.sleep(0)
 
     def _resume(self) -> None:

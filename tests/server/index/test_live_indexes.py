@@ -124,14 +124,19 @@ def test_only_landmarks_concern_the_index(
     assert len(streamed) == 1
 
 
-def test_a_database_put_back_to_an_earlier_state(pair: tuple[CatalogProcess, CatalogProcess]) -> None:
-    one, two = pair
+def put_back_to_the_first(one: CatalogProcess, two: CatalogProcess) -> None:
+    """Both know two submaps, and then the file is as it was after the first."""
     one.put("a", 1)
     one.put("b", 2)
     assert two.found(2) == "b"
     with one.database.write_connection() as connection:
         connection.exec_driver_sql("DELETE FROM submaps WHERE id = 'b'")
         connection.exec_driver_sql("UPDATE collections SET revision = 1, submap_count = 1")
+
+
+def test_a_database_put_back_to_an_earlier_state(pair: tuple[CatalogProcess, CatalogProcess]) -> None:
+    one, two = pair
+    put_back_to_the_first(one, two)
     assert (two.found(1), two.found(2)) == ("a", None)
 
 
@@ -288,12 +293,7 @@ def test_a_reader_that_is_always_overtaken_gets_its_turn(
 def test_a_database_that_was_put_back_and_written_to(pair: tuple[CatalogProcess, CatalogProcess]) -> None:
     """It comes to the same revision again, but not in the same way."""
     one, two = pair
-    one.put("a", 1)
-    one.put("b", 2)
-    assert two.found(2) == "b"
-    with one.database.write_connection() as connection:
-        connection.exec_driver_sql("DELETE FROM submaps WHERE id = 'b'")
-        connection.exec_driver_sql("UPDATE collections SET revision = 1, submap_count = 1")
+    put_back_to_the_first(one, two)
     one.put("c", 3)
     assert (two.found(2), two.found(3)) == (None, "c")
 
