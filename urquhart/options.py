@@ -14,8 +14,9 @@ Method = Literal["robust", "paper"]
 """`robust` is this project's search, `paper` the matching of Nardari et al. 2020."""
 
 Effort = Literal["fast", "full"]
-"""`fast` searches by quads only, so a place that is not stored takes two to five times as long as one that is. `full`
-goes on with polygons and with trials of every rotation and shift: then it takes ten to twenty times as long."""
+"""`fast` searches by quads, and by polygons only for rivals of a pose that beats chance, so a place that is not stored
+takes two to five times as long as one that is. `full` goes on with polygons and with trials of every rotation and
+shift: then it takes ten to twenty times as long."""
 
 
 class Promise(NamedTuple):

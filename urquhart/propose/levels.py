@@ -99,7 +99,7 @@ LEVELS: Final[Mapping[Effort, Sequence[Level]]] = {
         _ONLY,
         _RARE,
         _ALL,
-        # Nor are rivals saved on: a pose that beats chance is judged as in a full search.
+        # A pose that beats chance is compared with the same rivals as in a full search.
         Level(
             "polygons",
             lambda s, lost: s.quads is not None and not lost,
