@@ -4,6 +4,7 @@
 processes that are started, signalled and killed. `statistical`: small versions of the benchmarks.
 """
 
+import logging
 import os
 import sys
 from collections.abc import Iterator
@@ -50,6 +51,17 @@ def _unit_stands_alone(request: pytest.FixtureRequest) -> Iterator[None]:
         assert not _seen, f"a unit test caused {_seen}"
     finally:
         _seen = None
+
+
+@pytest.fixture(autouse=True)
+def _loggers_as_before() -> Iterator[None]:
+    """A test that configures the log sends no later test's lines to its own, closed stream."""
+    known = [logging.getLogger(name) for name in (None, "uvicorn", "uvicorn.error", "uvicorn.asgi", "uvicorn.access")]
+    before = [(one, [*one.handlers], one.level, one.propagate) for one in known]
+    yield
+    for one, handlers, level, propagate in before:
+        one.handlers[:], one.propagate = handlers, propagate
+        one.setLevel(level)
 
 
 def _watch(event: str, _: tuple[object, ...]) -> None:

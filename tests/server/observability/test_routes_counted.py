@@ -7,9 +7,8 @@ import httpx
 import pytest
 
 from tests.server.factories import forest, points
-from tests.server.observability.test_logs import loggers_as_before, requests, written
+from tests.server.observability.test_logs import requests, written
 
-__all__ = ["loggers_as_before"]
 SUBMAP = "/v1/collections/{collection}/submaps/{submap}"
 BODY = json.dumps({"xy": points(forest(1))}).encode()
 JSON = {"Content-Type": "application/json"}
