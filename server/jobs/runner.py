@@ -17,6 +17,7 @@ from typing import Any, Final
 from server.errors import DomainError, StorageBusy, StorageError, StorageFull, WorkerLost, forget_frames
 from server.jobs.folder import ARRIVING, FOUND, INPUT, RESULTS
 from server.jobs.running_job import Dismissed, Interrupted, JobContext, JobFunction, RunningJob, Yielded
+from server.platform.precedence import give_way_by
 from server.platform.thread_limits import pin_threads
 from server.problem_types import INTERNAL, document
 from server.store.service_records import JobChanges, Queue
@@ -42,6 +43,7 @@ class Runner:
         self._stopping, self._news = threading.Event(), threading.Event()
         self._cleaned_up = -_CLEAN_UP_SECONDS
         self._thread: threading.Thread | None = None
+        self._pause = context.precedence.pauses()
         self._budget = Budget()
         self._turns = 0
         self._served: dict[Queue | str, int] = {}
@@ -51,7 +53,7 @@ class Runner:
         if self._context.database.read_only:
             return
         self._stopping.clear()
-        self._budget = Budget(give_way=self._context.precedence.pauses())
+        self._budget = Budget(give_way=self._pause)
         self._thread = threading.Thread(target=self._run, name="jobs", daemon=True)
         self._thread.start()
 
@@ -76,6 +78,7 @@ class Runner:
 
     def _run(self) -> None:
         pin_threads()
+        give_way_by(self._pause)
         pause = _LOOK
         while not self._stopping.is_set():
             try:

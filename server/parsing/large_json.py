@@ -6,6 +6,7 @@ import numpy as np
 import orjson
 from numpy.typing import NDArray
 
+from server.platform.precedence import give_way
 from urquhart._kernel import kernel
 
 _FEW_BYTES: Final = 1 << 16
@@ -36,6 +37,7 @@ def parse(raw: bytes) -> Any:
         names = list(content)
         if len(names) == members:  # otherwise one of them comes twice
             for member, begin, end in spans:
+                give_way()
                 piece = raw[begin:end]
                 if not piece.strip():
                     break

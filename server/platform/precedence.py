@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from contextvars import ContextVar
 from typing import Final
 
 _SHORT: Final = 0.05
@@ -10,6 +11,22 @@ _LONGEST: Final = 0.02
 """Most seconds of one pause."""
 _LOOK: Final = 0.0005
 """Seconds between two looks whether the short requests are done."""
+
+_give_way: ContextVar[Callable[[], None]] = ContextVar("give_way", default=lambda: None)
+"""The pauses of the request or job that this thread works for. The threads of a request inherit it."""
+
+
+def give_way() -> None:
+    """Pause if the work of this thread is long and a short request is in progress.
+
+    For work that has no budget, such as reading a large body or the lines of an import.
+    """
+    _give_way.get()()
+
+
+def give_way_by(pause: Callable[[], None]) -> None:
+    """Set what `give_way` does from now on in this context."""
+    _give_way.set(pause)
 
 
 class Precedence:
@@ -42,7 +59,7 @@ class Precedence:
         """
         since = time.monotonic()
 
-        def give_way() -> None:
+        def pause() -> None:
             nonlocal since
             now = time.monotonic()
             if request is not None and now - self._began.get(id(request), now) < _SHORT:
@@ -52,7 +69,7 @@ class Precedence:
                 time.sleep(_LOOK)
             since = now
 
-        return give_way
+        return pause
 
     def _is_short_one_in_progress(self, now: float) -> bool:
         return any(now - began < _SHORT for began in list(self._began.values()))

@@ -10,6 +10,7 @@ from typing import Final
 from pydantic import TypeAdapter
 
 import urquhart
+from server.platform.precedence import give_way
 from server.queries.poses import query_in_map, transform_answer
 from server.resources import links
 from server.schemas.candidates import (
@@ -173,8 +174,11 @@ def _inliers(candidate: Candidate, found: FoundSubmap, query_names: Sequence[str
             strict=True,
         )
     ]
-    portions = (members[begin : begin + _PORTION] for begin in range(0, len(members), _PORTION))
-    return [inlier for portion in portions for inlier in _INLIERS.validate_python(portion)]
+    inliers: list[Inlier] = []
+    for begin in range(0, len(members), _PORTION):
+        give_way()
+        inliers += _INLIERS.validate_python(members[begin : begin + _PORTION])
+    return inliers
 
 
 def _candidate_answer(

@@ -21,6 +21,8 @@ from pydantic import (
     WrapValidator,
 )
 
+from server.platform.precedence import give_way
+
 
 @dataclass(frozen=True, slots=True)
 class Formerly:
@@ -144,6 +146,7 @@ def _take_points(value: Any, check: ValidatorFunctionWrapHandler) -> Any:
 
 
 def _are_points(points: list[Any]) -> bool:
+    give_way()
     if set(map(type, points)) != {list} or set(map(len, points)) != {2}:
         return False
     numbers = list(chain.from_iterable(points))

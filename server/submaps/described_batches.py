@@ -20,6 +20,7 @@ from server.errors import DomainError, InvalidBody, InvalidField, MalformedBody,
 from server.index.row_decoding import config_of
 from server.parsing.field_errors import invalid_body
 from server.parsing.strict_json import read_json
+from server.platform.precedence import give_way
 from server.platform.process_pool import PATIENCE, IsolationPolicy, PoolTask, ProcessPool
 from server.platform.thread_limits import pin_threads
 from server.schemas.submaps import NamedSubmap
@@ -217,6 +218,7 @@ def _describe_lines(
     submaps: list[tuple[int, NamedSubmap]] = []
     refused: list[Refusal] = []
     for position, line in lines:
+        give_way()
         if len(line) <= limits.body_bytes and (not line or line.isspace()):
             continue
         try:
@@ -248,6 +250,7 @@ def _describe(
     config = config_of(collection)
     described = DescribedBatch(collection.key, following, [], 0, refused)
     for position, submap in submaps:
+        give_way()
         try:
             prepared = Prepared(submap.id, submap, limits)
             if prepared.place is not None:

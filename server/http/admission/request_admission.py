@@ -17,7 +17,7 @@ from server.http.admission.fair_queue import FairQueue
 from server.http.admission.readiness import ReadinessChecks
 from server.http.body_limit import is_streamed
 from server.observability.metrics import Metrics
-from server.platform.precedence import Precedence
+from server.platform.precedence import Precedence, give_way_by
 from server.security.principal import Principal
 from urquhart import Budget
 
@@ -243,7 +243,9 @@ class Admission:
             ) from None
 
     async def _arrived(self) -> None:
-        self.budget = Budget(give_way=self._shared.precedence.pauses(self))
+        pause = self._shared.precedence.pauses(self)
+        give_way_by(pause)
+        self.budget = Budget(give_way=pause)
         self._watch = asyncio.create_task(self._watch_caller())
         if not self._takes_place:
             return
