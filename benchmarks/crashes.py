@@ -32,9 +32,9 @@ from server.checks.index import index_discrepancies
 from server.collections import crud
 from server.config.settings_groups import IndexSettings
 from server.errors import NotFound
+from server.index.index_folder import IndexFolder
 from server.index.live_indexes import LiveIndexes
 from server.index.maintenance import Maintenance
-from server.index.segment_folder import SegmentFolder
 from server.observability.metrics import Metrics
 from server.schemas.collections import CollectionPut
 from server.schemas.submaps import NamedSubmap
@@ -217,7 +217,7 @@ def _left_over(path: Path) -> int:
     """Files of the index that no row lists, which are removed so that they are counted once."""
     database = Database(path)
     try:
-        return SegmentFolder(database).clean_up(grace=0.0)
+        return IndexFolder(database).clean_up(grace=0.0)
     finally:
         database.dispose()
 

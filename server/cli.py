@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from typing import Annotated, Final
 
 import typer
+from pydantic import ValidationError
 from typer.exceptions import TyperException
 
 from server.commands import config, db, index, jobs, keys, locate, reference, serve, snapshot
@@ -16,6 +17,7 @@ from server.commands.demo import command as demo
 from server.commands.support.failure import CommandError
 from server.config.file_and_environment import Misconfigured
 from server.errors import DomainError
+from server.parsing.field_errors import sentence
 from server.platform.version import service_version
 from server.stem_maps.reader import StemMapError
 from urquhart import ConfigError, LandmarkError
@@ -83,7 +85,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
     try:
         code = app(args=arguments, prog_name="urquhart", standalone_mode=False)
     except TyperException as error:
-        return _refuse(f"{error.format_message()} (see urquhart --help)")
+        return _refuse(_usage(error))
     except (CommandError, Misconfigured, DomainError, StemMapError, ConfigError, LandmarkError) as error:
         return _refuse(str(error))
     except OSError as error:
@@ -98,6 +100,18 @@ def run(arguments: Sequence[str] | None = None) -> int:
 def main() -> None:
     """Entry point of the console script."""
     sys.exit(run())
+
+
+def _usage(error: TyperException) -> str:
+    """What is wrong with a command line, and which help to read."""
+    context, cause = getattr(error, "ctx", None), error.__cause__
+    message = error.format_message()
+    if isinstance(cause, ValidationError):
+        first = cause.errors()[0]
+        about, _, _ = message.partition(": ")  # what follows are words of the library
+        names_value = first["type"] == "value_error"
+        message = f"{about}: {'' if names_value else repr(first['input']) + ' '}{sentence(first)}"
+    return f"{message.removesuffix('.')} (see {context.command_path if context else 'urquhart'} --help)"
 
 
 def _refuse(message: str) -> int:

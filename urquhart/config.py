@@ -18,7 +18,15 @@ _DESCRIPTION: Final = ("samples", "squared", "keep_hull")
 
 
 class ConfigError(ValueError):
-    """A configuration that cannot be used; the message says what is allowed."""
+    """A configuration that cannot be used; the message says what is allowed.
+
+    Attributes:
+        parameter: name of the parameter at fault.
+    """
+
+    def __init__(self, message: str, parameter: str = "") -> None:
+        super().__init__(message)
+        self.parameter = parameter
 
 
 def _parameter(default: Any, low: float, high: float, doc: str) -> Any:
@@ -83,7 +91,7 @@ class Config:
         names = [field.name for field in dataclasses.fields(cls)]
         unknown = sorted(set(values) - set(names))
         if unknown:
-            raise ConfigError(f"unknown parameter {unknown[0]!r}: use one of {', '.join(names)}")
+            raise ConfigError(f"unknown parameter {unknown[0]!r}: use one of {', '.join(names)}", unknown[0])
         return cls(**values)  # type: ignore[arg-type]  # __post_init__ checks every value
 
     @property
@@ -112,10 +120,10 @@ def _check(field: "dataclasses.Field[Any]", value: object) -> None:
         return
     if isinstance(default, bool):
         if not isinstance(value, bool):
-            raise ConfigError(f"{field.name} must be true or false, not {value!r}")
+            raise ConfigError(f"{field.name} must be true or false, not {value!r}", field.name)
         return
     whole = default is None or isinstance(default, int)
     allowed: tuple[type, ...] = (int,) if whole else (int, float)
     if isinstance(value, bool) or not isinstance(value, allowed) or not low <= value <= high:
         noun = "a whole number" if whole else "a number"
-        raise ConfigError(f"{field.name} must be {noun} from {low:g} to {high:g}, not {value!r}")
+        raise ConfigError(f"{field.name} must be {noun} from {low:g} to {high:g}, not {value!r}", field.name)

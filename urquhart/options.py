@@ -16,7 +16,7 @@ Method = Literal["robust", "paper"]
 Effort = Literal["fast", "full"]
 """`fast` searches by quads, and by polygons only for rivals of a pose that beats chance, so a place that is not stored
 takes two to five times as long as one that is. `full` goes on with polygons and with trials of every rotation and
-shift: then it takes ten to twenty times as long."""
+shift: then it takes ten to twenty times as long. If only one submap is searched, both begin with those trials."""
 
 
 class Promise(NamedTuple):
@@ -36,14 +36,14 @@ class Promise(NamedTuple):
 FAST_PROMISE: Final = Promise(0.4, 0.8, 60)
 """What `fast` finds in the paper's forest: measured, 400 of 400 places among 10,000 submaps and 297 of 300 among
 100,000; no command repeats it. With fewer trees, more is missed: 2 of 50 places of which 50 to 59 trees are seen, and 8
-of 96 with 30 to 39. Rows of trees and dense stands need `full`."""
+of 96 with 30 to 39. Rows of trees and stands with neighbours nearer than 3 m need `full`."""
 
 
 EFFORTS: Final[Mapping[Effort, str]] = {
     "fast": "a place that is not stored takes 2 to 5 times as long as one that is; finds places seen with up to "
     f"{100 * FAST_PROMISE.sigma:.0f} cm of noise and at least {100 * FAST_PROMISE.detection:.0f} % of the trees",
     "full": "a place that is not stored takes 10 to 20 times as long as one that is; finds places seen with more noise "
-    "and fewer trees, in dense stands and in rows of trees, too",
+    "and fewer trees, where neighbours are nearer than 3 m, and in rows of trees, too",
 }
 """A sentence for each effort."""
 

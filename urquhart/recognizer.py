@@ -29,7 +29,7 @@ from urquhart.verify.refinement import verify
 
 
 class Recognizer(SubmapCollection):
-    """A collection that can be searched. Each search sees an immutable snapshot of the collection."""
+    """A collection that can be searched. Each search sees the collection as it was when the search began."""
 
     def recognize(
         self,

@@ -21,8 +21,8 @@ class SearchEnd:
             `beats_chance`: chance is ruled out for the first candidate, and more levels would only add weaker poses;
             `evidence_bound`: a stored place would have shown more evidence by now, if the query is as good as
             `promised`; `effort`: the effort `fast` ends here, and the query has too few trees for a promise;
-            `exhausted`: every level was tried; `deadline`: time ran out, and the verdict's reason is `deadline` too;
-            `not_started`: there was nothing to search for, or nothing to search in.
+            `exhausted`: no step of the method was left to try; `deadline`: time ran out, and the verdict's reason is
+            `deadline` too; `not_started`: there was nothing to search for, or nothing to search in.
         promised: with `evidence_bound`, how good the query must be for this to mean that its place is not stored.
         skipped: the limits that were reached, each once, in that order; empty if nothing was left out.
             `quad_hits`: the quad search reached the limit `Config.quad_hits` before it had tried all quads;

@@ -26,7 +26,7 @@ class Discrepancy:
 
 
 def discrepancies(database: Database) -> Iterator[Discrepancy]:
-    """Everything that does not agree: file and schema, then, in one snapshot, counts, revisions and features.
+    """Everything that does not agree: file and schema, then, in one read view, counts, revisions and features.
 
     Nothing is changed. Features are unpacked and compared with those rebuilt from the stored landmarks and diameters.
     Raises StorageError if the file cannot be read at all, DatabaseTooNew, NotADatabase.

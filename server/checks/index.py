@@ -1,4 +1,4 @@
-"""Check that index and database agree: the list of segments, their files, and the rows. Read-only, in one snapshot."""
+"""Check that index and database agree: the list of segments, their files, and the rows. Read-only, in one read view."""
 
 from collections.abc import Iterator
 
@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from server.checks.database import Discrepancy
+from server.index.index_folder import IndexFolder
 from server.index.live_index import assemble
 from server.index.row_decoding import config_of
-from server.index.segment_folder import SegmentFolder
 from server.store.records import CollectionRecord, SegmentRecord, trusted
 from server.store.storage import ReadTransaction, Storage
 from urquhart.index.segment import Segment
@@ -21,7 +21,7 @@ def index_discrepancies(database: Storage) -> Iterator[Discrepancy]:
 
     None of it makes an answer wrong, because a segment that cannot be used is rebuilt. Raises StorageError.
     """
-    folder = SegmentFolder(database)
+    folder = IndexFolder(database)
     with database.read() as tx:
         ids = [collection_id for _, collection_id, _ in tx.collections.revisions()]
     for collection_id in ids:
@@ -29,11 +29,11 @@ def index_discrepancies(database: Storage) -> Iterator[Discrepancy]:
             yield Discrepancy(collection_id, what)
 
 
-def _current(database: Storage, folder: SegmentFolder, collection_id: str) -> list[str]:
-    """What is wrong with the segments of a collection, in one snapshot of it.
+def _current(database: Storage, folder: IndexFolder, collection_id: str) -> list[str]:
+    """What is wrong with the segments of a collection, in one read view.
 
-    A running service may merge segments and remove their files after the snapshot was taken. If a segment with a fault
-    is no longer listed, another snapshot is taken.
+    A running service may merge segments and remove their files after the read view was opened. If a segment with a
+    fault is no longer listed, another read view is opened.
     """
     while True:
         with database.read() as tx:
@@ -50,7 +50,7 @@ def _current(database: Storage, folder: SegmentFolder, collection_id: str) -> li
             return wrong
 
 
-def _collection(tx: ReadTransaction, folder: SegmentFolder, collection: CollectionRecord) -> Iterator[str]:
+def _collection(tx: ReadTransaction, folder: IndexFolder, collection: CollectionRecord) -> Iterator[str]:
     config, described = config_of(collection), tx.features(collection.key)
     chain = tx.segments(collection.key).chain()
     if trusted(chain) < len(chain):

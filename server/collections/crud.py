@@ -8,6 +8,7 @@ from server.collections.map_frames import check_default_frame, check_frames, mus
 from server.config.settings import Limits
 from server.errors import Conflict, InvalidField, NotFound
 from server.index.row_decoding import config_of
+from server.parsing.field_errors import pointer
 from server.resources import links
 from server.resources.idempotency import NO_CONTENT, StoredResponse
 from server.resources.paging import page_size, read_cursor, write_cursor
@@ -184,7 +185,7 @@ def read_config(values: dict[str, Any] | None) -> Config:
     try:
         return Config.from_dict(values or {})
     except ConfigError as error:
-        raise InvalidField(str(error)[:500], code="config", pointer="/config") from error
+        raise InvalidField(str(error)[:500], code="config", pointer=pointer(["config", error.parameter])) from error
 
 
 def _must_agree(tx: ReadTransaction, row: CollectionRecord, body: CollectionPut, config: Config) -> None:

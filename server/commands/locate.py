@@ -17,6 +17,7 @@ from server.commands.support.failure import CommandError
 from server.commands.support.options import DatabaseOption, DbhUnit, Ignored
 from server.index.live_indexes import LiveIndexes
 from server.observability.metrics import Metrics
+from server.parsing.field_errors import sentence
 from server.queries.lookup import LookupResult, QueryContext, look_up
 from server.queries.query import PlaceQuery
 from server.schemas.queries import QueryAnswer, QueryInput
@@ -25,6 +26,7 @@ from server.stem_maps.stands import landmarks_of
 from server.stem_maps.tiling import without_twins
 from server.store.sqlite.upgrade.feature_backfill import bring_up_to_date
 from urquhart import Effort
+from urquhart.report.explanation import sentence as reason_sentence
 from urquhart.verify.distortion import WARNINGS
 
 MinConfidence = Annotated[
@@ -114,10 +116,10 @@ def _query(observation: StemMap, members: Mapping[str, object], file: Path) -> Q
     except ValidationError as error:
         first = error.errors()[0]
         if first["loc"][0] == "min_confidence":
-            raise CommandError(f"--min-confidence: {first['msg']}, not {first['input']}") from error
-        raise CommandError(
-            f"{file}: tree value {first['input']!r}: {first['msg'].removeprefix('Value error, ')}"
-        ) from error
+            raise CommandError(
+                f"--min-confidence {sentence(first)}, not {first['input']} (see urquhart locate --help)"
+            ) from error
+        raise CommandError(f"{file}: tree value {first['input']!r} {sentence(first)}") from error
 
 
 def _print(console: Console, answer: QueryAnswer) -> None:
@@ -148,9 +150,9 @@ def _print(console: Console, answer: QueryAnswer) -> None:
     for word in (*answer.warnings, *best_warnings):
         console.print(f"warning: {WARNINGS[word]} ({word})", highlight=False, markup=False, soft_wrap=True)
     if answer.verdict == "no_match" and answer.search is not None:
-        console.print(
-            f"effort {answer.effort}: {answer.search.sentence}", highlight=False, markup=False, soft_wrap=True
-        )
+        began = answer.search.stopped_by != "not_started"
+        why = f"effort {answer.effort}: {answer.search.sentence}" if began else reason_sentence(answer.reason)
+        console.print(why, highlight=False, markup=False, soft_wrap=True)
     if answer.verdict == "ambiguous":
         for rival in answer.rivals:
             there = rival.transform

@@ -1,7 +1,8 @@
 """`urquhart snapshot`: create, list, verify, delete and restore copies of the whole database."""
 
 from datetime import UTC, datetime
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Final
 
 import orjson
 import typer
@@ -10,7 +11,9 @@ from rich.table import Column, Table
 from server.commands.db import tell_findings
 from server.commands.support.console import wide_console
 from server.commands.support.database import existing_database, settings_with
+from server.commands.support.failure import CommandError
 from server.commands.support.options import DatabaseOption
+from server.errors import NotFound
 from server.security import api_keys
 from server.snapshots import restoring, snapshots
 from server.snapshots.snapshot_folder import SnapshotFolder
@@ -25,6 +28,9 @@ Checksum = Annotated[
     str | None,
     typer.Option("--sha256", help="SHA-256 that the file must have.", show_default="what its manifest says"),
 ]
+
+
+_MORE: Final = "; urquhart snapshot list shows which there are, of the database that --database names"
 
 
 @app.command("create", epilog="Example: `urquhart snapshot create before-season`")
@@ -73,7 +79,7 @@ def list_snapshots(
 @app.command("verify")
 def verify(wanted: Wanted, sha256: Checksum = None, database: DatabaseOption = None) -> None:
     """Verify that a snapshot has not changed since it was created, is not damaged, and is of this service."""
-    source = restoring.find(settings_with(database=database).database_path, wanted, sha256)
+    source = _find(settings_with(database=database).database_path, wanted, sha256)
     found = restoring.verify(source)
     proof = "as noted" if source.checksum else "which is noted nowhere"
     typer.echo(f"{source.file}: sound; SHA-256 {found}, {proof}")
@@ -85,7 +91,11 @@ def delete(
     database: DatabaseOption = None,
 ) -> None:
     """Delete a snapshot."""
-    SnapshotFolder(settings_with(database=database).database_path).remove(name)
+    folder = SnapshotFolder(settings_with(database=database).database_path)
+    try:
+        folder.remove(name)
+    except NotFound as error:
+        raise CommandError(f"there is no snapshot {name!r} in {folder.path}{_MORE}") from error
     typer.echo(f"{name}: deleted")
 
 
@@ -111,7 +121,7 @@ def restore(
     """
     settings = settings_with(database=database)
     path = settings.database_path
-    restored = restoring.restore(restoring.find(path, wanted, sha256), path, force=force, discard=discard)
+    restored = restoring.restore(_find(path, wanted, sha256), path, force=force, discard=discard)
     typer.echo(f"{path}: restored from {wanted}")
     if restored.aside is not None:
         typer.echo(f"the former database is now {restored.aside}")
@@ -131,3 +141,14 @@ def restore(
             raise typer.Exit(1)
     finally:
         store.dispose()
+
+
+def _find(database: Path, wanted: str, checksum: str | None) -> restoring.RestoreSource:
+    """The snapshot, by its name or file. Raises CommandError, which says where it was looked for, and StorageError."""
+    try:
+        return restoring.find(database, wanted, checksum)
+    except NotFound as error:
+        folder = SnapshotFolder(database).path
+        raise CommandError(
+            f"there is no snapshot {wanted!r} in {folder}, and no file {Path(wanted).absolute()}{_MORE}"
+        ) from error

@@ -7,6 +7,7 @@ from pydantic import BaseModel, ValidationError
 
 from server.config.file_and_environment import Misconfigured, config_file, flat, in_environment, read_file, variable
 from server.config.settings import Settings
+from server.parsing.field_errors import sentence
 
 
 def load(**given: Any) -> Settings:
@@ -42,7 +43,7 @@ class Origins:
 
 def _sentence(error: ValidationError, options: dict[str, Any]) -> str:
     first = error.errors()[0]
-    message = first["msg"].removeprefix("Value error, ")
+    message = sentence(first)
     name = ".".join(str(part) for part in first["loc"])
     if not name:
         return message

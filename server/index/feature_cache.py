@@ -1,4 +1,4 @@
-"""Features of submaps, read in the snapshot of a view, with a cache of those read recently."""
+"""Features of submaps, read in the read view of a search, with a cache of those read recently."""
 
 import threading
 from collections import OrderedDict
@@ -96,7 +96,7 @@ class FeatureReader:
     def __init__(
         self, tx: ReadTransaction, collection_key: int, config: Config, cache: FeatureCache, owner: int, revision: int
     ) -> None:
-        """`session` is on a snapshot at `revision`. `owner` is known to the cache."""
+        """`tx` has a read view at `revision`. `owner` is known to the cache."""
         self._described = tx.features(collection_key)
         self._config = config
         self._cache, self._owner, self._revision = cache, owner, revision

@@ -13,9 +13,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from server.index.index_folder import IndexFolder, is_of
 from server.index.live_index import IndexVersion
 from server.index.row_decoding import config_of, features_of
-from server.index.segment_folder import SegmentFolder, is_of
 from server.store.records import CollectionRecord, SegmentRecord, trusted
 from server.store.storage import ReadTransaction, Storage
 from urquhart import Config
@@ -45,7 +45,7 @@ class FlushContext:
     """
 
     database: Storage
-    folder: SegmentFolder
+    folder: IndexFolder
     block: int = 20_000
     stopping: Callable[[], bool] = lambda: False
 

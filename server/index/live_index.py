@@ -1,6 +1,6 @@
 """A `CollectionIndex` kept up to date with the database: mapped segments, and recent changes in memory.
 
-A version of the index never changes. A catch-up builds another one from the rows of a snapshot and replaces the old
+A version of the index never changes. A catch-up builds another one from the rows of a read view and replaces the old
 one, so readers of either are not disturbed and wait for nothing.
 """
 
@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from server.index.feature_cache import FeatureCache
+from server.index.index_folder import IndexFolder
 from server.index.row_decoding import config_of, features_of
-from server.index.segment_folder import SegmentFolder
 from server.store.records import CollectionRecord, SegmentRecord, trusted
 from server.store.repositories.feature_rows import FeatureRows
 from server.store.storage import ReadTransaction
@@ -35,11 +35,11 @@ _log = logging.getLogger(__name__)
 
 
 class CatchUpError(Exception):
-    """Why an index cannot be caught up to a snapshot."""
+    """Why an index cannot be caught up to a read view."""
 
 
 class Superseded(CatchUpError):
-    """Another thread has caught up to a later revision: take a new snapshot."""
+    """Another thread has caught up to a later revision: open a new read view."""
 
 
 class TooManyChanges(CatchUpError):
@@ -107,7 +107,7 @@ def assemble(segments: Sequence[Segment], gone: NDArray[np.int64]) -> list[LiveS
 class LiveIndex:
     """The index of one collection, and its changes from one version to the next."""
 
-    def __init__(self, collection: CollectionRecord, folder: SegmentFolder, cache: FeatureCache) -> None:
+    def __init__(self, collection: CollectionRecord, folder: IndexFolder, cache: FeatureCache) -> None:
         """The index of a stored collection. Raises StorageUnavailable if its configuration cannot be used."""
         self.key, self.id = collection.key, collection.id
         self.config: Config = config_of(collection)
@@ -122,10 +122,10 @@ class LiveIndex:
     def catch_up(
         self, tx: ReadTransaction, collection: CollectionRecord, seen: IndexVersion | None, most: int | None
     ) -> IndexVersion:
-        """The index at the revision of the session's snapshot, in which `collection` was read.
+        """The index at the revision of the transaction's read view, in which `collection` was read.
 
         Args:
-            seen: the state before the snapshot was taken.
+            seen: the state before the read view was opened.
             most: changed submaps that may be held in memory; None for any number.
 
         Raises:
@@ -141,8 +141,8 @@ class LiveIndex:
             if state is not None and state.revision >= collection.revision:
                 if state is not seen:
                     raise Superseded
-                # The snapshot was taken after that version was built, so the database was restored from a backup, and
-                # what the version contains may never have existed.
+                # The read view was opened after that version was built, so the database was restored from a backup,
+                # and what the version contains may never have existed.
                 _log.warning("collection %s went back to revision %d", self.id, collection.revision)
                 self.drop()
                 state = None

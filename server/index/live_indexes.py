@@ -17,8 +17,8 @@ from server.config.settings_groups import IndexSettings
 from server.errors import DomainError, NotFound, StorageError
 from server.index.feature_cache import FeatureCache, FeatureReader
 from server.index.flushing import FlushContext, Stopped, flush
+from server.index.index_folder import IndexFolder
 from server.index.live_index import CatchUpError, IndexVersion, LiveIndex, TooManyChanges, UnusableSegment
-from server.index.segment_folder import SegmentFolder
 from server.observability.metrics import Metrics
 from server.store.records import CollectionRecord, SegmentRecord
 from server.store.storage import ReadTransaction, Storage
@@ -51,7 +51,7 @@ class LiveIndexes:
         self._database = database
         self._metrics = metrics
         self.settings = settings or IndexSettings()
-        self.folder = SegmentFolder(database)
+        self.folder = IndexFolder(database)
         self.stopping = threading.Event()
         self.flush_context = FlushContext(database, self.folder, self.settings.block_submaps, self.stopping.is_set)
         self._cache = FeatureCache(self.settings.cache_mb * 1_000_000)
@@ -66,7 +66,7 @@ class LiveIndexes:
     def view(self, collection_id: str) -> Iterator[View]:
         """A collection with an index that contains every write committed before the call.
 
-        Rows are read in the snapshot that the index was caught up to, so nobody can replace a candidate's landmarks
+        Rows are read in the read view that the index was caught up to, so nobody can replace a candidate's landmarks
         between search and answer. Readers wait only while another thread catches the index up.
 
         Raises:
@@ -84,7 +84,7 @@ class LiveIndexes:
                 else:
                     yield view
                     return
-            # Outside of the snapshot: the next one sees the result.
+            # Outside of the read view: the next one sees the result.
             exclusive = True
             if isinstance(obstacle, TooManyChanges):
                 # Only once: if submaps are stored faster than segments are written, it reads all of them into memory.
@@ -201,12 +201,12 @@ class LiveIndexes:
     def _enter(self, stack: ExitStack, collection_id: str, most: int | None, *, exclusive: bool) -> View:
         live = self._indexes.get(collection_id)
         if live is None or not exclusive:
-            return self._snapshot(stack, collection_id, live.state if live is not None else None, most)
-        # Other threads wait while the snapshot is taken, so no later state can overtake this attempt.
+            return self._open_view(stack, collection_id, live.state if live is not None else None, most)
+        # Other threads wait while the read view is opened, so no later state can overtake this attempt.
         with live.mutex:
-            return self._snapshot(stack, collection_id, live.state, most)
+            return self._open_view(stack, collection_id, live.state, most)
 
-    def _snapshot(self, stack: ExitStack, collection_id: str, seen: IndexVersion | None, most: int | None) -> View:
+    def _open_view(self, stack: ExitStack, collection_id: str, seen: IndexVersion | None, most: int | None) -> View:
         tx = stack.enter_context(self._database.read())
         collection = tx.collections.get(collection_id)
         if collection is None:
@@ -268,7 +268,7 @@ class LiveIndexes:
     def _look_into(self, collection_id: str, obstacle: UnusableSegment, missed: set[str]) -> None:
         live, name = self._indexes.get(collection_id), obstacle.listed.name
         if isinstance(obstacle.error, FileNotFoundError) and name not in missed:
-            missed.add(name)  # it was merged after the snapshot was taken, as the next one shows
+            missed.add(name)  # it was merged after the read view was opened, as the next one shows
         elif live is not None:
             self.quarantine(live, obstacle)
 

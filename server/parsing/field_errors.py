@@ -1,4 +1,4 @@
-"""Validation errors as JSON pointers (RFC 6901) with sentences that say what to do."""
+"""Validation errors in sentences that say what to do; of JSON, with pointers (RFC 6901) to the members at fault."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -11,9 +11,12 @@ _MOST = 20
 _SENTENCES: Mapping[str, str] = {
     "missing": "is required",
     "extra_forbidden": "is not a field of this request; check its spelling or leave it out",
-    "float_type": "must be a JSON number, not a string, boolean or null",
-    "int_type": "must be a JSON integer",
+    "float_type": "must be a number, not a string or boolean",
+    "float_parsing": "must be a number",
+    "int_type": "must be a whole number, not a string or boolean",
+    "int_parsing": "must be a whole number",
     "bool_type": "must be true or false",
+    "bool_parsing": "must be true or false",
     "string_type": "must be a string",
     "list_type": "must be an array",
     "tuple_type": "must be an array",
@@ -22,6 +25,12 @@ _SENTENCES: Mapping[str, str] = {
     "model_attributes_type": "must be an object",
     "finite_number": "must be a finite number",
     "int_from_float": "must be a whole number",
+    "greater_than": "must be above {gt:,.10g}",
+    "greater_than_equal": "must be at least {ge:,.10g}",
+    "less_than": "must be below {lt:,.10g}",
+    "less_than_equal": "must be at most {le:,.10g}",
+    "literal_error": "must be {expected}",
+    "string_too_long": "must have at most {max_length} characters",
     "string_pattern_mismatch": "must be of visible ASCII characters, without spaces",  # the only pattern in the schemas
 }
 
@@ -42,7 +51,7 @@ def field_problems(found: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     entries = []
     for one in found[:_MOST]:
         source, *parts = one["loc"]
-        entry: dict[str, Any] = {"code": one["type"], "detail": _sentence(one)}
+        entry: dict[str, Any] = {"code": one["type"], "detail": sentence(one)}
         if source == "body":
             entry = {"pointer": pointer(parts)} | entry
         else:
@@ -65,14 +74,15 @@ def describe(entries: Sequence[Mapping[str, Any]]) -> str:
     return f"{where}: {entries[0]['detail']}" if where else str(entries[0]["detail"])
 
 
-def _sentence(error: Mapping[str, Any]) -> str:
+def sentence(error: Mapping[str, Any]) -> str:
+    """What is wrong with one value, in a few words. `error`: an entry of `ValidationError.errors()`."""
     kind, context = error["type"], error.get("ctx") or {}
     if kind == "missing" and tuple(error["loc"]) == ("body",):
         return "a body is required: send a JSON object"
     if kind == "extra_forbidden" and "landmarks" in error["loc"][-3:-2] and error["loc"][-1] in _RENAMED:
         return _RENAMED[error["loc"][-1]]
     if kind in _SENTENCES:
-        return _SENTENCES[kind]
+        return _SENTENCES[kind].format(**context)
     if kind in ("too_short", "string_too_short") and context["min_length"] == 1:
         return "must not be empty"
     if (kind == "too_long" and context.get("field_type") == "Tuple") or kind == "too_short":

@@ -2,6 +2,7 @@
 pairs.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from functools import lru_cache
@@ -89,9 +90,14 @@ class Shares:
 
 @lru_cache(maxsize=64)
 def gates_answer(config: Config, min_confidence: float | None = None) -> GatesAnswer:
-    """The gates of a query of a collection with this configuration."""
-    gates = urquhart.Gates.of(config, Options(min_confidence=min_confidence).gate(config))
-    return GatesAnswer(**asdict(gates))
+    """The gates of a query of a collection with this configuration.
+
+    A given confidence is answered as it was given. That of a gate is rounded, so that the default of 6.9 is 0.999.
+    """
+    gate = Options(min_confidence=min_confidence).gate(config)
+    if min_confidence is None:
+        min_confidence = 1.0 - float(f"{1.0 / (1.0 + math.exp(gate)):.2g}")
+    return GatesAnswer(**asdict(urquhart.Gates.of(config, gate)) | {"confidence": min_confidence})
 
 
 def stage_answers(stages: Sequence[Stage]) -> list[StageAnswer]:

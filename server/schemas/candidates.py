@@ -121,7 +121,7 @@ class RivalLinks(Answer):
 
 
 class RivalAnswer(Answer):
-    """Another pose that explains the trees about as well as that of the first candidate."""
+    """Another pose that explains so many of the trees that it is not ruled out."""
 
     submap_id: str = Field(
         description="Id of the submap. Often the first candidate's: in rows of trees, its pose moved to the next row."
@@ -140,7 +140,8 @@ class FindingAnswer(Answer):
     support: _Support = Field(description=_SUPPORT)
     inlier_count: Annotated[int, Formerly("inliers")] = Field(description=_INLIER_COUNT)
     overlap_count: Annotated[int, Formerly("overlap")] = Field(
-        description="How many landmarks lie inside the overlap of both footprints, of the side that has more there."
+        description="Number of the query's landmarks inside the overlap of both footprints, or of the submap's if "
+        "those are more."
     )
     evidence: float = Field(description=_EVIDENCE)
     log_odds: float = Field(description=_LOG_ODDS)
@@ -157,7 +158,10 @@ class GatesAnswer(Answer):
     `lead_ratio` * (evidence of the rival).
     """
 
-    confidence: float = Field(description="Least confidence that is `matched`.")
+    confidence: float = Field(
+        description="Least confidence that is `matched`: the query's `min_confidence`, or that of the collection's "
+        "`gate`, with the probability of an error rounded to two digits."
+    )
     log_odds: float = Field(description="Least `log_odds` with which a pose without rivals reaches that confidence.")
     lead: float = Field(
         description="Constant part of the lead in evidence that a pose needs over its strongest rival. "
@@ -174,7 +178,7 @@ class GatesAnswer(Answer):
 
 class PromiseAnswer(Answer):
     """How good a query must be for the search to find its place, if that is stored: in the paper's forest 99 times in
-    100; rows of trees and dense stands need the effort `full`."""
+    100; rows of trees, and stands with neighbours nearer than 3 m, need the effort `full`."""
 
     sigma: float = Field(description="Noise of each coordinate, in metres.")
     detection: float = Field(description="Share of the trees that the query sees.")

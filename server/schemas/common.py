@@ -16,10 +16,14 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
+    GetJsonSchemaHandler,
     PlainSerializer,
     ValidatorFunctionWrapHandler,
     WrapValidator,
+    model_validator,
 )
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema
 
 from server.platform.precedence import give_way
 
@@ -166,6 +170,29 @@ class Body(BaseModel):
     """Base of request bodies. Unknown members are refused."""
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+
+class DefaultedBody(Body):
+    """Base of request bodies with members that have a default. There, null is the same as leaving the member out."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _without_nulls(cls, sent: Any) -> Any:
+        if not isinstance(sent, dict):
+            return sent
+        optional = {name for name, member in cls.model_fields.items() if not member.is_required()}
+        return {name: value for name, value in sent.items() if value is not None or name not in optional}
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        made = handler(schema)
+        properties = handler.resolve_ref_schema(made)["properties"]
+        for name, member in cls.model_fields.items():
+            about = properties[name]
+            if not member.is_required() and "anyOf" not in about:
+                known = {key: about.pop(key) for key in ("title", "description", "default") if key in about}
+                properties[name] = {"anyOf": [about, {"type": "null"}], "description": member.description} | known
+        return made
 
 
 class Answer(BaseModel):

@@ -5,13 +5,13 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field
 
 from server.schemas.candidates import WARNED
-from server.schemas.common import Answer, Body, Formerly, Label, Metres, ResourceId
+from server.schemas.common import Answer, DefaultedBody, Formerly, Label, Metres, ResourceId
 from server.schemas.poses import PoseWithCovariance, TreesMiddle
 
 ConstraintFormat = Literal["ndjson", "json", "g2o", "g2o_middle", "matrices"]
 
 
-class ConstraintGates(Body):
+class ConstraintGates(DefaultedBody):
     """What an accepted match must also pass to become a constraint."""
 
     confidence: Annotated[float, Field(ge=0, le=1)] = Field(
@@ -27,7 +27,7 @@ class ConstraintGates(Body):
     )
 
 
-class ConstraintExclude(Body):
+class ConstraintExclude(DefaultedBody):
     """Pairs of submaps to leave out. If both members are given, only pairs for which both hold are left out."""
 
     same_session: Annotated[bool, Field(strict=True)] = Field(
@@ -42,7 +42,7 @@ class ConstraintExclude(Body):
     )
 
 
-class ConstraintsInput(Body):
+class ConstraintsInput(DefaultedBody):
     """Which submaps to look up, in which others, and which matches become constraints."""
 
     model_config = ConfigDict(

@@ -6,7 +6,7 @@ from typing import Annotated, Final, Literal
 import numpy as np
 from pydantic import AfterValidator, Field
 
-from server.schemas.common import Answer, Body, Label, Metres, Number, Point
+from server.schemas.common import Answer, DefaultedBody, Label, Metres, Number, Point
 
 _ROUNDED: Final = 1e-6
 """How far below 0 an eigenvalue of a correlation matrix may be: covariances may be in single precision."""
@@ -79,7 +79,7 @@ class TreesMiddle(Answer):
     information: list[float] = Field(description="Information matrix, 3x3, row-major: the inverse of `covariance`.")
 
 
-class MapPose(Body):
+class MapPose(DefaultedBody):
     """Pose of a submap's frame in a map: p_map = R(yaw) p_submap + (x, y)."""
 
     frame_id: Label = Field("map", description="Name of the map's frame.")

@@ -21,6 +21,7 @@ from server.schemas.common import (
     STAMPED,
     Answer,
     Body,
+    DefaultedBody,
     Formerly,
     Label,
     Metres,
@@ -43,7 +44,7 @@ _XY: Any = [[0.4, 2.9], [5.1, -1.7], [-2.6, 1.3], [1.8, -6.0], [-6.2, -3.8], [7.
 _DBH_CM: Any = [31.0, 22.0, 45.0, 28.0, 19.0, 37.0]
 
 
-class Exclude(Body):
+class Exclude(DefaultedBody):
     """Submaps to leave out of the search: those of `submap_ids`, and those for which all other given members hold.
 
     `{"session": "mine", "within_seconds": 60}` leaves out the last minute of the session `mine`, and no other submaps.
@@ -64,7 +65,7 @@ class Exclude(Body):
     )
 
 
-class Near(Body):
+class Near(DefaultedBody):
     """Roughly where in a map the query was observed. Only submaps near that point are searched."""
 
     frame_id: Label = Field("map", description="Name of the map's frame, as in `map_pose`.")
@@ -76,14 +77,15 @@ class Near(Body):
     )
 
 
-class QueryOptions(Body):
+class QueryOptions(DefaultedBody):
     """Where to search, how, and what to return."""
 
     limit: Annotated[int, Field(ge=1, strict=True)] = Field(5, description="Most candidates to return.")
     method: Method = Field("robust", description="`robust`: the method of this service; `paper`: the published one.")
     effort: Effort = Field(
         "full",
-        description=f"How far to search if nothing is found. {glossed(EFFORTS)}",
+        description=f"How far to search if nothing is found. {glossed(EFFORTS)} If only one submap is searched, both "
+        "try every rotation and shift in it.",
     )
     min_confidence: Annotated[float, Field(gt=0.5, lt=1.0, strict=True)] | None = Field(
         None, description="Least `confidence` that is `matched`. By default that of the collection: 0.999 if unchanged."
@@ -176,7 +178,7 @@ _LEAD = (
     "Evidence of the best pose minus that of its strongest rival. Null if no other pose was strong enough to compare."
 )
 _GATES = "What a pose had to pass to be `matched`."
-_RIVALS = "Other poses that explain the trees about as well as that of the first candidate, strongest first."
+_RIVALS = "Other poses that explain so many of the trees that they are not ruled out, strongest first."
 _SEARCH = "Why the search ended and what its limits left out. Null in answers that an older version stored."
 _STAGES = "What each stage of the search did, in order."
 

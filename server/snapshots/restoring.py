@@ -10,8 +10,8 @@ from pathlib import Path
 from server.checks.database import file_discrepancies
 from server.collections.crud import get_collection
 from server.errors import Conflict, NotADatabase, NotFound, StorageDamaged
+from server.index.index_folder import IndexFolder
 from server.index.row_decoding import config_of
-from server.index.segment_folder import SegmentFolder
 from server.problem_types import document
 from server.schemas.snapshots import Snapshot
 from server.snapshots.snapshot_folder import SnapshotFolder, is_name, read_manifest, sha256
@@ -100,7 +100,7 @@ def restore(source: RestoreSource, path: Path, *, force: bool = False, discard: 
 
 def forget_unusable(database: Database) -> int:
     """Remove segments that are missing or damaged from the list. Returns their number. The service rebuilds them."""
-    folder, dropped = SegmentFolder(database), 0
+    folder, dropped = IndexFolder(database), 0
     with database.write() as tx:
         for key, collection_id, _ in tx.collections.revisions():
             config, segments = config_of(get_collection(tx, collection_id)), tx.segments(key)

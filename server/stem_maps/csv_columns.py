@@ -20,6 +20,8 @@ _OTHER_IDS: Final = ("treeid", "tree", "tag")
 DBH_UNITS: Final = {"cm": 1.0, "mm": 0.1, "m": 100.0, "in": 2.54}
 """Centimetres in one unit of diameter."""
 PLOT_NAMES: Final = ("plot", "plot_id", "plotid", "plot_no", "plot_nr", "plot_name")
+_SHOWN: Final = 8
+"""Most names of columns in a message."""
 _AZIMUTH: Final = ("azimuth", "azimut", "azi", "bearing", "azimuth_deg", "azimuth_gon")
 _DISTANCE: Final = ("distance", "dist", "distance_m", "dist_m", "horizontal_distance")
 _FACTORS: Final = {"ft": 0.3048, "feet": 0.3048, "foot": 0.3048, "us_ft": 0.3048006, "usft": 0.3048006, "cm": 0.01,
@@ -143,4 +145,6 @@ def _missing(key: str, names: list[str], rows: Rows, polar: tuple[str, ...]) -> 
     if {"lon", "longitude", "lat", "latitude"} & set(names):
         return f"{needed}, and longitude and latitude are degrees: project them, for example to UTM, into x_m and y_m"
     separated = "" if len(names) > 1 else f", separated by {', '.join(SEPARATORS.values())}"
-    return f"{needed}: the header must name x_m and y_m{separated}"
+    found = ", ".join(repr(name[:20]) for name in rows.header[:_SHOWN])
+    more = f" and {len(rows.header) - _SHOWN} more" if len(rows.header) > _SHOWN else ""
+    return f"{needed}: the header must name x_m and y_m{separated}, and it names {found}{more}"

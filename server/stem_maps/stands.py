@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from server.config.settings import Limits
+from server.parsing.field_errors import sentence
 from server.schemas.common import check_id
 from server.schemas.landmarks import Landmark
 from server.schemas.poses import MapPose
@@ -138,9 +139,7 @@ def _known(stem_map: StemMap, trees: NDArray[np.int64]) -> dict[int, dict[str, A
         }
     except ValidationError as error:
         first = error.errors()[0]
-        raise StandError(
-            f"{stem_map.name}: tree value {first['input']!r}: {first['msg'].removeprefix('Value error, ')}"
-        ) from error
+        raise StandError(f"{stem_map.name}: tree value {first['input']!r} {sentence(first)}") from error
 
 
 def landmarks_of(stem_map: StemMap) -> list[Landmark]:

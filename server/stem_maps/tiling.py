@@ -74,7 +74,7 @@ def cut(
 
     Raises:
         CuttingError: radius or spacing is not a positive number, the grid has more than `MAXIMUM_DISCS` points, a disc
-            holds more than `maximum_trees`, or none holds `minimum_trees`.
+            holds more than `maximum_trees`, or none holds `minimum_trees`, perhaps because the map has fewer.
     """
     for name, value in (("radius", radius), ("spacing", spacing)):
         if not (np.isfinite(value) and value > 0):
@@ -107,6 +107,9 @@ def cut(
                 xy=xy[members] - centre,
             )
         )
+    if not discs and len(kept) < minimum_trees:
+        merged = f" ({len(stem_map)} before stems within 1 cm were merged)" if len(kept) < len(stem_map) else ""
+        raise CuttingError(f"the stem map has {len(kept)} trees{merged}, and a submap needs at least {minimum_trees}")
     if not discs:
         raise CuttingError(f"no circle of {radius:g} m contains {minimum_trees} trees: make the radius larger")
     return Cut(

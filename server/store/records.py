@@ -1,7 +1,7 @@
 """What the repositories take and give: rows as frozen dataclasses, without SQL. Collections and what they own.
 
-A record is a snapshot. It does not change when its row does; read it again for that. `submap_records` has those of
-submaps, `service_records` those of keys, jobs and responses.
+A record does not change when its row does; read it again for that. `submap_records` has those of submaps,
+`service_records` those of keys, jobs and responses.
 """
 
 from collections.abc import Sequence

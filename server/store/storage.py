@@ -26,7 +26,7 @@ from server.store.repositories.submaps import SubmapReader, Submaps
 
 
 class ReadTransaction:
-    """Repositories that read, all in one snapshot: what others commit meanwhile is not seen.
+    """Repositories that read, all in one read view: what others commit meanwhile is not seen.
 
     Those of what belongs to a collection are methods. They take its key and see nothing of other collections.
     """

@@ -225,8 +225,15 @@ def test_listing_fetches_pages_when_they_are_needed() -> None:
 def test_what_cannot_be_sent_is_refused_before_it_is() -> None:
     fake = service(RESULT)
     there = client(fake)
-    with pytest.raises(ValueError, match="not finite"):
-        there.query("plots", [[float("nan"), 0.0]])
+    nan = float("nan")
+    with pytest.raises(ValueError, match="/xy/1/0 is not finite"):
+        there.query("plots", [[0.0, 0.0], [nan, 0.0]])
+    with pytest.raises(ValueError, match="/landmarks/0/y is not finite"):
+        there.query("plots", [[0.0, -float("inf")]], dbh_cm=[31.0])
+    with pytest.raises(ValueError, match="/map_pose/yaw is not finite"):
+        there.put_submap("plots", "p7", xy=[[0, 0]], map_pose={"x": 0, "y": 0, "yaw": nan})
+    with pytest.raises(ValueError, match="/queries/1/min_confidence is not finite"):
+        there.query_batch("plots", [{"submap_id": "a"}, {"submap_id": "b", "min_confidence": nan}])
     with pytest.raises(ValueError, match="either as xy"):
         there.query("plots")
     with pytest.raises(ValueError, match="either as xy"):

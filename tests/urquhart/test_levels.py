@@ -199,8 +199,9 @@ def test_each_keyword_of_a_search_is_an_option() -> None:
     assert SearchOptions.__annotations__.keys() == {field.name for field in fields(Options)}
 
 
-def test_a_single_submap_is_tried_at_once() -> None:
-    found = recognizer(count=36).locate(here(sigma=0.1), only=[14])
+@pytest.mark.parametrize("effort", ["fast", "full"])
+def test_a_single_submap_is_tried_at_once(effort: Effort) -> None:
+    found = recognizer(count=36).locate(here(sigma=0.1), only=[14], effort=effort)
     assert names(found) == ["describe", *EXHAUSTIVE]
     assert [candidate.key for candidate in found.candidates] == [14]
 
@@ -348,6 +349,7 @@ def test_how_a_search_ended_is_told() -> None:
     assert Recognizer(CONFIG).locate(seen).search == SearchEnd("not_started")
     assert recognizer().locate(seen[:2]).search == SearchEnd("not_started")
     assert recognizer().locate(seen, method="paper").search == SearchEnd("decided")
+    assert recognizer().locate(nowhere(0), method="paper").search == SearchEnd("exhausted")
     found = recognizer(Config(gate=60.0)).locate(seen)
     assert found.verdict != "matched"
     assert found.search == SearchEnd("beats_chance")

@@ -23,7 +23,7 @@ from urquhart.trace import SearchEnd, Skipped, Stage, StoppedBy
 REASONS: Final[Mapping[str, str]] = {
     "verified": "chance and every rival pose are ruled out",
     "below_gate": "too little to rule out chance or trees in rows",
-    "rival_too_close": "another pose explains the trees about as well",
+    "rival_too_close": "another pose explains too many of the trees to be ruled out",
     "contradicting_maps": "submaps that fit have contradicting map poses",
     "verification_failed": "more trees speak against the pose than for it",
     "no_proposal": "no submap has anything like these trees",
@@ -39,7 +39,7 @@ STOPS: Final[Mapping[StoppedBy, str]] = {
     "beats_chance": "chance is ruled out for the first candidate; searching on would only add weaker poses",
     "evidence_bound": "a stored place would have shown more evidence by now, if the query is as good as promised",
     "effort": "the effort fast ends here, which says nothing about so few trees; search with the effort full",
-    "exhausted": "every kind of search was tried",
+    "exhausted": "no step of this method is left to try",
     "deadline": "the time ran out: what was not searched by then may hold the place",
     "not_started": "there was nothing to search for, or nothing to search in",
 }

@@ -1,10 +1,10 @@
 """The clients: a blocking one and an asynchronous one, with the same calls."""
 
-from urquhart_client._async.jobs import AsyncJobCalls
+from urquhart_client._async.jobs_and_snapshots import AsyncJobCalls
 from urquhart_client._async.queries import AsyncQueryCalls
 from urquhart_client._async.service_and_collections import AsyncServiceCalls
 from urquhart_client._async.submaps import AsyncSubmapCalls
-from urquhart_client._sync.jobs import JobCalls
+from urquhart_client._sync.jobs_and_snapshots import JobCalls
 from urquhart_client._sync.queries import QueryCalls
 from urquhart_client._sync.service_and_collections import ServiceCalls
 from urquhart_client._sync.submaps import SubmapCalls

@@ -90,7 +90,7 @@ class SearchEnd(Model):
 
 
 class Rival(Model):
-    """Another pose that explains the data about as well as the first candidate's; its `transform` as there."""
+    """Another pose that explains so many of the trees that it is not ruled out; `transform` as in `Candidate`."""
 
     submap_id: str
     transform: Transform

@@ -1,5 +1,6 @@
 """The OpenAPI document as a Markdown page: operations with parameters, bodies, answers and errors, then all types."""
 
+import math
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
@@ -11,6 +12,13 @@ _METHODS = ("get", "put", "post", "patch", "delete")
 _REFERENCE: Final = "#/components/schemas/"
 _BEYOND: Final = 1e8
 """Bounds of this size only keep numbers finite, so the page leaves them out."""
+_BOUNDS: Final = {
+    "minimum": " from",
+    "exclusiveMinimum": " above",
+    "maximum": " up to",
+    "exclusiveMaximum": " below",
+}
+"""Words for the bounds of numbers, in the order in which they are written."""
 _SHORT: Final = 100
 """Characters of an object that is written on one line."""
 _HEAD = """\
@@ -221,17 +229,11 @@ def _type(schema: Mapping[str, Any]) -> str:
 
 
 def _bounds(schema: Mapping[str, Any]) -> str:
-    """What a number lies between, where that is more than finite."""
-    low, high = schema.get("minimum"), schema.get("maximum")
-    low = None if low is None or low <= -_BEYOND else low
-    high = None if high is None or high >= _BEYOND else high
-    if "exclusiveMinimum" in schema:
-        return f" above {schema['exclusiveMinimum']:,.10g}" + ("" if high is None else f", at most {high:,.10g}")
-    if low is not None and high is not None:
-        return f" from {low:,.10g} to {high:,.10g}"
-    if low is not None:
-        return f" from {low:,.10g}"
-    return "" if high is None else f" up to {high:,.10g}"
+    """What a number lies between, without bounds that only keep it finite."""
+    limits = {name: schema[name] for name in _BOUNDS if abs(schema.get(name, math.inf)) < _BEYOND}
+    if limits.keys() == {"minimum", "maximum"}:
+        return f" from {limits['minimum']:,.10g} to {limits['maximum']:,.10g}"
+    return " and".join(f"{mark} {limits[name]:,.10g}" for name, mark in _BOUNDS.items() if name in limits)
 
 
 def _default(schema: Mapping[str, Any]) -> str:

@@ -33,7 +33,7 @@ _log = logging.getLogger(__name__)
 class Database:
     """One SQLite file in WAL mode.
 
-    A `Storage`. `read()` gives a transaction on one snapshot that no writer disturbs; `write()` one that holds the
+    A `Storage`. `read()` gives a transaction with one read view that no writer disturbs; `write()` one that holds the
     write lock from its first statement. Errors of SQLite leave as `errors.StorageError`.
 
     From `use_wal` to `dispose` the file must stay what it is and where it is: else nothing is read and no write is

@@ -35,8 +35,11 @@ def test_configuration_is_kept_whole_and_checked(client: httpx.Client) -> None:
     assert len(made["config"]) > 5
     refused = client.put("/v1/collections/bad", json={"config": {"gates": 1}})
     assert refused.status_code == 422
-    assert refused.json()["errors"][0]["pointer"] == "/config"
+    assert refused.json()["errors"][0]["pointer"] == "/config/gates"
     assert "gates" in refused.json()["detail"]
+    for config in ({"gate": -1}, {"squared": 1}, {"samples": 1.5}):
+        wrong = client.put("/v1/collections/bad", json={"config": config}).json()["errors"][0]
+        assert wrong["pointer"] == f"/config/{next(iter(config))}"
     assert client.get("/v1/collections/bad").status_code == 404
 
 

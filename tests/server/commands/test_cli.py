@@ -15,6 +15,9 @@ import pytest
 
 from tests.server.commands.cli_helpers import LONGLEAF, POSE, Urquhart, refused, write_observation
 from urquhart import SE2
+from urquhart.report.explanation import REASONS
+
+STAND = ["--collection", "c", "--radius", "1", "--spacing", "1"]
 
 # ------------------------------------------------------------------- root
 
@@ -31,17 +34,36 @@ def test_version_and_help(urquhart: Urquhart) -> None:
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [
-        (["bogus"], "No such command 'bogus'"),
-        (["db"], "Missing command"),
-        (["index"], "Missing argument 'FILE...'"),
+        (["bogus"], "No such command 'bogus' (see urquhart --help)"),
+        (["db"], "Missing command (see urquhart db --help)"),
+        (["index"], "Missing argument 'FILE...' (see urquhart index --help)"),
         (["index", "a.csv", "--radius", "1", "--spacing", "1"], "--collection"),
-        (["index", "a.csv", "--collection", "c", "--radius", "wide", "--spacing", "1"], "--radius"),
-        (["serve", "--port", "99999"], "--port"),
+        (
+            ["index", "a.csv", "--collection", "c", "--radius", "wide", "--spacing", "1"],
+            "'wide' must be a number",
+        ),
+        (["index", "a.csv", *STAND, "--dbh-unit", "ft"], "'--dbh-unit': 'ft' is not one of 'cm', 'mm', 'm', 'in' (see"),
+        (
+            ["locate", "a.csv", "--collection", "c", "--effort", "quick"],
+            "'quick' is not one of 'fast', 'full' (",
+        ),
+        (
+            ["locate", "a.csv", "--collection", "c", "--limit", "0"],
+            "'0' must be at least 1 (see urquhart locate",
+        ),
+        (
+            ["keys", "create", "a", "--scope", "own"],
+            "'read', 'write', 'admin' (see urquhart keys create",
+        ),
+        (["serve", "--port", "99999"], "'--port': '99999' must be at most 65,535 (see urquhart serve --help)"),
         (["demo", "--observations", "0"], "--observations"),
     ],
 )
 def test_a_wrong_command_line_is_one_line(urquhart: Urquhart, arguments: list[str], word: str) -> None:
-    refused(urquhart(*arguments), word, "--help")
+    said = urquhart(*arguments)
+    refused(said, word, "--help)")
+    for of_the_library in ("Value error", "Input should"):
+        assert of_the_library not in said.err
 
 
 def test_a_setting_that_makes_no_sense_is_one_line(urquhart: Urquhart, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -199,7 +221,7 @@ def test_locate_ends_well_whatever_the_verdict(urquhart: Urquhart, indexed: Path
     for points in (np.empty((0, 2)), np.array([[0.0, 0.0], [3.0, 4.0]])):
         file = write_observation(tmp_path / "few.csv", points)
         said = urquhart("locate", file, "--collection", "stand", "--database", indexed, "--svg", "few.svg")
-        assert said.code == 0
+        assert (said.code, REASONS["too_few_landmarks"] in said.out) == (0, True)
         assert said.out.startswith("no_match (too_few_landmarks)")
         assert "nothing to draw" in said.out
     assert not (tmp_path / "few.svg").exists()
@@ -228,6 +250,7 @@ def test_locate_refuses_bad_input_in_one_line(
     )
     assert not (tmp_path / "none.db").exists()
     refused(urquhart("locate", observation, *known, "--limit", 1000), "at most")
+    refused(urquhart("locate", observation, *known, "--min-confidence", 1), "must be below 1, not 1.0 (see urquhart")
     refused(urquhart("locate", observation, *known, "--svg", tmp_path), str(tmp_path), "directory")
     (tmp_path / "long.csv").write_text(f"id,x,y\n{'a' * 200},1,2\n")
     refused(urquhart("locate", "long.csv", *known), "long.csv: tree value")

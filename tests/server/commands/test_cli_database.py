@@ -122,6 +122,14 @@ def test_a_full_disk_is_one_line_and_keeps_what_was_stored(
     assert urquhart("db", "check", "--database", path).code == 0
 
 
+def test_a_snapshot_that_is_not_there_is_told_with_where_it_was_looked_for(urquhart: Urquhart, tmp_path: Path) -> None:
+    urquhart("db", "upgrade")
+    folder = str(tmp_path / "urquhart.db.snapshots")
+    for verb in ("restore", "verify"):
+        refused(urquhart("snapshot", verb, "spring"), f"'spring' in {folder}", f"no file {tmp_path / 'spring'};")
+    refused(urquhart("snapshot", "delete", "spring"), f"no snapshot 'spring' in {folder}; urquhart snapshot list")
+
+
 def test_names_of_snapshots_are_told_as_a_whole(urquhart: Urquhart, monkeypatch: pytest.MonkeyPatch) -> None:
     """On a terminal of the usual width, too: a name that is cut is none that can be restored."""
     monkeypatch.setenv("COLUMNS", "80")

@@ -39,6 +39,7 @@ def test_every_type_has_one_table_and_is_linked(app: FastAPI) -> None:
 def test_a_nested_type_is_spelled_out() -> None:
     page = (DOCS / "api.md").read_text()
     assert "| `exclude` | [Exclude](#exclude) |" in page
+    assert "| `min_confidence` | number above 0.5 and below 1 |" in page
     assert "| `radius` (required) | number above 0 |" in page.split("\n### Near\n")[1]
     assert "| `transform` | [CandidateTransform](#candidatetransform) |" in page.split("\n### CandidateAnswer\n")[1]
 

@@ -276,7 +276,7 @@ def test_a_reader_that_is_always_overtaken_gets_its_turn(
     catch_up, overtaken = LiveIndex.catch_up, list[int]()
 
     def late(self: LiveIndex, tx: ReadTransaction, collection: CollectionRecord, *rest: Any) -> IndexVersion:
-        # Another reader is faster, each time that it can be: between this one's snapshot and its catch-up.
+        # Another reader is faster, each time that it can be: between this one's read view and its catch-up.
         if not overtaken:
             overtaken.append(1)
             one.put("b", 2)

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from server.checks.index import index_discrepancies
 from server.collections import crud
 from server.index.flushing import flush, rebuild
-from server.index.segment_folder import SegmentFolder
+from server.index.index_folder import IndexFolder
 from server.index.segment_merging import FANOUT, plan
 from server.schemas.collections import CollectionPut
 from server.store.records import SegmentRecord, trusted
@@ -384,14 +384,14 @@ def test_a_gap_in_the_list(process: Process) -> None:
 def test_a_segment_that_was_merged_away_just_now(process: Process, monkeypatch: pytest.MonkeyPatch) -> None:
     process.put_many(range(8), batch=4)
     flush(process.indexes.flush_context, "plots")
-    late, opened = Process(process.database.path), SegmentFolder.open
+    late, opened = Process(process.database.path), IndexFolder.open
 
-    def merged_before(self: SegmentFolder, listed: SegmentRecord, key: int, config: Config) -> Segment:
+    def merged_before(self: IndexFolder, listed: SegmentRecord, key: int, config: Config) -> Segment:
         monkeypatch.undo()
         process.maintenance.flush_and_merge("plots")
         return opened(self, listed, key, config)
 
-    monkeypatch.setattr(SegmentFolder, "open", merged_before)
+    monkeypatch.setattr(IndexFolder, "open", merged_before)
     assert late.held() == {f"p{i}" for i in range(8)}
     assert [s.submaps for s in late.chain()] == [8]
     assert late.metrics.registry.get_sample_value("urquhart_segments_damaged_total") == 0.0
@@ -409,7 +409,7 @@ def test_a_segment_that_cannot_be_read_is_left_out_and_kept(
     def refused(*_: object) -> Segment:
         raise OSError(errno.EMFILE, "Too many open files")
 
-    monkeypatch.setattr(SegmentFolder, "open", refused)
+    monkeypatch.setattr(IndexFolder, "open", refused)
     assert process.held() == {f"p{i}" for i in range(12)}
     process.put("new", 20)
     assert (process.found(20), process.found(3)) == ("new", "p3")

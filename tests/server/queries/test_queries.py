@@ -10,6 +10,8 @@ from sqlalchemy import update
 
 from server.app import create_app
 from server.config.settings import Limits, Settings
+from server.schemas.constraints import ConstraintsInput
+from server.schemas.queries import Exclude, QueryInput
 from server.store.tables import SubmapRow
 from tests.server.factories import TestClient, forest, observed, points, put_submap
 from tests.server.served import together
@@ -82,6 +84,35 @@ def test_pose_in_the_map(client: httpx.Client) -> None:
     client.patch(f"{PLOTS}/submaps/p", json={"map_pose": pose | {"covariance": None}}).raise_for_status()
     unsure = ask(client, xy=seen)["candidates"][0]["map_pose"]
     assert (unsure["covariance"], unsure["middle"]) == (None, None)
+
+
+def test_the_confidence_of_the_gate_is_answered_as_it_was_given(client: httpx.Client) -> None:
+    put_submap(client, "plots", "p", 1).raise_for_status()
+    seen, _ = observed(forest(1), 2)
+    assert ask(client, xy=seen)["gates"]["confidence"] == 0.999
+    for given in (0.9, 0.95, 0.9999, 0.51):
+        assert ask(client, xy=seen, min_confidence=given)["gates"]["confidence"] == given
+
+
+def test_null_is_the_same_as_leaving_a_member_out(client: httpx.Client) -> None:
+    put_submap(client, "plots", "p", 1, map_pose={"x": 0.0, "y": 0.0, "yaw": 0.0, "frame_id": None}).raise_for_status()
+    near = {"x": 0.0, "y": 0.0, "radius": 50.0}
+    seen, _ = observed(forest(1), 2)
+    names = set(QueryInput.model_fields) - {"xy"}
+    plain, nulls = ask(client, xy=seen), ask(client, xy=seen, **dict.fromkeys(names))
+    inner = ask(client, xy=seen, near=near | {"frame_id": None}, exclude=dict.fromkeys(Exclude.model_fields))
+    for answer in (plain, nulls, inner):
+        assert (answer["verdict"], answer["effort"], answer["method"]) == ("matched", "full", "robust")
+    refused = client.post(f"{PLOTS}/queries", json={"xy": seen, "near": near | {"radius": None}})
+    assert (refused.status_code, refused.json()["errors"][0]["pointer"]) == (422, "/near/radius")
+    job = client.post(f"{PLOTS}/constraints", json=dict.fromkeys(ConstraintsInput.model_fields))
+    assert job.status_code == 202
+
+
+def test_a_number_that_is_none_is_refused_without_a_word_on_null(client: httpx.Client) -> None:
+    """Null is allowed there."""
+    refused = client.post(f"{PLOTS}/queries", json={"xy": [], "min_confidence": "x"}).json()["errors"][0]
+    assert (refused["pointer"], refused["detail"]) == ("/min_confidence", "must be a number, not a string or boolean")
 
 
 @pytest.mark.parametrize("sigma_yaw", [1e-3, 0.05, 3.0])

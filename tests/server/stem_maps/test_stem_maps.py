@@ -70,7 +70,12 @@ def test_trees_without_ids_are_numbered(tmp_path: Path) -> None:
         ("", None, "the file is empty"),
         ("\n\n# nothing\n", None, "the file is empty"),
         ("x_m,y_m\n", None, "has a header but no trees"),
-        ("x_m,z_m\n1,2\n", 1, "column y_m or y is missing"),
+        (
+            "x_m,z_m\n1,2\n",
+            1,
+            "y_m or y is missing: the header must name x_m and y_m, and it names 'x_m', 'z_m'",
+        ),
+        (f"{','.join('abcdefghij')}\n", 1, "it names 'a', 'b', 'c', 'd', 'e', 'f', 'g', 'h' and 2 more"),
         ("# c\n\nx y\n1 2\n", 3, "separated by commas, semicolons, tabs"),
         ("x,x_m,y\n1,1,2\n", 1, "two columns are called x_m or x"),
         ("id,tree_id,x,y\n1,1,1,2\n", 1, "two columns are called tree_id or id"),
@@ -222,6 +227,10 @@ def test_cuts_that_make_no_sense_say_what_to_change() -> None:
     crowd = rng.uniform(0.0, 10.0, (50, 2))
     with pytest.raises(CuttingError, match="make the radius larger"):
         cut(stand(crowd), 0.1, 1.0)
+    with pytest.raises(CuttingError, match="the stem map has 2 trees, and a submap needs at least 10"):
+        cut(stand(crowd[:2]), 30.0, 1.0)
+    with pytest.raises(CuttingError, match=r"has 9 trees \(18 before stems within 1 cm were merged\)"):
+        cut(stand(np.repeat(crowd[:9], 2, axis=0)), 30.0, 1.0)
     with pytest.raises(CuttingError, match="make the radius smaller"):
         cut(stand(crowd), 100.0, 1.0, maximum_trees=49)
     with pytest.raises(CuttingError, match="a tree far outside the stand"):

@@ -77,7 +77,7 @@ def test_a_write_transaction_is_stored_whole_or_not_at_all(storage: Storage) -> 
         assert reading.collections.ids() == ["kept"]
         with storage.write() as tx:
             create(tx, "later")
-        assert reading.collections.ids() == ["kept"]  # a snapshot
+        assert reading.collections.ids() == ["kept"]  # in its read view
     with storage.read() as reading:
         assert reading.collections.ids() == ["kept", "later"]
 

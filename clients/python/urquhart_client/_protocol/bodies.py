@@ -1,9 +1,10 @@
 """Bodies of requests, built from the arguments of callers."""
 
-from collections.abc import Iterable, Mapping, Sequence
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import datetime
 from enum import Enum
-from math import isnan
+from math import isfinite, isnan
 from typing import Any, Final
 
 from pydantic import BaseModel
@@ -161,6 +162,27 @@ def rfc3339(stamp: datetime | str | None) -> str | None:
 def given(**fields: object) -> dict[str, Any]:
     """The members that are not None."""
     return {name: value for name, value in fields.items() if value is not None}
+
+
+def written(body: Mapping[str, Any]) -> bytes:
+    """A body as JSON. Raises ValueError for a number that JSON does not have, with its place."""
+    try:
+        return json.dumps(body, allow_nan=False, separators=(",", ":")).encode()
+    except ValueError as error:
+        place = next(_not_finite(body), "?")
+        raise ValueError(f"the number at {place} is not finite; leave out landmarks without a position") from error
+
+
+def _not_finite(value: object, place: str = "") -> Iterator[str]:
+    """JSON pointers to the numbers in a body that are NaN or infinite."""
+    if isinstance(value, float) and not isfinite(value):
+        yield place
+    elif isinstance(value, Mapping):
+        for name, member in value.items():
+            yield from _not_finite(member, f"{place}/{name}")
+    elif isinstance(value, list | tuple):
+        for index, member in enumerate(value):
+            yield from _not_finite(member, f"{place}/{index}")
 
 
 def _plain(value: BaseModel | Mapping[str, Any]) -> dict[str, Any]:

@@ -28,7 +28,7 @@ _MOST_MEDIAN: Final = {"dbh": 60.0}
 """Centimetres. A larger median means millimetres, unless the column's name has the unit."""
 _COORDINATE_LIMIT: Final = 1e8
 _FEW: Final = 20
-"""Rows from which a pattern in all of them is no accident."""
+"""Rows from which a pattern in all of them is no accident; most names of columns in a message."""
 
 
 class FileError(ValueError):
@@ -119,7 +119,10 @@ class _Table:
         if "id" not in columns and others:
             columns["id"] = others[0]
         if "x" not in columns or "y" not in columns:
-            raise self.refuse("the first line must name the columns x and y, or x_m and y_m, which are metres")
+            found = ", ".join(repr(name[:20]) for name in self.header[:_FEW])
+            raise self.refuse(
+                f"the first line must name the columns x and y, or x_m and y_m, which are metres; it names {found}"
+            )
         return columns
 
     def landmark(self, line: int, fields: list[str]) -> dict[str, Any]:

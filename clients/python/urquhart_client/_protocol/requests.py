@@ -4,7 +4,6 @@ Each function takes the caller's arguments and returns a `Request`: what to send
 clients are shells around them: they send it, blocking or asynchronously, and call `exchange.answer`.
 """
 
-import json
 import uuid
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -13,7 +12,7 @@ from urllib.parse import quote
 
 import httpx
 
-from urquhart_client._protocol.bodies import given
+from urquhart_client._protocol.bodies import given, written
 from urquhart_client._protocol.exchange import Request, document, model, nothing, page, text
 from urquhart_client.errors import ProblemError, UnexpectedAnswer
 from urquhart_client.models import (
@@ -270,12 +269,8 @@ def with_body(
     headers: Mapping[str, str] | None = None,
 ) -> Request[T]:
     """A request with a JSON body. Raises ValueError for numbers that JSON does not have."""
-    try:
-        content = json.dumps(body, allow_nan=False, separators=(",", ":")).encode()
-    except ValueError as error:
-        raise ValueError("the request contains a number that is not finite") from error
     return Request(
-        method, path, parse, headers={"Content-Type": JSON, "Accept": JSON, **(headers or {})}, content=content
+        method, path, parse, headers={"Content-Type": JSON, "Accept": JSON, **(headers or {})}, content=written(body)
     )
 
 

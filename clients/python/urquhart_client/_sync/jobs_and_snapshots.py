@@ -1,4 +1,4 @@
-"""Calls about long work: uploads, a new index, constraints, and snapshots."""
+"""Calls that start and follow jobs (imports, reindexing, constraints), and calls about snapshots."""
 
 import hashlib
 import time

@@ -1,7 +1,7 @@
-"""The files of a database's index, in a folder beside it: named, opened with suspicion, locked, cleaned up.
+"""The folder of a database's index, which lies beside it: names, opens and removes segment files, and locks work.
 
-What counts is listed in the database. A file that is not listed is left over, and one that is listed and cannot be
-trusted is rebuilt.
+Only segments that the database lists count. A file that is not listed is left over. A listed file is checked when it is
+opened, and rebuilt if it is not what was listed.
 """
 
 import time
@@ -27,7 +27,7 @@ _GRACE: Final = 60.0
 _POLL: Final = 0.01
 
 
-class SegmentFolder:
+class IndexFolder:
     """The folder `<database file>.index`, made when something is first written to it."""
 
     def __init__(self, database: Storage) -> None:
