@@ -20,7 +20,7 @@ from server.store.sqlite.database import Database
 from server.store.sqlite.upgrade import migrations_runner
 from server.submaps import bulk_ingest
 from urquhart import SE2, Config, Features, Recognizer, describe
-from urquhart.evaluation.simulation import observe, paper_forest
+from urquhart.evaluation.simulation import Sensor, observe, paper_forest
 from urquhart.features.describe import local_density
 from urquhart.features.landmark_checks import check_landmarks
 from urquhart.features.polygon_descriptor import describe_outlines
@@ -44,14 +44,14 @@ class Forest:
         trees = paper_forest(rng, side)
         centres = np.arange(RADIUS, side - RADIUS + 1.0, SPACING)
         poses = [SE2(float(x), float(y), 0.0) for x in centres for y in centres]
-        return Forest(trees, poses, [observe(trees, pose, RADIUS, rng).xy for pose in poses])
+        return Forest(trees, poses, [observe(trees, pose, Sensor(RADIUS), rng).xy for pose in poses])
 
     def look(self, rng: np.random.Generator, sigma: float, detection: float) -> tuple[SE2, NDArray[np.float64]]:
         """A fresh observation: pose and landmarks."""
         low, high = self.trees.min(axis=0) + RADIUS, self.trees.max(axis=0) - RADIUS
         x, y = rng.uniform(low, high).tolist()
         pose = SE2(x, y, float(rng.uniform(-np.pi, np.pi)))
-        return pose, observe(self.trees, pose, RADIUS, rng, sigma=sigma, detection=detection).xy
+        return pose, observe(self.trees, pose, Sensor(RADIUS, sigma=sigma, detection=detection), rng).xy
 
 
 def describe_cost(rng: np.random.Generator, repeats: int = 1500) -> dict[str, float]:

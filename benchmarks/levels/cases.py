@@ -15,7 +15,7 @@ from benchmarks.robust.known_places import PAPER, STRICT, AskedQuery, RobustWorl
 from benchmarks.scale.tiled_forest import GOOD, MARGIN, POOR, RADIUS, Setting
 from benchmarks.scale.tiled_forest import World as Forest
 from urquhart import SE2, Config, warm_up
-from urquhart.evaluation.simulation import observe
+from urquhart.evaluation.simulation import Sensor, observe
 
 SIZES: Final = (1_000, 10_000)
 """Submaps of the large forests."""
@@ -104,7 +104,7 @@ def _forest(submaps: int) -> Callable[[int, int, int], Iterator[AskedQuery]]:
             x, y, yaw = rng.uniform((0.0, 0.0, -np.pi), (east, north, np.pi)).tolist()
             pose = SE2(MARGIN + x, MARGIN + y, yaw)
             trees = forest.trees_near(pose.x, pose.y, 0 if inside else 1)
-            seen = observe(trees, pose, RADIUS, rng, sigma=setting.sigma, detection=setting.detection)
+            seen = observe(trees, pose, Sensor(RADIUS, sigma=setting.sigma, detection=setting.detection), rng)
             yield AskedQuery(world, seen.xy, 0 if inside else None, pose)
 
     return questions

@@ -16,7 +16,7 @@ from benchmarks.paper.methods import Correspondences, Method, Points, Robust
 from urquhart import SE2, Config, describe
 from urquhart.decide.confidence import log_odds, refusal
 from urquhart.evaluation.scores import Outcomes, is_right, score
-from urquhart.paper.ransac import RansacFit, ransac
+from urquhart.paper.ransac import PointPairs, RansacFit, ransac
 from urquhart.propose.query import log_volume
 from urquhart.verify.landmark_grid import landmark_grid
 from urquhart.verify.refinement import verify
@@ -84,10 +84,8 @@ def agree(
 ) -> RansacFit | None:
     """submap_T_query by the paper's RANSAC from correspondences between landmarks (N, 2) and (M, 2), metres."""
     return ransac(
-        query[found[0]],
-        submap[found[1]],
+        PointPairs(query[found[0]], submap[found[1]], config.ransac_distance),
         rng,
-        distance=config.ransac_distance,
         ratio=config.ransac_ratio,
         iterations=config.ransac_iterations,
     )

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from urquhart.evaluation.simulation import SimulatedObservation, observe, paper_forest
+from urquhart.evaluation.simulation import Sensor, SimulatedObservation, observe, paper_forest
 from urquhart.se2 import SE2
 
 SIGMAS: Final = (0.0, 0.1, 0.2, 0.3, 0.4)
@@ -71,7 +71,7 @@ def drive(per_lap: int, seed: int, sigma: float, detection: float, rotation: flo
     positions, turns = path(per_lap, poses_rng), poses_rng.random(LAPS * per_lap)
     rng = np.random.default_rng([seed, 2, round(1000 * sigma), round(1000 * detection)])
     observations = [
-        observe(trees, SE2(x, y, turn * rotation), SENSOR, rng, sigma=sigma, detection=detection)
+        observe(trees, SE2(x, y, turn * rotation), Sensor(SENSOR, sigma=sigma, detection=detection), rng)
         for (x, y), turn in zip(positions.tolist(), turns.tolist(), strict=True)
     ]
     first, second = np.triu_indices(len(observations), 1)

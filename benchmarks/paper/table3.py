@@ -19,7 +19,7 @@ from benchmarks.paper.drive import drive
 from benchmarks.paper.methods import Glarot, Li, Method, Paper, Points, Robust
 from benchmarks.pool import Pool
 from urquhart import SE2, Config, warm_up
-from urquhart.evaluation.simulation import observe, paper_forest
+from urquhart.evaluation.simulation import Sensor, observe, paper_forest
 
 CELL: Final = (0.1, 0.95)
 """Noise and detection: a middling cell of Table I."""
@@ -125,7 +125,7 @@ def views_of(size: int, count: int, rng: np.random.Generator) -> list[NDArray[np
         x, y, yaw, bearing = rng.uniform((300.0, 300.0, -np.pi, -np.pi), (700.0, 700.0, np.pi, np.pi)).tolist()
         step = APART * reach
         both = SE2(x, y, yaw), SE2(x + step * math.cos(bearing), y + step * math.sin(bearing), -yaw)
-        views += [observe(trees, pose, reach, rng, sigma=CELL[0], detection=CELL[1]).xy for pose in both]
+        views += [observe(trees, pose, Sensor(reach, sigma=CELL[0], detection=CELL[1]), rng).xy for pose in both]
     return views
 
 

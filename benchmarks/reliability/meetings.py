@@ -22,7 +22,7 @@ from benchmarks.experiments import Figures
 from benchmarks.reliability.trees import forest
 from benchmarks.server_process import BenchmarkServer, served
 from urquhart import SE2, Config, Recognizer, describe
-from urquhart.evaluation.simulation import bridson, observe, paper_forest, plantation
+from urquhart.evaluation.simulation import Sensor, bridson, observe, paper_forest, plantation
 
 _COLLECTION: Final = "/v1/collections/meetings"
 _SIDE: Final = 100.0
@@ -54,7 +54,7 @@ def _alone(kind: str, count: int, seed: int) -> Figures:
     (make, reach), config = KINDS[kind], Config()
     for number in range(count):
         rng = np.random.default_rng([seed, number])
-        xy = observe(make(rng), SE2(0.5 * _SIDE, 0.5 * _SIDE, 0.0), reach, rng).xy
+        xy = observe(make(rng), SE2(0.5 * _SIDE, 0.5 * _SIDE, 0.0), Sensor(reach), rng).xy
         moved = SE2(rng.uniform(-9.0, 9.0), rng.uniform(-9.0, 9.0), rng.uniform(-math.pi, math.pi))
         recognizer = Recognizer(config)
         recognizer.add([(0, describe(xy, config))])

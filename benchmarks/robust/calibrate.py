@@ -26,7 +26,7 @@ from benchmarks.pool import Pool
 from benchmarks.robust import grid, rows, stands
 from urquhart import SE2, Config, Recognizer, describe
 from urquhart.decide.confidence import CALIBRATION, CONFIDENCE, Calibration, Line
-from urquhart.evaluation.simulation import observe, paper_forest, plantation
+from urquhart.evaluation.simulation import Sensor, observe, paper_forest, plantation
 
 SEED: Final = 1000
 COMMAND: Final = "python -m benchmarks.robust.calibrate"
@@ -122,7 +122,8 @@ def _worth() -> list[str]:
     stored, asked = SE2(100.0, 100.0, 0.5), SE2(104.0, 97.0, 2.0)
     for trees, radius in ((forest, 45.0), (planted, 20.0)):
         there, seen = (
-            describe(observe(trees, pose, radius, rng, sigma=0.1, detection=0.9).xy, config) for pose in (stored, asked)
+            describe(observe(trees, pose, Sensor(radius, sigma=0.1, detection=0.9), rng).xy, config)
+            for pose in (stored, asked)
         )
         recognizer = Recognizer(config)
         recognizer.add([(0, there)])

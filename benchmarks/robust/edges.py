@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from benchmarks.pool import Pool
 from benchmarks.robust.known_places import STRICT, AskedQuery, Points, RobustWorld, TruePlace, gather, summarize
 from urquhart import SE2, Config, warm_up
-from urquhart.evaluation.simulation import observe, plantation
+from urquhart.evaluation.simulation import Sensor, observe, plantation
 
 SURVIVAL: Final = 0.97
 
@@ -67,7 +67,9 @@ def questions(job: Job) -> Iterator[AskedQuery]:
 
 def _world(trees: Points, poses: Sequence[SE2], radius: float, rng: np.random.Generator) -> RobustWorld:
     """What is seen from the poses, stored."""
-    places = [TruePlace(observe(trees, pose, radius, rng, sigma=0.03, detection=0.98).xy, 0, pose) for pose in poses]
+    places = [
+        TruePlace(observe(trees, pose, Sensor(radius, sigma=0.03, detection=0.98), rng).xy, 0, pose) for pose in poses
+    ]
     return RobustWorld(places, Config(), STRICT)
 
 
@@ -83,7 +85,7 @@ def _inside(kind: EdgeKind, rng: np.random.Generator) -> Iterator[AskedQuery]:
     for _ in range(4):
         x, y = rng.uniform(20.0, 70.0, 2).tolist()
         pose = SE2(x, y, _turn(rng))
-        yield AskedQuery(world, observe(trees, pose, 20.0, rng, sigma=0.05, detection=0.95).xy, 0, pose)
+        yield AskedQuery(world, observe(trees, pose, Sensor(20.0, sigma=0.05, detection=0.95), rng).xy, 0, pose)
 
 
 def _corner(kind: EdgeKind, rng: np.random.Generator) -> Iterator[AskedQuery]:
@@ -102,7 +104,7 @@ def _edge(kind: EdgeKind, rng: np.random.Generator) -> Iterator[AskedQuery]:
     world = _world(trees, [SE2(x, y, _turn(rng)) for x, y in edges], 24.0, rng)
     for x, y, ground in ((0.5 * far_x, 0.0, 0), (0.0, 0.5 * far_y, None)):
         pose = SE2(x, y, _turn(rng))
-        yield AskedQuery(world, observe(trees, pose, 24.0, rng, sigma=0.03, detection=0.98).xy, ground, pose)
+        yield AskedQuery(world, observe(trees, pose, Sensor(24.0, sigma=0.03, detection=0.98), rng).xy, ground, pose)
 
 
 def _twin(kind: EdgeKind, rng: np.random.Generator) -> Iterator[AskedQuery]:
@@ -126,14 +128,14 @@ def _lane(kind: EdgeKind, rng: np.random.Generator) -> Iterator[AskedQuery]:
     trees = np.concatenate(stands)
     world = _world(trees, [SE2(0.0, 23.5, _turn(rng)), SE2(102.0, 23.5, _turn(rng))], 21.4, rng)
     pose = SE2(51.0, 23.5, _turn(rng))
-    yield AskedQuery(world, observe(trees, pose, 21.4, rng, sigma=0.03, detection=0.98).xy, None, pose)
+    yield AskedQuery(world, observe(trees, pose, Sensor(21.4, sigma=0.03, detection=0.98), rng).xy, None, pose)
 
 
 def _known_and_not(
     trees: Points, poses: Sequence[SE2], pose: SE2, radius: float, rng: np.random.Generator, known: int = 1
 ) -> Iterator[AskedQuery]:
     """Ask for `pose` with all poses stored, then without the first `known`, which are those near it."""
-    seen = observe(trees, pose, radius, rng, sigma=0.03, detection=0.98).xy
+    seen = observe(trees, pose, Sensor(radius, sigma=0.03, detection=0.98), rng).xy
     yield AskedQuery(_world(trees, poses, radius, rng), seen, 0, pose)
     yield AskedQuery(_world(trees, poses[known:], radius, rng), seen, None, pose)
 

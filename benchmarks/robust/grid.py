@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from benchmarks.pool import Pool
 from benchmarks.robust.known_places import PAPER, AskedQuery, Points, RobustWorld, TruePlace, gather, summarize
 from urquhart import SE2, Config, warm_up
-from urquhart.evaluation.simulation import observe, paper_forest
+from urquhart.evaluation.simulation import Sensor, observe, paper_forest
 
 SIGMAS: Final = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
 """Metres, each coordinate of each of the two observations."""
@@ -59,7 +59,7 @@ def questions(job: Job) -> Iterator[AskedQuery]:
     rng = np.random.default_rng([job.seed, 5, job.cell])
 
     def look(pose: SE2) -> Points:
-        return observe(trees, pose, SENSOR, rng, sigma=sigma, detection=detection, clutter=clutter).xy
+        return observe(trees, pose, Sensor(SENSOR, sigma=sigma, detection=detection, clutter=clutter), rng).xy
 
     worlds, queries = [], []
     for _ in range(job.positive):

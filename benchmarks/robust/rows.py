@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from benchmarks.pool import Pool
 from benchmarks.robust.known_places import STRICT, AskedQuery, Points, RobustWorld, TruePlace, gather, summarize
 from urquhart import SE2, Config, warm_up
-from urquhart.evaluation.simulation import observe, plantation
+from urquhart.evaluation.simulation import Sensor, observe, plantation
 
 SPACINGS: Final = ((3.0, 3.0), (2.5, 3.5))
 """Metres between the trees of a row, and between rows."""
@@ -70,7 +70,7 @@ def questions(job: Job) -> Iterator[AskedQuery]:
     )
 
     def look(trees: Points, pose: SE2) -> Points:
-        return observe(trees, pose, rng.uniform(*RADII), rng, sigma=sigma, detection=DETECTION).xy
+        return observe(trees, pose, Sensor(rng.uniform(*RADII), sigma=sigma, detection=DETECTION), rng).xy
 
     def pose(low: float, high: float) -> SE2:
         x, y, yaw = rng.uniform((low, RADII[0], -np.pi), (high, SIDE - RADII[0], np.pi)).tolist()

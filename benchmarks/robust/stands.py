@@ -17,7 +17,7 @@ from benchmarks.pool import Pool
 from benchmarks.robust.known_places import STRICT, AskedQuery, Points, RobustWorld, TruePlace, gather, summarize
 from server.stem_maps.reader import read_stem_map
 from urquhart import SE2, Config, warm_up
-from urquhart.evaluation.simulation import observe
+from urquhart.evaluation.simulation import Sensor, observe
 
 STANDS: Final = {
     **{name: SHIPPED / f"{name}.csv" for name in ("lansing", "bei", "longleaf")},
@@ -99,13 +99,13 @@ def questions(job: Job) -> Iterator[tuple[str, AskedQuery]]:
         for _ in range(job.queries):
             pose = somewhere(trees, reach, rng)
             radius = reach * rng.uniform(0.6, 1.0)
-            xy = observe(trees, pose, radius, rng, sigma=sigma, detection=detection, clutter=CLUTTER).xy
+            xy = observe(trees, pose, Sensor(radius, sigma=sigma, detection=detection, clutter=CLUTTER), rng).xy
             yield f"{sigma:g} m, {100 * detection:.0f} %", AskedQuery(world, xy, ground, pose)
     if job.name in CENSUSES:
         later, _ = read(BESIDE / f"{job.name}__b.csv")
         for _ in range(job.queries * len(NOISE)):
             pose = somewhere(later, reach, rng)
-            xy = observe(later, pose, reach, rng, sigma=0.1, detection=0.95, clutter=CLUTTER).xy
+            xy = observe(later, pose, Sensor(reach, sigma=0.1, detection=0.95, clutter=CLUTTER), rng).xy
             yield "counted again", AskedQuery(world, xy, ground, pose)
 
 
@@ -148,7 +148,7 @@ def everything(seed: int) -> tuple[RobustWorld, dict[str, int]]:
         ]
         for x, y in product(*(axis.tolist() for axis in inner)):
             pose = SE2(x, y, rng.uniform(-np.pi, np.pi))
-            seen = observe(trees, pose, reach, rng, sigma=STORED[0], detection=STORED[1])
+            seen = observe(trees, pose, Sensor(reach, sigma=STORED[0], detection=STORED[1]), rng)
             if len(seen.xy) >= 12:
                 places.append(TruePlace(seen.xy, ground, pose))
     for names in PLOTS.values():

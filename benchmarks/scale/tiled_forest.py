@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from urquhart.evaluation.simulation import observe, paper_forest
+from urquhart.evaluation.simulation import Sensor, observe, paper_forest
 from urquhart.se2 import SE2
 
 TILE: Final = 1000.0
@@ -124,7 +124,7 @@ class World:
 
     def _look(self, pose: SE2, setting: Setting, forest: int, rng: np.random.Generator) -> Seen:
         trees = self.trees_near(pose.x, pose.y, forest)
-        seen = observe(trees, pose, RADIUS, rng, sigma=setting.sigma, detection=setting.detection)
+        seen = observe(trees, pose, Sensor(RADIUS, sigma=setting.sigma, detection=setting.detection), rng)
         return Seen(pose, seen.xy)
 
     def _tiles_near(self, x: float, y: float) -> Iterator[tuple[int, int]]:

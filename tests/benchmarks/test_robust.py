@@ -18,7 +18,7 @@ from benchmarks.robust.charts import PICTURES
 from benchmarks.robust.known_places import ANSWER, MATCHED, STRICT, RobustWorld, TruePlace, gather, summarize
 from benchmarks.robust.report import SECTIONS
 from urquhart import SE2, Config
-from urquhart.evaluation.simulation import observe, paper_forest
+from urquhart.evaluation.simulation import Sensor, observe, paper_forest
 
 ROOT = Path(__file__).parents[2]
 RESULTS = ROOT / FULL / FOLDER
@@ -101,8 +101,8 @@ def test_a_world_knows_right_from_wrong() -> None:
     rng = np.random.default_rng(3)
     forest = paper_forest(rng, 300.0)
     here, there = SE2(120.0, 140.0, 0.4), SE2(126.0, 133.0, -2.0)
-    world = RobustWorld([TruePlace(observe(forest, here, 40.0, rng, sigma=0.1).xy, 0, here)], Config(), STRICT)
-    seen = observe(forest, there, 40.0, rng, sigma=0.1).xy
+    world = RobustWorld([TruePlace(observe(forest, here, Sensor(40.0, sigma=0.1), rng).xy, 0, here)], Config(), STRICT)
+    seen = observe(forest, there, Sensor(40.0, sigma=0.1), rng).xy
     right = world.ask(seen, 0, there)
     assert [int(right[name]) for name in ("verdict", "right", "oracle", "alone")] == [MATCHED, 1, 1, 1]
     elsewhere = world.ask(seen, 0, SE2(150.0, 133.0, -2.0))

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from urquhart import SE2
-from urquhart.evaluation.simulation import observe
+from urquhart.evaluation.simulation import Sensor, observe
 from urquhart_client import Client, ConnectionFailed, MapPose, ProblemError
 
 TREES = np.random.default_rng(7).uniform(-40.0, 40.0, (90, 2))
 POSE = SE2(4.0, -3.0, 2.5)
-SEEN = observe(TREES, POSE, 35.0, np.random.default_rng(8), sigma=0.05, detection=0.95)
+SEEN = observe(TREES, POSE, Sensor(35.0, sigma=0.05, detection=0.95), np.random.default_rng(8))
 
 
 def test_the_smallest_round_trip(client: Client) -> None:

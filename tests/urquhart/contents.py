@@ -7,7 +7,7 @@ import numpy as np
 
 from tests.urquhart.tables import decode
 from urquhart import SE2, Config, Features, Recognition, Recognizer, describe
-from urquhart.evaluation.simulation import observe, paper_forest
+from urquhart.evaluation.simulation import Sensor, observe, paper_forest
 from urquhart.index.collection_index import CollectionIndex, LiveSegment
 from urquhart.index.segment import Segment
 from urquhart.index.submap_collection import FeatureMemory
@@ -20,7 +20,7 @@ def place(key: int, seed: int = 0) -> Features:
     """One of 36 overlapping submaps of a forest by key, seen again with every seed."""
     pose = SE2(60.0 + 36.0 * (key % 6), 60.0 + 36.0 * (key // 6 % 6), 0.4 * key)
     rng = np.random.default_rng([key, seed])
-    return describe(observe(FOREST, pose, 36.0, rng, sigma=0.05, detection=0.95).xy, CONFIG)
+    return describe(observe(FOREST, pose, Sensor(36.0, sigma=0.05, detection=0.95), rng).xy, CONFIG)
 
 
 def observations(count: int) -> list[np.ndarray[tuple[int, ...], np.dtype[np.float64]]]:
@@ -30,7 +30,7 @@ def observations(count: int) -> list[np.ndarray[tuple[int, ...], np.dtype[np.flo
         rng = np.random.default_rng(100 + seed)
         x, y, yaw = rng.uniform((60.0, 60.0, -3.0), (240.0, 240.0, 3.0)).tolist()
         forest = FOREST if seed < count - 2 else paper_forest(rng, 300.0)
-        seen.append(observe(forest, SE2(x, y, yaw), 36.0, rng, sigma=0.15, detection=0.9).xy)
+        seen.append(observe(forest, SE2(x, y, yaw), Sensor(36.0, sigma=0.15, detection=0.9), rng).xy)
     return seen
 
 

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from tests.urquhart import forests
 from urquhart import SE2, Config, Recognizer, describe
-from urquhart.evaluation.simulation import observe, paper_forest, plantation
+from urquhart.evaluation.simulation import Sensor, observe, paper_forest, plantation
 
 CONFIG = Config()
 FOREST = paper_forest(np.random.default_rng(0), 300.0)
@@ -24,10 +24,10 @@ def test_a_place_that_is_stored_twice_is_matched_and_neither_copy_rivals_the_oth
     for seed in range(10):
         rng = np.random.default_rng(seed)
         pose = forests.pose(rng, 100.0, 200.0)
-        xy = observe(FOREST, SE2(150.0, 150.0, 0.0), 60.0, rng, sigma=0.05).xy
+        xy = observe(FOREST, SE2(150.0, 150.0, 0.0), Sensor(60.0, sigma=0.05), rng).xy
         far = SE2(5000.0, -3000.0, 2.0).apply(xy + rng.normal(0.0, noise, xy.shape))
         found = stored(xy, far).locate(
-            observe(FOREST, SE2(0.1 * pose.x + 135.0, 0.1 * pose.y + 135.0, pose.yaw), 40.0, rng, sigma=0.05).xy
+            observe(FOREST, SE2(0.1 * pose.x + 135.0, 0.1 * pose.y + 135.0, pose.yaw), Sensor(40.0, sigma=0.05), rng).xy
         )
         assert found.verdict == "matched"
         assert found.rivals == ()
@@ -41,11 +41,11 @@ def test_a_place_that_is_stored_twice_is_matched_and_neither_copy_rivals_the_oth
 def test_a_stand_whose_core_was_copied_is_matched_where_its_surroundings_are_right() -> None:
     for seed in range(10):
         rng = np.random.default_rng([seed, 1])
-        xy = observe(FOREST, SE2(150.0, 150.0, 0.0), 50.0, rng, sigma=0.03).xy
+        xy = observe(FOREST, SE2(150.0, 150.0, 0.0), Sensor(50.0, sigma=0.03), rng).xy
         other = paper_forest(rng, 100.0) - 50.0
         reach, away = np.hypot(*xy.T), np.hypot(*other.T)
         copy = np.concatenate([xy[reach < 35.0], other[(away >= 35.0) & (away < 50.0)]])
-        found = stored(copy, xy).locate(observe(FOREST, SE2(150.0, 150.0, 1.0), 50.0, rng, sigma=0.05).xy)
+        found = stored(copy, xy).locate(observe(FOREST, SE2(150.0, 150.0, 1.0), Sensor(50.0, sigma=0.05), rng).xy)
         if found.verdict == "matched":
             assert found.candidates[0].key == 1
             assert found.candidates[0].transform.distance(SE2(0.0, 0.0, 1.0))[0] < 0.5
@@ -57,9 +57,11 @@ def test_a_query_that_covers_two_submaps_is_matched_to_one_of_them(apart: float)
     for seed in range(10):
         rng = np.random.default_rng([seed, 2])
         poses = [SE2(150.0 + x, 150.0, float(rng.uniform(-3.0, 3.0))) for x in (-0.5 * apart, 0.5 * apart)]
-        recognizer = stored(*(observe(FOREST, pose, 35.0, rng, sigma=0.05, detection=0.95).xy for pose in poses))
+        recognizer = stored(
+            *(observe(FOREST, pose, Sensor(35.0, sigma=0.05, detection=0.95), rng).xy for pose in poses)
+        )
         truth = SE2(150.0, 150.0, float(rng.uniform(-3.0, 3.0)))
-        found = recognizer.locate(observe(FOREST, truth, 60.0, rng, sigma=0.05, detection=0.95).xy)
+        found = recognizer.locate(observe(FOREST, truth, Sensor(60.0, sigma=0.05, detection=0.95), rng).xy)
         assert found.verdict == "matched"
         assert found.rivals == ()
         best = found.candidates[0]
@@ -86,10 +88,13 @@ def at_crossings(jitter: float, *, here: bool) -> tuple[int, int]:
         x, y = rng.uniform(24.0, 38.0, 2).tolist()
         places = [(two, SE2(31.0, 31.0, 0.3)), (one, SE2(31.0, 31.0, 2.3))]
         recognizer = stored(
-            *(observe(trees, pose, 16.0, rng, sigma=0.03, detection=0.98).xy for trees, pose in places[: 1 + here])
+            *(
+                observe(trees, pose, Sensor(16.0, sigma=0.03, detection=0.98), rng).xy
+                for trees, pose in places[: 1 + here]
+            )
         )
         pose = SE2(x, y, float(rng.uniform(-3.0, 3.0)))
-        found = recognizer.locate(observe(one, pose, 16.0, rng, sigma=0.03, detection=0.98).xy)
+        found = recognizer.locate(observe(one, pose, Sensor(16.0, sigma=0.03, detection=0.98), rng).xy)
         if found.verdict == "matched":
             best = found.candidates[0]
             is_it = best.key == 1 and (places[1][1] @ best.transform).distance(pose)[0] < 1.0

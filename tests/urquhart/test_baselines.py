@@ -4,7 +4,7 @@ from numpy.typing import NDArray
 
 from tests.urquhart.forests import all_kinds, pose, uniform
 from urquhart import SE2
-from urquhart.evaluation.simulation import SimulatedObservation, observe, paper_forest
+from urquhart.evaluation.simulation import Sensor, SimulatedObservation, observe, paper_forest
 from urquhart.paper.delaunay_triangles import describe_delaunay, match_triangles
 from urquhart.paper.glarot import (
     GlarotConfig,
@@ -28,7 +28,9 @@ def overlapping(seed: int, sigma: float) -> tuple[SimulatedObservation, Simulate
     rng = np.random.default_rng(seed)
     first = pose(rng, 120.0, 280.0)
     second = SE2(first.x + 20.0, first.y, float(rng.uniform(-np.pi, np.pi)))
-    return observe(FOREST, first, 50.0, rng, sigma=sigma), observe(FOREST, second, 50.0, rng, sigma=sigma)
+    return observe(FOREST, first, Sensor(50.0, sigma=sigma), rng), observe(
+        FOREST, second, Sensor(50.0, sigma=sigma), rng
+    )
 
 
 # ------------------------------------------------------------------ GLAROT

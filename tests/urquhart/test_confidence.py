@@ -19,7 +19,7 @@ from urquhart.decide.confidence import (
     rival_threshold,
 )
 from urquhart.decide.rivals import distinct, find_rivals, hill_climb, pose_row, same_place
-from urquhart.evaluation.simulation import observe, paper_forest, plantation
+from urquhart.evaluation.simulation import Sensor, observe, paper_forest, plantation
 from urquhart.verify.evidence import PoseEvidence, evidence_of_row
 from urquhart.verify.landmark_grid import LandmarkGrid, landmark_grid
 from urquhart.verify.refinement import verify
@@ -40,7 +40,7 @@ def pose_with(evidence: float = 50.0, overlap: int = 40, inliers: range = range(
 
 def laid(trees: np.ndarray, pose: SE2, seed: int, radius: float) -> tuple[LandmarkGrid, SE2]:
     """What is seen from `pose`, and `map_T_pattern` of its centred frame."""
-    seen = observe(trees, pose, radius, np.random.default_rng(seed), sigma=0.05, detection=0.95)
+    seen = observe(trees, pose, Sensor(radius, sigma=0.05, detection=0.95), np.random.default_rng(seed))
     features = describe(seen.xy, CONFIG)
     return landmark_grid(features, REACH), pose @ SE2.shift(features.origin)
 

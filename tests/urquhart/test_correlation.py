@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from urquhart import SE2, Config, Recognition, Recognizer, describe
-from urquhart.evaluation.simulation import SimulatedObservation, bridson, observe, paper_forest, plantation
+from urquhart.evaluation.simulation import Sensor, SimulatedObservation, bridson, observe, paper_forest, plantation
 from urquhart.propose.correlation import correlate, correlate_all, covers_ends, find_peaks
 from urquhart.propose.quad_consensus import TURN, QuadConsensus
 from urquhart.verify.landmark_grid import LandmarkGrid, landmark_grid
@@ -35,7 +35,7 @@ def two(
     rng = np.random.default_rng(seed)
     first = SE2(200.0, 200.0, float(rng.uniform(-3.0, 3.0)))
     second = SE2(220.0, 185.0, float(rng.uniform(-3.0, 3.0)))
-    here, there = (observe(forest, pose, 50.0, rng, **noise) for pose in (first, second))
+    here, there = (observe(forest, pose, Sensor(50.0, **noise), rng) for pose in (first, second))
     return here, there, first.inverse() @ second
 
 
@@ -176,11 +176,11 @@ def test_in_a_dense_forest_hardly_a_polygon_is_whole_but_quads_and_surveys_find_
     ]
     recognizer = Recognizer(CONFIG)
     recognizer.add(
-        (key, describe(observe(trees, pose, 15.0, rng, sigma=0.1, detection=0.95).xy, CONFIG))
+        (key, describe(observe(trees, pose, Sensor(15.0, sigma=0.1, detection=0.95), rng).xy, CONFIG))
         for key, pose in enumerate(centres)
     )
     poses = [SE2(*rng.uniform((20.0, 20.0, -np.pi), (120.0, 120.0, np.pi)).tolist()) for _ in range(20)]
-    seen = [observe(trees, pose, 15.0, rng, sigma=0.3, detection=0.8, clutter=0.1).xy for pose in poses]
+    seen = [observe(trees, pose, Sensor(15.0, sigma=0.3, detection=0.8, clutter=0.1), rng).xy for pose in poses]
 
     def levels() -> list[str]:
         right: list[str] = []
@@ -215,12 +215,12 @@ def test_what_is_not_stored_is_not_found_by_a_survey_either() -> None:
     rng, recognizer = np.random.default_rng(3), Recognizer(CONFIG)
     centres = itertools.product(np.arange(15.0, 126.0, 20.0).tolist(), repeat=2)
     recognizer.add(
-        (key, describe(observe(forest, SE2(x, y, 0.0), 15.0, rng, sigma=0.1).xy, CONFIG))
+        (key, describe(observe(forest, SE2(x, y, 0.0), Sensor(15.0, sigma=0.1), rng).xy, CONFIG))
         for key, (x, y) in enumerate(centres)
     )
     for _ in range(8):
         pose = SE2(*rng.uniform((20.0, 20.0, -np.pi), (120.0, 120.0, np.pi)).tolist())
-        found = recognizer.locate(observe(other, pose, 15.0, rng, sigma=0.3, detection=0.8, clutter=0.1).xy)
+        found = recognizer.locate(observe(other, pose, Sensor(15.0, sigma=0.3, detection=0.8, clutter=0.1), rng).xy)
         assert found.verdict != "matched"
         stages = {stage.name: stage.counts for stage in found.stages}
         assert "exhaustive" in stages
@@ -239,14 +239,17 @@ def test_the_end_of_a_single_long_submap_is_found(length: float) -> None:
     for yaw in (0.0, 1.0, 2.5, -2.0):
         for x in (300.0 - 0.9 * length, 300.0, 300.0 + 0.9 * length):
             pose = SE2(x, 300.0, yaw)
-            found = recognizer.locate(observe(forest, pose, 25.0, rng, sigma=0.05, detection=0.95).xy)
+            found = recognizer.locate(observe(forest, pose, Sensor(25.0, sigma=0.05, detection=0.95), rng).xy)
             assert found.verdict == "matched"
             assert found.candidates[0].transform.distance(pose)[0] < 0.5
 
 
 def test_only_of_submaps_not_much_larger_than_the_query_correlation_sees_the_ends(forest: NDArray[np.float64]) -> None:
     one, _, _ = two(forest, 1)
-    (small, _), (large, _) = laid(one), laid(observe(forest, SE2(200.0, 200.0, 0.0), 150.0, np.random.default_rng(0)))
+    (small, _), (large, _) = (
+        laid(one),
+        laid(observe(forest, SE2(200.0, 200.0, 0.0), Sensor(150.0), np.random.default_rng(0))),
+    )
     assert covers_ends(small, small)
     assert covers_ends(large, small)
     assert not covers_ends(small, large)
@@ -273,7 +276,7 @@ def test_a_submap_alone_finds_itself(kind: str, yaw: float) -> None:
             "few": (paper_forest(rng, 100.0), 14.0),
             "rows": (plantation(100.0, 100.0, rng), 30.0),
         }[kind]
-        xy = observe(trees, SE2(50.0, 50.0, 0.0), radius, rng).xy
+        xy = observe(trees, SE2(50.0, 50.0, 0.0), Sensor(radius), rng).xy
         pose = SE2(float(rng.uniform(-9.0, 9.0)), 4.0, yaw)
         found, apart = alone(xy, pose)
         assert (found.verdict, found.reason) == ("matched", "verified"), (seed, len(xy))

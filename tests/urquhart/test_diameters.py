@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from urquhart import SE2, Config, Features, LandmarkError, Recognizer, describe
-from urquhart.evaluation.simulation import SimulatedObservation, observe, paper_forest, plantation
+from urquhart.evaluation.simulation import Sensor, SimulatedObservation, observe, paper_forest, plantation
 from urquhart.verify.diameters import score_diameter_pairs, standardize_diameters
 
 CONFIG = Config()
@@ -29,8 +29,8 @@ def observations(
 ) -> tuple[SimulatedObservation, SimulatedObservation, NDArray[np.float64], NDArray[np.float64]]:
     rng = np.random.default_rng(seed)
     diameters = stems(len(forest), rng)
-    stored = observe(forest, POSE, 25.0, rng, sigma=sigma, detection=0.95)
-    asked = observe(forest, ELSEWHERE, 25.0, rng, sigma=sigma, detection=0.95)
+    stored = observe(forest, POSE, Sensor(25.0, sigma=sigma, detection=0.95), rng)
+    asked = observe(forest, ELSEWHERE, Sensor(25.0, sigma=sigma, detection=0.95), rng)
     return stored, asked, measured(stored, diameters, rng), measured(asked, diameters, rng)
 
 
@@ -84,10 +84,12 @@ def test_shuffled_diameters_never_make_a_wrong_match() -> None:
     rows = plantation(90.0, 90.0, rng, jitter=0.15, survival=0.95)
     others = plantation(90.0, 90.0, rng, jitter=0.15, survival=0.95)
     diameters = stems(max(len(rows), len(others)), rng)
-    stored = observe(rows, SE2(45.0, 45.0, 0.0), 20.0, rng, sigma=0.1)
+    stored = observe(rows, SE2(45.0, 45.0, 0.0), Sensor(20.0, sigma=0.1), rng)
     recognizer = collection(stored, measured(stored, diameters, rng))
     for _ in range(40):
-        asked = observe(others, SE2(*rng.uniform((30.0, 30.0, -3.0), (60.0, 60.0, 3.0)).tolist()), 20.0, rng, sigma=0.1)
+        asked = observe(
+            others, SE2(*rng.uniform((30.0, 30.0, -3.0), (60.0, 60.0, 3.0)).tolist()), Sensor(20.0, sigma=0.1), rng
+        )
         found = recognizer.locate(asked.xy, diameters=rng.permutation(measured(asked, diameters, rng)))
         assert found.verdict != "matched"
 

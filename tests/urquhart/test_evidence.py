@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from tests.urquhart import forests
 from urquhart import SE2, Config, describe
-from urquhart.evaluation.simulation import observe, paper_forest
+from urquhart.evaluation.simulation import Sensor, observe, paper_forest
 from urquhart.verify.evidence import EVIDENCE, PoseEvidence, evidence_of_pose, evidence_of_row
 from urquhart.verify.landmark_grid import GRID, LandmarkGrid, build_landmark_grid, is_inside, landmark_grid
 from urquhart.verify.refinement import refine_and_score, verify, verify_best
@@ -19,7 +19,7 @@ FOREST = paper_forest(np.random.default_rng(0), side=400.0)
 
 def seen(pose: SE2, seed: int, radius: float = 40.0, **noise: float) -> tuple[LandmarkGrid, SE2]:
     """A pattern seen from `pose`, and `map_T_pattern` of its centred frame."""
-    features = describe(observe(FOREST, pose, radius, np.random.default_rng(seed), **noise).xy, Config())
+    features = describe(observe(FOREST, pose, Sensor(radius, **noise), np.random.default_rng(seed)).xy, Config())
     return landmark_grid(features, REACH), pose @ SE2.shift(features.origin)
 
 

@@ -21,7 +21,7 @@ from urquhart import (
     SearchEnd,
     describe,
 )
-from urquhart.evaluation.simulation import bridson, observe, paper_forest, plantation
+from urquhart.evaluation.simulation import Sensor, bridson, observe, paper_forest, plantation
 from urquhart.index.collection_index import CollectionIndex
 from urquhart.options import FAST_PROMISE, SearchOptions
 from urquhart.propose.quad_consensus import QuadConsensus
@@ -46,12 +46,12 @@ def names(found: Recognition) -> list[str]:
 
 def here(seed: int = 0, **noise: float) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
     rng = np.random.default_rng(seed)
-    return observe(FOREST, SE2(150.0, 150.0, 1.0), 36.0, rng, **noise).xy
+    return observe(FOREST, SE2(150.0, 150.0, 1.0), Sensor(36.0, **noise), rng).xy
 
 
 def nowhere(seed: int) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
     rng = np.random.default_rng(1_000 + seed)
-    return observe(paper_forest(rng, 200.0), SE2(100.0, 100.0, 1.0), 36.0, rng, sigma=0.1).xy
+    return observe(paper_forest(rng, 200.0), SE2(100.0, 100.0, 1.0), Sensor(36.0, sigma=0.1), rng).xy
 
 
 def test_the_rarest_quads_come_first_and_mostly_settle_it() -> None:
@@ -73,10 +73,10 @@ def dense() -> tuple[Recognizer, np.ndarray[tuple[int, ...], np.dtype[np.float64
     trees += rng.normal(0.0, 0.4, trees.shape)
     recognizer = Recognizer(CONFIG)
     recognizer.add(
-        (key, describe(observe(trees, SE2(x, y, 0.1 * key), 25.0, rng, sigma=0.05).xy, CONFIG))
+        (key, describe(observe(trees, SE2(x, y, 0.1 * key), Sensor(25.0, sigma=0.05), rng).xy, CONFIG))
         for key, (x, y) in enumerate(rng.uniform(25.0, 175.0, (60, 2)).tolist())
     )
-    return recognizer, observe(trees, SE2(100.0, 90.0, 2.0), 25.0, rng, sigma=0.1, detection=0.9).xy
+    return recognizer, observe(trees, SE2(100.0, 90.0, 2.0), Sensor(25.0, sigma=0.1, detection=0.9), rng).xy
 
 
 DENSE, SEEN = dense()
@@ -160,7 +160,7 @@ def test_a_fast_search_ends_with_quads_and_says_what_it_promises(seed: int, coun
 
 def test_a_fast_search_promises_nothing_about_few_trees() -> None:
     rng = np.random.default_rng(9)
-    trees = observe(paper_forest(rng, 200.0), SE2(100.0, 100.0, 1.0), 55.0, rng).xy
+    trees = observe(paper_forest(rng, 200.0), SE2(100.0, 100.0, 1.0), Sensor(55.0), rng).xy
     fewest = FAST_PROMISE.landmarks
     assert len(trees) > fewest
     found = [recognizer().locate(trees[:count], effort="fast") for count in (fewest - 1, fewest)]
@@ -177,7 +177,7 @@ def test_a_fast_search_finds_what_a_full_one_finds_by_quads() -> None:
 
 
 def test_the_least_confidence_of_a_query_is_its_gate() -> None:
-    seen = observe(FOREST, SE2(150.0, 150.0, 1.0), 14.0, np.random.default_rng(0), sigma=0.1).xy
+    seen = observe(FOREST, SE2(150.0, 150.0, 1.0), Sensor(14.0, sigma=0.1), np.random.default_rng(0)).xy
     unsure = recognizer().locate(seen)
     assert unsure.reason == "below_gate"
     confidence = unsure.candidates[0].confidence
@@ -268,7 +268,7 @@ def searches() -> list[tuple[Recognizer, np.ndarray[tuple[int, ...], np.dtype[np
     trees = plantation(80.0, 80.0, rng, jitter=0.1)
     rows = Recognizer(CONFIG)
     rows.add(
-        (key, describe(observe(trees, SE2(x, 40.0, 0.2), 18.0, rng, sigma=0.03).xy, CONFIG))
+        (key, describe(observe(trees, SE2(x, 40.0, 0.2), Sensor(18.0, sigma=0.03), rng).xy, CONFIG))
         for key, x in enumerate([25.0, 35.0, 45.0, 55.0])
     )
     seen = here(sigma=0.1, detection=0.9)
@@ -276,7 +276,7 @@ def searches() -> list[tuple[Recognizer, np.ndarray[tuple[int, ...], np.dtype[np
         (recognizer(), seen, "robust"),
         (recognizer(), nowhere(3), "robust"),
         (recognizer(count=20), nowhere(1), "robust"),
-        (rows, observe(trees, SE2(41.0, 39.0, 1.0), 18.0, rng, sigma=0.05).xy, "robust"),
+        (rows, observe(trees, SE2(41.0, 39.0, 1.0), Sensor(18.0, sigma=0.05), rng).xy, "robust"),
         (recognizer(), seen, "paper"),
     ]
 

@@ -4,7 +4,7 @@ from numpy.typing import NDArray
 
 from tests.urquhart.forests import pose, uniform
 from urquhart import SE2
-from urquhart.evaluation.simulation import observe, paper_forest
+from urquhart.evaluation.simulation import Sensor, observe, paper_forest
 from urquhart.mapping.map_merging import MergedMap, dbscan, merge
 
 STILL = SE2.identity()
@@ -57,7 +57,7 @@ def test_clusters_are_those_of_the_definition(seed: int, least: int) -> None:
 def test_a_tree_seen_five_times_is_one_landmark_at_the_mean() -> None:
     rng = np.random.default_rng(0)
     trees = paper_forest(rng, 200.0)
-    submaps = [observe(trees, pose(rng, 60.0, 140.0), 60.0, rng, sigma=0.05) for _ in range(5)]
+    submaps = [observe(trees, pose(rng, 60.0, 140.0), Sensor(60.0, sigma=0.05), rng) for _ in range(5)]
     merged = merge([o.xy for o in submaps], [o.pose for o in submaps])
     seen = np.unique(np.concatenate([o.trees for o in submaps]))
     assert abs(len(merged) - len(seen)) <= 2  # a pair of trees 0.2 m apart may be taken for one

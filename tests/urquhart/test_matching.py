@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from urquhart import SE2, Config, describe
-from urquhart.evaluation.simulation import observe, paper_forest
+from urquhart.evaluation.simulation import Sensor, observe, paper_forest
 from urquhart.paper.matching import assign_edges, keep_one_to_one, match_landmarks, sample_polygons
 
 FOREST = paper_forest(np.random.default_rng(0), side=500.0)
@@ -14,8 +14,8 @@ def overlapping(seed: int, sigma: float = 0.0) -> tuple[float, int]:
     centre = rng.uniform(100.0, 400.0, 2)
     bearing, apart = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(0.0, 40.0)
     other = centre + apart * np.array([np.cos(bearing), np.sin(bearing)])
-    a = observe(FOREST, SE2.shift(centre) @ SE2(0.0, 0.0, 1.3), 50.0, rng, sigma=sigma)
-    b = observe(FOREST, SE2.shift(other) @ SE2(0.0, 0.0, -2.2), 50.0, rng, sigma=sigma)
+    a = observe(FOREST, SE2.shift(centre) @ SE2(0.0, 0.0, 1.3), Sensor(50.0, sigma=sigma), rng)
+    b = observe(FOREST, SE2.shift(other) @ SE2(0.0, 0.0, -2.2), Sensor(50.0, sigma=sigma), rng)
     first, second = match_landmarks(describe(a.xy, Config()), describe(b.xy, Config()), Config(), rng)
     assert len(set(first.tolist())) == len(first)
     assert len(set(second.tolist())) == len(second)
@@ -68,7 +68,7 @@ def test_a_contested_landmark_goes_with_the_most_frequent_claim() -> None:
 
 def test_polygons_apart_in_vertex_count_or_shape_do_not_match() -> None:
     rng = np.random.default_rng(1)
-    a = describe(observe(FOREST, SE2(150.0, 150.0, 0.0), 50.0, rng).xy, Config())
-    b = describe(observe(FOREST, SE2(380.0, 380.0, 0.0), 50.0, rng).xy, Config())
+    a = describe(observe(FOREST, SE2(150.0, 150.0, 0.0), Sensor(50.0), rng).xy, Config())
+    b = describe(observe(FOREST, SE2(380.0, 380.0, 0.0), Sensor(50.0), rng).xy, Config())
     first, _ = match_landmarks(a, b, Config(tau=0.1), rng)
     assert len(first) == 0

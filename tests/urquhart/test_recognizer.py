@@ -3,7 +3,7 @@ import pytest
 
 from tests.urquhart import forests
 from urquhart import SE2, Config, LandmarkError, Recognition, Recognizer, describe
-from urquhart.evaluation.simulation import SimulatedObservation, observe, paper_forest, plantation
+from urquhart.evaluation.simulation import Sensor, SimulatedObservation, observe, paper_forest, plantation
 from urquhart.options import Method
 
 FOREST = paper_forest(np.random.default_rng(0), side=400.0)
@@ -11,7 +11,8 @@ CENTRES = [
     SE2(x, y, 0.3 * k) for k, (x, y) in enumerate((x, y) for x in range(60, 360, 40) for y in range(60, 360, 40))
 ]
 SUBMAPS = [
-    observe(FOREST, pose, 40.0, np.random.default_rng(k), sigma=0.05, detection=0.95) for k, pose in enumerate(CENTRES)
+    observe(FOREST, pose, Sensor(40.0, sigma=0.05, detection=0.95), np.random.default_rng(k))
+    for k, pose in enumerate(CENTRES)
 ]
 
 
@@ -28,7 +29,7 @@ RECOGNIZER = build()
 def look(seed: int, sigma: float = 0.1, detection: float = 0.9) -> SimulatedObservation:
     rng = np.random.default_rng(1000 + seed)
     pose = forests.pose(rng, 80.0, 320.0)
-    return observe(FOREST, pose, 40.0, rng, sigma=sigma, detection=detection)
+    return observe(FOREST, pose, Sensor(40.0, sigma=sigma, detection=detection), rng)
 
 
 def error(found: Recognition, observation: SimulatedObservation) -> tuple[float, float]:
@@ -88,7 +89,9 @@ def test_the_covariance_covers_the_error() -> None:
 def test_a_place_that_is_not_there_is_not_matched(seed: int) -> None:
     rng = np.random.default_rng(seed)
     elsewhere = paper_forest(np.random.default_rng(500 + seed), side=200.0)
-    observation = observe(elsewhere, SE2(100.0, 100.0, rng.uniform(-3.0, 3.0)), 40.0, rng, sigma=0.1, detection=0.9)
+    observation = observe(
+        elsewhere, SE2(100.0, 100.0, rng.uniform(-3.0, 3.0)), Sensor(40.0, sigma=0.1, detection=0.9), rng
+    )
     assert RECOGNIZER.locate(observation.xy).verdict != "matched"
 
 
@@ -104,15 +107,17 @@ def test_another_plantation_of_the_same_pattern_is_not_matched(
     )
     recognizer = Recognizer(Config())
     recognizer.add(
-        (k, describe(observe(mapped, SE2(x, y, 0.0), 20.0, rng).xy, Config()))
+        (k, describe(observe(mapped, SE2(x, y, 0.0), Sensor(20.0), rng).xy, Config()))
         for k, (x, y) in enumerate((x, y) for x in range(20, 90, 12) for y in range(20, 90, 12))
     )
     verdicts = []
     for _ in range(8):
         pose = forests.pose(rng, 25.0, 75.0)
-        verdicts.append(recognizer.locate(observe(foreign, pose, 20.0, rng, sigma=0.1, detection=0.9).xy).verdict)
+        verdicts.append(
+            recognizer.locate(observe(foreign, pose, Sensor(20.0, sigma=0.1, detection=0.9), rng).xy).verdict
+        )
     assert "matched" not in verdicts
-    inside = observe(mapped, SE2(50.0, 50.0, 2.0), 20.0, rng, sigma=0.02)
+    inside = observe(mapped, SE2(50.0, 50.0, 2.0), Sensor(20.0, sigma=0.02), rng)
     assert recognizer.locate(inside.xy).verdict == "matched"
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from tests.urquhart import forests
 from urquhart import SE2, Config, Recognition, Recognizer, describe
-from urquhart.evaluation.simulation import observe, plantation
+from urquhart.evaluation.simulation import Sensor, observe, plantation
 
 SIDE = 90.0
 CENTRES = [SE2(x, y, 0.4 * k) for k, (x, y) in enumerate((x, y) for x in range(20, 90, 12) for y in range(20, 90, 12))]
@@ -17,7 +17,7 @@ CENTRES = [SE2(x, y, 0.4 * k) for k, (x, y) in enumerate((x, y) for x in range(2
 def stored(trees: NDArray[np.float64], poses: Sequence[SE2], radius: float, rng: np.random.Generator) -> Recognizer:
     recognizer = Recognizer(Config())
     recognizer.add(
-        (key, describe(observe(trees, pose, radius, rng, sigma=0.03, detection=0.98).xy, Config()))
+        (key, describe(observe(trees, pose, Sensor(radius, sigma=0.03, detection=0.98), rng).xy, Config()))
         for key, pose in enumerate(poses)
     )
     return recognizer
@@ -38,7 +38,7 @@ def test_in_rows_what_is_matched_is_right(jitter: float, least: int, most: int) 
     right = 0
     for _ in range(8):
         pose = forests.pose(rng, 20.0, 70.0)
-        found = recognizer.locate(observe(trees, pose, 20.0, rng, sigma=0.05, detection=0.95).xy)
+        found = recognizer.locate(observe(trees, pose, Sensor(20.0, sigma=0.05, detection=0.95), rng).xy)
         if found.verdict == "matched":
             assert is_right(found, CENTRES, pose)
             assert found.rivals == ()
@@ -53,7 +53,7 @@ def test_what_is_ambiguous_names_rivals_that_are_elsewhere() -> None:
     trees = plantation(SIDE, SIDE, rng, jitter=0.03, survival=0.97)
     recognizer, ambiguous = stored(trees, CENTRES, 20.0, rng), 0
     for _ in range(10):
-        found = recognizer.locate(observe(trees, forests.pose(rng, 25.0, 65.0), 20.0, rng, sigma=0.05).xy)
+        found = recognizer.locate(observe(trees, forests.pose(rng, 25.0, 65.0), Sensor(20.0, sigma=0.05), rng).xy)
         if found.verdict != "ambiguous":
             continue
         ambiguous += 1
@@ -72,7 +72,7 @@ def test_a_rival_among_the_candidates_has_no_confidence_of_its_own() -> None:
     trees = plantation(SIDE, SIDE, rng, jitter=0.02, survival=0.98)
     recognizer, checked = stored(trees, CENTRES, 20.0, rng), 0
     for _ in range(6):
-        found = recognizer.locate(observe(trees, forests.pose(rng, 25.0, 65.0), 20.0, rng, sigma=0.05).xy)
+        found = recognizer.locate(observe(trees, forests.pose(rng, 25.0, 65.0), Sensor(20.0, sigma=0.05), rng).xy)
         if found.verdict == "ambiguous":
             checked += 1
             # They cannot all be right: what is said of each adds up to hardly more than one.

@@ -3,7 +3,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from urquhart.evaluation.simulation import bridson, observe, paper_forest, plantation
+from urquhart.evaluation.simulation import Sensor, bridson, observe, paper_forest, plantation
 from urquhart.se2 import SE2
 
 
@@ -24,7 +24,9 @@ def test_poisson_discs_keep_their_distance_and_fill_the_area() -> None:
 
 def test_the_paper_forest_has_its_density() -> None:
     trees = paper_forest(np.random.default_rng(0), side=600.0)
-    seen = [len(observe(trees, SE2(x, 300.0, 0.0), 50.0, np.random.default_rng(0)).xy) for x in range(100, 500, 50)]
+    seen = [
+        len(observe(trees, SE2(x, 300.0, 0.0), Sensor(50.0), np.random.default_rng(0)).xy) for x in range(100, 500, 50)
+    ]
     assert 90 < np.mean(seen) < 110
 
 
@@ -32,7 +34,7 @@ def test_observations_are_the_forest_in_the_sensor_frame() -> None:
     rng = np.random.default_rng(2)
     trees = rng.uniform(0.0, 100.0, (300, 2))
     pose = SE2(50.0, 40.0, 0.8)
-    plain = observe(trees, pose, 30.0, rng)
+    plain = observe(trees, pose, Sensor(30.0), rng)
     np.testing.assert_allclose(pose.apply(plain.xy), trees[plain.trees], atol=1e-9)
     assert set(plain.trees.tolist()) == set(np.flatnonzero(np.hypot(*(trees - [50.0, 40.0]).T) <= 30.0).tolist())
 
@@ -41,7 +43,7 @@ def test_noise_detection_and_clutter_are_what_they_say() -> None:
     rng = np.random.default_rng(3)
     trees = rng.uniform(0.0, 400.0, (20_000, 2))
     pose = SE2(200.0, 200.0, 2.0)
-    seen = observe(trees, pose, 150.0, rng, sigma=0.2, detection=0.8, clutter=0.3)
+    seen = observe(trees, pose, Sensor(150.0, sigma=0.2, detection=0.8, clutter=0.3), rng)
     real = seen.trees >= 0
     in_range = int((np.hypot(*(trees - 200.0).T) <= 150.0).sum())
     assert real.sum() == pytest.approx(0.8 * in_range, rel=0.03)

@@ -8,7 +8,7 @@ from urquhart import SE2, Config, describe
 from urquhart.decide.confidence import log_odds
 from urquhart.decide.rivals import distinct, hill_climb, pose_row, same_place
 from urquhart.decide.shifts import shift_peaks
-from urquhart.evaluation.simulation import observe, paper_forest, plantation
+from urquhart.evaluation.simulation import Sensor, observe, paper_forest, plantation
 from urquhart.pose_covariance import least_squares
 from urquhart.propose.query import log_volume
 from urquhart.verify.evidence import evidence_of_pose, evidence_of_row
@@ -22,7 +22,7 @@ FOREST = paper_forest(np.random.default_rng(0), side=500.0)
 
 def seen(pose: SE2, seed: int, radius: float = 40.0, **noise: float) -> tuple[LandmarkGrid, SE2]:
     """A pattern seen from `pose`, and `map_T_pattern` of its centred frame."""
-    features = describe(observe(FOREST, pose, radius, np.random.default_rng(seed), **noise).xy, Config())
+    features = describe(observe(FOREST, pose, Sensor(radius, **noise), np.random.default_rng(seed)).xy, Config())
     return landmark_grid(features, REACH), pose @ SE2.shift(features.origin)
 
 
@@ -151,7 +151,7 @@ def test_two_submaps_of_one_place_are_no_rivals() -> None:
 def test_rows_of_trees_have_strong_rivals_and_natural_forests_weak_ones() -> None:
     rows = plantation(80.0, 80.0, np.random.default_rng(0), jitter=0.15, survival=0.95)
     planted = landmark_grid(
-        describe(observe(rows, SE2(40.0, 40.0, 0.0), 20.0, np.random.default_rng(1)).xy, Config()), REACH
+        describe(observe(rows, SE2(40.0, 40.0, 0.0), Sensor(20.0), np.random.default_rng(1)).xy, Config()), REACH
     )
     natural, _ = seen(SE2(250.0, 250.0, 0.0), 13)
     for stand, strong in ((planted, True), (natural, False)):
@@ -167,7 +167,7 @@ def test_rows_of_trees_have_strong_rivals_and_natural_forests_weak_ones() -> Non
 def test_hill_climbing_finds_the_pose_one_planting_distance_away() -> None:
     rows = plantation(80.0, 80.0, np.random.default_rng(2), jitter=0.25, survival=0.9)
     stand = landmark_grid(
-        describe(observe(rows, SE2(40.0, 40.0, 0.0), 20.0, np.random.default_rng(3)).xy, Config()), REACH
+        describe(observe(rows, SE2(40.0, 40.0, 0.0), Sensor(20.0), np.random.default_rng(3)).xy, Config()), REACH
     )
     start = verify(stand, stand, SE2(3.0, 0.0, 0.0), REACH)
     best, _ = hill_climb(stand, stand, start, Config().gate, Config())

@@ -12,7 +12,7 @@ from numba.core.dispatcher import Dispatcher
 from urquhart import SE2, Config, Features, Recognizer, describe, warm_up
 from urquhart.index.collection_index import CollectionIndex, LiveSegment
 from urquhart.index.segment import merge_segments
-from urquhart.evaluation.simulation import observe, paper_forest, plantation
+from urquhart.evaluation.simulation import Sensor, observe, paper_forest, plantation
 
 def compiled():
     modules = [m for name, m in list(sys.modules.items()) if name.startswith("urquhart")]
@@ -26,12 +26,12 @@ for trees, radius in ((plantation(90.0, 90.0, rng), 20.0), (paper_forest(rng, 25
     middle = float(np.median(trees))
     recognizer = Recognizer(Config())
     for key in range(12):
-        features = describe(observe(trees, SE2(middle + key, middle, 0.0), radius, rng).xy, Config())
+        features = describe(observe(trees, SE2(middle + key, middle, 0.0), Sensor(radius), rng).xy, Config())
         recognizer.add([(key, Features.unpack(features.pack()) if key % 2 else features)])
     alone = Recognizer(Config())
     alone.add([(0, features)])
     for sigma in (0.05, 0.3, 2.0):
-        xy = observe(trees, SE2(middle, middle, 1.0), radius, rng, sigma=sigma, detection=0.8).xy
+        xy = observe(trees, SE2(middle, middle, 1.0), Sensor(radius, sigma, 0.8), rng).xy
         for method in ("robust", "paper"):
             recognizer.locate(xy, method=method, exclude=[3])
             recognizer.locate(xy.tolist(), method=method)
@@ -46,7 +46,7 @@ for trees, radius in ((plantation(90.0, 90.0, rng), 20.0), (paper_forest(rng, 25
         index = CollectionIndex(Config(), (LiveSegment.of(mapped),)).with_changes(removed=[5])
         stored = Recognizer(Config(), index, recognizer._held[1])
         for sigma in (0.05, 2.0):
-            xy = observe(trees, SE2(middle, middle, 1.0), radius, rng, sigma=sigma, detection=0.8).xy
+            xy = observe(trees, SE2(middle, middle, 1.0), Sensor(radius, sigma, 0.8), rng).xy
             for method in ("robust", "paper"):
                 stored.locate(xy, method=method, only=range(9))
         merge_segments([(mapped, index.live_segments[0].alive)], path)

@@ -5,6 +5,7 @@ All randomness comes from the `numpy.random.Generator` that is passed in.
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,22 @@ class SimulatedObservation:
     xy: NDArray[np.float64]
     trees: NDArray[np.int64]
     pose: SE2
+
+
+class Sensor(NamedTuple):
+    """How far a simulated sensor sees, and how well.
+
+    Attributes:
+        radius: metres, its range.
+        sigma: metres, standard deviation of each coordinate (the paper's position noise, section V-B).
+        detection: probability that a tree in range is seen (the paper's omega).
+        clutter: number of false landmarks, uniform in the disc, as a share of the trees that are seen.
+    """
+
+    radius: float
+    sigma: float = 0.0
+    detection: float = 1.0
+    clutter: float = 0.0
 
 
 def bridson(
@@ -120,24 +137,9 @@ def plantation(
     return points + rng.normal(0.0, jitter, points.shape)
 
 
-def observe(
-    trees: NDArray[np.float64],
-    pose: SE2,
-    radius: float,
-    rng: np.random.Generator,
-    *,
-    sigma: float = 0.0,
-    detection: float = 1.0,
-    clutter: float = 0.0,
-) -> SimulatedObservation:
-    """The observation by a sensor at `pose` (`map_T_sensor`) of `trees` (N, 2), metres, map frame.
-
-    Args:
-        radius: metres, range of the sensor.
-        sigma: metres, standard deviation of each coordinate (the paper's position noise, section V-B).
-        detection: probability that a tree in range is seen (the paper's omega).
-        clutter: number of false landmarks, uniform in the disc, as a share of the trees that are seen.
-    """
+def observe(trees: NDArray[np.float64], pose: SE2, sensor: Sensor, rng: np.random.Generator) -> SimulatedObservation:
+    """The observation by a sensor at `pose` (`map_T_sensor`) of `trees` (N, 2), metres, map frame."""
+    radius, sigma, detection, clutter = sensor
     offset = trees - np.array([pose.x, pose.y])
     seen = np.flatnonzero((offset**2).sum(axis=1) <= radius * radius)
     seen = seen[rng.random(len(seen)) < detection]

@@ -27,30 +27,31 @@ class RansacFit:
     iterations: int
 
 
-class Correspondences(NamedTuple):
-    """K pairs, row i of `source` (K, 2) and of `target` (K, 2), metres; `distance`: largest of an inlier, metres."""
+class PointPairs(NamedTuple):
+    """Correspondences, some of them wrong.
+
+    Attributes:
+        source, target: (K, 2) float64, metres; row i of `source` may be the same tree as row i of `target`.
+        distance: metres, largest residual of an inlier; the paper's d.
+    """
 
     source: NDArray[np.float64]
     target: NDArray[np.float64]
-    distance: float
+    distance: float = 0.5
 
 
 def ransac(
-    source: NDArray[np.float64],
-    target: NDArray[np.float64],
+    pairs: PointPairs,
     rng: np.random.Generator,
     *,
-    distance: float = 0.5,
     ratio: float = 0.99,
     iterations: int = 40_000,
     budget: Budget = UNBOUNDED,
 ) -> RansacFit | None:
-    """Estimate `target_T_source` from correspondences: row i of `source` and row i of `target`.
+    """Estimate `target_T_source` from correspondences.
 
     Args:
-        source, target: (K, 2) float64, metres.
         rng: source of all randomness.
-        distance: metres, largest residual of an inlier; the paper's d.
         ratio: share of inliers among all correspondences at which the search stops; the paper's r.
         iterations: most draws; the paper's s.
         budget: when the search must end; by default never.
@@ -62,10 +63,10 @@ def ransac(
     Raises:
         DeadlinePassed: the deadline passed first.
     """
+    source, target, distance = pairs
     n = len(source)
     if n < 2:
         return None
-    pairs = Correspondences(source, target, distance)
     choices = n * (n - 1) // 2
     order = np.arange(choices if choices <= iterations else 0)
     best, drawn = np.zeros(4), 0
@@ -96,7 +97,7 @@ def _inliers(
 
 @kernel
 def _search(
-    among: Correspondences,
+    among: PointPairs,
     rng: np.random.Generator,
     ratio: float,
     order: NDArray[np.int64],

@@ -7,7 +7,7 @@ import numpy as np
 from urquhart.budget import DeadlinePassed
 from urquhart.index.collection_index import CollectionIndex
 from urquhart.paper.matching import match_landmarks
-from urquhart.paper.ransac import ransac
+from urquhart.paper.ransac import PointPairs, ransac
 from urquhart.propose.query import Proposal, Query
 from urquhart.verify.evidence import PoseEvidence
 from urquhart.verify.refinement import verify
@@ -53,10 +53,8 @@ def _paper_pose(query: Query, key: int, rng: np.random.Generator) -> PoseEvidenc
     if len(first) < config.correspondences:
         return None
     consensus = ransac(
-        query.features.landmarks[first],
-        submap.landmarks[second],
+        PointPairs(query.features.landmarks[first], submap.landmarks[second], config.ransac_distance),
         rng,
-        distance=config.ransac_distance,
         ratio=config.ransac_ratio,
         iterations=config.ransac_iterations,
         budget=query.budget,

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from server.stem_maps.reader import StemMap
 from urquhart import SE2
-from urquhart.evaluation.simulation import observe
+from urquhart.evaluation.simulation import Sensor, observe
 from urquhart_client import QueryResult
 
 RIGHT_METRES: Final = 1.0
@@ -83,10 +83,12 @@ def ask(stand: Stand, stem_map: StemMap, rng: np.random.Generator, noise: Noise 
             seen = observe(
                 stem_map.xy,
                 pose,
-                stand.sensor_range,
+                Sensor(
+                    stand.sensor_range,
+                    sigma=float(rng.uniform(*noise.sigma)),
+                    detection=float(rng.uniform(*noise.detection)),
+                ),
                 rng,
-                sigma=float(rng.uniform(*noise.sigma)),
-                detection=float(rng.uniform(*noise.detection)),
             )
             return DemoQuestion(stand, seen.xy, pose)
     raise RuntimeError(f"{stand.name} has no place with {stand.minimum_trees} trees within {stand.sensor_range:g} m")

@@ -8,7 +8,7 @@ import pytest
 from server.cli import run
 from server.stem_maps.reader import read_stem_map
 from tests.server.commands.cli_helpers import LONGLEAF, POSE, Said, Urquhart, write_observation
-from urquhart.evaluation.simulation import observe
+from urquhart.evaluation.simulation import Sensor, observe
 
 
 @pytest.fixture
@@ -39,5 +39,5 @@ def indexed(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def observation(tmp_path: Path) -> Path:
     """A noisy observation of longleaf from `POSE`."""
     trees = read_stem_map(LONGLEAF).xy
-    seen = observe(trees, POSE, 40.0, np.random.default_rng(5), sigma=0.1, detection=0.95)
+    seen = observe(trees, POSE, Sensor(40.0, sigma=0.1, detection=0.95), np.random.default_rng(5))
     return write_observation(tmp_path / "seen.csv", seen.xy)

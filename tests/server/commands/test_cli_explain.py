@@ -9,14 +9,14 @@ import numpy as np
 from server.stem_maps.reader import read_stem_map
 from tests.server.commands.cli_helpers import LONGLEAF, POSE, Urquhart, refused, write_observation
 from urquhart import SE2
-from urquhart.evaluation.simulation import observe, plantation
+from urquhart.evaluation.simulation import Sensor, observe, plantation
 from urquhart.report.explanation import REASONS, UNREFUSED
 
 
 def test_locate_asks_with_the_diameters_of_the_file(urquhart: Urquhart, indexed: Path, tmp_path: Path) -> None:
     stand = read_stem_map(LONGLEAF)
     assert stand.dbh_cm is not None
-    seen = observe(stand.xy, POSE, 40.0, np.random.default_rng(5), sigma=0.1, detection=0.95)
+    seen = observe(stand.xy, POSE, Sensor(40.0, sigma=0.1, detection=0.95), np.random.default_rng(5))
     known = ["--collection", "stand", "--database", indexed, "--json"]
     write_observation(tmp_path / "plain.csv", seen.xy)
     write_observation(tmp_path / "measured.csv", seen.xy, stand.dbh_cm[seen.trees])
@@ -58,8 +58,8 @@ def test_locate_explains_a_no(urquhart: Urquhart, indexed: Path, tmp_path: Path)
 def test_locate_tells_the_rivals_of_an_ambiguous_answer(urquhart: Urquhart, tmp_path: Path) -> None:
     rng = np.random.default_rng(8)
     rows = plantation(90.0, 90.0, rng, jitter=0.05, survival=0.97)
-    write_observation(tmp_path / "rows.csv", observe(rows, SE2(45.0, 45.0, 0.3), 20.0, rng, sigma=0.1).xy)
-    write_observation(tmp_path / "seen.csv", observe(rows, SE2(46.0, 47.0, -2.0), 20.0, rng, sigma=0.1).xy)
+    write_observation(tmp_path / "rows.csv", observe(rows, SE2(45.0, 45.0, 0.3), Sensor(20.0, sigma=0.1), rng).xy)
+    write_observation(tmp_path / "seen.csv", observe(rows, SE2(46.0, 47.0, -2.0), Sensor(20.0, sigma=0.1), rng).xy)
     assert urquhart("index", "rows.csv", "--collection", "c", "--radius", 30, "--spacing", 100).code == 0
     said = urquhart("locate", "seen.csv", "--collection", "c", "--explain")
     assert said.out.startswith("ambiguous (rival_too_close)")

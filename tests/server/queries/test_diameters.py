@@ -18,7 +18,7 @@ from server.stem_maps.stands import cut_stand, store_stand
 from server.submaps.bulk_ingest import LineOptions
 from tests.server.factories import TestClient, points
 from urquhart import SE2
-from urquhart.evaluation.simulation import observe, plantation
+from urquhart.evaluation.simulation import Sensor, observe, plantation
 
 PLOTS = "/v1/collections/plots"
 QUERIES = f"{PLOTS}/queries"
@@ -27,8 +27,8 @@ TRUTH = POSE.inverse() @ ELSEWHERE
 RNG = np.random.default_rng(1)
 ROWS = plantation(120.0, 110.0, np.random.default_rng(8), jitter=0.05, survival=0.97)
 STEMS = 100.0 * np.exp(RNG.normal(np.log(0.25), 0.45, len(ROWS)))
-STORED = observe(ROWS, POSE, 25.0, RNG, sigma=0.1, detection=0.95)
-ASKED = observe(ROWS, ELSEWHERE, 25.0, RNG, sigma=0.1, detection=0.95)
+STORED = observe(ROWS, POSE, Sensor(25.0, sigma=0.1, detection=0.95), RNG)
+ASKED = observe(ROWS, ELSEWHERE, Sensor(25.0, sigma=0.1, detection=0.95), RNG)
 THERE, HERE = (STEMS[seen.trees] * np.exp(RNG.normal(0.0, 0.08, len(seen.trees))) for seen in (STORED, ASKED))
 
 

@@ -17,7 +17,7 @@ from server.schemas.queries import FINDINGS
 from server.service_parts import Service
 from tests.server.factories import TestClient, forest, observed, points, put_submap
 from urquhart import SE2, Config, Finding, Gates
-from urquhart.evaluation.simulation import observe, plantation
+from urquhart.evaluation.simulation import Sensor, observe, plantation
 from urquhart.propose.query import LevelName
 from urquhart.report.explanation import REASONS
 
@@ -25,8 +25,8 @@ PLOTS = "/v1/collections/plots"
 QUERIES = f"{PLOTS}/queries"
 JSON = {"Accept": "application/json"}
 ROWS = plantation(90.0, 90.0, np.random.default_rng(8), jitter=0.05, survival=0.97)
-STORED = observe(ROWS, SE2(45.0, 45.0, 0.3), 20.0, np.random.default_rng(1), sigma=0.1, detection=0.95)
-ASKED = observe(ROWS, SE2(46.0, 47.0, -2.0), 20.0, np.random.default_rng(2), sigma=0.1, detection=0.95)
+STORED = observe(ROWS, SE2(45.0, 45.0, 0.3), Sensor(20.0, sigma=0.1, detection=0.95), np.random.default_rng(1))
+ASKED = observe(ROWS, SE2(46.0, 47.0, -2.0), Sensor(20.0, sigma=0.1, detection=0.95), np.random.default_rng(2))
 
 
 def ask(client: httpx.Client, **body: Any) -> dict[str, Any]:
@@ -61,9 +61,9 @@ def test_a_rival_may_be_in_another_submap(client: httpx.Client) -> None:
     """Two patches of one plantation, far apart, are two places."""
     rng = np.random.default_rng(4)
     for name, pose in (("here", SE2(25.0, 25.0, 0.0)), ("there", SE2(65.0, 65.0, 1.0))):
-        seen = observe(ROWS, pose, 18.0, rng, sigma=0.1)
+        seen = observe(ROWS, pose, Sensor(18.0, sigma=0.1), rng)
         client.put(f"{PLOTS}/submaps/{name}", json={"xy": points(seen.xy)}).raise_for_status()
-    seen = observe(ROWS, SE2(26.0, 24.0, 2.0), 18.0, rng, sigma=0.1)
+    seen = observe(ROWS, SE2(26.0, 24.0, 2.0), Sensor(18.0, sigma=0.1), rng)
     answer = ask(client, xy=points(seen.xy), limit=1, store=True)
     assert len(answer["candidates"]) == 1
     assert {rival["submap_id"] for rival in answer["rivals"]} <= {"here", "there"}
