@@ -1,4 +1,4 @@
-"""Fixtures: an app over a fresh database."""
+"""Fixtures: an app over a fresh database, servers, and the command."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -8,11 +8,13 @@ import pytest
 from fastapi import FastAPI
 
 from server.app import create_app
+from server.cli import run
 from server.config.settings import Limits, Settings
 from server.platform import worker_process
 from server.service_parts import Service
 from server.store.sqlite.database import Database
 from server.store.sqlite.upgrade import migrations_runner
+from tests.server.commands.cli_helpers import Said, Urquhart
 from tests.server.factories import TestClient
 from tests.server.forked import ForkedWorkers
 from tests.server.processes import Server
@@ -86,3 +88,18 @@ def serve(tmp_path: Path) -> Iterator[Callable[..., Server]]:
     yield start
     for server in started:
         server.close()
+
+
+@pytest.fixture
+def urquhart(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Urquhart:
+    """Runs the command in a directory of its own, on a wide terminal."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+
+    def call(*arguments: object) -> Said:
+        capfd.readouterr()
+        code = run([str(argument) for argument in arguments])
+        out, err = capfd.readouterr()
+        return Said(code, out, err)
+
+    return call

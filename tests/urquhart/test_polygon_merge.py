@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.urquhart.polygons import D, Rows, listed_pentagons, pentagons, same, small_submaps, units, whole
+from tests.urquhart.polygons import D, Rows, same, units, whole
 from urquhart.config import Config
 from urquhart.features.describe import Features
 from urquhart.index.polygon_partition import exact_partition
@@ -12,21 +12,6 @@ from urquhart.index.polygon_search import (
     build_partitions,
     merge_partitions,
 )
-
-
-@pytest.fixture(scope="module")
-def real() -> tuple[Partition, Rows]:
-    return pentagons()
-
-
-@pytest.fixture(scope="module")
-def inverted(real: tuple[Partition, Rows]) -> Partition:
-    return listed_pentagons(real[0])
-
-
-@pytest.fixture(scope="module")
-def submaps() -> list[Features]:
-    return small_submaps()
 
 
 def test_exact_merges_equal_one_build(submaps: list[Features]) -> None:

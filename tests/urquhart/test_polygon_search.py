@@ -10,13 +10,10 @@ from tests.urquhart.polygons import (
     Rows,
     drawn,
     find,
-    listed_pentagons,
     packed,
-    pentagons,
     random_partition,
     same,
     searched,
-    small_submaps,
     units,
     whole,
 )
@@ -31,21 +28,6 @@ from urquhart.index.polygon_search import (
     merge_partitions,
     search_partitions,
 )
-
-
-@pytest.fixture(scope="module")
-def real() -> tuple[Partition, Rows]:
-    return pentagons()
-
-
-@pytest.fixture(scope="module")
-def inverted(real: tuple[Partition, Rows]) -> Partition:
-    return listed_pentagons(real[0])
-
-
-@pytest.fixture(scope="module")
-def submaps() -> list[Features]:
-    return small_submaps()
 
 
 def test_a_build_holds_every_polygon_of_every_submap(submaps: list[Features]) -> None:

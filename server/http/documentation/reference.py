@@ -31,7 +31,8 @@ where you can try the calls.
 - A transform `submap_T_query` takes points of the query to the submap: p_submap = R(yaw) p_query + (x, y). Metres,
   radians, counter-clockwise; x east and y north if the frame is geographic.
 - Bodies and answers are JSON. Requests may be compressed with gzip (`Content-Encoding`), and answers are if you accept
-  it (`Accept-Encoding`). Unknown members, and unknown or repeated query parameters, are refused.
+  it (`Accept-Encoding`). Unknown members, and unknown or repeated query parameters, are refused. Null for an optional
+  member of a body is the same as leaving it out; only in a PATCH it removes the member.
 - If the service has keys, send one: `Authorization: Bearer urq_...`. Each operation names the scope that the key needs.
   A collection that the key may not see is answered like one that does not exist.
 - A request with an `Idempotency-Key` is carried out once. A repetition with the same key gets the first answer, with

@@ -7,23 +7,8 @@ import pytest
 
 from server.cli import run
 from server.stem_maps.reader import read_stem_map
-from tests.server.commands.cli_helpers import LONGLEAF, POSE, Said, Urquhart, write_observation
+from tests.server.commands.cli_helpers import LONGLEAF, POSE, write_observation
 from urquhart.evaluation.simulation import Sensor, observe
-
-
-@pytest.fixture
-def urquhart(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Urquhart:
-    """Runs the command in a directory of its own, on a wide terminal."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "200")
-
-    def call(*arguments: object) -> Said:
-        capfd.readouterr()
-        code = run([str(argument) for argument in arguments])
-        out, err = capfd.readouterr()
-        return Said(code, out, err)
-
-    return call
 
 
 @pytest.fixture(scope="session")

@@ -6,11 +6,10 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel, Field, SecretStr
 
-from server.cli import run
 from server.config import settings_loading, settings_report
 from server.config.file_and_environment import Misconfigured, fields, variable
 from server.config.settings import Settings
-from tests.server.commands.cli_helpers import Said, Urquhart, refused
+from tests.server.commands.cli_helpers import Urquhart, refused
 
 ROOT = Path(__file__).parents[3]
 
@@ -19,19 +18,6 @@ ROOT = Path(__file__).parents[3]
 def in_an_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """No file of the working folder has a say."""
     monkeypatch.chdir(tmp_path)
-
-
-@pytest.fixture
-def urquhart(capfd: pytest.CaptureFixture[str]) -> Urquhart:
-    """Runs the command."""
-
-    def call(*arguments: object) -> Said:
-        capfd.readouterr()
-        code = run([str(argument) for argument in arguments])
-        out, err = capfd.readouterr()
-        return Said(code, out, err)
-
-    return call
 
 
 @pytest.fixture

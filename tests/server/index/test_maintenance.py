@@ -7,7 +7,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -24,21 +24,11 @@ from server.index import flushing, maintenance
 from server.index.flushing import Stopped
 from server.schemas.collections import CollectionPut
 from server.service_parts import Service
-from server.store.sqlite.database import Database
 from tests.server.factories import TestClient, forest, points, put_submap
 from tests.server.index.index_helpers import Process
 from urquhart.index.segment import merge_segments
 
 ROOT = Path(__file__).parents[3]
-
-
-@pytest.fixture
-def process(database: Database) -> Iterator[Process]:
-    """A process over a database with the empty collection `plots`."""
-    crud.ensure(database, "plots", CollectionPut())
-    made = Process(database.path)
-    yield made
-    made.close()
 
 
 def value(process: Process, name: str, **labels: str) -> float:

@@ -22,21 +22,11 @@ from server.index.segment_merging import FANOUT, plan
 from server.schemas.collections import CollectionPut
 from server.store.records import SegmentRecord, trusted
 from server.store.repositories.feature_rows import FeatureRows
-from server.store.sqlite.database import Database
 from tests.server.index.index_helpers import Process, damage
 from urquhart import Config
 from urquhart.index.segment import Segment
 
 KINDS = ["missing", "empty", "truncated", "header", "arrays"]
-
-
-@pytest.fixture
-def process(database: Database) -> Iterator[Process]:
-    """A process over a database with the empty collection `plots`."""
-    crud.ensure(database, "plots", CollectionPut())
-    made = Process(database.path)
-    yield made
-    made.close()
 
 
 def again(process: Process) -> Process:

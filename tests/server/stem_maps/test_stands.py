@@ -26,11 +26,8 @@ from server.store.sqlite.database import Database
 from server.store.sqlite.upgrade import migrations_runner
 from server.submaps.bulk_ingest import LineOptions
 from tests.server.commands.cli_helpers import Urquhart, refused, write_observation
-from tests.server.commands.conftest import urquhart
 from tests.server.factories import Client, points
 from urquhart import SE2
-
-__all__ = ["urquhart"]
 
 RADIUS, SPACING = 20.0, 14.0
 OPTIONS = ["--collection", "c", "--radius", RADIUS, "--spacing", SPACING]

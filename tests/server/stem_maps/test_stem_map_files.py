@@ -10,9 +10,6 @@ import pytest
 from server.stem_maps.reader import StemMap, StemMapError, read_stem_map
 from server.stem_maps.tiling import without_twins
 from tests.server.commands.cli_helpers import Urquhart, refused
-from tests.server.commands.conftest import urquhart
-
-__all__ = ["urquhart"]
 
 TREES = np.random.default_rng(11).uniform(0.0, (60.0, 40.0), (80, 2)).round(3)
 DBH_CM = np.random.default_rng(12).uniform(8.0, 60.0, 80).round(1)

@@ -25,13 +25,10 @@ from server.store.sqlite.upgrade import migrations_runner
 from server.store.sqlite.upgrade.feature_backfill import bring_up_to_date
 from server.store.sqlite.upgrade.old_contents import changes_since
 from tests.server.commands.cli_helpers import Urquhart
-from tests.server.commands.conftest import urquhart
 from tests.server.factories import TestClient, forest, observed
 from tests.server.steps import killed_at_every_step
 from tests.server.store import older
 from urquhart import SE2, Config
-
-__all__ = ["urquhart"]
 
 PLOTS = "/v1/collections/plots"
 MORE = (
