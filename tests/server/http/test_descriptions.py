@@ -68,7 +68,7 @@ def test_every_type_and_member_has_a_description(app: FastAPI) -> None:
     [
         ("GatesAnswer", "lead_per_landmark", "parameter of the same name"),
         ("CandidateAnswer", "overlap_ratio", "0 to 1"),
-        ("FindingAnswer", "overlap_count", "How many landmarks"),
+        ("FindingAnswer", "overlap_count", "or of the submap's if those are more"),
         ("CandidateAnswer", "support", "Not comparable between levels"),
         ("FindingAnswer", "support", "Not comparable between levels"),
         ("Inlier", "query", "always strings"),
