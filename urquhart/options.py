@@ -41,7 +41,8 @@ of 96 with 30 to 39. Rows of trees and stands with neighbours nearer than 3 m ne
 
 EFFORTS: Final[Mapping[Effort, str]] = {
     "fast": "a place that is not stored takes 2 to 5 times as long as one that is; finds places seen with up to "
-    f"{100 * FAST_PROMISE.sigma:.0f} cm of noise and at least {100 * FAST_PROMISE.detection:.0f} % of the trees",
+    f"{100 * FAST_PROMISE.sigma:.0f} cm of noise and at least {100 * FAST_PROMISE.detection:.0f} % of the trees, and "
+    "tries an only submap at every shift",
     "full": "a place that is not stored takes 10 to 20 times as long as one that is; finds places seen with more noise "
     "and fewer trees, where neighbours are nearer than 3 m, and in rows of trees, too",
 }

@@ -82,11 +82,7 @@ class QueryOptions(DefaultedBody):
 
     limit: Annotated[int, Field(ge=1, strict=True)] = Field(5, description="Most candidates to return.")
     method: Method = Field("robust", description="`robust`: the method of this service; `paper`: the published one.")
-    effort: Effort = Field(
-        "full",
-        description=f"How far to search if nothing is found. {glossed(EFFORTS)} If only one submap is searched, both "
-        "try every rotation and shift in it.",
-    )
+    effort: Effort = Field("full", description=f"How far to search if nothing is found. {glossed(EFFORTS)}")
     min_confidence: Annotated[float, Field(gt=0.5, lt=1.0, strict=True)] | None = Field(
         None, description="Least `confidence` that is `matched`. By default that of the collection: 0.999 if unchanged."
     )

@@ -23,7 +23,7 @@ from urquhart.trace import SearchEnd, Skipped, Stage, StoppedBy
 REASONS: Final[Mapping[str, str]] = {
     "verified": "chance and every rival pose are ruled out",
     "below_gate": "too little to rule out chance or trees in rows",
-    "rival_too_close": "another pose explains too many of the trees to be ruled out",
+    "rival_too_close": "another pose cannot be ruled out",
     "contradicting_maps": "submaps that fit have contradicting map poses",
     "verification_failed": "more trees speak against the pose than for it",
     "no_proposal": "no submap has anything like these trees",

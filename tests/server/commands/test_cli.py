@@ -136,7 +136,7 @@ def test_index_reports_submaps_that_are_refused(urquhart: Urquhart, tmp_path: Pa
         (None, ["."], ["is a directory"]),
         ("x,z\n1,2\n", ["plot.csv"], ["plot.csv:1:", "y_m"]),
         ("x,y\n1,2\n3,oak\n", ["plot.csv"], ["plot.csv:3:", "not a number"]),
-        ("x,y\n1,2\n3,4\n", ["plot.csv"], ["plot.csv: no circle of 30 m contains 10 trees"]),
+        ("x,y\n1,2\n3,4\n", ["plot.csv"], ["plot.csv: the stem map has 2 trees, and a submap needs at least 10"]),
         ("x,y\n1,2\n3,4\n", ["plot.csv", "--radius", "-1"], ["plot.csv: the radius must be a positive number"]),
         (LONGLEAF.read_text(), ["plot.csv", LONGLEAF, "sub/longleaf.csv"], ["two files are called 'longleaf'"]),
         (LONGLEAF.read_text(), ["plot.csv", "--collection", "a/b"], ["collection 'a/b'", "an id has"]),

@@ -119,9 +119,9 @@ class _Table:
         if "id" not in columns and others:
             columns["id"] = others[0]
         if "x" not in columns or "y" not in columns:
-            found = ", ".join(repr(name[:20]) for name in self.header[:_FEW])
+            names = ", ".join(repr(name[:20]) for name in self.header[:_FEW])
             raise self.refuse(
-                f"the first line must name the columns x and y, or x_m and y_m, which are metres; it names {found}"
+                f"the first line must name the columns x and y, or x_m and y_m, which are metres; it names {names}"
             )
         return columns
 
