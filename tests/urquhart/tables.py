@@ -19,8 +19,9 @@ class Decoded:
     """Words of a table in the order they lie in.
 
     Attributes:
-        cells: (Q, 5) int64, lengths in steps of 0.8 m; 63 for whatever is longer.
-        steps: (Q, 5) int64, lengths in steps of 0.1 m, where they are no longer than that.
+        cells: (Q, 5) int64, sides in steps of 1.6 m, 63 for whatever is longer, and the diagonal in steps of 0.8 m, 255
+            for whatever is longer.
+        steps: (Q, 5) int64, sides in steps of 0.2 m and the diagonal in steps of 0.1 m, where they are no longer.
         turns: (Q,) int64, directions in 256ths of a turn.
         centres: (Q, 2) int64, centres in steps, which may be negative.
         slots: (Q,) int64.
@@ -46,7 +47,8 @@ def decode(table: QuadTable) -> Decoded:
         for code, begin, end in zip(table.codes.tolist(), table.starts[:-1], table.starts[1:], strict=True)
         for _ in range(int(begin), int(end))
     ]
-    cells = np.array([[(code >> 6 * (4 - k)) & 63 for k in range(5)] for code in codes], np.int64).reshape(-1, 5)
+    parts = [[*((code >> shift) & 63 for shift in (26, 20, 14, 8)), code & 255] for code in codes]
+    cells = np.array(parts, np.int64).reshape(-1, 5)
     places = np.array([[(word >> 3 * k) & 7 for k in range(5)] for word in words], np.int64).reshape(-1, 5)
     return Decoded(
         cells,

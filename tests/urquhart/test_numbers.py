@@ -15,8 +15,14 @@ FIXED: Final = {
     # How files and packed words are laid out: other values are another format.
     *("config.DESCRIPTION_VERSION", "features.describe._FORMAT", "features.describe.HEAD", "index.segment.FORMAT"),
     *("index.segment._UNIT", "index.segment._MOST_UNITS", "index.segment_file._ALIGNED", "index.segment_file._HEADER"),
-    *("index.quad_table.STEP", "index.quad_table.SIDE", "index.quad_table._BITS", "index.quad_table.TURNS"),
-    *("index.quad_table.HALF", "index.quad_table._NEAR", "index.quad_table.MOST_SLOTS", "index.polygon_scan._ROW_BITS"),
+    *("index.quad_table.STEPS", "index.quad_table.SIDE", "index.quad_table._BITS", "index.quad_table.TURNS"),
+    *(
+        "index.quad_table.HALF",
+        "index.quad_table._NEAR",
+        "index.quad_table.MOST_SLOTS",
+        "index.quad_hits.MOST_SEARCHED",
+    ),
+    *("index.polygon_scan._ROW_BITS", "index.quad_hits.SECTORS"),
     *("propose.correlation._FINE", "propose.correlation._LOOK", "paper.glarot._UNIT", "index.polygon_merge._SEED"),
     # What is read, kept or looked at together: time and memory, never an answer.
     *("index.segment_file._AT_ONCE", "index.segment_file._SMALL", "index.polygon_scan._BLOCK"),

@@ -12,7 +12,7 @@ from urquhart import SE2, Config, Features, describe
 from urquhart.index.quad_table import (
     HALF,
     LAST,
-    STEP,
+    STEPS,
     TURNS,
     QuadTable,
     build_table,
@@ -43,7 +43,7 @@ def off_by(turns: NDArray[np.int64], radians: NDArray[np.float64]) -> NDArray[np
 def in_table_order(features: Features, slot: int, decoded: Decoded) -> list[tuple[int, int]]:
     """Pairs (word, quad) of one submap: words of a slot lie by cell, quads of a cell in their own order."""
     lengths, _, _ = measure_quads(features.landmarks, features.tessellation.quads)
-    cells = np.minimum((lengths / STEP + 0.5).astype(np.int64) // 8, LAST)
+    cells = np.minimum((lengths / STEPS + 0.5).astype(np.int64) // 8, LAST)
     return list(zip(np.flatnonzero(decoded.slots == slot).tolist(), np.lexsort(cells.T[::-1]).tolist(), strict=True))
 
 
@@ -60,7 +60,7 @@ def test_a_word_says_what_the_quad_is(make: Callable[[np.random.Generator], fore
             lengths, direction, centre = by_hand(features.landmarks, features.tessellation.quads[quad].tolist())
             if abs(lengths[0] - lengths[2]) < 1e-9:
                 continue  # either end of the diagonal will do; a test below is about these
-            assert np.abs(decoded.steps[word] * STEP - lengths).max() <= 0.5 * STEP + 1e-9
+            assert (np.abs(decoded.steps[word] * STEPS - lengths) <= 0.5 * np.array(STEPS) + 1e-9).all()
             assert off_by(decoded.turns[[word]], np.array([direction]))[0] <= 0.5 + 1e-9
             assert np.abs(decoded.centres[word] * scale - centre).max() <= 0.5 * scale + 1e-9
 
@@ -107,7 +107,7 @@ def test_equal_sides_leave_two_readings_of_which_one_is_kept() -> None:
     square = np.array([[-2.0, -2.0], [2.0, -2.0], [2.0, 2.0], [-2.0, 2.0]])
     for quad in ([0, 1, 2, 3], [2, 3, 0, 1]):
         decoded = decode(build_table([(square, np.array([quad], np.int32), 0.5)]))
-        assert decoded.steps.tolist() == [[40, 40, 40, 40, 57]]
+        assert decoded.steps.tolist() == [[20, 20, 20, 20, 57]]
         assert decoded.turns[0] in (32, 160)
         assert decoded.centres.tolist() == [[0, 0]]
 
@@ -129,15 +129,15 @@ def test_in_a_huge_submap_centres_are_coarser_and_long_sides_are_in_the_last_cel
     assert scale == size / (HALF - 1) > 0.5
     table = build_table([(corners, quads, scale)])
     decoded = decode(table)
-    order = np.lexsort(np.minimum((measure_quads(corners, quads)[0] / STEP + 0.5) // 8, LAST).T[::-1])
+    order = np.lexsort(np.minimum((measure_quads(corners, quads)[0] / STEPS + 0.5) // 8, LAST).T[::-1])
     for word, quad in enumerate(quads[order].tolist()):
         lengths, direction, centre = by_hand(corners, quad)
-        short = np.array(lengths) < LAST * 8 * STEP - 0.5 * STEP
+        short = np.array(lengths) < np.array(LAST) * 8 * STEPS - 0.5 * np.array(STEPS)
         assert (decoded.cells[word] < LAST).tolist() == short.tolist()
-        assert np.abs(decoded.steps[word] * STEP - lengths)[short].max(initial=0.0) <= 0.5 * STEP + 1e-9
+        assert (np.abs(decoded.steps[word] * STEPS - lengths) <= 0.5 * np.array(STEPS) + 1e-9)[short].all()
         assert off_by(decoded.turns[[word]], np.array([direction]))[0] <= 0.5 + 1e-6
         assert np.abs(decoded.centres[word] * scale - centre).max() <= 0.5 * scale + 1e-9 * size
-    assert table.codes[-1] == (1 << 30) - 1
+    assert table.codes[-1] == (1 << 32) - 1
     assert (decoded.cells < LAST).any()
 
 

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from urquhart._kernel import kernel
-from urquhart.index.quad_table import HALF, LAST, SIDE, STEP, TURNS, QuadTable, cell_code
+from urquhart.index.quad_hits import WantedQuads
+from urquhart.index.quad_table import LAST, SIDE, STEPS, QuadTable, cell_code
 
 
 class QuadSearchNumbers(NamedTuple):
@@ -16,36 +17,9 @@ class QuadSearchNumbers(NamedTuple):
 
     slice: int = 5_000_000
     """Quads of a table that are read before the budget is checked: 10 to 30 ms."""
-    spread: float = 0.8
-    """Usual error of a length as a share of the tolerance."""
 
 
 SEARCH: Final = QuadSearchNumbers()
-
-
-HIT: Final = np.dtype(
-    [
-        ("slot", np.int32),
-        ("quad", np.int32),
-        ("turn", np.int32),
-        ("earlier", np.int32),
-        ("x", np.float32),
-        ("y", np.float32),
-        ("step", np.float32),
-        ("fit", np.float32),
-    ]
-)
-"""A hit: a stored quad whose lengths agree with those of a query quad. 32 bytes are half a cache line, because hits are
-read in random order.
-
-slot        of the submap, numbered through all shards
-quad        index of the query quad
-turn        rotation from the query frame to the submap frame, 256ths of a turn
-earlier     the previous hit of the same slot, numbered from 1; 0 if there is none
-x, y        metres, centred submap frame: centre of the stored quad
-step        metres, resolution of x and y
-fit         logarithm of the likelihood of the misfit of the lengths
-"""
 
 
 class SearchedShard(NamedTuple):
@@ -54,7 +28,6 @@ class SearchedShard(NamedTuple):
     codes: NDArray[np.uint32]
     starts: NDArray[np.uint32]
     words: NDArray[np.uint64]
-    scales: NDArray[np.float32]
     alive: NDArray[np.uint8]
     first: int
 
@@ -75,7 +48,7 @@ class QuadShard:
 
     def searched(self, first: int) -> SearchedShard:
         """The shard as a plain tuple for kernels; `first` is the number of its first slot among all shards."""
-        return SearchedShard(self.table.codes, self.table.starts, self.table.words, self.scales, self.alive, first)
+        return SearchedShard(self.table.codes, self.table.starts, self.table.words, self.alive, first)
 
 
 @kernel
@@ -89,63 +62,65 @@ def count_neighbourhoods(
     cells = np.empty(5, np.int64)
     for q in range(len(lengths)):
         for k in range(5):
-            cells[k] = np.int64(lengths[q, k] / STEP + 0.5) // SIDE
+            cells[k] = np.int64(lengths[q, k] / STEPS[k] + 0.5) // SIDE
         code = cell_code(cells)
         at = np.searchsorted(codes, np.uint32(code))
         if at < len(codes) and codes[at] == code:
             counts[q] += np.int64(starts[at + 1]) - np.int64(starts[at])
 
 
-class WantedQuads(NamedTuple):
-    """The quads of a query, and how they are compared.
-
-    Attributes:
-        lengths: (Q, 5) float64, metres, as `measure_quads` returns them.
-        directions: (Q,) int64, directions of the diagonals, 256ths of a turn.
-        tolerance: metres, largest difference of a length.
-        most: most hits of one quad in one shard; a quad that has more is skipped there.
-    """
-
-    lengths: NDArray[np.float64]
-    directions: NDArray[np.int64]
-    tolerance: float
-    most: int
-
-
 class CellSpan(NamedTuple):
     """The cells within the tolerance of a query quad, read from one end of its diagonal.
 
     Attributes:
-        wanted: (5,) float64, metres, the lengths in the order of this reading.
         low, high: (5,) int64, the first and the last cell along each length.
         masks: (5, C) uint64, for each length and each cell from `low` on: which places in the cell are near enough.
-        cells: (5,) int64, the cell that is being searched.
+        first, last: (C, C) uint64, those of the first two lengths and of the next two, combined.
     """
 
-    wanted: NDArray[np.float64]
     low: NDArray[np.int64]
     high: NDArray[np.int64]
     masks: NDArray[np.uint64]
+    first: NDArray[np.uint64]
+    last: NDArray[np.uint64]
+
+
+class CellRows(NamedTuple):
+    """The rows of a `CellSpan` that hold quads. A row is the cells that differ in the last length only.
+
+    Attributes:
+        cells: (R,) int64, where the cells of each row begin in a table's `codes`.
+        words: (R,) int64, where their quads begin in its `words`.
+        codes: (R,) int64, the lowest code of each row.
+        first, last: (R,) uint64, masks of the first two lengths and of the next two.
+    """
+
     cells: NDArray[np.int64]
+    words: NDArray[np.int64]
+    codes: NDArray[np.int64]
+    first: NDArray[np.uint64]
+    last: NDArray[np.uint64]
 
 
 @kernel
 def gather(
-    shard: SearchedShard, quads: WantedQuads, chunk: NDArray[np.int64], hits: NDArray[Any], count: int
+    shard: SearchedShard, quads: WantedQuads, chunk: NDArray[np.int64], raw: NDArray[Any], count: int
 ) -> tuple[int, int, int, bool]:
-    """Append the hits of the query quads `chunk` (K,) in one shard to the first `count` rows of `hits` (R,) of `HIT`.
+    """Append the hits of the query quads `chunk` (K,) in one shard to the first `count` rows of `raw` (R,).
 
-    It stops before a quad whose hits do not fit into `hits`, and after reading `SEARCH.slice` quads of the shard.
+    `raw` is of `RAW_HIT`. It stops before a quad whose hits do not fit into `raw`, and after reading `SEARCH.slice`
+    quads of the shard.
 
     Returns:
         The number of quads of the chunk that are done, of hits, and of quads skipped because they had more than
-        `quads.most` hits; and whether `hits` was full.
+        `quads.most` hits; and whether `raw` was full.
     """
     done = passed = looked = 0
-    width = int(2.0 * quads.tolerance / (STEP * SIDE)) + 3
-    low, high, cells = np.empty(5, np.int64), np.empty(5, np.int64), np.empty(5, np.int64)
-    span = CellSpan(np.empty(5), low, high, np.empty((5, width), np.uint64), cells)
-    spread = 1.0 / (2.0 * (SEARCH.spread * quads.tolerance) ** 2)
+    wide = int(2.0 * quads.tolerance / (min(STEPS) * SIDE)) + 3
+    pairs = np.empty((2, wide, wide), np.uint64)
+    span = CellSpan(np.empty(5, np.int64), np.empty(5, np.int64), np.empty((5, wide), np.uint64), pairs[0], pairs[1])
+    places, masks = np.empty((3, wide**4), np.int64), np.empty((2, wide**4), np.uint64)
+    rows = CellRows(places[0], places[1], places[2], masks[0], masks[1])
     while done < len(chunk) and looked < SEARCH.slice:
         q = chunk[done]
         before = count
@@ -154,12 +129,13 @@ def gather(
             if reading == 1 and quads.lengths[q, 0] - quads.lengths[q, 2] > 2.0 * quads.tolerance:
                 break
             set_span(span, quads.lengths[q], reading, quads.tolerance)
-            turn = (TURNS // 2) * reading - quads.directions[q]
-            count, seen, full = gather_reading(shard, span, (q, turn, spread), hits, count, before + quads.most)
+            number = find_rows(shard, span, rows)
+            limit = before + quads.most
+            count, seen, full = read_rows(shard, span, rows, (number, 2 * q + reading, limit), raw, count)
             looked += seen
             if full:
                 return done, before, passed, True
-            if count - before > quads.most:
+            if count > limit:
                 count = before
                 passed += 1
                 break
@@ -173,81 +149,94 @@ def set_span(span: CellSpan, lengths: NDArray[np.float64], reading: int, toleran
 
     `reading`: 0, or 1 to read the quad from the other end of its diagonal.
     """
-    wanted, low, high, masks, _ = span
-    for k in range(4):
-        wanted[k] = lengths[(k + 2 * reading) % 4]
-    wanted[4] = lengths[4]
+    low, high, masks, first, last = span
     for k in range(5):
-        lowest = max(math.ceil((wanted[k] - tolerance) / STEP), 0)
-        highest = math.floor((wanted[k] + tolerance) / STEP)
-        low[k], high[k] = min(lowest // SIDE, LAST), min(highest // SIDE, LAST)
+        wanted, step = lengths[(k + 2 * reading) % 4] if k < 4 else lengths[4], STEPS[k]
+        lowest = max(math.ceil((wanted - tolerance) / step), 0)
+        highest = math.floor((wanted + tolerance) / step)
+        low[k], high[k] = min(lowest // SIDE, LAST[k]), min(highest // SIDE, LAST[k])
         for c in range(low[k], high[k] + 1):
-            masks[k, c - low[k]] = place_mask(lowest - SIDE * c, highest - SIDE * c if c < LAST else SIDE)
-        if low[k] == LAST:
+            masks[k, c - low[k]] = place_mask(lowest - SIDE * c, highest - SIDE * c if c < LAST[k] else SIDE)
+        if low[k] == LAST[k]:
             masks[k, 0] = np.uint64(255)
+    for k, pairs in ((0, first), (2, last)):
+        for a in range(high[k] - low[k] + 1):
+            for b in range(high[k + 1] - low[k + 1] + 1):
+                pairs[a, b] = combine_masks(masks[k, a], masks[k + 1, b])
 
 
 @kernel
-def gather_reading(
-    shard: SearchedShard, span: CellSpan, quad: tuple[int, int, float], hits: NDArray[Any], count: int, limit: int
-) -> tuple[int, int, bool]:
-    """Append the hits of one reading of a query quad to the first `count` rows of `hits`, up to more than `limit`.
+def find_rows(shard: SearchedShard, span: CellSpan, rows: CellRows) -> int:
+    """Fill `rows` with those of `span` that hold quads of the shard, and return how many these are."""
+    codes, starts = shard.codes, shard.starts
+    low, high = span.low, span.high
+    cell, number, at = np.empty(5, np.int64), 0, 0
+    cell[4] = low[4]
+    for a in range(low[0], high[0] + 1):
+        for b in range(low[1], high[1] + 1):
+            for c in range(low[2], high[2] + 1):
+                for d in range(low[3], high[3] + 1):
+                    cell[0], cell[1], cell[2], cell[3] = a, b, c, d
+                    code = cell_code(cell)
+                    at = next_code(codes, at, code)
+                    if at < len(codes) and codes[at] <= code + high[4] - low[4]:
+                        rows.cells[number], rows.words[number], rows.codes[number] = at, starts[at], code
+                        rows.first[number] = span.first[a - low[0], b - low[1]]
+                        rows.last[number] = span.last[c - low[2], d - low[3]]
+                        number += 1
+    return number
 
-    `quad`: its index, the rotation that is added to a hit's direction, and the factor of the misfit.
+
+@kernel
+def read_rows(
+    shard: SearchedShard,
+    span: CellSpan,
+    rows: CellRows,
+    reading: tuple[int, int, int],
+    raw: NDArray[Any],
+    count: int,
+) -> tuple[int, int, bool]:
+    """Append the hits in `rows` of one reading of a query quad to the first `count` rows of `raw`.
+
+    `reading`: the number of rows; what a `RAW_HIT` says of the reading; and the number of hits beyond which it ends.
 
     Returns:
-        The number of hits, the number of the shard's quads that were read, and whether `hits` was full.
+        The number of hits, the number of the shard's cells and quads that were read, and whether `raw` was full.
     """
-    codes, starts, words, scales, alive, first = shard
-    wanted, low, high, masks, cells = span
-    q, turned, spread = quad
-    one, six, three, byte = np.uint64(1), np.uint64(63), np.uint64(7), np.uint64(255)
-    looked, rows, at = 0, np.int64(1), 0
-    for k in range(4):
-        rows *= high[k] - low[k] + 1
-    for row in range(rows):
-        rest = row
-        for k in range(3, -1, -1):
-            wide = high[k] - low[k] + 1
-            cells[k] = low[k] + rest % wide
-            rest //= wide
-        cells[4] = low[4]
-        begin = cell_code(cells)
-        end = begin + high[4] - low[4]
-        at = next_code(codes, at, begin)
-        if at == len(codes) or codes[at] > end:
-            continue
-        mask01 = combine_masks(masks[0, cells[0] - low[0]], masks[1, cells[1] - low[1]])
-        mask23 = combine_masks(masks[2, cells[2] - low[2]], masks[3, cells[3] - low[3]])
+    codes, starts, words, alive, first = shard
+    number, name, limit = reading
+    one, six, three, slots = np.uint64(1), np.uint64(63), np.uint64(7), np.uint64(39)
+    looked = touched = 0
+    for r in range(number):
+        # CellRows are scattered in memory; loads that do not depend on each other run in parallel.
+        if rows.words[r] < len(words):
+            touched += int(words[rows.words[r]] & one)
+    for r in range(number):
+        at, low = int(rows.cells[r]), int(rows.codes[r])
+        end = low + int(span.high[4] - span.low[4])
+        first_two, next_two = rows.first[r], rows.last[r]
         # The cells of a row are consecutive, unless the table is damaged.
-        while at < len(codes) and begin <= codes[at] <= end:
-            cells[4] = low[4] + codes[at] - begin
-            mask4 = masks[4, cells[4] - low[4]]
-            looked += 1
-            for e in range(int(starts[at]), min(int(starts[at + 1]), len(words))):
-                # In rows of trees, one cell may hold millions of quads, all of them hits.
-                if count > limit:
-                    return count, looked, False
-                looked += 1
+        while at < len(codes) and low <= codes[at] <= end:
+            mask = span.masks[4, codes[at] - low]
+            begin, beyond = int(starts[at]), min(int(starts[at + 1]), len(words))
+            looked += 1 + max(beyond - begin, 0)
+            for e in range(begin, beyond):
                 word = words[e]
-                allowed = (mask01 >> (word & six)) & (mask23 >> ((word >> np.uint64(6)) & six))
-                if allowed & (mask4 >> ((word >> np.uint64(12)) & three)) & one == 0:
+                allowed = (first_two >> (word & six)) & (next_two >> ((word >> np.uint64(6)) & six))
+                if allowed & (mask >> ((word >> np.uint64(12)) & three)) & one == 0:
                     continue
-                slot = np.int64(word >> np.uint64(39))
+                slot = np.int64(word >> slots)
                 if slot >= len(alive) or alive[slot] == 0:
                     continue
-                if count == len(hits):
-                    return count, looked, True
-                turn = np.int64((word >> np.uint64(15)) & byte) + turned
-                hits[count].slot, hits[count].quad, hits[count].turn = first + slot, q, turn & (TURNS - 1)
-                hits[count].x = (np.int64((word >> np.uint64(23)) & byte) - HALF) * scales[slot]
-                hits[count].y = (np.int64((word >> np.uint64(31)) & byte) - HALF) * scales[slot]
-                hits[count].step, hits[count].fit = scales[slot], -spread * misfit(word, cells, wanted)
+                # In rows of trees, one cell may hold millions of quads, all of them hits.
+                if count > limit or count == len(raw):
+                    return count, looked, count <= limit
+                raw[count].word, raw[count].code = word + (np.uint64(first) << slots), codes[at]
+                raw[count].reading = name
                 count += 1
-            if count > limit:
-                return count, looked, False
             at += 1
-    return count, looked, False
+    # `touched` is never negative; the comparison keeps the compiler from removing the loads.
+    return count, looked if touched >= 0 else -1, False
 
 
 @kernel
@@ -261,20 +250,6 @@ def next_code(codes: NDArray[np.uint32], at: int, code: int) -> int:
         at += step
         step *= 2
     return at + int(np.searchsorted(codes[at : min(at + step + 1, last)], wanted))
-
-
-@kernel
-def misfit(word: np.uint64, cells: NDArray[np.int64], wanted: NDArray[np.float64]) -> float:
-    """Sum of squared differences, square metres, between the lengths of a stored quad and `wanted` (5,), metres.
-
-    `word`: the stored quad; `cells`: (5,), its cell.
-    """
-    total = 0.0
-    for k in range(5):
-        place = np.int64(word >> np.uint64(3 * k)) & (SIDE - 1)
-        if cells[k] < LAST:
-            total += (STEP * (SIDE * cells[k] + place) - wanted[k]) ** 2
-    return total
 
 
 @kernel

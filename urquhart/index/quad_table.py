@@ -1,7 +1,8 @@
 """The quads of many submaps in one table, eight bytes each, sorted by shape.
 
-A quad is found by its five lengths. They are counted in steps of 0.1 m, and eight steps are the side of a cell of a
-grid in five dimensions. The table holds the cells that have quads, in ascending order, and one word for each quad:
+A quad is found by its five lengths. The four sides are counted in steps of 0.2 m, the diagonal in steps of 0.1 m, and
+eight steps are the side of a cell of a grid in five dimensions. The table holds the cells that have quads, in ascending
+order, and one word for each quad:
 
     bits  0-14   place in the cell, three bits for each length
     bits 15-22   direction of the diagonal, 256ths of a turn
@@ -22,15 +23,16 @@ from numpy.typing import NDArray
 
 from urquhart._kernel import kernel
 
-STEP: Final = 0.1
-"""Metres: resolution of lengths."""
+STEPS: Final = (0.2, 0.2, 0.2, 0.2, 0.1)
+"""Metres: resolution of each length. Cells that are neighbours along the last length lie side by side, so small ones
+cost no further look-ups there."""
 SIDE: Final = 8
 """Steps along the side of a cell."""
 MOST_SLOTS: Final = 1 << 24
 """Submaps that one table can hold."""
-_BITS: Final = 6
-LAST: Final = (1 << _BITS) - 1
-"""The last cell of a length. It holds all longer ones, and their place in it means nothing."""
+_BITS: Final = (6, 6, 6, 6, 8)
+LAST: Final = tuple((1 << bits) - 1 for bits in _BITS)
+"""The last cell of each length. It holds all longer ones, and their place in it means nothing."""
 TURNS: Final = 256
 """Directions in a full turn."""
 HALF: Final = 128
@@ -135,8 +137,17 @@ def cell_code(cells: NDArray[np.int64]) -> int:
     """The code of a cell (5,); cells that are neighbours along the last length have consecutive codes."""
     code = 0
     for k in range(5):
-        code = (code << _BITS) | int(min(cells[k], LAST))
+        code = (code << _BITS[k]) | int(min(cells[k], LAST[k]))
     return code
+
+
+@kernel
+def cell_of(code: int, cells: NDArray[np.int64]) -> None:
+    """Set `cells` (5,) to the cell with a code."""
+    rest = np.int64(code)
+    for k in range(4, -1, -1):
+        cells[k] = rest & LAST[k]
+        rest >>= _BITS[k]
 
 
 @kernel
@@ -184,7 +195,7 @@ def pack_quads(
     for q in range(len(quads)):
         word = np.int64(slot) << 39
         for k in range(5):
-            steps = np.int64(lengths[q, k] / STEP + 0.5)
+            steps = np.int64(lengths[q, k] / STEPS[k] + 0.5)
             cells[k] = steps // SIDE
             word |= (steps % SIDE) << (3 * k)
         word |= (np.int64(directions[q] * TURNS + 0.5) & (TURNS - 1)) << 15

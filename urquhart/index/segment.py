@@ -18,7 +18,7 @@ from urquhart.index.polygon_search import Partition, build_partitions, merge_par
 from urquhart.index.quad_table import MOST_SLOTS, QuadTable, build_table, centre_scale, merge_tables
 from urquhart.index.segment_file import SegmentDamaged, SegmentFile, SegmentWriter, writing
 
-FORMAT: Final = 1
+FORMAT: Final = 2
 """Raised whenever the same features give another segment than before; stored segments are then rebuilt."""
 _UNIT: Final = 0.01
 """Metres: unit of a submap's outlines; larger submaps have a larger unit."""

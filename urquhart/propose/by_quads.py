@@ -46,18 +46,32 @@ def search_quads(query: Query, index: CollectionIndex, errors: float, buffer: Hi
     return QuadConsensus(index.quad_shards(), landmarks, quads, tolerance, most, buffer=buffer, budget=query.budget)
 
 
-def propose_by_quads(
-    query: Query, index: CollectionIndex, search: QuadConsensus, share: float, count: int
-) -> list[Proposal]:
-    """Propose poses in the `count` submaps in which quads agree best, after a search for a `share` of the quads.
+class QuadChoice(NamedTuple):
+    """Which quads are searched for, and where the poses that they agree on are verified.
+
+    Attributes:
+        share: of the query's quads that are searched for, the rarest first.
+        submaps: most submaps in which poses are verified: those in which quads agree best.
+        least: quads that agree on the best pose of each of these submaps, or more.
+        poses: most distinct poses of a submap.
+    """
+
+    share: float
+    submaps: int
+    least: int = 1
+    poses: int = QUADS.poses
+
+
+def propose_by_quads(query: Query, index: CollectionIndex, search: QuadConsensus, choice: QuadChoice) -> list[Proposal]:
+    """Continue a search for quads, and propose poses on which they agree.
 
     Raises:
         Abandoned: nobody waits for the answer any more.
     """
     with query.trace.timed("search quads") as counts:
         before = search.hits
-        search.advance(share)
-        leaders = search.leaders(count, QUADS.poses)
+        search.advance(choice.share, choice.least)
+        leaders = search.leaders(choice.submaps, choice.poses, choice.least)
         counts["hits"] = search.hits - before
         if search.is_cut_short:
             query.trace.skip("quad_hits")

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from urquhart.index.quad_search import HIT
+from urquhart.index.quad_hits import HIT, RAW_HIT, SECTORS
 
 _FIRST: Final = 4096
 """Hits that a new buffer can hold."""
@@ -21,21 +21,41 @@ class HitBuffer:
     """Memory for hits. It is reused, because the operating system takes long to provide and clear new memory.
 
     Attributes:
-        hits: (R,) of `HIT`; rows beyond those of the current search are left from earlier ones.
+        raw: (K,) of `RAW_HIT`; rows beyond those of the current search are left from earlier ones, here and below.
+        hits: (R,) of `HIT`.
         totals: (R,) float32, total weight of each hit and of those that agree with it.
     """
 
     def __init__(self) -> None:
         """Allocate memory for a few thousand hits."""
+        self.raw: NDArray[Any] = np.empty(_FIRST, RAW_HIT)
         self.hits: NDArray[Any] = np.empty(_FIRST, HIT)
         self.totals: NDArray[np.float32] = np.empty(_FIRST, np.float32)
+        self._sectors: NDArray[np.uint8] = np.empty((0, SECTORS), np.uint8)
 
     def grow(self) -> None:
-        """Enlarge the buffer, and keep its hits."""
-        size = (4 if len(self.hits) < _MANY else 2) * len(self.hits)
-        hits, totals = np.empty(size, HIT), np.empty(size, np.float32)
-        hits[: len(self.hits)], totals[: len(self.totals)] = self.hits, self.totals
-        self.hits, self.totals = hits, totals
+        """Enlarge `raw`, and keep its rows."""
+        self.raw = _enlarged(self.raw, len(self.raw) + 1)
+
+    def make_room(self, count: int) -> None:
+        """Enlarge `hits` and `totals` to at least `count` rows, if they have fewer, and keep their rows."""
+        if len(self.hits) < count:
+            self.hits, self.totals = _enlarged(self.hits, count), _enlarged(self.totals, count)
+
+    def sectors(self, slots: int) -> NDArray[np.uint8]:
+        """Counts (S, SECTORS) uint8 for so many slots; they hold anything."""
+        if len(self._sectors) < slots:
+            self._sectors = np.empty((slots, SECTORS), np.uint8)
+        return self._sectors[:slots]
+
+
+def _enlarged(array: NDArray[Any], least: int) -> NDArray[Any]:
+    size = len(array)
+    while size < least:
+        size *= 4 if size < _MANY else 2
+    larger = np.empty(size, array.dtype)
+    larger[: len(array)] = array
+    return larger
 
 
 class BufferPool:

@@ -11,13 +11,14 @@ the time and answers most queries.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from urquhart.budget import Budget
-from urquhart.index.quad_search import QuadShard, WantedQuads, count_neighbourhoods, gather
+from urquhart.index.quad_hits import MOST_SEARCHED, WantedQuads, count_hits, place_hits
+from urquhart.index.quad_search import QuadShard, count_neighbourhoods, gather
 from urquhart.index.quad_table import TURNS, measure_quads
 from urquhart.propose.hit_buffer import HitBuffer
 from urquhart.propose.quad_vote_kernels import (
@@ -45,6 +46,11 @@ class ConsensusNumbers(NamedTuple):
     the paper's forest; no command repeats it."""
     compared: int = 50_000
     """Hits that are compared with others before the budget is checked: 20 ms."""
+    rare: int = 4
+    """Stored quads in the cell of a query quad up to which it is as rare as any. In a small collection, cells hold so
+    few that a quad with none is rather one that is not stored."""
+    spread: float = 0.8
+    """Usual error of a length as a share of the tolerance."""
     common: int = 64
     """A query quad is skipped in a table if its hits there exceed the limit of the search divided by this."""
 
@@ -99,6 +105,9 @@ class QuadConsensus:
                 of trees all quads are alike, and finding each of them in every row would take most of the time.
             buffer: memory for the hits as long as the search is used; by default its own.
             budget: when it is spent, the search ends with the hits so far; by default never.
+
+        Raises:
+            ValueError: more submaps than one search can tell apart.
         """
         self._shards, self._most = shards, most
         self._living = max(sum(int(np.count_nonzero(shard.alive)) for shard in shards), 1)
@@ -108,12 +117,14 @@ class QuadConsensus:
         rarity = np.zeros(len(quads), np.int64)
         for shard in shards:
             count_neighbourhoods(shard.table.codes, shard.table.starts, lengths, rarity)
-        self._order = np.argsort(rarity, kind="stable")
-        self._looked = self.hits = self._listed = self.passed_over = 0
+        self._order = np.argsort(np.maximum(rarity, CONSENSUS.rare), kind="stable")
+        self._looked = self.hits = self._placed = self._listed = self.passed_over = 0
         self._weights, self._shares = np.zeros(len(quads)), np.zeros(len(quads))
         self._buffer = buffer if buffer is not None else HitBuffer()
         self._budget = budget or Budget()
         slots = sum(len(shard.alive) for shard in shards)
+        if slots > MOST_SEARCHED:
+            raise ValueError(f"{slots} submaps, but one search takes at most {MOST_SEARCHED}")
         # Zeros cost nothing until they are touched.
         self._slot_votes, self._listed_slots = np.zeros(slots, SLOT_VOTES), np.empty(slots, np.int32)
 
@@ -127,8 +138,12 @@ class QuadConsensus:
         """Whether the search ended by the number of hits, before all query quads had been searched for."""
         return self._looked < len(self._order) and self.hits >= self._most
 
-    def advance(self, share: float = 1.0) -> None:
+    def advance(self, share: float = 1.0, least: int = 1) -> None:
         """Search for the next rarest quads, up to a `share` of all, or until there are enough hits.
+
+        Args:
+            share: of all quads of the query.
+            least: submaps in which fewer hits of this call agree are left out of `leaders`. They need not be compared.
 
         Raises:
             Abandoned: nobody waits for the answer any more.
@@ -144,10 +159,13 @@ class QuadConsensus:
                 self._gather(shard, first, chunk)
                 first += len(shard.alive)
             self._looked += len(chunk)
-        self._vote(before, self._order[began : self._looked])
+        self._vote(before, self._order[began : self._looked], least)
 
-    def leaders(self, count: int, poses: int) -> QuadLeaders:
-        """The `count` submaps with the best scores, with up to `poses` distinct poses each."""
+    def leaders(self, count: int, poses: int, least: int = 1) -> QuadLeaders:
+        """The `count` submaps with the best scores, with up to `poses` distinct poses each.
+
+        Submaps in which fewer than `least` hits agree on the best pose are left out.
+        """
         listed = self._listed_slots[: self._listed]
         scores = self._slot_votes["score"][listed]
         if len(listed) > count:
@@ -156,7 +174,8 @@ class QuadConsensus:
         order = np.lexsort((listed, -scores))
         listed, scores = listed[order], scores[order]
         support, rows = fit_poses(listed, poses, self._slot_votes, self._hits())
-        return QuadLeaders(listed.astype(np.int64), scores, support, rows)
+        kept = support >= least
+        return QuadLeaders(listed[kept].astype(np.int64), scores[kept], support[kept], rows[kept])
 
     def turns(self, count: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """The `count` pairs of a slot (K,) and a rotation (K,), radians, with the most votes, the best first.
@@ -173,7 +192,7 @@ class QuadConsensus:
     def _gather(self, shard: QuadShard, first: int, chunk: NDArray[np.int64]) -> None:
         searched = shard.searched(first)
         while len(chunk):
-            done, self.hits, passed, full = gather(searched, self._wanted, chunk, self._buffer.hits, self.hits)
+            done, self.hits, passed, full = gather(searched, self._wanted, chunk, self._buffer.raw, self.hits)
             chunk = chunk[done:]
             self.passed_over += passed
             if full:
@@ -181,16 +200,33 @@ class QuadConsensus:
             if self._budget.is_spent():
                 return
 
-    def _vote(self, before: int, quads: NDArray[np.int64]) -> None:
-        found, likely = tally(before, self.hits, self._buffer.hits, len(self._weights))
+    def _vote(self, before: int, quads: NDArray[np.int64], least: int) -> None:
+        began = self._placed
+        found = self._place(self._buffer.raw[before : self.hits], least)
+        likely = tally(began, self._placed, self._buffer.hits, len(self._weights))
         self._weights[quads] = np.log(CONSENSUS.seen * self._living / (CONSENSUS.agree * (found[quads] + 1.0)))
         self._shares[quads] = 1.0 / (likely[quads] + 0.1)
-        order = order_by_slots(before, self.hits, self._buffer.hits, len(self._slot_votes))
+        order = order_by_slots(began, self._placed, self._buffer.hits, len(self._slot_votes))
         for begin in range(0, len(order), CONSENSUS.compared):
             if self._budget.is_spent():
                 return
             chunk = order[begin : begin + CONSENSUS.compared]
             self._listed = vote(chunk, self._hits(), self._slot_votes, self._listed_slots, self._listed)
+
+    def _place(self, raw: NDArray[Any], least: int) -> NDArray[np.float64]:
+        """Give a pose to the hits that at least `least` may agree with; return the number of hits of each quad."""
+        sectors = self._buffer.sectors(len(self._slot_votes) if least > 1 else 0)
+        found = count_hits(raw, self._wanted.directions, sectors)
+        self._buffer.make_room(self._placed + len(raw))
+        first, error = 0, CONSENSUS.spread * self._wanted.tolerance
+        for shard in self._shards:
+            if self._budget.is_spent():
+                break
+            enough = (least, sectors, error)
+            hits, count = self._buffer.hits, self._placed
+            self._placed = place_hits(raw, self._wanted, (first, shard.scales), enough, hits, count)
+            first += len(shard.alive)
+        return found
 
     def _hits(self) -> QuadHits:
         return QuadHits(self._buffer.hits, self._buffer.totals, self._centres, self._weights)

@@ -57,13 +57,12 @@ class QuadHits(NamedTuple):
 
 
 @kernel
-def tally(before: int, count: int, hits: NDArray[Any], quads: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Number of hits (Q,) of each query quad among the hits `before` to `count`, and sum (Q,) of their likelihoods."""
-    found, likely = np.zeros(quads), np.zeros(quads)
+def tally(before: int, count: int, hits: NDArray[Any], quads: int) -> NDArray[np.float64]:
+    """Sum (Q,) of the likelihoods of each query quad's hits among the hits `before` to `count`."""
+    likely = np.zeros(quads)
     for h in range(before, count):
-        found[hits[h].quad] += 1.0
         likely[hits[h].quad] += math.exp(hits[h].fit)
-    return found, likely
+    return likely
 
 
 @kernel
