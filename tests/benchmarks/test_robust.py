@@ -63,7 +63,7 @@ def test_more_noise_is_found_less_and_where_nothing_can_be_known_it_is_said() ->
 
 @pytest.mark.parametrize("kind", [0, 5, 13])
 def test_in_plantations_nothing_false_is_matched(kind: int) -> None:
-    found = summarize(rows.run_kind(rows.Job(kind, SEED, 8, 24)))
+    found = summarize(rows.run_kind(rows.Job(kind, SEED, 4, 12)))
     assert (found["false"], found["wrong"]) == (0, 0)
     assert found["right"] >= 0.7 * found["oracle"]
     assert found["alone"] >= found["oracle"]

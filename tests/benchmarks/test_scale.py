@@ -43,7 +43,7 @@ def room(tmp_path_factory: pytest.TempPathFactory) -> Path:
     def run(measurement: Measurement) -> dict[str, Any]:
         return run_alone(measurement) if measurement.part == "simulate" else run_here(measurement)
 
-    command.measure(TINY, folder, quick=True, seed=SEED, workers=2, run=run)
+    command.measure(TINY, folder, quick=True, seed=SEED, workers=1, run=run)
     return folder
 
 

@@ -85,10 +85,10 @@ except IndexError:
 
 
 def test_damaged_tables_are_searched_and_merged_within_bounds(tmp_path: Path) -> None:
-    # A cache of its own, kept for the next run: what is compiled without watching bounds would be loaded otherwise.
-    # Optimising takes longer than it saves. The tables are built here, by kernels that are compiled already.
+    # A cache of its own, kept for the next run: what is compiled without watching bounds would be loaded otherwise. The
+    # tables are built here, by kernels that are compiled already.
     cache = Path(urquhart.__file__).parent / "__pycache__" / "watched"
-    watched = {**os.environ, "NUMBA_BOUNDSCHECK": "1", "NUMBA_OPT": "0", "NUMBA_CACHE_DIR": str(cache)}
+    watched = {**os.environ, "NUMBA_BOUNDSCHECK": "1", "NUMBA_CACHE_DIR": str(cache)}
     query = stand(0)
     tables = tmp_path / "tables"
     sound = shard_of([query, described(1), stand(2)])

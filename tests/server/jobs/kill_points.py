@@ -1,9 +1,10 @@
-"""A job that is killed at each point at which something of it reaches the disk, one after the other.
+"""A job that is killed at each kind of point at which something of it reaches the disk.
 
-`Forked("tests.server.jobs.kill_points", [FOLDER, MODE, LINES.ndjson, FIRST])` runs an import in processes of its own.
-One is killed at the point with the number FIRST (1 or 2), the next, on another copy of the database, two points later,
-and so on until one comes to its end. After each, another process goes on, and is killed, too, and a third one. Printed
-is what each job came to in the end, a line of JSON for each point.
+`Forked("tests.server.jobs.kill_points", [FOLDER, MODE, LINES.ndjson, EACH])` runs an import in processes of its own.
+The first is not killed: it notes the kind of each point that it passes. Then one is killed at the last point of each
+kind, and if EACH is 2 at the first one, too, each on another copy of the database. After each, another process goes on,
+and is killed, too, and a third one. Printed are the kind of each point, and what the job came to in the end: a line of
+JSON for each.
 """
 
 import os
@@ -44,21 +45,25 @@ _POINTS = 12
 """Of a process that goes on, those at which it is killed."""
 
 
-def main(folder: Path, mode: str, lines: Path, first: int) -> None:
-    """Kill at every second point from the first on, until there is none left."""
+def main(folder: Path, mode: str, lines: Path, each: int) -> None:
+    """Kill at `each` (1 or 2) points of each kind."""
     folder.mkdir()
     base = folder / "base"
     _in_a_process(partial(_prepare, base / "killed.db", mode, lines.read_bytes()))
-    point, killed = first - 2, True
-    while killed:
-        point += 2
-        copy = folder / f"point-{point}"
-        shutil.copytree(base, copy)
-        killed = _in_a_process(partial(_work, copy / "killed.db", point)) == -signal.SIGKILL
-        # Who goes on is killed as well, now here, now there: a restart has its own points.
-        _in_a_process(partial(_work, copy / "killed.db", point * 7 % _POINTS + 1))
-        _in_a_process(partial(_work, copy / "killed.db", 0))
-        _in_a_process(partial(_tell, copy / "killed.db"))
+    copy, passed = shutil.copytree(base, folder / "whole"), folder / "passed"
+    _in_a_process(partial(_work, copy / "killed.db", 0, passed))
+    kinds = passed.read_text().splitlines()
+    numbers = {
+        kind: [number for number, one in enumerate(kinds, start=1) if one == kind] for kind in sorted(set(kinds))
+    }
+    for kind, found in numbers.items():
+        for point in {found[-1], found[0]} if each == 2 else {found[-1]}:
+            copy = shutil.copytree(base, folder / f"point-{point}")
+            assert _in_a_process(partial(_work, copy / "killed.db", point)) == -signal.SIGKILL
+            # Who goes on is killed as well, now here, now there: a restart has its own points.
+            _in_a_process(partial(_work, copy / "killed.db", point * 7 % _POINTS + 1))
+            _in_a_process(partial(_work, copy / "killed.db", 0))
+            _in_a_process(partial(_tell, copy / "killed.db", kind))
 
 
 def _in_a_process(work: Callable[[], None]) -> int:
@@ -103,21 +108,27 @@ def _runner(path: Path) -> Runner:
     return Runner(JobContext(settings, database, indexes, metrics, JobFolder(database)), JOB_TYPES)
 
 
-def _work(path: Path, point: int) -> None:
-    """Do the job in batches of two lines, as far as to the point of that number; 0: to its end."""
+def _work(path: Path, point: int, passed: Path | None = None) -> None:
+    """Do the job in batches of two lines, as far as to the point of that number; 0: to its end.
+
+    `passed`: where to write the kind of each point.
+    """
     left = point
 
-    def reached(*_: object) -> None:
+    def reached(kind: str) -> None:
         nonlocal left
         left -= 1
+        if passed is not None:
+            with passed.open("a") as kinds:
+                kinds.write(f"{kind}\n")
         if left == 0:
             os.kill(os.getpid(), signal.SIGKILL)
 
     def around(function: Callable[..., Any]) -> Callable[..., Any]:
         def called(*arguments: Any, **named: Any) -> Any:
-            reached()
+            reached(f"before {function.__name__}")
             result = function(*arguments, **named)
-            reached()
+            reached(f"after {function.__name__}")
             return result
 
         return called
@@ -126,7 +137,7 @@ def _work(path: Path, point: int) -> None:
         before = results.seek(0, os.SEEK_END)
         results.write(b'{"line": 7, "outco')
         results.flush()
-        reached()
+        reached("half a line")
         results.truncate(before)
         write(results, lines)
 
@@ -145,7 +156,7 @@ def _work(path: Path, point: int) -> None:
         pass
 
 
-def _tell(path: Path) -> None:
+def _tell(path: Path, kind: str) -> None:
     job_folder._GRACE = -1.0  # type: ignore[misc]
     runner = _runner(path)
     runner.clean_up()
@@ -163,7 +174,7 @@ def _tell(path: Path) -> None:
         "submaps": collection.counts.submaps,
         "files": sorted(file.name for file in context.folder.path.iterdir() if file.suffix != ".lock"),
     }
-    print(orjson.dumps(told).decode())
+    print(orjson.dumps([kind, told]).decode())
 
 
 if __name__ == "__main__":

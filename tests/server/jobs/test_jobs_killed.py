@@ -59,12 +59,16 @@ def pauses(seed: int, most: float) -> Iterator[float]:
         yield rng.uniform(0.0, most)
 
 
+KINDS = {
+    "half a line",
+    *(f"{when} {what}" for when in ("before", "after") for what in ("fsync", "unlink", "do_commit")),
+}
+"""What a job is killed at."""
 CREATED = [(1, "created"), (2, "created"), (3, "refused"), (5, "replaced"), (6, "created"), (7, "unchanged")]
 
 
-@pytest.mark.parametrize("first", [1, 2])
-@pytest.mark.parametrize(("mode", "sound"), [("continue", False), ("all", True), ("all", False)])
-def test_killed_at_every_point(tmp_path: Path, mode: str, sound: bool, first: int) -> None:
+@pytest.mark.parametrize(("mode", "sound", "each"), [("continue", False, 2), ("all", True, 1), ("all", False, 1)])
+def test_killed_at_points_of_every_kind(tmp_path: Path, mode: str, sound: bool, each: int) -> None:
     """Whatever was on the disk by then, the end is the same."""
     trees = [points(forest(seed, 30)) for seed in range(4)]
     ids = [("a", 0), ("b", 1), None, None, ("a", 2), ("c", 3), ("b", 1)]
@@ -72,13 +76,15 @@ def test_killed_at_every_point(tmp_path: Path, mode: str, sound: bool, first: in
     lines[2] = b"" if sound else b"{"
     (tmp_path / "lines").write_bytes(b"".join(line + b"\n" for line in lines))
     output, errors = tmp_path / "told", tmp_path / "errors"
-    arguments = [str(tmp_path / "runs"), mode, str(tmp_path / "lines"), str(first)]
+    arguments = [str(tmp_path / "runs"), mode, str(tmp_path / "lines"), str(each)]
     killed = Forked(
         "tests.server.jobs.kill_points", arguments, folder=ROOT, environment=os.environ, output=output, errors=errors
     )
     assert killed.wait(280.0) == 0, errors.read_text()
     told = [orjson.loads(line) for line in output.read_bytes().splitlines()]
-    assert len(told) > (12 if mode == "continue" else 7)
+    kinds = Counter(kind for kind, _ in told)
+    assert kinds.keys() == KINDS
+    assert max(kinds.values()) == each
     results = [one for one in CREATED if not sound or one[1] != "refused"]
     if mode == "all" and not sound:
         results = [(number, outcome if outcome == "refused" else "skipped") for number, outcome in results]
@@ -90,7 +96,7 @@ def test_killed_at_every_point(tmp_path: Path, mode: str, sound: bool, first: in
         "submaps": 0 if mode == "all" and not sound else 3,
         "files": ["job.results"],
     }
-    assert [one for one in told if one != expected] == []
+    assert [(kind, one) for kind, one in told if one != expected] == []
 
 
 def test_a_worker_process_that_is_killed_costs_nothing(serve: Callable[..., Server], tmp_path: Path) -> None:
