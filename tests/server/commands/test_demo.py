@@ -102,8 +102,8 @@ def wait_until_gone(url: str) -> None:
 # ------------------------------------------------------------------ serve
 
 
-def test_serve_answers_until_it_is_told_to_stop(start: Start) -> None:
-    """With two workers; the demo's service has one."""
+def test_workers_answer_and_do_not_outlive_the_process_that_started_them(start: Start) -> None:
+    """How a service ends that is told to is tested with the demo's, and in `tests/server/http/test_drain.py`."""
     process = start("serve", "--port", 0, "--database", "a.db", "--workers", 2)
     url = address_in(process)
     wait_until_ready(url)
@@ -115,15 +115,6 @@ def test_serve_answers_until_it_is_told_to_stop(start: Start) -> None:
         for _ in range(8):
             with Client(url) as another:
                 assert another.query("plots", trees).verdict == "matched"
-    process.send_signal(signal.SIGTERM)
-    process.wait(PATIENCE)
-    wait_until_gone(url)
-
-
-def test_workers_do_not_outlive_the_process_that_started_them(start: Start) -> None:
-    process = start("serve", "--port", 0, "--database", "a.db", "--workers", 2)
-    url = address_in(process)
-    wait_until_ready(url)
     process.kill()
     process.wait(PATIENCE)
     wait_until_gone(url)
