@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import httpx
 import pytest
@@ -52,6 +53,15 @@ def shared_client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[httpx.Cl
     with TestClient(create_app(settings_in(tmp_path_factory.mktemp("shared")))) as started:
         started.put("/v1/collections/plots", json={}).raise_for_status()
         yield started
+
+
+@pytest.fixture(scope="session")
+def document(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """The OpenAPI document, which takes half a second to make; not to be changed."""
+    app = create_app(settings_in(tmp_path_factory.mktemp("document")))
+    made: dict[str, Any] = app.openapi()
+    app.state.service.database.dispose()
+    return made
 
 
 @pytest.fixture

@@ -113,8 +113,8 @@ def policy(answer: httpx.Response) -> dict[str, list[str]]:
     "path", ["/", "/docs", "/problems/gone", "/openapi.json", "/docs/assets/swagger-ui.css", "/livez", "/nothing"]
 )
 @pytest.mark.parametrize("accept", ["text/html", "*/*"])
-def test_every_answer_is_marked(client: httpx.Client, path: str, accept: str) -> None:
-    answer = client.get(path, headers={"Accept": accept})
+def test_every_answer_is_marked(shared_client: httpx.Client, path: str, accept: str) -> None:
+    answer = shared_client.get(path, headers={"Accept": accept})
     assert answer.headers["x-content-type-options"] == "nosniff"
     assert answer.headers["referrer-policy"] == "no-referrer"
     assert policy(answer)["default-src"] == policy(answer)["frame-ancestors"] == ["'none'"]

@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from fastapi import FastAPI
 
 _RUNS_ON = re.compile(r"^(and|or|but|with(?! `)|of|as|for)\b", re.IGNORECASE)
 _NOT_ALONE = re.compile(r"^(Only (these|those)|The (least|most|fewest|latest|earliest|strongest))\b[^`]{0,12}\.$")
@@ -45,13 +44,13 @@ def test_what_runs_on_is_noticed(text: str) -> None:
     assert faults(text)
 
 
-def test_every_description_stands_alone(app: FastAPI) -> None:
-    told = {where: (text, found) for where, text in descriptions(app.openapi()) if (found := faults(text))}
+def test_every_description_stands_alone(document: dict[str, Any]) -> None:
+    told = {where: (text, found) for where, text in descriptions(document) if (found := faults(text))}
     assert not told
 
 
-def test_every_type_and_member_has_a_description(app: FastAPI) -> None:
-    schemas = app.openapi()["components"]["schemas"]
+def test_every_type_and_member_has_a_description(document: dict[str, Any]) -> None:
+    schemas = document["components"]["schemas"]
     bare = [name for name, schema in schemas.items() if not schema.get("description")]
     # A member that is described like its type refers to it alone.
     bare += [
@@ -75,6 +74,8 @@ def test_every_type_and_member_has_a_description(app: FastAPI) -> None:
         ("Inlier", "submap", "always strings"),
     ],
 )
-def test_a_member_that_could_be_mistaken_says_what_it_is(app: FastAPI, schema: str, field: str, says: str) -> None:
-    properties = app.openapi()["components"]["schemas"][schema]["properties"]
+def test_a_member_that_could_be_mistaken_says_what_it_is(
+    document: dict[str, Any], schema: str, field: str, says: str
+) -> None:
+    properties = document["components"]["schemas"][schema]["properties"]
     assert says in " ".join(properties[field]["description"].split())
