@@ -250,6 +250,23 @@ def test_where_too_few_hits_agree_they_are_not_compared(least: int) -> None:
         np.testing.assert_array_equal(enough.poses[places, 0], every.poses[expected, 0])
 
 
+def test_a_search_begun_again_is_a_new_one() -> None:
+    shards = [shard_of([stand(seed) for seed in range(20)])]
+    first, fresh = search(shards, stand(3), 0.5), search(shards, stand(3), 0.75)
+    first.advance(0.5)
+    assert first.hits > 0
+    again = first.begun_again(0.75)
+    assert again.hits == again.passed_over == 0
+    for found in (again, fresh):
+        found.advance()
+    np.testing.assert_array_equal(hits(again), hits(fresh))
+    one, other = again.leaders(9, 3), fresh.leaders(9, 3)
+    np.testing.assert_array_equal(one.slots, other.slots)
+    np.testing.assert_array_equal(one.scores, other.scores)
+    np.testing.assert_array_equal(one.poses, other.poses)
+    np.testing.assert_array_equal(again.turns(30), fresh.turns(30))
+
+
 def test_so_many_hits_in_one_sector_that_a_byte_cannot_count_them_are_still_enough() -> None:
     features = described(0)
     quads = np.repeat(features.tessellation.quads[:3], 150, axis=0)

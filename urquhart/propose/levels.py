@@ -67,7 +67,10 @@ class Search:
 
     def propose_by_loose_quads(self, choice: QuadChoice) -> list[Proposal]:
         """Search for the query's quads with loose lengths."""
-        self.loose_quads = search_quads(self.query, self.index, QUADS.loose, self.buffer)
+        if self.quads is None:
+            self.loose_quads = search_quads(self.query, self.index, QUADS.loose, self.buffer)
+        else:
+            self.loose_quads = self.quads.begun_again(QUADS.loose * self.query.config.sigma)
         return propose_by_quads(self.query, self.index, self.loose_quads, choice)
 
     def propose_by_correlation(self) -> list[Proposal]:

@@ -10,6 +10,7 @@ the time and answers most queries.
 
 import math
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
@@ -109,6 +110,9 @@ class QuadConsensus:
         Raises:
             ValueError: more submaps than one search can tell apart.
         """
+        slots = sum(len(shard.alive) for shard in shards)
+        if slots > MOST_SEARCHED:
+            raise ValueError(f"{slots} submaps, but one search takes at most {MOST_SEARCHED}")
         self._shards, self._most = shards, most
         self._living = max(sum(int(np.count_nonzero(shard.alive)) for shard in shards), 1)
         lengths, directions, self._centres = measure_quads(landmarks, quads)
@@ -118,15 +122,23 @@ class QuadConsensus:
         for shard in shards:
             count_neighbourhoods(shard.table.codes, shard.table.starts, lengths, rarity)
         self._order = np.argsort(np.maximum(rarity, CONSENSUS.rare), kind="stable")
-        self._looked = self.hits = self._placed = self._listed = self.passed_over = 0
-        self._weights, self._shares = np.zeros(len(quads)), np.zeros(len(quads))
         self._buffer = buffer if buffer is not None else HitBuffer()
         self._budget = budget or Budget()
-        slots = sum(len(shard.alive) for shard in shards)
-        if slots > MOST_SEARCHED:
-            raise ValueError(f"{slots} submaps, but one search takes at most {MOST_SEARCHED}")
+        self._begin()
+
+    def _begin(self) -> None:
+        self._looked = self.hits = self._placed = self._listed = self.passed_over = 0
+        self._weights, self._shares = np.zeros(len(self._order)), np.zeros(len(self._order))
+        slots = sum(len(shard.alive) for shard in self._shards)
         # Zeros cost nothing until they are touched.
         self._slot_votes, self._listed_slots = np.zeros(slots, SLOT_VOTES), np.empty(slots, np.int32)
+
+    def begun_again(self, tolerance: float) -> "QuadConsensus":
+        """A new search for the same quads with another `tolerance`, metres. This one must not be used any more."""
+        again = copy(self)
+        again._wanted = self._wanted._replace(tolerance=tolerance)
+        again._begin()
+        return again
 
     @property
     def finished(self) -> bool:
@@ -143,7 +155,7 @@ class QuadConsensus:
 
         Args:
             share: of all quads of the query.
-            least: submaps in which fewer hits of this call agree are left out of `leaders`. They need not be compared.
+            least: hits are not compared in submaps in which fewer than this can agree, so `leaders` leaves those out.
 
         Raises:
             Abandoned: nobody waits for the answer any more.
