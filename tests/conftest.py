@@ -14,7 +14,10 @@ import pytest
 
 LANES = {"urquhart": "unit", "server": "service", "client": "service", "benchmarks": "statistical"}
 """By folder; what lies in none of them is `unit`."""
-PROCESSES = {"Server", "Served", "Forked", "killed_at_every_step", "job_helpers", "subprocess", "multiprocessing"}
+PROCESSES = {
+    *("Server", "Served", "Forked", "LoadedProcess", "killed_at_every_step", "job_helpers", "subprocess"),
+    "multiprocessing",
+}
 """Names for means to start a process: whatever module of tests holds one of them is in the lane `system`."""
 CONNECTED = frozenset({"subprocess.Popen", "os.fork", "os.posix_spawn", "socket.bind", "socket.connect"})
 """Audit events that no test in the lane `unit` may cause."""

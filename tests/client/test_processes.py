@@ -19,8 +19,8 @@ from urquhart_client import AsyncClient, Client, Retry, UnexpectedAnswer
 
 WORKERS = 4
 PLACES = 4
-GETS = 200
-QUERIES = 25
+GETS = 100
+QUERIES = 10
 
 
 @pytest.fixture(scope="module")

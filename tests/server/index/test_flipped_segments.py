@@ -93,7 +93,7 @@ def test_bytes_that_flip_anywhere(running: tuple[httpx.Client, Service], count: 
     """No look-up fails, none finds a place where there is none, and the segments are rebuilt."""
     client, service = running
     rng = random.Random(count)
-    for turn in range(25):
+    for turn in range(12):
         if not (there := files(service)):
             settled(client, service)
             continue

@@ -185,7 +185,7 @@ def test_readers_and_writers_together(pair: tuple[CatalogProcess, CatalogProcess
 
     def read() -> None:
         last = 0
-        for _ in range(25):
+        for _ in range(15):
             answer = two.ask(1)
             assert answer.verdict == "matched"
             assert answer.candidates[0].submap_id == "p1"
@@ -237,7 +237,7 @@ def test_every_view_is_of_one_revision(database: Database) -> None:
             stop.wait(0.01)
 
     def read() -> None:
-        while len(acknowledged) < 80:
+        while len(acknowledged) < 50:
             before = list(acknowledged)
             assert process.held() >= {f"p{i}" for i in before}
             if before:

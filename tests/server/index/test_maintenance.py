@@ -3,8 +3,8 @@
 import errno
 import itertools
 import os
-import subprocess
-import sys
+import resource
+import signal
 import threading
 import time
 from collections.abc import Callable
@@ -25,10 +25,9 @@ from server.index.flushing import Stopped
 from server.schemas.collections import CollectionPut
 from server.service_parts import Service
 from tests.server.factories import TestClient, forest, points, put_submap
+from tests.server.forked import LoadedProcess
 from tests.server.index.index_helpers import Process
 from urquhart.index.segment import merge_segments
-
-ROOT = Path(__file__).parents[3]
 
 
 def value(process: Process, name: str, **labels: str) -> float:
@@ -184,24 +183,21 @@ def test_a_full_disk_when_the_list_is_to_be_written(process: Process) -> None:
     process.agreed()
 
 
-LIMITED = """
-import resource, signal, sys
-from pathlib import Path
-from tests.server.index.index_helpers import Process
-process = Process(Path(sys.argv[1]))
-size = max(path.stat().st_size for path in Path(sys.argv[1]).parent.glob("bare.db*") if path.is_file())
-signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-resource.setrlimit(resource.RLIMIT_FSIZE, (size // 2, resource.RLIM_INFINITY))
-process.maintenance.run()
-assert process.held() == {f"p{i}" for i in range(40)}, process.held()
-assert process.found(17) == "p17"
-assert process.chain() == () and process.files() == [], process.files()
-resource.setrlimit(resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
-process.maintenance._failures.clear()
-process.maintenance.flush_and_merge("plots")
-assert sum(s.submaps for s in process.chain()) == 40
-process.agreed()
-"""
+def _in_files_that_may_not_grow(path: Path) -> None:
+    """Maintain an index, first where no file may become half as large as the database, then where it may."""
+    process = Process(path)
+    size = max(one.stat().st_size for one in path.parent.glob("bare.db*") if one.is_file())
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size // 2, resource.RLIM_INFINITY))
+    process.maintenance.run()
+    assert process.held() == {f"p{i}" for i in range(40)}, process.held()
+    assert process.found(17) == "p17"
+    assert process.chain() == () and process.files() == [], process.files()
+    resource.setrlimit(resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
+    process.maintenance._failures.clear()
+    process.maintenance.flush_and_merge("plots")
+    assert sum(s.submaps for s in process.chain()) == 40
+    process.agreed()
 
 
 def test_files_may_not_grow(process: Process) -> None:
@@ -210,10 +206,10 @@ def test_files_may_not_grow(process: Process) -> None:
     with process.database.write_connection() as connection:
         connection.exec_driver_sql("UPDATE submaps SET properties = NULL")
     process.close()
-    done = subprocess.run(
-        [sys.executable, "-c", LIMITED, str(process.database.path)], cwd=ROOT, capture_output=True, text=True
-    )
-    assert done.returncode == 0, done.stderr
+    limited = LoadedProcess(target=_in_files_that_may_not_grow, args=(process.database.path,))
+    limited.start()
+    limited.join(120.0)
+    assert limited.exitcode == 0
 
 
 def test_what_fails_is_tried_again_later_and_later(

@@ -76,7 +76,7 @@ def written(content: Any, data: st.DataObject) -> str:
 
 
 @given(documents, st.data())
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=200, deadline=None)
 def test_the_first_fault_is_told_and_nothing_else_is_refused(content: Any, data: st.DataObject) -> None:
     text = written(content, data)
     try:
@@ -197,7 +197,7 @@ def _read(read: Callable[[bytes], Any], raw: bytes) -> Any:
     return content, list(content) if isinstance(content, dict) else None
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=30)
 @given(
     st.dictionaries(st.sampled_from(["xy", "queries", "", "["]), st.lists(fillers, min_size=1, max_size=3), max_size=3),
     st.lists(st.tuples(st.floats(0.0, 1.0), st.sampled_from(CHANGES), st.integers(0, 1)), max_size=2),

@@ -445,7 +445,7 @@ def test_killed_at_any_step(process: Process) -> None:
     assert seen == {3, 4}
 
 
-@pytest.mark.parametrize("delay", [0.0, 0.15, 0.3, 0.45, 0.6, 0.9])
+@pytest.mark.parametrize("delay", [0.15, 0.45, 0.9])
 def test_killed_at_any_moment(process: Process, delay: float) -> None:
     process.put_many(range(3))
     snapshot(process)

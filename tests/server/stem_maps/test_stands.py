@@ -1,6 +1,5 @@
 """Stands: what a stem map stored is replaced as a whole, in one transaction."""
 
-import multiprocessing
 import os
 import signal
 import sqlite3
@@ -27,6 +26,7 @@ from server.store.sqlite.upgrade import migrations_runner
 from server.submaps.bulk_ingest import LineOptions
 from tests.server.commands.cli_helpers import Urquhart, refused, write_observation
 from tests.server.factories import Client, points
+from tests.server.forked import LoadedProcess
 from urquhart import SE2
 
 RADIUS, SPACING = 20.0, 14.0
@@ -221,7 +221,7 @@ def _store_and_die(path: Path, method: str) -> None:
 def test_a_kill_leaves_the_old_stand(database: Database, method: str) -> None:
     put_stand(database, as_map(TURN.apply(stand_trees())))
     before = poses_in(database.path)
-    process = multiprocessing.get_context("spawn").Process(target=_store_and_die, args=(database.path, method))
+    process = LoadedProcess(target=_store_and_die, args=(database.path, method))
     process.start()
     process.join(timeout=300)
     assert process.exitcode == -signal.SIGKILL
