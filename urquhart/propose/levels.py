@@ -23,10 +23,12 @@ class LevelNumbers(NamedTuple):
     """Share of a query's quads, the rarest ones, that are searched first. They answer most queries."""
     few: int = 4
     """Fewest submaps that are verified after the search for the rarest quads."""
-    fast: int = 16
-    """Submaps that are verified after the search for quads with loose lengths, if the effort is `fast`. Of places seen
-    with 40 cm of noise and 80 % of the trees, all 600 among 1,000 submaps and all 400 among 10,000 are among them; with
-    12, one of the 600 is not. No command repeats it."""
+    fast: int = 12
+    """Submaps that are verified after the search for quads with loose lengths, if the effort is `fast`. Of 400 places
+    seen with 40 cm of noise and 80 % of the trees, among 10,000 submaps, all are among them; no command repeats it."""
+    fast_unsure: int = 16
+    """The same if fewer than `agreeing` quads must agree. Of 600 such places among 1,000 submaps, all are among them,
+    and with 12 one is not; no command repeats it."""
     agreeing: int = 3
     """Quads that must agree on a pose among 10,000 submaps for it to be verified then, if the query has many quads; one
     more for ten times as many submaps, one less for a tenth. Measured with 40 cm of noise and 80 % of the trees: of 750
@@ -87,7 +89,8 @@ def fast_choice(search: Search) -> QuadChoice:
     quads, submaps = len(search.query.features.tessellation.quads), len(search.index)
     by_chance = EXTENT.agreeing + math.floor(math.log10(max(submaps, 1))) - 4
     least = max(min(1 + quads // EXTENT.quads_each, by_chance), 1)
-    return QuadChoice(1.0, EXTENT.fast, least, EXTENT.fast_poses if least > 1 else QUADS.poses)
+    verified = EXTENT.fast if least >= EXTENT.agreeing else EXTENT.fast_unsure
+    return QuadChoice(1.0, verified, least, EXTENT.fast_poses if least > 1 else QUADS.poses)
 
 
 class Level(NamedTuple):
