@@ -44,8 +44,8 @@ def test_configuration_is_kept_whole_and_checked(client: httpx.Client) -> None:
 
 
 @pytest.mark.parametrize("crs", ["EPSG:4326", "EPSG:999999", "no such thing", "EPSG:2225"])
-def test_a_crs_must_be_projected_in_metres(client: httpx.Client, crs: str) -> None:
-    response = client.put("/v1/collections/c", json={"crs": crs})
+def test_a_crs_must_be_projected_in_metres(shared_client: httpx.Client, crs: str) -> None:
+    response = shared_client.put("/v1/collections/c", json={"crs": crs})
     assert response.status_code == 422
     assert response.json()["errors"][0]["pointer"] == "/crs"
 
@@ -109,8 +109,8 @@ def test_ids_that_are_possible(client: httpx.Client, name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["a b", "a%00", "x" * 129, "a:b", "U\u0308bersee", "a%2Bb", "%ff", "😀"])
-def test_ids_that_are_not(client: httpx.Client, name: str) -> None:
-    response = client.put(f"/v1/collections/{name}", json={})
+def test_ids_that_are_not(shared_client: httpx.Client, name: str) -> None:
+    response = shared_client.put(f"/v1/collections/{name}", json={})
     assert response.status_code == 422
     assert response.json()["errors"][0]["parameter"] == "collection"
 

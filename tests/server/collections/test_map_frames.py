@@ -158,16 +158,16 @@ def test_lines_of_an_import_are_refused_one_by_one(client: httpx.Client) -> None
     ],
 )
 def test_systems_that_cannot_hold_submaps_are_refused_with_the_reason(
-    client: httpx.Client, crs: str, reason: str
+    shared_client: httpx.Client, crs: str, reason: str
 ) -> None:
     for body, pointer in (({"crs": crs}, "/crs"), ({"frames": {"stand": {"crs": crs}}}, "/frames/stand/crs")):
-        refused = client.patch(PLOTS, json=body)
+        refused = shared_client.patch(PLOTS, json=body)
         assert refused.status_code == 422, crs
         (error,) = refused.json()["errors"]
         assert (error["code"], error["pointer"]) == ("crs", pointer)
         assert reason in error["detail"]
         assert "Use the UTM zone" in error["detail"]
-    assert client.put("/v1/collections/new", json={"crs": crs}).status_code == 422
+    assert shared_client.put("/v1/collections/new", json={"crs": crs}).status_code == 422
 
 
 @pytest.mark.parametrize(

@@ -26,19 +26,19 @@ def asked(client: httpx.Client, **headers: str) -> httpx.Response:
 @pytest.mark.parametrize(
     "host", ["evil.example", "evil.example:8420", "localhost.evil.example", "127.0.0.1@evil", "", ":"]
 )
-def test_a_foreign_name_is_refused(client: httpx.Client, host: str) -> None:
-    answer = asked(client, Host=host)
+def test_a_foreign_name_is_refused(shared_client: httpx.Client, host: str) -> None:
+    answer = asked(shared_client, Host=host)
     assert answer.status_code == 403
     assert answer.json()["type"] == "/problems/unknown-host"
     assert "allowed_hosts" in answer.json()["detail"]
-    assert client.get(answer.json()["type"]).status_code == 200
+    assert shared_client.get(answer.json()["type"]).status_code == 200
 
 
 @pytest.mark.parametrize(
     "host", ["localhost", "localhost:8420", "LOCALHOST", "127.0.0.1:1", "[::1]:8420", "testserver"]
 )
-def test_the_services_own_names_are_known(client: httpx.Client, host: str) -> None:
-    assert asked(client, Host=host).status_code == 200
+def test_the_services_own_names_are_known(shared_client: httpx.Client, host: str) -> None:
+    assert asked(shared_client, Host=host).status_code == 200
 
 
 @pytest.mark.parametrize(

@@ -41,20 +41,20 @@ def first_error(response: httpx.Response, status: int = 422) -> dict[str, Any]:
         ("/docs/assets/swagger-ui.css", "GET, HEAD, OPTIONS"),
     ],
 )
-def test_options_are_told_and_other_methods_refused(client: httpx.Client, path: str, allow: str) -> None:
-    told = client.options(path)
+def test_options_are_told_and_other_methods_refused(shared_client: httpx.Client, path: str, allow: str) -> None:
+    told = shared_client.options(path)
     assert (told.status_code, told.content, told.headers["Allow"]) == (204, b"", allow)
-    refused = client.request("BREW", path)
+    refused = shared_client.request("BREW", path)
     assert (refused.status_code, refused.headers["Allow"]) == (405, allow)
     assert refused.headers["Content-Type"] == "application/problem+json"
     if "HEAD" in allow:
-        assert client.head(path).status_code == 200
+        assert shared_client.head(path).status_code == 200
     else:
-        assert client.head(path).status_code == 405
+        assert shared_client.head(path).status_code == 405
 
 
-def test_options_of_nothing(client: httpx.Client) -> None:
-    assert client.options("/v1/nope").status_code == 404
+def test_options_of_nothing(shared_client: httpx.Client) -> None:
+    assert shared_client.options("/v1/nope").status_code == 404
 
 
 # ----------------------------------------------------------- preconditions
@@ -127,19 +127,19 @@ def test_who_asks_for_no_number_of_candidates_gets_as_many_as_there_may_be(setti
         (SUBMAPS, {"map_pose": {"x": 0, "y": 0, "yaw": 0, "covariance": [1]}}, "must have 9 entries, not 1"),
     ],
 )
-def test_what_is_too_short_is_told_so(client: httpx.Client, path: str, sent: Any, told: str) -> None:
-    assert first_error(client.post(path, json=sent))["detail"] == told
+def test_what_is_too_short_is_told_so(shared_client: httpx.Client, path: str, sent: Any, told: str) -> None:
+    assert first_error(shared_client.post(path, json=sent))["detail"] == told
 
 
-def test_an_idempotency_key_that_cannot_be_is_told_in_words(client: httpx.Client) -> None:
+def test_an_idempotency_key_that_cannot_be_is_told_in_words(shared_client: httpx.Client) -> None:
     for key, told in (("", "must not be empty"), ("a b", "must be of visible ASCII characters, without spaces")):
-        refused = first_error(client.post(SUBMAPS, json=body(1), headers={"Idempotency-Key": key}))
+        refused = first_error(shared_client.post(SUBMAPS, json=body(1), headers={"Idempotency-Key": key}))
         assert (refused["parameter"], refused["detail"]) == ("idempotency-key", told)
 
 
 @pytest.mark.parametrize("bbox", ["0,0,1_0,1", "", "0,0,1,1,", "-inf,0,1,1", "0;0;1;1"])
-def test_boxes_that_cannot_be(client: httpx.Client, bbox: str) -> None:
-    assert first_error(client.get(SUBMAPS, params={"bbox": bbox}))["parameter"] == "bbox"
+def test_boxes_that_cannot_be(shared_client: httpx.Client, bbox: str) -> None:
+    assert first_error(shared_client.get(SUBMAPS, params={"bbox": bbox}))["parameter"] == "bbox"
 
 
 def test_ids_may_be_escaped_in_paths(client: httpx.Client) -> None:

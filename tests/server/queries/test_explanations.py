@@ -211,8 +211,8 @@ def test_explanations_that_are_not_there(settings: Settings) -> None:
 
 
 @pytest.mark.parametrize("explain", [1, 0, "true", "yes", [True]])
-def test_explain_is_true_or_false(client: httpx.Client, explain: Any) -> None:
-    response = client.post(QUERIES, json={"xy": [], "explain": explain})
+def test_explain_is_true_or_false(shared_client: httpx.Client, explain: Any) -> None:
+    response = shared_client.post(QUERIES, json={"xy": [], "explain": explain})
     assert response.status_code == 422
     (error,) = response.json()["errors"]
     assert (error["pointer"], error["code"]) == ("/explain", "bool_type")
