@@ -15,7 +15,7 @@ Method = Literal["robust", "paper"]
 
 Effort = Literal["fast", "full"]
 """`fast` searches by quads, and by polygons only for rivals of a pose that beats chance, so a place that is not stored
-takes two to five times as long as one that is. `full` goes on with polygons and with trials of every rotation and
+takes 1.5 to 3 times as long as one that is. `full` goes on with polygons and with trials of every rotation and
 shift: then it takes ten to twenty times as long. If only one submap is searched, both begin with those trials."""
 
 
@@ -40,7 +40,7 @@ of 96 with 30 to 39. Rows of trees and stands with neighbours nearer than 3 m ne
 
 
 EFFORTS: Final[Mapping[Effort, str]] = {
-    "fast": "a place that is not stored takes 2 to 5 times as long as one that is; finds places seen with up to "
+    "fast": "a place that is not stored takes 1.5 to 3 times as long as one that is; finds places seen with up to "
     f"{100 * FAST_PROMISE.sigma:.0f} cm of noise and at least {100 * FAST_PROMISE.detection:.0f} % of the trees, and "
     "tries an only submap at every shift",
     "full": "a place that is not stored takes 10 to 20 times as long as one that is; finds places seen with more noise "
