@@ -60,7 +60,7 @@ def recognize(stored: list[Trees], asked: Trees, noise: float, seed: int) -> Rec
 )
 def test_no_place_along_a_row_is_told_from_another(stored: Trees, asked: Trees) -> None:
     """At the edge of a submap much larger than what is matched, too: rivals lie along the row, not about the middle."""
-    for seed in range(3):
+    for seed in range(2):
         found = recognize([stored], asked, 0.1, seed)
         assert found.verdict != "matched", (seed, found.candidates[0].transform)
 

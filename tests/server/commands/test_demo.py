@@ -20,6 +20,7 @@ from server.commands.demo.observations import DemoQuestion, Stand, ask, judge
 from server.commands.demo.service import running_service
 from server.commands.support.failure import CommandError
 from server.stem_maps.reader import StemMap, read_stem_map
+from tests.server.forked import Forked
 from urquhart import SE2
 from urquhart_client import Client, ConnectionFailed, ProblemError, QueryResult
 
@@ -174,14 +175,18 @@ def test_the_demo_keeps_its_service_when_asked(start: Start, small: Path) -> Non
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_an_interrupted_demo_stops_its_service(start: Start, small: Path, number: signal.Signals, code: int) -> None:
-    process = start("demo", "--data", small, "--observations", 1000, "--keep")
-    url = address_in(process)
+def test_an_interrupted_demo_stops_its_service(tmp_path: Path, small: Path, number: signal.Signals, code: int) -> None:
+    said = tmp_path / "said"
+    arguments = ["demo", "--data", str(small), "--observations", "1000", "--keep"]
+    process = Forked("urquhart", arguments, folder=tmp_path, environment=os.environ, output=said, errors=said)
+    deadline = time.monotonic() + PATIENCE
+    while (found := re.search(r"http://127\.0\.0\.1:\d+", said.read_text())) is None:
+        assert process.poll() is None and time.monotonic() < deadline, said.read_text()
+        time.sleep(0.05)
     process.send_signal(number)
-    out, _ = process.communicate(timeout=PATIENCE)
-    assert process.returncode == code
-    assert "Traceback" not in out
-    wait_until_gone(url)
+    assert process.wait(PATIENCE) == code
+    assert "Traceback" not in said.read_text()
+    wait_until_gone(found[0])
 
 
 def test_the_demo_without_its_data_says_where_it_is(
