@@ -15,7 +15,7 @@ from benchmarks.markdown import FOLDER
 from benchmarks.paper.charts import save
 from benchmarks.pool import Pool
 from benchmarks.results_page import write_page
-from benchmarks.robust import edges, grid, rows, stands, table1
+from benchmarks.robust import edges, few_trees, grid, rows, stands, table1
 from benchmarks.robust.calibration_curve import reliability
 from benchmarks.robust.charts import PICTURES
 
@@ -24,6 +24,7 @@ EXPERIMENTS: Final[dict[str, Experiment]] = {
     "robust_grid": grid.run,
     "robust_rows": rows.run,
     "robust_edges": edges.run,
+    "robust_few_trees": few_trees.run,
     "robust_stands": stands.run,
 }
 RELIABILITY: Final = "robust_reliability"

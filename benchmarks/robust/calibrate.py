@@ -23,7 +23,7 @@ from scipy.optimize import minimize
 import urquhart
 from benchmarks.machine import commit
 from benchmarks.pool import Pool
-from benchmarks.robust import grid, rows, stands
+from benchmarks.robust import few_trees, grid, rows, stands
 from urquhart import SE2, Config, Recognizer, describe
 from urquhart.decide.confidence import CALIBRATION, CONFIDENCE, Calibration, Line
 from urquhart.evaluation.simulation import Sensor, observe, paper_forest, plantation
@@ -41,10 +41,12 @@ def gather(pool: Pool, seed: int) -> dict[str, NDArray[Any]]:
     """Answers from each kind of forest."""
     cells = [grid.Job(cell, seed, 80, 800) for cell in range(len(grid.CELLS))]
     kinds = [rows.Job(kind, seed, 60, 170) for kind in range(len(rows.KINDS))]
+    few = [few_trees.Job(cell, seed, 100, 100) for cell in range(len(few_trees.CELLS))]
     real = [stands.Job(name, seed, 16) for name in stands.available()]
     return {
         "grid": np.concatenate(pool.map(grid.run_cell, cells, "extended grid")),
         "plantations": np.concatenate(pool.map(rows.run_kind, kinds, "plantations")),
+        "few trees": np.concatenate(pool.map(few_trees.run_cell, few, "few trees")),
         "stands": np.concatenate(
             [answers for found in pool.map(stands.run_stand, real, "real stands") for answers in found.values()]
         ),

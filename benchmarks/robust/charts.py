@@ -19,9 +19,10 @@ KINDS: Final = {
     "robust_grid": "extended grid",
     "robust_rows": "plantations",
     "robust_edges": "edges of plantations",
+    "robust_few_trees": "few trees",
     "robust_stands": "real trees",
 }
-_PALETTE: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
+_PALETTE: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 
 
 def loop_closure(figures: dict[str, Any]) -> Figure:

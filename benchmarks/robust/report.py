@@ -191,6 +191,32 @@ def edges_section(figures: Figures) -> str:
     )
 
 
+def few_trees_section(figures: Figures) -> str:
+    """A handful of trees."""
+    rows = []
+    for (trees, sigma, detection), row in zip(figures["cells"], figures["summaries"], strict=True):
+        shares = [number(row[name] / row["inside"], 3) for name in ("first", "oracle", "right")]
+        rows.append(
+            [
+                f"{trees} trees, {100 * sigma:.0f} cm, {100 * detection:.0f} %",
+                *shares,
+                str(row["wrong"]),
+                f"{row['false']} / {row['outside']}",
+            ]
+        )
+    sums = {name: sum(row[name] for row in figures["summaries"]) for name in ("false", "wrong", "inside", "outside")}
+    return page(
+        "## Few trees",
+        prose(
+            f"""The paper's forest, {figures["submaps"]} overlapping submaps; a query has the trees nearest to the
+            sensor only. *First*: the first candidate is right, reported or not. {sums["inside"]} queries from places in
+            the database and {sums["outside"]} from another forest: {sums["wrong"]} wrong and {sums["false"]} false
+            matches."""
+        ),
+        table(["query: trees, noise, seen", "first", "oracle", "right", "wrong", "false"], rows),
+    )
+
+
 def stands_section(figures: Figures) -> str:
     """Real trees."""
     rows, total = [], {"inside": 0, "oracle": 0, "right": 0, "right_of_oracle": 0, "wrong": 0, "false": 0, "outside": 0}
@@ -260,6 +286,7 @@ SECTIONS: Final[dict[str, Callable[[Figures], str]]] = {
     "robust_grid": grid_section,
     "robust_rows": rows_section,
     "robust_edges": edges_section,
+    "robust_few_trees": few_trees_section,
     "robust_stands": stands_section,
     "robust_reliability": reliability_section,
 }

@@ -127,7 +127,10 @@ class RivalAnswer(Answer):
         description="Id of the submap. Often the first candidate's: in rows of trees, its pose moved to the next row."
     )
     transform: Transform = Field(description=_TRANSFORM)
-    evidence: float = Field(description=_EVIDENCE)
+    evidence: float = Field(
+        description="Evidence of the pose, extrapolated to the overlap of the first candidate, and less what chance "
+        "explains."
+    )
     inlier_count: int = Field(description=_INLIER_COUNT)
     links: RivalLinks = Field(description="Paths that belong to the rival.")
 

@@ -11,7 +11,7 @@ from benchmarks import record
 from benchmarks.markdown import FOLDER
 from benchmarks.paper.drive import CELLS
 from benchmarks.paper.tracks import BESIDE
-from benchmarks.robust import edges, grid, rows, stands, table1
+from benchmarks.robust import edges, few_trees, grid, rows, stands, table1
 from benchmarks.robust.__main__ import EXPERIMENTS, FULL, RELIABILITY, main
 from benchmarks.robust.calibration_curve import LEAST, bins, expected_error
 from benchmarks.robust.charts import PICTURES
@@ -59,6 +59,13 @@ def test_more_noise_is_found_less_and_where_nothing_can_be_known_it_is_said() ->
     found = [summarize(grid.run_cell(grid.Job(cell(s, 0.7, 0.3), SEED, 10, 10))) for s in (0.2, 0.6, 1.0)]
     assert found[0]["right"] > found[1]["right"] >= found[2]["right"]
     assert all(row["false"] + row["wrong"] == 0 for row in found)
+
+
+def test_a_dozen_trees_are_recognised_among_hundreds_of_submaps() -> None:
+    cells = [few_trees.CELLS.index((trees, (0.2, 0.9))) for trees in (8, 10, 12)]
+    found = [summarize(few_trees.run_cell(few_trees.Job(cell, SEED, 20, 20))) for cell in cells]
+    assert all(row["false"] + row["wrong"] == 0 for row in found)
+    assert [row["right"] >= least for row, least in zip(found, (6, 14, 17), strict=True)] == [True] * 3
 
 
 @pytest.mark.parametrize("kind", [0, 5, 13])

@@ -13,13 +13,17 @@ from urquhart.decide.confidence import (
     combine,
     comparable,
     extrapolated,
+    log_odds,
     probability,
     refusal,
     rival_logit,
     rival_threshold,
+    shift_log_odds,
+    unexplained,
 )
 from urquhart.decide.rivals import distinct, find_rivals, hill_climb, pose_row, same_place
 from urquhart.evaluation.simulation import Sensor, observe, paper_forest, plantation
+from urquhart.propose.query import log_volume
 from urquhart.verify.evidence import PoseEvidence, evidence_of_row
 from urquhart.verify.landmark_grid import LandmarkGrid, landmark_grid
 from urquhart.verify.refinement import verify
@@ -210,6 +214,29 @@ def test_credit_never_lowers_and_what_speaks_against_is_left_alone() -> None:
         np.testing.assert_array_equal(given[unchanged], evidence[unchanged])
         assert (given[~unchanged & (overlap > 0.0)] > evidence[~unchanged & (overlap > 0.0)]).all()
     assert extrapolated(np.empty(0), np.empty(0), 40).shape == (0,)
+
+
+def test_a_rival_that_chance_explains_adds_its_share_of_the_odds_of_error_only() -> None:
+    best, evidence = pose_with(evidence=60.0, overlap=12, inliers=range(10)), 45.0
+    whole = rival_logit(best, best.evidence - evidence, MARGIN)
+    counted = [unexplained(evidence, odds) for odds in ODDS]
+    assert all(a <= b for a, b in itertools.pairwise(counted))
+    assert counted[-1] == pytest.approx(evidence)
+    for odds in (-6.0, -1.0, 0.0, 3.0):
+        partly = rival_logit(best, best.evidence - unexplained(evidence, odds), MARGIN)
+        assert math.exp(-partly) == pytest.approx(math.exp(-whole) / (1.0 + math.exp(-odds)))
+    assert unexplained(evidence, -math.inf) == unexplained(evidence, FAR_BELOW) < evidence
+
+
+def test_chance_explains_less_of_a_rival_in_the_same_submap_than_of_one_in_a_collection() -> None:
+    forest = paper_forest(np.random.default_rng(3), 120.0)
+    query, _ = laid(forest, SE2(60.0, 60.0, 0.3), 4, 30.0)
+    rival = pose_with(evidence=20.0, inliers=range(5))
+    here = shift_log_odds(rival, query, query.area)
+    for submaps in (1, 1_000):
+        assert log_odds(rival, query, log_volume(submaps, query)) < here < rival.evidence
+    assert shift_log_odds(rival, query, 4.0 * query.area) == pytest.approx(here - math.log(4.0))
+    assert shift_log_odds(pose_with(inliers=range(1)), query, query.area) == -math.inf
 
 
 def test_rivals_are_the_strongest_first_and_none_is_surely_behind() -> None:

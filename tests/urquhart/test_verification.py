@@ -5,7 +5,7 @@ import pytest
 
 from tests.urquhart import forests
 from urquhart import SE2, Config, describe
-from urquhart.decide.confidence import log_odds
+from urquhart.decide.confidence import CONFIDENCE, log_odds
 from urquhart.decide.rivals import distinct, hill_climb, pose_row, same_place
 from urquhart.decide.shifts import shift_peaks
 from urquhart.evaluation.simulation import Sensor, observe, paper_forest, plantation
@@ -200,4 +200,5 @@ def test_the_pose_left_possible_is_the_one_that_repeated_measurement_shows() -> 
     found = verify(query, submap, map_T_submap.inverse() @ map_T_query, REACH)
     spread = least_squares(query.landmarks[found.query], found.transform, found.noise**2).covariance
     left = 1.5 * np.log(2.0 * np.pi) + 0.5 * np.log(np.linalg.det(spread))
-    assert log_odds(found, query, 30.0) == pytest.approx(found.evidence + left - 30.0)
+    aligned = CONFIDENCE.alignment * found.overlap
+    assert log_odds(found, query, 30.0) == pytest.approx(found.evidence - aligned + left - 30.0)

@@ -85,7 +85,8 @@ class Rival:
     Attributes:
         key: the submap, often the candidate's own.
         transform: `submap_T_query`, in the frames as posted.
-        evidence: log-likelihood ratio, natural logarithm, extrapolated to the overlap of the first candidate.
+        evidence: log-likelihood ratio, natural logarithm, extrapolated to the overlap of the first candidate, as far as
+            chance does not explain it; see `confidence.unexplained`.
         inliers: number of one-to-one inliers under this pose.
     """
 
@@ -132,7 +133,7 @@ def make_rivals(
     """The rivals that `best` does not clearly lead, the strongest first, at most `CANDIDATES.rivals`.
 
     Args:
-        rivals: the submap, the pose between centred frames, and the extrapolated evidence of each.
+        rivals: the submap, the pose between centred frames, and the evidence of each that counts.
     """
     behind = rival_threshold(best, query.gate, query.config.lead_per_landmark)
     close = [(key, rival, evidence) for key, rival, evidence in rivals if evidence > max(behind, 0.0)]

@@ -3,7 +3,8 @@
 Chance. Evidence is a log-likelihood ratio at the best pose. A collection offers very many poses, and the best of many
 wrong ones looks better than a single wrong one. So the log-odds are the evidence minus a penalty: the logarithm of how
 many times more poses there are in all than the landmarks leave possible (Laplace's approximation of the Bayes factor:
-the Occam factor).
+the Occam factor). And where trees stand in rows, a wrong pose along the rows gains a little from each tree; so a little
+is subtracted for each landmark of the overlap (`ConfidenceNumbers.alignment`).
 
 Rivals. A forest that repeats itself, such as rows of a plantation, gives wrong poses more evidence than a model of
 independent trees predicts. So the evidence that a wrong pose can reach is measured in the data at hand: it is that of
@@ -12,7 +13,9 @@ with its own rotation or turned by quarters. In a natural forest these rivals ex
 and the closer, the fewer trees tell them apart, so a lead counts only as far as it exceeds `Config.lead_per_landmark`
 for each landmark of the overlap. Under a pose that is one row off, fewer trees overlap, and the rival would have less
 evidence however alike the rows are. Its evidence is therefore extrapolated to the overlap of the match; otherwise the
-corner of one orchard would pass for the corner of another.
+corner of one orchard would pass for the corner of another. A rival may also be a coincidence itself: among many
+submaps, some wrong pose always fits a few trees, and the log-odds of the match have taken that into account already. So
+a rival counts as far as chance does not explain it; see `unexplained`.
 
 Confidence. Neither number is a probability yet: trees are not independent, and every level keeps its best of many
 poses. Two straight lines turn them into log-odds of being right, one against chance and one against a rival. They are
@@ -71,6 +74,9 @@ class ConfidenceNumbers(NamedTuple):
 
     least_rival_logit: float = -4.0
     """Least log-odds against a rival: however close the rivals are, the pose is right now and then."""
+    alignment: float = 0.1
+    """Evidence for each landmark of the overlap that says nothing against chance: so much more than independent trees
+    have the trees of a wrong pose that lies along rows."""
     rival_penalty: float = 0.1
     """Share of a rival's evidence by which the lead over it is reduced. If trees stand within a few centimetres of
     their rows, a pose that is one row off loses much evidence, and still the next row looks the same."""
@@ -82,10 +88,13 @@ class ConfidenceNumbers(NamedTuple):
 
 
 CONFIDENCE: Final = ConfidenceNumbers()
+QUARTERS: Final = 4
+"""Rotations at which rivals in the submap of the best pose are searched: its own, and three quarter turns."""
 
 
 def log_odds(verified: PoseEvidence, query: LandmarkGrid, volume: float) -> float:
-    """Log-odds of a verified pose against chance: evidence minus the logarithm of all poses over those left possible.
+    """Log-odds of a verified pose against chance: evidence minus the logarithm of all poses over those left possible,
+    and minus `ConfidenceNumbers.alignment` for each landmark of the overlap.
 
     With K inliers of noise s, the information on x, y and yaw about the inliers' centroid is K / s^2, K / s^2 and
     S / s^2, where S is the sum of squared distances from the centroid. So the inliers leave possible a volume of poses
@@ -95,14 +104,57 @@ def log_odds(verified: PoseEvidence, query: LandmarkGrid, volume: float) -> floa
         query: landmarks of the query.
         volume: logarithm of the volume of all poses; see `propose.query.log_volume`.
     """
-    inliers = query.landmarks[verified.query]
-    if len(inliers) < 2:
+    if len(verified.query) < 2:
         return -math.inf
+    shifts, turns = _log_left(verified, query)
+    return _beyond_alignment(verified) + min(shifts + turns - volume, 0.0)
+
+
+def shift_log_odds(rival: PoseEvidence, query: LandmarkGrid, area: float) -> float:
+    """Log-odds against chance of a rival in the submap of the best pose.
+
+    It is found by shifts within an area, at the rotation of the best pose and its quarter turns. So there are fewer
+    poses in all than for `log_odds`, and chance explains less.
+
+    Args:
+        query: landmarks of the query.
+        area: square metres in which shifts are searched.
+    """
+    if len(rival.query) < 2:
+        return -math.inf
+    shifts, _ = _log_left(rival, query)
+    return _beyond_alignment(rival) + min(shifts - math.log(QUARTERS * area), 0.0)
+
+
+def _beyond_alignment(verified: PoseEvidence) -> float:
+    """Evidence, less what trees in rows give to a wrong pose."""
+    return verified.evidence - CONFIDENCE.alignment * verified.overlap
+
+
+def _log_left(verified: PoseEvidence, query: LandmarkGrid) -> tuple[float, float]:
+    """Logarithms of the area of shifts, square metres, and of the range of turns, radians, that inliers leave possible.
+
+    There are at least two inliers.
+    """
+    inliers = query.landmarks[verified.query]
     spread = float(((inliers - inliers.mean(axis=0)) ** 2).sum())
-    left = (
-        1.5 * math.log(2.0 * math.pi) + 3.0 * math.log(verified.noise) - math.log(len(inliers)) - 0.5 * math.log(spread)
-    )
-    return verified.evidence + min(left - volume, 0.0)
+    whole, noise = math.log(2.0 * math.pi), math.log(verified.noise)
+    return whole + 2.0 * noise - math.log(len(inliers)), 0.5 * whole + noise - 0.5 * math.log(spread)
+
+
+def unexplained(evidence: float, odds: float) -> float:
+    """The part of a rival's evidence that counts: as if chance did not explain any of it.
+
+    With the probability p that its log-odds give, a rival is a repetition of the forest; otherwise it is a coincidence,
+    which the log-odds of the best pose account for already. So only p times the odds of error count that its evidence
+    would give.
+
+    Args:
+        evidence: of the rival, extrapolated to the overlap of the best pose.
+        odds: log-odds of the rival against chance.
+    """
+    repeats = -float(np.logaddexp(0.0, -max(odds, CONFIDENCE.unknown)))
+    return evidence + repeats / (CALIBRATION.rival.slope * (1.0 + CONFIDENCE.rival_penalty))
 
 
 def chance_logit(odds: float) -> float:

@@ -21,6 +21,8 @@ from urquhart.decide.confidence import (
     log_odds,
     refusal,
     rival_threshold,
+    shift_log_odds,
+    unexplained,
 )
 from urquhart.decide.rivals import hill_climb, same_place
 from urquhart.propose.query import Proposal, Query
@@ -34,7 +36,7 @@ class Ranking:
     Attributes:
         proposals: one for each submap, the best first.
         lead: evidence of the first proposal minus that of its strongest rival; None if it has no rival.
-        rivals: of the first proposal: submap, pose between centred frames, and extrapolated evidence of each.
+        rivals: of the first proposal: submap, pose between centred frames, and the evidence of each that counts.
         alike: submaps that are the same place as that of the first proposal.
         complete: whether all rivals that matter were compared before the deadline.
         findings: the best pose of each level in each submap, in the order of the levels, the best first.
@@ -115,12 +117,15 @@ def _against_rivals(query: Query, ranked: list[Proposal]) -> Ranking:
     sure = 2.0 * query.gate
     best, rivals_here = hill_climb(query.grid, here, ranked[0].verified, sure, config, budget)
     ranked[0] = replace(ranked[0], verified=best)
-    rivals = [(key, rival, evidence) for rival, evidence in rivals_here]
-    strongest = max((evidence for _, evidence in rivals_here), default=-math.inf)
+    behind = rival_threshold(best, sure, config.lead_per_landmark)
+    area = max(here.area, query.grid.area)
+    counted = ((one, unexplained(given, shift_log_odds(one, query.grid, area))) for one, given in rivals_here)
+    rivals = [(key, rival, evidence) for rival, evidence in counted if evidence > behind]
+    strongest = max((evidence for _, _, evidence in rivals), default=-math.inf)
     alike = set[int]()
     # Only rivals that could change the verdict are compared, because many submaps may overlap at one place.
-    for other, evidence in _comparable(ranked[1:], best):
-        if evidence <= max(strongest, rival_threshold(best, sure, config.lead_per_landmark)):
+    for other, evidence in _comparable(query, ranked[1:], best):
+        if evidence <= max(strongest, behind):
             break
         budget.check()
         there = query.submaps.grid(other.key)
@@ -132,10 +137,14 @@ def _against_rivals(query: Query, ranked: list[Proposal]) -> Ranking:
     return Ranking(ranked, best.evidence - strongest if rivals else None, tuple(rivals), frozenset(alike))
 
 
-def _comparable(others: list[Proposal], best: PoseEvidence) -> list[tuple[Proposal, float]]:
-    """The proposals that are comparable with `best`, with their extrapolated evidence, the strongest first."""
+def _comparable(query: Query, others: list[Proposal], best: PoseEvidence) -> list[tuple[Proposal, float]]:
+    """The proposals that are comparable with `best`, with the evidence that counts, the strongest first."""
     near = [other for other in others if comparable(other.verified, best)]
     evidence = np.array([other.verified.evidence for other in near])
     overlap = np.array([other.verified.overlap for other in near], np.float64)
-    given = extrapolated(evidence, overlap, best.overlap).tolist()
-    return sorted(zip(near, given, strict=True), key=lambda pair: -pair[1])
+    counted = [
+        (other, unexplained(given, log_odds(other.verified, query.grid, query.volume)))
+        for other, given in zip(near, extrapolated(evidence, overlap, best.overlap).tolist(), strict=True)
+    ]
+    return sorted(counted, key=lambda pair: -pair[1])
+

@@ -10,15 +10,13 @@ from scipy.spatial import cKDTree
 from urquhart._kernel import kernel
 from urquhart.budget import UNBOUNDED, Budget
 from urquhart.config import Config
-from urquhart.decide.confidence import comparable, extrapolated, rival_logit, rival_threshold
+from urquhart.decide.confidence import QUARTERS, comparable, extrapolated, rival_logit, rival_threshold
 from urquhart.decide.shifts import chosen_landmarks, shifted
 from urquhart.se2 import SE2
 from urquhart.verify.evidence import PoseEvidence, evidence_of_row
 from urquhart.verify.landmark_grid import LandmarkGrid
 from urquhart.verify.pairing import count_inliers
 from urquhart.verify.refinement import count_all, pose_cost, refine_and_score, refine_and_score_all, verify
-
-_QUARTERS: Final = 4
 
 
 class RivalNumbers(NamedTuple):
@@ -199,12 +197,12 @@ def find_rivals(
     Raises:
         DeadlinePassed: the deadline passed first.
     """
-    if budget.fits(_QUARTERS * peaks, pose_cost(query, submap)):
+    if budget.fits(QUARTERS * peaks, pose_cost(query, submap)):
         return find_rivals_at_once(query, submap, best, reach, least, peaks)
     # One quarter turn after the other: besides the pairs, up to 640,000 cells are searched for each peak.
     chosen = chosen_landmarks(query, submap, best, reach)
     turned = [
-        shifted(chosen, submap, best, reach, peaks, quarter.start) for quarter in budget.portions(_QUARTERS, math.inf)
+        shifted(chosen, submap, best, reach, peaks, quarter.start) for quarter in budget.portions(QUARTERS, math.inf)
     ]
     starts = np.concatenate(turned)
     counted = count_all(query.landmarks, submap, starts, reach, budget)
@@ -217,10 +215,10 @@ def find_rivals_at_once(
     query: LandmarkGrid, submap: LandmarkGrid, best: NDArray[np.float64], reach: float, least: float, peaks: int
 ) -> NDArray[np.float64]:
     """The result of `find_rivals` in one compiled call, which is fastest for ordinary sizes."""
-    starts = np.empty((2 * (_QUARTERS * peaks + 1), 3))
+    starts = np.empty((2 * (QUARTERS * peaks + 1), 3))
     count = 0
     chosen = chosen_landmarks(query, submap, best, reach)
-    for quarter in range(_QUARTERS):
+    for quarter in range(QUARTERS):
         shifts = shifted(chosen, submap, best, reach, peaks, quarter)
         starts[count : count + len(shifts)] = shifts
         count += len(shifts)
