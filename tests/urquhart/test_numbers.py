@@ -32,7 +32,7 @@ FIXED: Final = {
     *("features.landmark_checks.MINIMUM", "features.landmark_checks.MAXIMUM"),
     *("features.landmark_checks.COORDINATE_LIMIT", "features.landmark_checks.RESOLUTION"),
     *("pose_covariance._LEAST_SPREAD", "config._REACH"),
-    *("decide.rivals._QUARTERS", "evaluation.scores.TRANSLATION"),
+    *("decide.confidence.QUARTERS", "evaluation.scores.TRANSLATION"),
 }
 """Numbers that are no tuning, by module: they may stand alone."""
 

@@ -147,4 +147,3 @@ def _comparable(query: Query, others: list[Proposal], best: PoseEvidence) -> lis
         for other, given in zip(near, extrapolated(evidence, overlap, best.overlap).tolist(), strict=True)
     ]
     return sorted(counted, key=lambda pair: -pair[1])
-
