@@ -120,7 +120,8 @@ def test_the_gates_named_are_the_gates_in_force(config: Config) -> None:
     assert refusal(close, sure, lead - little, config.lead_per_landmark, config.gate) == "rival_too_close"
     assert probability(verified, sure, lead, config) == pytest.approx(gates.confidence)
     # Neither is enough where both are just reached: one may be wrong in either way.
-    assert refusal(verified, gates.log_odds, lead, config.lead_per_landmark, config.gate) is not None
+    both = refusal(verified, gates.log_odds + little, lead + little, config.lead_per_landmark, config.gate)
+    assert both == "below_gate"
 
 
 def test_what_speaks_against_itself_is_refused_whatever_the_odds() -> None:
@@ -250,7 +251,8 @@ def test_rivals_are_the_strongest_first_and_none_is_surely_behind() -> None:
         assert all(counted > rival_threshold(best, odds, MARGIN) for counted in evidence)
         assert all(counted >= rival.evidence for rival, counted in rivals)
         assert all(
-            distinct(pose_row(rival.transform), pose_row(best.transform), stand.spacing, REACH) for rival, _ in rivals
+            distinct(pose_row(one.transform), pose_row(other.transform), stand.spacing, REACH)
+            for one, other in itertools.combinations([best, *(rival for rival, _ in rivals)], 2)
         )
         found.append(len(rivals))
     assert found == sorted(found)

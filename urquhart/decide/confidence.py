@@ -240,7 +240,7 @@ def refusal(verified: PoseEvidence, odds: float, lead: float | None, margin: flo
         return None
     # A rival without evidence of its own is no rival: then the match itself is too weak.
     close = lead is not None and lead < verified.evidence
-    return "rival_too_close" if close and chance >= gate else "below_gate"
+    return "rival_too_close" if close and chance >= gate > rival else "below_gate"
 
 
 def probability(verified: PoseEvidence, odds: float, lead: float | None, config: Config) -> float:

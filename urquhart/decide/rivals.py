@@ -142,7 +142,17 @@ def hill_climb(
             counted = evidence if comparable(rival, best) else rival.evidence
             if counted > behind:
                 rivals.append((rival, counted))
-    return best, sorted(rivals, key=lambda found: -found[1])
+    return best, _apart(sorted(rivals, key=lambda found: -found[1]), submap.spacing, reach)
+
+
+def _apart(rivals: list[tuple[PoseEvidence, float]], spacing: float, reach: float) -> list[tuple[PoseEvidence, float]]:
+    """The rivals, the strongest first, without those that are the same place as a stronger one."""
+    kept: list[tuple[PoseEvidence, float]] = []
+    for rival, counted in rivals:
+        row = pose_row(rival.transform)
+        if all(distinct(row, pose_row(other.transform), spacing, reach) for other, _ in kept):
+            kept.append((rival, counted))
+    return kept
 
 
 def polish(
