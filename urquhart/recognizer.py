@@ -47,7 +47,7 @@ class Recognizer(SubmapCollection):
             Abandoned: nobody waits for the answer any more.
         """
         chosen = Options(**options)
-        index, source = self.snapshot
+        index, source = self.read_view
         searched = index.narrowed(chosen.only, chosen.exclude)
         if not len(searched):
             return unsearched("all_filtered_out" if len(index) else "empty_collection")
@@ -84,7 +84,7 @@ class Recognizer(SubmapCollection):
             KeyError: no such submap.
             ValueError: the observation was described with another configuration.
         """
-        index, source = self.snapshot
+        index, source = self.read_view
         query = make_query(observation, self.config, source, len(index), Options())
         start = SE2.shift(query.submaps.features(key).origin).inverse() @ transform @ SE2.shift(query.features.origin)
         with query.trace.timed("verify given"):

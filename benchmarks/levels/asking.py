@@ -46,7 +46,7 @@ class Step(NamedTuple):
 
 def search(recognizer: Recognizer, observation: Features, levels: Sequence[Level] = _FULL) -> Iterator[Step]:
     """Search as `Recognizer.recognize` does, level by level."""
-    index, source = recognizer.snapshot
+    index, source = recognizer.read_view
     query = make_query(observation, recognizer.config, source, len(index), Options())
     reached, ranking = list[str](), NOTHING
 

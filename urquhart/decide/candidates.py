@@ -80,7 +80,7 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True)
 class Rival:
-    """Another pose that explains the trees about as well as the first candidate's: the reason why it is `ambiguous`.
+    """Another pose that cannot be ruled out: the reason why an answer is `ambiguous`.
 
     Attributes:
         key: the submap, often the candidate's own.

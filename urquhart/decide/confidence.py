@@ -1,4 +1,4 @@
-"""The confidence of a verified pose: against chance, and against every pose that explains the trees about as well.
+"""The confidence of a verified pose: against chance, and against every pose that cannot be ruled out.
 
 Chance. Evidence is a log-likelihood ratio at the best pose. A collection offers very many poses, and the best of many
 wrong ones looks better than a single wrong one. So the log-odds are the evidence minus a penalty: the logarithm of how

@@ -1,4 +1,4 @@
-"""The search for rivals: poses that explain the trees about as well as the best one, in any submap."""
+"""The search for rivals: other poses that explain many of the trees, in any submap."""
 
 import math
 from typing import Final, NamedTuple

@@ -30,7 +30,7 @@ class Recognition:
     Attributes:
         verdict, reason: the result, in one word each.
         candidates: verified submaps, the best first.
-        rivals: other poses that explain the trees about as well as the first candidate's, the strongest first.
+        rivals: other poses that cannot be ruled out, the strongest first.
         lead: evidence of the best candidate minus that of the best distinct pose; None if no pose was compared.
         stages: counts and costs of each stage, in order.
         findings: the best pose of each level in each submap, in the order of the levels, the best first.

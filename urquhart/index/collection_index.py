@@ -1,7 +1,7 @@
 """The index of one collection: segments of quads and polygons, each with a mask of the submaps that are still part.
 
 An index is immutable. Adding and removing submaps makes a new one, which shares all but the small segments, and each
-query searches the snapshot it started with. The index is derived from features and can be rebuilt at any time.
+query searches the view it started with. The index is derived from features and can be rebuilt at any time.
 """
 
 from collections.abc import Collection, Iterable, Iterator, Sequence

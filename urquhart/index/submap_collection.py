@@ -50,7 +50,7 @@ class SubmapCollection:
         )
 
     @property
-    def snapshot(self) -> tuple[CollectionIndex, FeatureSource]:
+    def read_view(self) -> tuple[CollectionIndex, FeatureSource]:
         """The current index and feature source; later changes of the collection do not affect them."""
         return self._held
 
