@@ -39,7 +39,7 @@ class Job:
 
 def run(pool: Pool, *, quick: bool, seed: int) -> dict[str, Any]:
     """All cells."""
-    inside, outside = (12, 12) if quick else (200, 600)
+    inside, outside = (12, 12) if quick else (100, 300)
     jobs = [Job(cell, seed, inside, outside) for cell in range(len(CELLS))]
     results = pool.map(run_cell, jobs, "few trees")
     return {

@@ -91,12 +91,12 @@ def test_a_fit_is_recorded_beside_the_lines_in_use_or_takes_their_place(
     calibrate.FILE.write_text(json.dumps(before | {"note": "kept", "depends_on": {}}))
     assert calibrate.stale()
     fitted = Calibration(Line(0.5, 4.0), Line(0.2, 6.0))
-    calibrate.write(fitted, answers(100, 3), 7, adopt=False)
+    calibrate.write(fitted, answers(100, 3), "a command", 7, adopt=False)
     recorded = calibrate.read()
     assert (recorded["in_use"], recorded["note"]) == (before["in_use"], "kept")
     assert (recorded["fit"]["seed"], recorded["fit"]["answers"]) == (7, 100)
     assert calibrate.stale() == []
-    calibrate.write(fitted, answers(100, 3), 7, adopt=True)
+    calibrate.write(fitted, answers(100, 3), "a command", 7, adopt=True)
     adopted = calibrate.read()
     assert adopted["in_use"] == {"chance": {"slope": 0.5, "even": 4.0}, "rival": {"slope": 0.2, "even": 6.0}}
     assert "note" not in adopted

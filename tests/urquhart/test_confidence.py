@@ -14,11 +14,12 @@ from urquhart.decide.confidence import (
     comparable,
     extrapolated,
     log_odds,
+    odds_of_coincidence,
+    odds_of_coincidence_nearby,
     probability,
     refusal,
     rival_logit,
     rival_threshold,
-    shift_log_odds,
     unexplained,
 )
 from urquhart.decide.rivals import distinct, find_rivals, hill_climb, pose_row, same_place
@@ -233,11 +234,13 @@ def test_chance_explains_less_of_a_rival_in_the_same_submap_than_of_one_in_a_col
     forest = paper_forest(np.random.default_rng(3), 120.0)
     query, _ = laid(forest, SE2(60.0, 60.0, 0.3), 4, 30.0)
     rival = pose_with(evidence=20.0, inliers=range(5))
-    here = shift_log_odds(rival, query, query.area)
+    here = odds_of_coincidence_nearby(rival, query, query.area)
     for submaps in (1, 1_000):
-        assert log_odds(rival, query, log_volume(submaps, query)) < here < rival.evidence
-    assert shift_log_odds(rival, query, 4.0 * query.area) == pytest.approx(here - math.log(4.0))
-    assert shift_log_odds(pose_with(inliers=range(1)), query, query.area) == -math.inf
+        volume = log_volume(submaps, query)
+        anywhere = odds_of_coincidence(rival, query, volume)
+        assert log_odds(rival, query, volume) < anywhere < here < rival.evidence
+    assert odds_of_coincidence_nearby(rival, query, 4.0 * query.area) == pytest.approx(here - math.log(4.0))
+    assert odds_of_coincidence_nearby(pose_with(inliers=range(1)), query, query.area) == -math.inf
 
 
 def test_rivals_are_the_strongest_first_and_none_is_surely_behind() -> None:

@@ -104,17 +104,25 @@ def log_odds(verified: PoseEvidence, query: LandmarkGrid, volume: float) -> floa
         query: landmarks of the query.
         volume: logarithm of the volume of all poses; see `propose.query.log_volume`.
     """
+    return odds_of_coincidence(verified, query, volume) - CONFIDENCE.alignment * verified.overlap
+
+
+def odds_of_coincidence(verified: PoseEvidence, query: LandmarkGrid, volume: float) -> float:
+    """Log-odds against a coincidence of independent trees: `log_odds` without what trees in rows give to a wrong pose.
+
+    A rival that owes its evidence to rows is no coincidence.
+    """
     if len(verified.query) < 2:
         return -math.inf
     shifts, turns = _log_left(verified, query)
-    return _beyond_alignment(verified) + min(shifts + turns - volume, 0.0)
+    return verified.evidence + min(shifts + turns - volume, 0.0)
 
 
-def shift_log_odds(rival: PoseEvidence, query: LandmarkGrid, area: float) -> float:
-    """Log-odds against chance of a rival in the submap of the best pose.
+def odds_of_coincidence_nearby(rival: PoseEvidence, query: LandmarkGrid, area: float) -> float:
+    """The same for a rival in the submap of the best pose.
 
     It is found by shifts within an area, at the rotation of the best pose and its quarter turns. So there are fewer
-    poses in all than for `log_odds`, and chance explains less.
+    poses in all, and chance explains less.
 
     Args:
         query: landmarks of the query.
@@ -123,12 +131,7 @@ def shift_log_odds(rival: PoseEvidence, query: LandmarkGrid, area: float) -> flo
     if len(rival.query) < 2:
         return -math.inf
     shifts, _ = _log_left(rival, query)
-    return _beyond_alignment(rival) + min(shifts - math.log(QUARTERS * area), 0.0)
-
-
-def _beyond_alignment(verified: PoseEvidence) -> float:
-    """Evidence, less what trees in rows give to a wrong pose."""
-    return verified.evidence - CONFIDENCE.alignment * verified.overlap
+    return rival.evidence + min(shifts - math.log(QUARTERS * area), 0.0)
 
 
 def _log_left(verified: PoseEvidence, query: LandmarkGrid) -> tuple[float, float]:
@@ -151,7 +154,7 @@ def unexplained(evidence: float, odds: float) -> float:
 
     Args:
         evidence: of the rival, extrapolated to the overlap of the best pose.
-        odds: log-odds of the rival against chance.
+        odds: log-odds of the rival against a coincidence.
     """
     repeats = -float(np.logaddexp(0.0, -max(odds, CONFIDENCE.unknown)))
     return evidence + repeats / (CALIBRATION.rival.slope * (1.0 + CONFIDENCE.rival_penalty))

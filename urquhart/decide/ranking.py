@@ -19,9 +19,10 @@ from urquhart.decide.confidence import (
     comparable,
     extrapolated,
     log_odds,
+    odds_of_coincidence,
+    odds_of_coincidence_nearby,
     refusal,
     rival_threshold,
-    shift_log_odds,
     unexplained,
 )
 from urquhart.decide.rivals import hill_climb, same_place
@@ -119,7 +120,9 @@ def _against_rivals(query: Query, ranked: list[Proposal]) -> Ranking:
     ranked[0] = replace(ranked[0], verified=best)
     behind = rival_threshold(best, sure, config.lead_per_landmark)
     area = max(here.area, query.grid.area)
-    counted = ((one, unexplained(given, shift_log_odds(one, query.grid, area))) for one, given in rivals_here)
+    counted = (
+        (one, unexplained(given, odds_of_coincidence_nearby(one, query.grid, area))) for one, given in rivals_here
+    )
     rivals = [(key, rival, evidence) for rival, evidence in counted if evidence > behind]
     strongest = max((evidence for _, _, evidence in rivals), default=-math.inf)
     alike = set[int]()
@@ -143,7 +146,7 @@ def _comparable(query: Query, others: list[Proposal], best: PoseEvidence) -> lis
     evidence = np.array([other.verified.evidence for other in near])
     overlap = np.array([other.verified.overlap for other in near], np.float64)
     counted = [
-        (other, unexplained(given, log_odds(other.verified, query.grid, query.volume)))
+        (other, unexplained(given, odds_of_coincidence(other.verified, query.grid, query.volume)))
         for other, given in zip(near, extrapolated(evidence, overlap, best.overlap).tolist(), strict=True)
     ]
     return sorted(counted, key=lambda pair: -pair[1])
