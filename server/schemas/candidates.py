@@ -29,7 +29,10 @@ _EVIDENCE = (
     "Natural logarithm of how much likelier the trees of both sides are if this is the same place than if they agree "
     "by chance, over all landmarks."
 )
-_LOG_ODDS = "`evidence` minus the natural logarithm of the number of poses that there were to choose from."
+_LOG_ODDS = (
+    "`evidence` minus the natural logarithm of the number of poses that there were to choose from, and minus 0.2 for "
+    "each landmark of the overlap."
+)
 _INLIER_COUNT = "Number of pairs of landmarks that agree under the transform."
 WARNED = (
     "What is wrong with the coordinates of one side, as stable words. The covariance is widened accordingly. "
@@ -165,7 +168,10 @@ class GatesAnswer(Answer):
         description="Least confidence that is `matched`: the query's `min_confidence`, or that of the collection's "
         "`gate`, with the probability of an error rounded to two digits."
     )
-    log_odds: float = Field(description="Least `log_odds` with which a pose without rivals reaches that confidence.")
+    log_odds: float = Field(
+        description="Least `log_odds` with which a pose without rivals reaches that confidence. With a rival, more is "
+        "needed: the odds of an error by chance and of one by a rival add up."
+    )
     lead: float = Field(
         description="Constant part of the lead in evidence that a pose needs over its strongest rival. "
         "`lead_per_landmark` and `lead_ratio` are added to it."

@@ -158,7 +158,7 @@ QUERY_ANSWER: dict[str, Any] = {
 }
 
 EXPLANATION: dict[str, Any] = {
-    "query": "17",
+    "query_id": "17",
     "collection": "plots",
     "verdict": "ambiguous",
     "reason": "rival_too_close",

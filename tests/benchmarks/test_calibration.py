@@ -67,7 +67,7 @@ def test_the_benchmark_converts_as_the_method_does() -> None:
         lead = float(row["lead"]) if np.isfinite(row["lead"]) else None
         rival = rival_logit(verified, lead, Config().lead_per_landmark)
         expected.append(combine(chance_logit(float(row["log_odds"])), rival))
-    np.testing.assert_allclose(calibrate.logits(rows, CALIBRATION), expected, rtol=1e-6)
+    np.testing.assert_allclose(calibrate.logits(rows, CALIBRATION), expected, rtol=1e-6, atol=1e-6)
 
 
 def test_a_fit_finds_the_lines_that_answers_were_drawn_from() -> None:

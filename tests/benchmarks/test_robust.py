@@ -167,6 +167,9 @@ def test_the_published_figures_hold_what_is_claimed() -> None:
     assert sum(row["right"] for row in edged) >= 0.95 * sum(row["oracle"] for row in edged)
     for (_, _, jitter, _), row in zip(figures["robust_edges"]["kinds"], edged, strict=True):
         assert row["right"] >= (0.8 * row["inside"] if jitter >= 0.1 else 0)
+    few = figures["robust_few_trees"]["summaries"]
+    assert sum(row["false"] + row["wrong"] for row in few) == 0
+    assert all(row["outside"] >= 300 for row in few)
     real = [row for levels in figures["robust_stands"]["stands"].values() for row in levels.values()]
     assert sum(row["wrong"] + row["false"] for row in real) == 0
     for group in figures["robust_stands"]["plots"]:

@@ -81,3 +81,27 @@ def test_a_rival_among_the_candidates_has_no_confidence_of_its_own() -> None:
             others = [c.confidence for c, is_apart in zip(found.candidates, apart, strict=True) if is_apart]
             assert all(confidence < 0.5 for confidence in others)
     assert checked >= 4
+
+
+def test_a_lower_gate_reports_more_but_finds_the_same() -> None:
+    """Rivals and further levels are looked for as with the default gate: the confidence does not depend on the gate."""
+    rng, config = np.random.default_rng(5), Config()
+    rows = plantation(90.0, 90.0, rng, spacing=(3.0, 3.0), jitter=0.15, survival=0.95)
+    recognizer = Recognizer(config)
+    places = [SE2(x, y, rng.uniform(-3.0, 3.0)) for x in (20.0, 45.0, 70.0) for y in (20.0, 45.0, 70.0)]
+    sensor = Sensor(15.0, sigma=0.05, detection=0.95)
+    recognizer.add((k, describe(observe(rows, place, sensor, rng).xy, config)) for k, place in enumerate(places))
+    verdicts = set()
+    for _ in range(12):
+        xy = observe(rows, SE2(*rng.uniform((15.0, 15.0, -3.0), (75.0, 75.0, 3.0)).tolist()), sensor, rng).xy
+        few = xy[np.argsort((xy**2).sum(axis=1))[: rng.integers(6, 10)]]
+        usual = recognizer.locate(few)
+        for least in (0.51, 0.75, 0.9):
+            found = recognizer.locate(few, min_confidence=least)
+            assert [(one.key, one.confidence, one.lead) for one in found.candidates] == [
+                (one.key, one.confidence, one.lead) for one in usual.candidates
+            ]
+            matched = bool(found.candidates) and found.candidates[0].confidence >= least
+            assert (found.verdict == "matched") == matched
+            verdicts.add((least, found.verdict))
+    assert {(0.51, "matched"), (0.9, "ambiguous")} <= verdicts

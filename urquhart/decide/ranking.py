@@ -64,15 +64,15 @@ class Ranking:
         """Whether the first proposal is so certain that no further level could change the answer."""
         if not self.proposals or not self.complete:
             return False
-        first, margin = self.proposals[0].verified, query.config.lead_per_landmark
+        first, margin, gate = self.proposals[0].verified, query.config.lead_per_landmark, query.searched_gate
         odds = log_odds(first, query.grid, query.volume)
-        return odds > 2.0 * query.gate and refusal(first, odds, self.lead, margin, query.gate) is None
+        return odds > 2.0 * gate and refusal(first, odds, self.lead, margin, gate) is None
 
     def is_lost(self, query: Query) -> bool:
         """Whether no proposal beats chance. Close rivals do not count here: more proposals would not remove them."""
         if not self.proposals:
             return True
-        return chance_logit(log_odds(self.proposals[0].verified, query.grid, query.volume)) < query.gate
+        return chance_logit(log_odds(self.proposals[0].verified, query.grid, query.volume)) < query.searched_gate
 
 
 NOTHING: Final = Ranking([])
@@ -115,7 +115,7 @@ def _against_rivals(query: Query, ranked: list[Proposal]) -> Ranking:
     """
     config, budget = query.config, query.budget
     here, key = query.submaps.grid(ranked[0].key), ranked[0].key
-    sure = 2.0 * query.gate
+    sure = 2.0 * query.searched_gate
     best, rivals_here = hill_climb(query.grid, here, ranked[0].verified, sure, config, budget)
     ranked[0] = replace(ranked[0], verified=best)
     behind = rival_threshold(best, sure, config.lead_per_landmark)

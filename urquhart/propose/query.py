@@ -18,6 +18,7 @@ from urquhart.verify.landmark_grid import LandmarkGrid, landmark_grid
 LevelName = Literal["polygons", "quads", "exhaustive", "paper", "given"]
 """The level that proposed a pose; `given` is a pose that the caller gave."""
 
+DEFAULT_GATE: Final = Config().gate
 READ_TOGETHER: Final = 32
 """Submaps that are read together: far cheaper than one by one, and at most 0.1 s for the largest."""
 
@@ -62,6 +63,14 @@ class Query:
     volume: float
     budget: Budget
     trace: Trace
+
+    @property
+    def searched_gate(self) -> float:
+        """The gate that decides how far the search goes and which rivals it looks for: the default gate at least.
+
+        So a lower gate changes what is reported, and not what is known: neither the pose nor its confidence.
+        """
+        return max(self.gate, DEFAULT_GATE)
 
     @property
     def reach(self) -> float:
