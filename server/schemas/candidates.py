@@ -30,7 +30,7 @@ _EVIDENCE = (
     "by chance, over all landmarks."
 )
 _LOG_ODDS = (
-    "`evidence` minus the natural logarithm of the number of poses that there were to choose from, and minus 0.2 for "
+    "`evidence` minus the natural logarithm of the number of poses that there were to choose from, and minus 0.1 for "
     "each landmark of the overlap."
 )
 _INLIER_COUNT = "Number of pairs of landmarks that agree under the transform."

@@ -74,7 +74,7 @@ class ConfidenceNumbers(NamedTuple):
 
     least_rival_logit: float = -4.0
     """Least log-odds against a rival: however close the rivals are, the pose is right now and then."""
-    alignment: float = 0.2
+    alignment: float = 0.1
     """Evidence for each landmark of the overlap that says nothing against chance: so much more than independent trees
     have the trees of a wrong pose that lies along rows."""
     rival_penalty: float = 0.1
