@@ -77,7 +77,8 @@ def reliability(figures: dict[str, Any]) -> Figure:
     figure = Figure(figsize=(9.6, 4.4), layout="constrained")
     left, right = figure.subplots(1, 2, sharex=True, sharey=True)
     _reliable(left, figures["bins"], "#1a1a1a", "all answers together")
-    for colour, (name, found) in zip(_PALETTE, figures["by_kind"].items(), strict=False):
+    kinds = figures["by_kind"]
+    for colour, (name, found) in zip(_PALETTE[: len(kinds)], kinds.items(), strict=True):
         _reliable(right, found, colour, KINDS[name])
     for ax in (left, right):
         ax.plot([0, 1], [0, 1], ":", color="#999999", linewidth=1.0)
