@@ -179,19 +179,6 @@ def test_files_are_short_enough_to_read() -> None:
     assert not long
 
 
-def test_functions_of_the_method_are_short_and_take_few_parameters() -> None:
-    """Parameters that can only be given by name are not counted: a call says what they are."""
-    large = {}
-    for path in sources("urquhart"):
-        for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-                lines = (node.end_lineno or 0) - node.lineno + 1
-                taken = [one.arg for one in node.args.posonlyargs + node.args.args if one.arg not in ("self", "cls")]
-                if lines > LONGEST_FUNCTION or len(taken) > MOST_PARAMETERS:
-                    large[f"{path.relative_to(ROOT)}: {node.name}"] = (lines, len(taken))
-    assert not large
-
-
 def is_interface(path: Path, function: ast.FunctionDef | ast.AsyncFunctionDef) -> bool:
     """Whether the parameters are those of a route or of a command, which name what callers give one by one."""
     if path.parent == ROOT / "server/commands":
@@ -199,9 +186,9 @@ def is_interface(path: Path, function: ast.FunctionDef | ast.AsyncFunctionDef) -
     return any(ast.unparse(decorator).startswith("router.") for decorator in function.decorator_list)
 
 
-def test_functions_of_the_service_are_short_and_take_few_parameters() -> None:
+def test_functions_are_short_and_take_few_parameters() -> None:
     found = []
-    for path in sources("server"):
+    for path in sources("urquhart", "server"):
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
                 given = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]

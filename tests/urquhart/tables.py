@@ -10,7 +10,7 @@ from tests.urquhart import forests
 from urquhart import SE2, Config, Features, describe
 from urquhart.evaluation.simulation import bridson
 from urquhart.index.quad_search import QuadShard
-from urquhart.index.quad_table import QuadTable, build_table, centre_scale
+from urquhart.index.quad_table import QuadTable, build_table, centre_scale, measure_quads
 from urquhart.propose.quad_consensus import QuadConsensus
 
 
@@ -102,4 +102,4 @@ def shard_of(submaps: Sequence[Features], dead: Sequence[int] = ()) -> QuadShard
 
 def search(shards: Sequence[QuadShard], query: Features, tolerance: float = 0.5, most: int = 10**9) -> QuadConsensus:
     """A search for the query's quads, by default for all that there are."""
-    return QuadConsensus(shards, query.landmarks, query.tessellation.quads, tolerance, most)
+    return QuadConsensus(shards, measure_quads(query.landmarks, query.tessellation.quads), tolerance, most)

@@ -22,7 +22,7 @@ from urquhart.decide.confidence import (
     rival_threshold,
     unexplained,
 )
-from urquhart.decide.rivals import distinct, find_rivals, hill_climb, pose_row, same_place
+from urquhart.decide.rivals import RivalSearch, distinct, find_rivals, hill_climb, pose_row, same_place
 from urquhart.evaluation.simulation import Sensor, observe, paper_forest, plantation
 from urquhart.propose.query import log_volume
 from urquhart.verify.evidence import PoseEvidence, evidence_of_row
@@ -192,7 +192,7 @@ def test_rivals_in_rows_are_distinct_places_that_explain_much() -> None:
     rows = plantation(80.0, 80.0, np.random.default_rng(7), jitter=0.05, survival=0.97)
     stand, _ = laid(rows, SE2(40.0, 40.0, 0.2), 8, 20.0)
     best = verify(stand, stand, SE2.identity(), REACH)
-    rivals = find_rivals(stand, stand, pose_row(best.transform), REACH, 0.0, 4)
+    rivals = find_rivals(stand, stand, pose_row(best.transform), RivalSearch(REACH, 0.0, 4))
     assert rivals.shape[1] == 6
     assert all(distinct(rival, pose_row(best.transform), stand.spacing, REACH) for rival in rivals)
     strongest = evidence_of_row(stand, stand, rivals[rivals[:, 3].argmax()])

@@ -179,7 +179,7 @@ def test_hits_of_one_quad_do_not_vote_for_each_other() -> None:
     [quad] = features.tessellation.quads[:1]
     table = build_table([(features.landmarks, np.repeat(quad[None], 5, axis=0), 0.5)])
     shard = QuadShard(table, np.full(1, 0.5, np.float32), np.ones(1, np.uint8))
-    found = QuadConsensus([shard], features.landmarks, quad[None], 0.1, 10**9)
+    found = QuadConsensus([shard], measure_quads(features.landmarks, quad[None]), 0.1, 10**9)
     found.advance()
     assert found.hits == 5
     best = found.leaders(1, 1)
@@ -273,7 +273,7 @@ def test_so_many_hits_in_one_sector_that_a_byte_cannot_count_them_are_still_enou
     shard = QuadShard(
         build_table([(features.landmarks, quads, 0.5)]), np.full(1, 0.5, np.float32), np.ones(1, np.uint8)
     )
-    found = QuadConsensus([shard], features.landmarks, features.tessellation.quads[:3], 0.1, 10**9)
+    found = QuadConsensus([shard], measure_quads(features.landmarks, features.tessellation.quads[:3]), 0.1, 10**9)
     found.advance(1.0, 3)
     assert found.hits == found._placed == 450
 
@@ -350,7 +350,9 @@ def test_what_another_search_left_in_the_buffer_is_not_found() -> None:
     queries = [stand(3), described(4), stand(17)]
 
     def sought(query: Features, buffer: HitBuffer | None) -> QuadLeaders:
-        found = QuadConsensus(shards, query.landmarks, query.tessellation.quads, 0.75, 10**9, buffer=buffer)
+        found = QuadConsensus(
+            shards, measure_quads(query.landmarks, query.tessellation.quads), 0.75, 10**9, buffer=buffer
+        )
         found.advance()
         return found.leaders(4, 2)
 

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from urquhart import SE2, Config, Recognition, Recognizer, describe
 from urquhart.evaluation.simulation import Sensor, SimulatedObservation, bridson, observe, paper_forest, plantation
-from urquhart.propose.correlation import correlate, correlate_all, covers_ends, find_peaks
+from urquhart.propose.correlation import Rotations, correlate, covers_ends, find_peaks
 from urquhart.propose.quad_consensus import TURN, QuadConsensus
 from urquhart.verify.landmark_grid import LandmarkGrid, landmark_grid
 from urquhart.verify.refinement import refine_rough
@@ -53,7 +53,7 @@ def test_the_true_pose_is_the_highest_peak(forest: NDArray[np.float64], noise: d
     for seed in range(6):
         here, there, truth = two(forest, seed, **noise)
         (submap, to_submap), (query, to_query) = laid(here), laid(there)
-        peaks = correlate_all(query, submap, 8)
+        peaks = correlate(query, submap, 8)
         # A peak is good to a cell and a step of the rotation; refined it is the pose.
         best = refine_rough(query, submap, peaks[:1, :3].copy(), NEAR, 1)
         shift, turn = SE2(*best[:3].tolist()).distance(to_submap.inverse() @ truth @ to_query)
@@ -69,14 +69,14 @@ def test_correlation_about_the_true_rotation_finds_what_that_of_all_finds_and_on
         (submap, to_submap), (query, to_query) = laid(here), laid(there)
         wanted = to_submap.inverse() @ truth @ to_query
         # Votes of quads are as coarse as this.
-        near = correlate(query, submap, 6, wanted.yaw + 0.7 * TURN, TURN)
+        near = correlate(query, submap, 6, Rotations(wanted.yaw + 0.7 * TURN, TURN))
         shift, turn = SE2(*near[0, :3].tolist()).distance(wanted)
         assert shift < 1.0
         assert turn < 0.05
         assert (near[:, 3] == np.sort(near[:, 3])[::-1]).all()
-        np.testing.assert_array_equal(near[0], correlate_all(query, submap, 6)[0])
+        np.testing.assert_array_equal(near[0], correlate(query, submap, 6)[0])
         for away in (1.0, 2.0, np.pi):
-            elsewhere = correlate(query, submap, 6, wanted.yaw + away, TURN)
+            elsewhere = correlate(query, submap, 6, Rotations(wanted.yaw + away, TURN))
             assert elsewhere[:, 3].max(initial=0.0) < 0.7 * near[0, 3]
             off = (elsewhere[:, 2] - wanted.yaw - away + np.pi) % (2.0 * np.pi) - np.pi
             assert (np.abs(off) <= TURN).all()
@@ -86,9 +86,9 @@ def test_correlation_about_the_true_rotation_finds_what_that_of_all_finds_and_on
 def test_a_rotation_may_be_given_in_any_turn(forest: NDArray[np.float64], yaw: float) -> None:
     here, there, _ = two(forest, 1, sigma=0.1)
     (submap, _), (query, _) = laid(here), laid(there)
-    plain = correlate(query, submap, 4, yaw, TURN)
+    plain = correlate(query, submap, 4, Rotations(yaw, TURN))
     for turns in (-2, 1):
-        np.testing.assert_array_equal(correlate(query, submap, 4, yaw + turns * 2.0 * np.pi, TURN), plain)
+        np.testing.assert_array_equal(correlate(query, submap, 4, Rotations(yaw + turns * 2.0 * np.pi, TURN)), plain)
 
 
 def test_settled_peaks_are_nearer_to_the_truth(forest: NDArray[np.float64]) -> None:
@@ -97,7 +97,7 @@ def test_settled_peaks_are_nearer_to_the_truth(forest: NDArray[np.float64]) -> N
         here, there, truth = two(forest, seed, sigma=0.2, detection=0.7)
         (submap, to_submap), (query, to_query) = laid(here), laid(there)
         wanted = to_submap.inverse() @ truth @ to_query
-        peaks = correlate_all(query, submap, 6)
+        peaks = correlate(query, submap, 6)
         rough = SE2(*peaks[0, :3].tolist()).distance(wanted)
         fine = SE2(*refine_rough(query, submap, peaks[:1, :3].copy(), NEAR, 1)[:3].tolist()).distance(wanted)
         if rough[0] < 1.5:
@@ -119,20 +119,20 @@ def test_landmarks_outside_the_rim_of_the_grid_are_left_out(far: float, long: in
         (np.concatenate([trees, -strays]), np.concatenate([trees, strays])),
     ):
         for half in (np.pi, TURN, 0.0):
-            peaks = find_peaks(query - query.mean(axis=0), submap - submap.mean(axis=0), 1.0, 6, 0.0, half)
+            peaks = find_peaks(query - query.mean(axis=0), submap - submap.mean(axis=0), 1.0, 6, Rotations(0.0, half))
             assert len(peaks) <= 6
             assert np.isfinite(peaks).all()
 
 
 def test_peaks_are_distinct_places_and_the_order_of_landmarks_is_no_matter(forest: NDArray[np.float64]) -> None:
     here, there, _ = two(forest, 3, sigma=0.2, detection=0.8)
-    peaks = find_peaks(there.xy, here.xy, 1.0, 16, 0.0, np.pi)
+    peaks = find_peaks(there.xy, here.xy, 1.0, 16)
     assert 1 < len(peaks) <= 16
     for i, peak in enumerate(peaks):
         for other in peaks[:i]:
             shift, turn = SE2(*peak[:3].tolist()).distance(SE2(*other[:3].tolist()))
             assert shift > 1.0 or turn > 0.02
-    mixed = find_peaks(there.xy, here.xy[np.random.default_rng(0).permutation(len(here.xy))], 1.0, 16, 0.0, np.pi)
+    mixed = find_peaks(there.xy, here.xy[np.random.default_rng(0).permutation(len(here.xy))], 1.0, 16)
     np.testing.assert_allclose(mixed[0], peaks[0])
 
 
@@ -142,7 +142,7 @@ def test_odd_inputs_give_few_or_no_peaks_and_no_crash(count: int, scale: float) 
     rng = np.random.default_rng(count)
     first, second = scale * rng.uniform(-1.0, 1.0, (count, 2)), scale * rng.uniform(-1.0, 1.0, (count, 2))
     for query, submap in ((first, second), (first, first), (first * [1.0, 1e-4], second)):
-        peaks = find_peaks(query - query.mean(axis=0), submap - submap.mean(axis=0), 1.0, 4, 0.0, np.pi)
+        peaks = find_peaks(query - query.mean(axis=0), submap - submap.mean(axis=0), 1.0, 4)
         assert peaks.shape[1] == 4
         assert len(peaks) <= 4
         assert np.isfinite(peaks).all()
@@ -286,6 +286,6 @@ def test_a_submap_alone_finds_itself(kind: str, yaw: float) -> None:
 def test_a_cell_holds_as_many_pairs_as_there_are() -> None:
     """An exact copy of 900 landmarks brings 900 pairs into the four cells about the right shift."""
     trees = np.random.default_rng(0).uniform(-100.0, 100.0, (900, 2))
-    peaks = find_peaks(trees, trees, 1.0, 4, 0.0, 0.0)
+    peaks = find_peaks(trees, trees, 1.0, 4, Rotations(0.0, 0.0))
     assert np.abs(peaks[0, :2]).max() <= 1.0
     assert peaks[0, 3] > 1_000.0 > 20.0 * peaks[1, 3]

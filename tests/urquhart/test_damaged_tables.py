@@ -15,7 +15,7 @@ import sys
 import numpy as np
 from urquhart.propose.quad_consensus import QuadConsensus
 from urquhart.index.quad_search import QuadShard
-from urquhart.index.quad_table import QuadTable, count_living, merge_tables
+from urquhart.index.quad_table import QuadTable, count_living, measure_quads, merge_tables
 
 sound, landmarks, quads = pickle.load(open(sys.argv[1], "rb"))
 rng = np.random.default_rng(0)
@@ -50,7 +50,7 @@ def damaged():
 
 
 def look(shards, tolerance):
-    search = QuadConsensus(shards, landmarks, quads, tolerance, 100_000)
+    search = QuadConsensus(shards, measure_quads(landmarks, quads), tolerance, 100_000)
     search.advance(0.5)
     search.advance()
     best = search.leaders(5, 4)

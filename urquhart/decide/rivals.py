@@ -83,7 +83,9 @@ def same_place(
     if chained.evidence <= 0.0:
         return False
     least = rival_threshold(chained, 0.0, margin) - RIVALS.slack
-    rivals = find_rivals(second, first, pose_row(chained.transform), config.reach, least, RIVALS.peaks, budget=budget)
+    rivals = find_rivals(
+        second, first, pose_row(chained.transform), RivalSearch(config.reach, least, RIVALS.peaks), budget
+    )
     lead = chained.evidence - extrapolated(rivals[:, 3], rivals[:, 5], chained.overlap).max(initial=-math.inf)
     return rival_logit(chained, lead, margin) > 0.0
 
@@ -117,7 +119,7 @@ def hill_climb(
     while True:
         place = pose_row(best.transform)
         least = rival_threshold(best, odds, margin) - RIVALS.slack
-        found = find_rivals(query, submap, place, reach, least, RIVALS.peaks, budget=budget)
+        found = find_rivals(query, submap, place, RivalSearch(reach, least, RIVALS.peaks), budget)
         seen.append(found)
         if found[:, 3].max(initial=-math.inf) > best.evidence:
             better = evidence_of_row(query, submap, found[found[:, 3].argmax()])
@@ -130,7 +132,7 @@ def hill_climb(
     behind = rival_threshold(best, odds, margin)
     if found[:, 3].max(initial=-math.inf) > RIVALS.in_rows * best.evidence:
         least = behind - RIVALS.slack
-        seen.append(find_rivals(query, submap, place, reach, least, RIVALS.peaks_in_rows, budget=budget))
+        seen.append(find_rivals(query, submap, place, RivalSearch(reach, least, RIVALS.peaks_in_rows), budget))
     poses = np.concatenate(seen)
     given = extrapolated(poses[:, 3], poses[:, 5], best.overlap)
     rivals: list[tuple[PoseEvidence, float]] = []
@@ -180,14 +182,25 @@ def neighbour_distance(landmarks: NDArray[np.float64]) -> float:
     return float(np.median(distances[:, 1]))
 
 
+class RivalSearch(NamedTuple):
+    """How far a search for rivals goes.
+
+    Attributes:
+        reach: metres, largest distance of partners.
+        least: evidence above which a pose is also tried with partners farther away.
+        peaks: shifts at each quarter turn.
+    """
+
+    reach: float
+    least: float
+    peaks: int
+
+
 def find_rivals(
     query: LandmarkGrid,
     submap: LandmarkGrid,
     best: NDArray[np.float64],
-    reach: float,
-    least: float,
-    peaks: int,
-    *,
+    search: RivalSearch,
     budget: Budget = UNBOUNDED,
 ) -> NDArray[np.float64]:
     """Distinct poses in the same submap, found by shifting `best` along the pattern of the trees.
@@ -197,9 +210,7 @@ def find_rivals(
 
     Args:
         best: (3,), x, y, yaw of `submap_T_query`, centred frames.
-        reach: metres, largest distance of partners.
-        least: evidence above which a pose is also tried with partners farther away.
-        peaks: shifts at each quarter turn.
+        search: how far to go.
 
     Returns:
         Rows (R, 6), as `refine_and_score` returns them.
@@ -207,6 +218,7 @@ def find_rivals(
     Raises:
         DeadlinePassed: the deadline passed first.
     """
+    reach, least, peaks = search
     if budget.fits(QUARTERS * peaks, pose_cost(query, submap)):
         return find_rivals_at_once(query, submap, best, reach, least, peaks)
     # One quarter turn after the other: besides the pairs, up to 640,000 cells are searched for each peak.

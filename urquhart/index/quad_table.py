@@ -150,17 +150,25 @@ def cell_of(code: int, cells: NDArray[np.int64]) -> None:
         rest >>= _BITS[k]
 
 
-@kernel
-def measure_quads(
-    landmarks: NDArray[np.float64], quads: NDArray[np.int32]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Lengths (Q, 5), metres; directions (Q,), turns from 0 to 1; and centres (Q, 2), metres, of quads (Q, 4).
+class QuadShapes(NamedTuple):
+    """Quads, measured.
 
-    The lengths are those of the four sides and of the diagonal from the first landmark to the third, which also gives
-    the direction. A quad is read from the end of the diagonal that makes the first side no shorter than the third.
+    A quad is read from the end of its diagonal that makes the first side no shorter than the third.
 
-    `landmarks`: (N, 2), metres, centred frame.
+    Attributes:
+        lengths: (Q, 5) float64, metres: the four sides, and the diagonal from the first landmark to the third.
+        directions: (Q,) float64, of that diagonal, turns from 0 to 1.
+        centres: (Q, 2) float64, metres, the mean of the four landmarks.
     """
+
+    lengths: NDArray[np.float64]
+    directions: NDArray[np.float64]
+    centres: NDArray[np.float64]
+
+
+@kernel
+def measure_quads(landmarks: NDArray[np.float64], quads: NDArray[np.int32]) -> QuadShapes:
+    """Measure quads (Q, 4) of landmarks (N, 2), metres, centred frame."""
     lengths, directions, centres = np.empty((len(quads), 5)), np.empty(len(quads)), np.empty((len(quads), 2))
     sides = np.empty(4)
     for q in range(len(quads)):
@@ -177,7 +185,7 @@ def measure_quads(
         dx, dy = landmarks[b, 0] - landmarks[a, 0], landmarks[b, 1] - landmarks[a, 1]
         lengths[q, 4], directions[q] = math.hypot(dx, dy), (math.atan2(dy, dx) / (2.0 * math.pi)) % 1.0
         centres[q, 0], centres[q, 1] = x, y
-    return lengths, directions, centres
+    return QuadShapes(lengths, directions, centres)
 
 
 @kernel

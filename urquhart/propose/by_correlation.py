@@ -4,7 +4,6 @@ It needs no intact feature. A survey chooses the submaps and rotations to try: a
 a larger one those on which quads with loose lengths agree. That agreement proves nothing, but leaves few enough to try.
 """
 
-import math
 from contextlib import suppress
 from typing import Final, NamedTuple
 
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 from urquhart.budget import DeadlinePassed
 from urquhart.index.collection_index import CollectionIndex
 from urquhart.propose.by_quads import verify_rough
-from urquhart.propose.correlation import correlate
+from urquhart.propose.correlation import FULL_TURN, Rotations, correlate
 from urquhart.propose.quad_consensus import TURN, QuadConsensus
 from urquhart.propose.query import READ_TOGETHER, Proposal, Query
 
@@ -39,8 +38,8 @@ class SurveyNumbers(NamedTuple):
 
 SURVEY: Final = SurveyNumbers()
 
-SurveyEntry = tuple[int, float, float]
-"""A submap's key, and the rotations to try in it, radians: their middle, and how far they extend to either side."""
+SurveyEntry = tuple[int, Rotations]
+"""A submap's key, and the rotations to try in it."""
 Peaks = tuple[int, NDArray[np.float64]]
 """A submap's key, and the peaks (P, 4) found in it, as `correlation.correlate` returns them."""
 
@@ -83,10 +82,10 @@ def propose_by_correlation(query: Query, index: CollectionIndex, quads: QuadCons
 def _survey(query: Query, index: CollectionIndex, quads: QuadConsensus | None) -> list[SurveyEntry]:
     """The submaps and rotations to try, the most promising first."""
     if quads is None or is_small(index):
-        return [(key, 0.0, math.pi) for key in index]
+        return [(key, FULL_TURN) for key in index]
     query.trace.skip("exhaustive_rest")
     slots, rotations = quads.turns(query.config.survey)
-    return [(key, yaw, TURN) for key, yaw in zip(index.keys_of(slots), rotations.tolist(), strict=True)]
+    return [(key, Rotations(yaw, TURN)) for key, yaw in zip(index.keys_of(slots), rotations.tolist(), strict=True)]
 
 
 def _correlate(query: Query, surveyed: list[SurveyEntry]) -> list[Peaks]:
@@ -99,11 +98,11 @@ def _correlate(query: Query, surveyed: list[SurveyEntry]) -> list[Peaks]:
                 query.trace.skip("exhaustive_rest")
                 break
             block = surveyed[begin : begin + READ_TOGETHER]
-            query.read(key for key, _, _ in block)
-            for key, yaw, half in block:
+            query.read(key for key, _ in block)
+            for key, rotations in block:
                 read += len(query.submaps.features(key).landmarks)
-                count = SURVEY.peaks if half == math.pi else SURVEY.fewer_peaks
-                peaks = correlate(query.grid, query.submaps.grid(key), count, yaw, half, query.budget)
+                count = SURVEY.peaks if rotations == FULL_TURN else SURVEY.fewer_peaks
+                peaks = correlate(query.grid, query.submaps.grid(key), count, rotations, query.budget)
                 if len(peaks):
                     found.append((key, peaks))
     # Peaks are ranked by themselves: the votes of quads only chose where to look.

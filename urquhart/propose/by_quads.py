@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from urquhart.budget import DeadlinePassed
 from urquhart.index.collection_index import CollectionIndex
+from urquhart.index.quad_table import measure_quads
 from urquhart.propose.hit_buffer import HitBuffer
 from urquhart.propose.quad_consensus import QuadConsensus
 from urquhart.propose.query import Proposal, Query
@@ -41,9 +42,9 @@ def search_quads(query: Query, index: CollectionIndex, errors: float, buffer: Hi
         buffer: memory for the hits. An earlier search with the same buffer must not be used any more.
     """
     most = query.config.quad_hits + QUADS.hits_each * len(index)
-    landmarks, quads = query.features.landmarks, query.features.tessellation.quads
+    shapes = measure_quads(query.features.landmarks, query.features.tessellation.quads)
     tolerance = errors * query.config.sigma
-    return QuadConsensus(index.quad_shards(), landmarks, quads, tolerance, most, buffer=buffer, budget=query.budget)
+    return QuadConsensus(index.quad_shards(), shapes, tolerance, most, buffer=buffer, budget=query.budget)
 
 
 class QuadChoice(NamedTuple):

@@ -87,15 +87,20 @@ class ShiftGrid(NamedTuple):
     fresh: NDArray[np.uint32]
 
 
-def correlate_all(query: LandmarkGrid, submap: LandmarkGrid, peaks: int) -> NDArray[np.float64]:
-    """The `peaks` poses that stand out most from chance, over all rotations; see `correlate`."""
-    return correlate(query, submap, peaks, 0.0, math.pi)
+class Rotations(NamedTuple):
+    """The rotations to try, radians: those within `half` of `yaw`. By default all."""
+
+    yaw: float = 0.0
+    half: float = math.pi
+
+
+FULL_TURN: Final = Rotations()
 
 
 def correlate(
-    query: LandmarkGrid, submap: LandmarkGrid, peaks: int, yaw: float, half: float, budget: Budget = UNBOUNDED
+    query: LandmarkGrid, submap: LandmarkGrid, peaks: int, rotations: Rotations = FULL_TURN, budget: Budget = UNBOUNDED
 ) -> NDArray[np.float64]:
-    """The `peaks` poses that stand out most from chance, over rotations within `half` radians of `yaw`.
+    """The `peaks` poses that stand out most from chance.
 
     Returns:
         (P, 4), P <= `peaks`, the best first: x, y, yaw of `submap_T_query` between centred frames, right to a cell and
@@ -106,7 +111,7 @@ def correlate(
     """
     spacing = max(query.spacing, submap.spacing)
     cell = min(max(CORRELATION.cell_share * spacing, CORRELATION.finest), CORRELATION.coarsest)
-    return find_peaks(query.landmarks, submap.landmarks, cell, peaks, yaw, half, budget=budget)
+    return find_peaks(query.landmarks, submap.landmarks, cell, peaks, rotations, budget)
 
 
 def find_peaks(
@@ -114,9 +119,7 @@ def find_peaks(
     submap: NDArray[np.float64],
     cell: float,
     peaks: int,
-    yaw: float,
-    half: float,
-    *,
+    rotations: Rotations = FULL_TURN,
     budget: Budget = UNBOUNDED,
 ) -> NDArray[np.float64]:
     """The peaks (P, 4) of `correlate`, for landmarks (N, 2) and (M, 2), metres, and cells of at least `cell` metres.
@@ -126,12 +129,12 @@ def find_peaks(
     """
     pairs = len(query) * len(submap)
     if budget.fits(CORRELATION.most_turns, pairs):
-        return find_peaks_at_once(query, submap, cell, peaks, yaw, half)
+        return find_peaks_at_once(query, submap, cell, peaks, *rotations)
     best = np.zeros((peaks, 4))
     # A sample of many landmarks shows where all belong, and limits one rotation to some 10 ms.
     grid = build_shift_grid(np.ascontiguousarray(query[:: 1 + (pairs - 1) // CORRELATION.most_pairs]), submap, cell)
     for turns in budget.portions(grid.steps, len(grid.query) * len(submap) + len(grid.fresh)):
-        count_rotations(grid, yaw, half, turns.start, turns.stop, best)
+        count_rotations(grid, rotations.yaw, rotations.half, turns.start, turns.stop, best)
     return best[best[:, 3] > 0.0]
 
 
@@ -143,10 +146,7 @@ def find_peaks_at_once(
     best = np.zeros((peaks, 4))
     grid = build_shift_grid(query, submap, cell)
     count_rotations(grid, yaw, half, 0, grid.steps, best)
-    found = 0
-    while found < peaks and best[found, 3] > 0.0:
-        found += 1
-    return best[:found].copy()
+    return best[best[:, 3] > 0.0]
 
 
 @kernel

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from urquhart.budget import Budget
 from urquhart.index.quad_hits import MOST_SEARCHED, WantedQuads, count_hits, place_hits
 from urquhart.index.quad_search import QuadShard, count_neighbourhoods, gather
-from urquhart.index.quad_table import TURNS, measure_quads
+from urquhart.index.quad_table import TURNS, QuadShapes
 from urquhart.propose.hit_buffer import HitBuffer
 from urquhart.propose.quad_vote_kernels import (
     AGREEMENT,
@@ -90,17 +90,17 @@ class QuadConsensus:
     def __init__(
         self,
         shards: Sequence[QuadShard],
-        landmarks: NDArray[np.float64],
-        quads: NDArray[np.int32],
+        shapes: QuadShapes,
         tolerance: float,
         most: int,
         *,
         buffer: HitBuffer | None = None,
         budget: Budget | None = None,
     ) -> None:
-        """Prepare to search `shards` for the quads (Q, 4) of landmarks (N, 2), metres, centred frame.
+        """Prepare to search `shards` for the quads of a query.
 
         Args:
+            shapes: of the query's Q quads.
             tolerance: metres, largest difference of a length.
             most: hits after which the search ends. A query quad that alone has a large part of them is skipped: in rows
                 of trees all quads are alike, and finding each of them in every row would take most of the time.
@@ -115,10 +115,10 @@ class QuadConsensus:
             raise ValueError(f"{slots} submaps, but one search takes at most {MOST_SEARCHED}")
         self._shards, self._most = shards, most
         self._living = max(sum(int(np.count_nonzero(shard.alive)) for shard in shards), 1)
-        lengths, directions, self._centres = measure_quads(landmarks, quads)
+        lengths, directions, self._centres = shapes
         turns = (directions * TURNS + 0.5).astype(np.int64) % TURNS
         self._wanted = WantedQuads(lengths, turns, tolerance, max(most // CONSENSUS.common, 1))
-        rarity = np.zeros(len(quads), np.int64)
+        rarity = np.zeros(len(lengths), np.int64)
         for shard in shards:
             count_neighbourhoods(shard.table.codes, shard.table.starts, lengths, rarity)
         self._order = np.argsort(np.maximum(rarity, CONSENSUS.rare), kind="stable")

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from benchmarks.scale.rivals.rival import REACHED, Described, RivalRanking
 from urquhart import Features
-from urquhart.propose.correlation import correlate_all
+from urquhart.propose.correlation import correlate
 from urquhart.verify.landmark_grid import GRID, LandmarkGrid
 from urquhart.verify.pairing import refine
 
@@ -33,7 +33,7 @@ class ExhaustiveRival:
 
     def rank(self, query: Described, count: int) -> RivalRanking:
         """By what stands out most in each."""
-        peaks = [correlate_all(query.grid, submap, _PEAKS) for submap in self._grids]
+        peaks = [correlate(query.grid, submap, _PEAKS) for submap in self._grids]
         scores = np.array([found[0, 3] if len(found) else 0.0 for found in peaks])
         chosen = np.argsort(-scores, kind="stable")[:count].astype(np.int64)
         return RivalRanking(chosen, [peaks[k] for k in chosen.tolist()])
