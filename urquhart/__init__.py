@@ -12,27 +12,34 @@
     mapping      several submaps made into one map
     evaluation   simulated forests, scores
 
+A name is imported from its room when it is first used: the kernels take half a second to load, and not every command of
+the service needs them.
+
 After Nardari et al., "Place Recognition in Forests With Urquhart Tessellations", RA-L 2020.
 """
 
-from urquhart.budget import Abandoned, Budget
-from urquhart.config import Config, ConfigError
-from urquhart.decide.candidates import Candidate, Finding, Rival
-from urquhart.decide.confidence import Gates
-from urquhart.decide.verdict import Recognition, Verdict, unsearched
-from urquhart.features.describe import Features, FeaturesError, describe
-from urquhart.features.landmark_checks import LandmarkError
-from urquhart.features.observation import OBSTACLES, Description, describe_observation
-from urquhart.features.tessellation import Tessellation
-from urquhart.index.segment_file import SegmentDamaged
-from urquhart.options import Effort, Method, Options, SearchOptions
-from urquhart.recognizer import Recognizer
-from urquhart.report.match import draw_match
-from urquhart.report.motion import draw_motion
-from urquhart.report.svg import draw_tessellation
-from urquhart.se2 import SE2
-from urquhart.trace import SearchEnd, Stage
-from urquhart.warming import warm_up
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Final
+
+if TYPE_CHECKING:
+    from urquhart.budget import Abandoned, Budget
+    from urquhart.config import Config, ConfigError
+    from urquhart.decide.candidates import Candidate, Finding, Rival
+    from urquhart.decide.confidence import Gates
+    from urquhart.decide.verdict import Recognition, Verdict, unsearched
+    from urquhart.features.describe import Features, FeaturesError, describe
+    from urquhart.features.landmark_checks import LandmarkError
+    from urquhart.features.observation import OBSTACLES, Description, describe_observation
+    from urquhart.features.tessellation import Tessellation
+    from urquhart.index.segment_file import SegmentDamaged
+    from urquhart.options import Effort, Method, Options, SearchOptions
+    from urquhart.recognizer import Recognizer
+    from urquhart.report.match import draw_match
+    from urquhart.report.motion import draw_motion
+    from urquhart.report.svg import draw_tessellation
+    from urquhart.se2 import SE2
+    from urquhart.trace import SearchEnd, Stage
+    from urquhart.warming import warm_up
 
 __all__ = [
     "OBSTACLES",
@@ -68,3 +75,52 @@ __all__ = [
     "unsearched",
     "warm_up",
 ]
+
+_HOMES: Final = {
+    "Abandoned": "urquhart.budget",
+    "Budget": "urquhart.budget",
+    "Candidate": "urquhart.decide.candidates",
+    "Config": "urquhart.config",
+    "ConfigError": "urquhart.config",
+    "Description": "urquhart.features.observation",
+    "Effort": "urquhart.options",
+    "Features": "urquhart.features.describe",
+    "FeaturesError": "urquhart.features.describe",
+    "Finding": "urquhart.decide.candidates",
+    "Gates": "urquhart.decide.confidence",
+    "LandmarkError": "urquhart.features.landmark_checks",
+    "Method": "urquhart.options",
+    "OBSTACLES": "urquhart.features.observation",
+    "Options": "urquhart.options",
+    "Recognition": "urquhart.decide.verdict",
+    "Recognizer": "urquhart.recognizer",
+    "Rival": "urquhart.decide.candidates",
+    "SE2": "urquhart.se2",
+    "SearchEnd": "urquhart.trace",
+    "SearchOptions": "urquhart.options",
+    "SegmentDamaged": "urquhart.index.segment_file",
+    "Stage": "urquhart.trace",
+    "Tessellation": "urquhart.features.tessellation",
+    "Verdict": "urquhart.decide.verdict",
+    "describe": "urquhart.features.describe",
+    "describe_observation": "urquhart.features.observation",
+    "draw_match": "urquhart.report.match",
+    "draw_motion": "urquhart.report.motion",
+    "draw_tessellation": "urquhart.report.svg",
+    "unsearched": "urquhart.decide.verdict",
+    "warm_up": "urquhart.warming",
+}
+"""The module of each public name."""
+
+
+def __getattr__(name: str) -> Any:
+    """A public name, imported from its room."""
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    found = globals()[name] = getattr(import_module(_HOMES[name]), name)
+    return found
+
+
+def __dir__() -> list[str]:
+    """The public names, loaded or not."""
+    return sorted({*globals(), *__all__})

@@ -9,6 +9,9 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 DESCRIPTION_VERSION: Final = 1
+FEATURES_FORMAT: Final = 2
+FEATURES_VERSION: Final = 100 * DESCRIPTION_VERSION + FEATURES_FORMAT
+"""A whole number that changes whenever stored features must be computed again."""
 """Raised whenever the same landmarks and parameters give other features than before; stored ones are then stale."""
 
 _REACH: Final = 3.0

@@ -2,11 +2,13 @@
 
 import hashlib
 from collections.abc import Mapping
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
-import numpy as np
 import orjson
-from numpy.typing import NDArray
+
+if TYPE_CHECKING:  # numpy is loaded by what has arrays: `urquhart keys list` has none
+    import numpy as np
+    from numpy.typing import NDArray
 
 _STEMS_M: Final = (1e-4, 1e4)
 """Metres. Stems beyond, which an older version let in, count as not known: float32 may not hold them."""
@@ -19,13 +21,17 @@ MEMBERS: Final = ("frame_id", "session", "stamp", "map_pose", "properties", "ids
 """What a submap may have or not, as the API names it: the last four of its landmarks."""
 
 
-def pack_positions(xy: NDArray[np.float64]) -> bytes:
+def pack_positions(xy: "NDArray[np.float64]") -> bytes:
     """(N, 2) float64, metres, as little-endian bytes, row by row."""
+    import numpy as np
+
     return np.ascontiguousarray(xy, dtype="<f8").tobytes()
 
 
-def unpack_positions(blob: bytes) -> NDArray[np.float64]:
+def unpack_positions(blob: bytes) -> "NDArray[np.float64]":
     """(N, 2) float64, metres."""
+    import numpy as np
+
     return np.frombuffer(blob, dtype="<f8").reshape(-1, 2).copy()
 
 
@@ -51,11 +57,13 @@ def unpack_attributes(blob: bytes | None) -> dict[str, list[Any]]:
     return {} if blob is None else dict(orjson.loads(blob))
 
 
-def diameters_of(attributes: Mapping[str, list[Any]] | None) -> NDArray[np.float64] | None:
+def diameters_of(attributes: Mapping[str, list[Any]] | None) -> "NDArray[np.float64] | None":
     """Stem diameters (N,) float64, metres, NaN where one is not known; None where none is.
 
     `attributes` are lists by position, by name. The arrays of diameters inside the service are in metres.
     """
+    import numpy as np
+
     known = (attributes or {}).get("dbh_cm")
     if known is None:
         return None
@@ -63,7 +71,7 @@ def diameters_of(attributes: Mapping[str, list[Any]] | None) -> NDArray[np.float
     return np.where((diameters > _STEMS_M[0]) & (diameters < _STEMS_M[1]), diameters, np.nan)
 
 
-def unpack_diameters(blob: bytes | None) -> NDArray[np.float64] | None:
+def unpack_diameters(blob: bytes | None) -> "NDArray[np.float64] | None":
     """Stem diameters of packed attributes, as `diameters_of` gives them."""
     return diameters_of(unpack_attributes(blob))
 

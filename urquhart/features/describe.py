@@ -14,17 +14,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from urquhart._kernel import kernel
 from urquhart.budget import UNBOUNDED, Budget
-from urquhart.config import DESCRIPTION_VERSION, Config
+from urquhart.config import FEATURES_FORMAT, Config
 from urquhart.features.landmark_checks import check_diameters, check_landmarks
 from urquhart.features.polygon_descriptor import describe_outlines
 from urquhart.features.tessellation import Tessellation, tessellate
 
 _MAGIC: Final = b"URQF"
-_FORMAT: Final = 2
 _HEADER: Final = struct.Struct("<4sHH16s2d12I")
 
-FEATURES_VERSION: Final = 100 * DESCRIPTION_VERSION + _FORMAT
-"""A whole number that changes whenever stored features must be computed again."""
 HEAD: Final = 24
 """Bytes of a packed features BLOB that `is_current` needs."""
 
@@ -88,7 +85,7 @@ class Features:
         )
         header = _HEADER.pack(
             _MAGIC,
-            _FORMAT,
+            FEATURES_FORMAT,
             self.descriptors.shape[1],
             self.fingerprint.encode("ascii"),
             *self.origin.tolist(),
@@ -115,7 +112,7 @@ class Features:
             head: its first `HEAD` bytes.
             fingerprint: `Config.fingerprint()`.
         """
-        return head[:6] == struct.pack("<4sH", _MAGIC, _FORMAT) and head[8:HEAD] == fingerprint.encode("ascii")
+        return head[:6] == struct.pack("<4sH", _MAGIC, FEATURES_FORMAT) and head[8:HEAD] == fingerprint.encode("ascii")
 
     @staticmethod
     def unpack(blob: bytes) -> "Features":
@@ -131,9 +128,9 @@ class Features:
             raise FeaturesError("not a features BLOB")
         _, version, width, fingerprint, x, y, *sizes = _HEADER.unpack_from(blob)
         n, triangles, quads, hull, polygons, vertices, members, on_hull, holed, dangling, measured, size = sizes
-        if version != _FORMAT:
+        if version != FEATURES_FORMAT:
             raise FeaturesError(
-                f"features of format {version}, this version reads {_FORMAT}: describe the landmarks again"
+                f"features of format {version}, this version reads {FEATURES_FORMAT}: describe the landmarks again"
             )
         expected = _HEADER.size + size + 4
         if len(blob) != expected:

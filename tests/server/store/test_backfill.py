@@ -16,7 +16,7 @@ from server.store.sqlite.upgrade.feature_backfill import BackfillProgress, backf
 from server.store.tables import SubmapRow
 from tests.server.factories import TestClient, forest, points, put_submap
 from tests.server.store.older import OLD_FEATURES
-from urquhart.features.describe import FEATURES_VERSION
+from urquhart.config import FEATURES_VERSION
 
 PLOTS = "/v1/collections/plots"
 

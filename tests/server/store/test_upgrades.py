@@ -12,13 +12,14 @@ from typing import Any, NamedTuple
 import numpy as np
 import orjson
 import pytest
+from alembic.script import ScriptDirectory
 
 from server.app import create_app
 from server.checks.all_checks import inspect
 from server.config.settings import Settings
 from server.errors import Conflict, DatabaseNotUpgraded, DomainError, StorageFull
 from server.snapshots.restoring import find, restore
-from server.store.schema_version import expected_revision
+from server.store.schema_version import SCHEMA, alembic_config, expected_revision
 from server.store.sqlite import database_lock
 from server.store.sqlite.database import Database
 from server.store.sqlite.upgrade import migrations_runner
@@ -403,3 +404,7 @@ def test_a_folder_that_may_not_be_written(tmp_path: Path, monkeypatch: pytest.Mo
         migrations_runner.upgrade(database)
     database.dispose()
     assert revision_of(path) == "0011"
+
+
+def test_the_newest_revision_is_what_alembic_finds() -> None:
+    assert ScriptDirectory.from_config(alembic_config()).get_current_head() == SCHEMA

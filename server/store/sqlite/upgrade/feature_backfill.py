@@ -7,18 +7,19 @@ Every batch is a transaction of its own; what is left when the process ends is d
 import logging
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from sqlalchemy import Connection, func, select, update
 
-import urquhart
 from server.store.codec import unpack_diameters, unpack_positions
 from server.store.sqlite.database import Database
 from server.store.sqlite.file_checks import set_user_version, user_version
 from server.store.sqlite.upgrade import migrations_runner
 from server.store.tables import CollectionRow, SubmapRow
-from urquhart import Config, ConfigError, Features, LandmarkError
-from urquhart.features.describe import FEATURES_VERSION, HEAD
+from urquhart.config import FEATURES_VERSION, Config, ConfigError
+
+if TYPE_CHECKING:
+    from urquhart import Features
 
 _BATCH: Final = 100
 _CONFIGS: Final = select(CollectionRow.key, CollectionRow.config).order_by(CollectionRow.key)
@@ -70,6 +71,8 @@ def backfill(database: Database, *, all_rows: bool = False) -> Iterator[Backfill
 
 def _stale(connection: Connection) -> list[tuple[int, Config]]:
     """Keys of the submaps whose features cannot be used, with the configuration of their collection."""
+    from urquhart.features.describe import HEAD, Features  # loads the kernels, which few commands need
+
     found = []
     for collection_key, chosen in connection.execute(_CONFIGS).all():
         try:
@@ -86,6 +89,8 @@ def _stale(connection: Connection) -> list[tuple[int, Config]]:
 
 
 def _backfill_batch(database: Database, batch: list[tuple[int, Config]]) -> int:
+    from urquhart import LandmarkError, describe
+
     configs = dict(batch)
     columns = (SubmapRow.key, SubmapRow.id, SubmapRow.content_revision, SubmapRow.landmarks, SubmapRow.attributes)
     with database.read_connection() as connection:
@@ -94,7 +99,7 @@ def _backfill_batch(database: Database, batch: list[tuple[int, Config]]) -> int:
     for row in rows:
         try:
             xy, diameters = unpack_positions(row.landmarks), unpack_diameters(row.attributes)
-            made.append((row, urquhart.describe(xy, configs[row.key], diameters)))
+            made.append((row, describe(xy, configs[row.key], diameters)))
         except (LandmarkError, ValueError):
             _log.warning("the landmarks of the submap %s cannot be described; `urquhart db check` says why", row.id)
     # Described outside of the transaction: other writers wait for the writing alone.
@@ -102,7 +107,7 @@ def _backfill_batch(database: Database, batch: list[tuple[int, Config]]) -> int:
         return sum(_write(connection, row, features) for row, features in made)
 
 
-def _write(connection: Connection, row: Any, features: Features) -> bool:
+def _write(connection: Connection, row: Any, features: "Features") -> bool:
     # Written only where the landmarks are still those that were described.
     same = (SubmapRow.key == row.key, SubmapRow.content_revision == row.content_revision)
     before = connection.execute(select(SubmapRow.collection_key, SubmapRow.polygon_count).where(*same)).one_or_none()

@@ -4,18 +4,16 @@ import time
 from pathlib import Path
 from typing import Final
 
-from alembic import command
-from alembic.migration import MigrationContext
-from alembic.script import ScriptDirectory
-from sqlalchemy import Connection, create_engine
+from sqlalchemy import Connection, create_engine, text
 
 from server.errors import Conflict, DatabaseNotUpgraded, DatabaseTooNew, NotADatabase
-from server.store.schema_version import alembic_config, expected_revision
+from server.store.schema_version import SCHEMA, alembic_config, expected_revision
 from server.store.sqlite.database import Database
 from server.store.sqlite.database_lock import lock_path
 from server.store.sqlite.file_checks import schema_of
-from server.store.sqlite.upgrade import rebuilding
 
+_NOTE: Final = "alembic_version"
+"""The table with the schema revision."""
 _AGAIN: Final = 0.05
 """Seconds after which a database that is in use is looked at again."""
 
@@ -57,6 +55,8 @@ def upgrade(database: Database) -> bool:
     if found == expected:
         database.use_wal()
         return False
+    from server.store.sqlite.upgrade import rebuilding  # loads arrays and segments, which few starts need
+
     if database.read_only:
         raise DatabaseNotUpgraded(
             f"{database.path.name} has schema {found}, this version needs {expected}, and it is opened read-only. "
@@ -74,6 +74,8 @@ def upgrade(database: Database) -> bool:
 
 def _rebuild(database: Database) -> None:
     """Rebuild a database, or wait for another process to do it; it is held in the end, as after `claim`."""
+    from server.store.sqlite.upgrade import rebuilding
+
     deadline = time.monotonic() + database.busy_timeout
     while True:
         database.dispose()  # nobody may have it open while another file takes its place
@@ -94,6 +96,8 @@ def _rebuild(database: Database) -> None:
 
 def create_tables(connection: Connection) -> None:
     """Make the tables of this version, or change those of an earlier one, in the transaction of the connection."""
+    from alembic import command
+
     command.upgrade(alembic_config(connection), "head")
 
 
@@ -113,19 +117,36 @@ def drift(database: Database) -> list[str]:
 
 
 def _current(connection: Connection, path: Path) -> str | None:
-    revision = MigrationContext.configure(connection).get_current_revision()
+    tables = schema_of(connection)
+    noted = connection.scalars(text("SELECT version_num FROM alembic_version")).all() if _NOTE in tables else []
+    if list(noted) == [SCHEMA]:
+        return SCHEMA
+    revision = _noted_revision(connection)
     if revision is None:
-        strangers = [name for name in schema_of(connection) if name != "alembic_version"]
+        strangers = [name for name in tables if name != _NOTE]
         if strangers:
             raise NotADatabase(
                 f"{path.name} is a SQLite database of something else (it has the table {strangers[0]!r}) and is left "
                 "as it is. Give another path."
             )
         return None
-    known = {script.revision for script in ScriptDirectory.from_config(alembic_config()).walk_revisions()}
-    if revision not in known | rebuilding.REVISIONS:
+    from server.store.sqlite.upgrade import rebuilding
+
+    if revision not in _known_revisions() | rebuilding.REVISIONS:
         raise DatabaseTooNew(
             f"{path.name} has schema {revision}, which this version does not know: a newer version of the service "
             f"wrote it. Install that version, or give another database; this one is left as it is."
         )
     return revision
+
+
+def _noted_revision(connection: Connection) -> str | None:
+    from alembic.migration import MigrationContext
+
+    return MigrationContext.configure(connection).get_current_revision()
+
+
+def _known_revisions() -> set[str]:
+    from alembic.script import ScriptDirectory
+
+    return {script.revision for script in ScriptDirectory.from_config(alembic_config()).walk_revisions()}
