@@ -13,9 +13,8 @@ from typing import Any
 import jsonschema
 import pytest
 import yaml
-from typer.main import get_group
 
-from server.cli import app
+from server.commands.loading import COMMANDS
 
 ROOT = Path(__file__).parents[1]
 LOCKS = ("requirements.lock", "requirements-build.lock", "requirements-dev.lock")
@@ -101,7 +100,7 @@ def test_the_image_runs_what_the_command_line_has() -> None:
     assert "/readyz" in dockerfile.split("HEALTHCHECK", 1)[1]
     command = json.loads(dockerfile.rsplit("CMD ", 1)[1])
     assert command[:2] == ["urquhart", "serve"]
-    options = {name for parameter in get_group(app).commands["serve"].params for name in parameter.opts}
+    options = {name for parameter in COMMANDS["serve"].load("serve").params for name in parameter.opts}
     assert {word for word in command if word.startswith("--")} <= options
     copied = re.findall(r"^COPY (?!--from)(.+) \S+$", dockerfile, flags=re.MULTILINE)
     for name in " ".join(copied).split():
@@ -202,13 +201,12 @@ def test_commit_hooks_are_local() -> None:
 
 
 def test_the_commands_of_the_documentation_exist() -> None:
-    group = get_group(app)
     for path in PAGES:
         text = path.read_text(encoding="utf-8")
         for verb in re.findall(r"\bmake ([a-z][a-z-]*)\b(?=`|\s*$| ARGS)", text, flags=re.MULTILINE):
             assert verb in VERBS, f"{path.name}: make {verb}"
         for verb in re.findall(r"(?:^\s*|`|bin/)urquhart ([a-z]+)\b", text, flags=re.MULTILINE):
-            assert verb in group.commands, f"{path.name}: urquhart {verb}"
+            assert verb in COMMANDS, f"{path.name}: urquhart {verb}"
 
 
 def anchors(path: Path) -> set[str]:
@@ -235,4 +233,5 @@ def test_every_command_and_option_has_help() -> None:
         for child, subcommand in getattr(command, "commands", {}).items():
             walk(f"{name} {child}", subcommand)
 
-    walk("urquhart", get_group(app))
+    for name, entry in COMMANDS.items():
+        walk(name, entry.load(name))
