@@ -20,7 +20,7 @@ _REFUSALS: Final = (
     ("server.commands.support.failure", "CommandError"),
     ("server.config.file_and_environment", "Misconfigured"),
     ("server.errors", "DomainError"),
-    ("server.stem_maps.reader", "StemMapError"),
+    ("server.stem_maps.formats.table", "StemMapError"),
     ("urquhart.config", "ConfigError"),
     ("urquhart.features.landmark_checks", "LandmarkError"),
 )

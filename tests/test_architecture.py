@@ -40,6 +40,8 @@ SERVICE = (
         "constraints",
         "jobs",
         "jobs.types",
+        "stem_maps.formats",
+        "stem_maps.reading",
         "stem_maps",
         "checks",
         "snapshots",

@@ -13,7 +13,8 @@ import urquhart
 from server.collections.crud import ensure
 from server.commands.support.database import open_database, settings_with
 from server.commands.support.failure import CommandError
-from server.commands.support.options import DatabaseOption, DbhUnit, Ignored
+from server.commands.support.file_options import reads_files
+from server.commands.support.options import DatabaseOption
 from server.commands.support.progress import progress_bar
 from server.config.settings import Limits
 from server.config.settings_groups import IndexSettings
@@ -24,6 +25,7 @@ from server.observability.metrics import Metrics
 from server.schemas.collections import CollectionPut
 from server.schemas.common import check_id
 from server.stem_maps.reader import StemMap, read_stem_map
+from server.stem_maps.reading.options import ReadOptions
 from server.stem_maps.stands import StandError, StandReport, cut_stand, store_stand
 from server.stem_maps.tiling import MINIMUM_TREES, Cut, CuttingError
 from server.store.sqlite.database import Database
@@ -31,9 +33,11 @@ from server.submaps.bulk_ingest import LineOptions
 from server.submaps.described_batches import describers
 
 
+@reads_files
 def index(
+    *,
     files: Annotated[
-        list[Path], typer.Argument(metavar="FILE...", help="Stem maps: CSV with the columns x_m and y_m.")
+        list[Path], typer.Argument(metavar="FILE...", help="Stem maps: tables, GIS files or point clouds.")
     ],
     collection: Annotated[str, typer.Option(help="Collection to store in. It is created if it does not exist.")],
     radius: Annotated[float, typer.Option(help="Radius of a submap, in metres.")],
@@ -48,21 +52,21 @@ def index(
             show_default=False,
         ),
     ] = None,
-    dbh_unit: DbhUnit = None,
-    ignore: Ignored = None,
+    columns: ReadOptions,
 ) -> None:
     """Cut stem maps into overlapping submaps and store them.
 
-    A stem map is a CSV file with one tree on each line. The columns x_m and y_m (metres) are required; tree_id,
-    height_m, species and a diameter (dbh_cm, dbh_mm, dbh_m or dbh_in) are optional. For each file, the command says how
-    it understood the columns and which it did not use.
+    A stem map is a file with one tree on each row: CSV, xlsx, GeoPackage, Shapefile, FlatGeobuf, GeoJSON, KML, GPX, or
+    LAS and LAZ whose points are numbered by tree. Columns have well-known names (x_m, y_m, dbh_cm and more), or are
+    named by options or in a columns.toml beside the file. The command says how it understood them.
 
     Each submap contains the trees within the radius of a point of a square grid, in a frame of its own, and its pose in
     the map, which has the name of the file. Indexing a corrected file with the same name replaces all its submaps in
     one step. Indexing the same file again changes nothing.
     """
     settings = settings_with(database=database)
-    stem_maps = [read_stem_map(path, dbh_unit=dbh_unit, ignore=ignore or ()) for path in files]
+    stem_maps = [read_stem_map(path, columns) for path in files]
+    _check_systems(files, stem_maps)
     stands = _cut_all(files, stem_maps, radius, spacing, settings.limits)
 
     store = open_database(settings)
@@ -106,6 +110,17 @@ def _cut_all(files: list[Path], stem_maps: list[StemMap], radius: float, spacing
     return stands
 
 
+def _check_systems(files: list[Path], stem_maps: list[StemMap]) -> None:
+    """Raise CommandError if files are in different coordinate reference systems."""
+    known = [(path, stem_map.crs) for path, stem_map in zip(files, stem_maps, strict=True) if stem_map.crs is not None]
+    other = next(((path, crs) for path, crs in known if crs != known[0][1]), None)
+    if other is not None:
+        raise CommandError(
+            f"{known[0][0]} is in {known[0][1]}, but {other[0]} is in {other[1]}: convert all to one system with "
+            f"--project {known[0][1]}"
+        )
+
+
 def _write_index(store: Database, settings: IndexSettings, collection: str, advance: Callable[[int], Any]) -> None:
     """Write the new submaps to segments if there are many, so that a service need not do it before it answers."""
     metrics = Metrics()
@@ -141,6 +156,11 @@ def sentence(report: StandReport) -> str:
         f"{stand.skipped} grid points skipped (fewer than {MINIMUM_TREES} trees)",
         f"{stand.merged} trees merged with a thicker neighbour within 1 cm",
     ]
+    if stand.plots:
+        parts.append(f"{stand.plots} plots, each a place of its own")
+    if stand.small_plots:
+        few = len(stand.small_plots)
+        parts.append(f"{few} plots left out with fewer than {MINIMUM_TREES} trees, the first {stand.small_plots[0]!r}")
     if stand.uncovered:
         parts.append(f"{stand.uncovered} trees in no submap")
     if outcome.before is not None and outcome.before != (stand.radius, stand.spacing):

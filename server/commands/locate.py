@@ -14,7 +14,8 @@ from server.commands.support.console import wide_console
 from server.commands.support.database import existing_database, settings_with
 from server.commands.support.explanation_tables import print_explanation
 from server.commands.support.failure import CommandError
-from server.commands.support.options import DatabaseOption, DbhUnit, Ignored
+from server.commands.support.file_options import reads_files
+from server.commands.support.options import DatabaseOption
 from server.index.live_indexes import LiveIndexes
 from server.observability.metrics import Metrics
 from server.parsing.field_errors import sentence
@@ -22,6 +23,7 @@ from server.queries.lookup import LookupResult, QueryContext, look_up
 from server.queries.query import PlaceQuery
 from server.schemas.queries import QueryAnswer, QueryInput
 from server.stem_maps.reader import StemMap, read_stem_map
+from server.stem_maps.reading.options import ReadOptions
 from server.stem_maps.stands import landmarks_of
 from server.stem_maps.tiling import without_twins
 from server.store.sqlite.upgrade.feature_backfill import bring_up_to_date
@@ -34,9 +36,11 @@ MinConfidence = Annotated[
 ]
 
 
+@reads_files
 def locate(
+    *,
     file: Annotated[
-        Path, typer.Argument(metavar="FILE", help="The observed trees: a CSV file with the columns x_m and y_m.")
+        Path, typer.Argument(metavar="FILE", help="The observed trees: a table, a GIS file or a point cloud.")
     ],
     collection: Annotated[str, typer.Option(help="Collection to search.")],
     svg: Annotated[
@@ -58,16 +62,14 @@ def locate(
         int | None, typer.Option(min=0, help="Seed of random choices. The same seed gives the same answer.")
     ] = None,
     database: DatabaseOption = None,
-    dbh_unit: DbhUnit = None,
-    ignore: Ignored = None,
+    columns: ReadOptions,
 ) -> None:
     """Find where trees were observed.
 
-    The observation is a CSV file with one tree on each line: x_m and y_m in metres, in any frame, and optionally
-    tree_id and a diameter (dbh_cm, dbh_mm, dbh_m or dbh_in). Diameters count if the collection has them, too. The exit
-    code is 0 for every verdict: matched, ambiguous and no_match.
+    The observation is a file with one tree on each row, in any frame, read as `urquhart index` does. Diameters count
+    if the collection has them, too. The exit code is 0 for every verdict: matched, ambiguous and no_match.
     """
-    seen = read_stem_map(file, allow_empty=True, dbh_unit=dbh_unit, ignore=ignore or ())
+    seen = _observed(file, columns)
     observation = without_twins(seen)
     settings = settings_with(database=database)
     store = existing_database(settings)
@@ -93,6 +95,15 @@ def locate(
     for path, is_drawn in ((explain_svg, True), (svg, bool(answer.candidates))):
         if path is not None:
             typer.echo(f"drawn: {path}" if is_drawn else "nothing to draw: there is no candidate", err=as_json)
+
+
+def _observed(file: Path, columns: ReadOptions) -> StemMap:
+    """The observed trees. Raises CommandError if they are of several plots."""
+    seen = read_stem_map(file, columns, allow_empty=True)
+    plots = set(seen.plots or ())
+    if len(plots) > 1:
+        raise CommandError(f"{file}: has {len(plots)} plots: choose one with --only, such as {min(plots)!r}")
+    return seen
 
 
 def _draw(look: LookupResult, name: str, svg: Path | None, explain_svg: Path | None) -> None:

@@ -1,4 +1,4 @@
-"""Stem maps: read from CSV, cut into overlapping discs, stored as submaps.
+"""Stem maps: read from files, cut into overlapping discs or into plots, stored as submaps.
 
 Imports `submaps` and below; only commands use it.
 """

@@ -16,6 +16,7 @@ from server.parsing.field_errors import sentence
 from server.schemas.common import check_id
 from server.schemas.landmarks import Landmark
 from server.schemas.poses import MapPose
+from server.stem_maps.plots import cut_plots
 from server.stem_maps.reader import StemMap
 from server.stem_maps.replacement import ReplacementReport, StandError, keep_on_disk, replace_stand
 from server.stem_maps.tiling import Cut, cut
@@ -93,7 +94,7 @@ def _record(stem_map: StemMap, stand: Cut) -> StandRecord:
 
 
 def cut_stand(stem_map: StemMap, radius: float, spacing: float, limits: Limits) -> Cut:
-    """Cut `stem_map` into discs within the service's limits.
+    """Cut `stem_map` into discs within the service's limits, or into its plots if they are to be submaps.
 
     Raises:
         CuttingError: radius or spacing does not fit the map.
@@ -105,7 +106,8 @@ def cut_stand(stem_map: StemMap, radius: float, spacing: float, limits: Limits) 
         raise StandError(
             f"the file's name {stem_map.name!r} becomes the submaps' ids, and {error}: rename it"
         ) from error
-    return cut(stem_map, radius, spacing, maximum_trees=limits.landmarks)
+    cut_map = cut if stem_map.plots is None else cut_plots
+    return cut_map(stem_map, radius, spacing, maximum_trees=limits.landmarks)
 
 
 def lines_of(stem_map: StemMap, stand: Cut) -> Iterator[bytes]:
@@ -125,7 +127,8 @@ def lines_of(stem_map: StemMap, stand: Cut) -> Iterator[bytes]:
             positions = zip(trees, disc.xy.tolist(), strict=True)
             landmarks = {"landmarks": [{**known[tree], "x": x, "y": y} for tree, (x, y) in positions]}
         # The frame is part of the map, so its pose there is exact.
-        pose = MapPose(frame_id=stem_map.name, x=disc.centre[0], y=disc.centre[1], yaw=0.0, covariance=[0.0] * 9)
+        frame = disc.frame_id or stem_map.name
+        pose = MapPose(frame_id=frame, x=disc.centre[0], y=disc.centre[1], yaw=0.0, covariance=[0.0] * 9)
         submap = {"id": disc.submap_id, "frame_id": disc.submap_id, "map_pose": pose.model_dump(), **landmarks}
         yield orjson.dumps(submap, option=orjson.OPT_SERIALIZE_NUMPY)
 

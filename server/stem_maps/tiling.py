@@ -1,7 +1,7 @@
 """A stem map cut into overlapping discs, the submaps of a stand."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -31,12 +31,14 @@ class Disc:
         centre: metres, map frame; with yaw 0 the pose of the disc in the map.
         tree_indices: (N,) int64, positions in the stem map.
         xy: (N, 2) float64, metres, disc frame.
+        frame_id: the frame of `centre`, if it is not that of the map: the plot's own.
     """
 
     submap_id: str
     centre: tuple[float, float]
     tree_indices: NDArray[np.int64]
     xy: NDArray[np.float64]
+    frame_id: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +53,8 @@ class Cut:
         columns, rows: size of the grid of centres.
         skipped: grid points without a disc, because fewer than the minimum of trees are there.
         discs: the discs, by column, then by row.
+        plots: plots that became submaps; 0 for a map that was not cut by its plots.
+        small_plots: plots that have too few trees.
     """
 
     radius: float
@@ -62,6 +66,8 @@ class Cut:
     rows: int
     skipped: int
     discs: tuple[Disc, ...]
+    plots: int = 0
+    small_plots: tuple[str, ...] = ()
 
 
 def cut(
@@ -143,14 +149,7 @@ def without_twins(stem_map: StemMap) -> StemMap:
     kept = merge(stem_map.xy, diameters=stem_map.dbh_cm) if len(stem_map) else np.zeros(0, dtype=np.int64)
     if len(kept) == len(stem_map):
         return stem_map
-    return replace(
-        stem_map,
-        ids=tuple(stem_map.ids[tree] for tree in kept),
-        xy=stem_map.xy[kept],
-        dbh_cm=None if stem_map.dbh_cm is None else stem_map.dbh_cm[kept],
-        height_m=None if stem_map.height_m is None else stem_map.height_m[kept],
-        species=None if stem_map.species is None else tuple(stem_map.species[tree] for tree in kept),
-    )
+    return stem_map.chosen(kept)
 
 
 def _centres(coordinates: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:

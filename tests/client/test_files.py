@@ -65,14 +65,12 @@ REFUSED = {
     "metres without their unit": grid("x,y,dbh", "{x},{y},0.3{n}"),
     "decimal commas between commas": "x,y\n1,5,2,5\n",
     "one digit": "x,y\n" + "".join(f"{10 + n},{n % 10}\n" for n in range(25)),
-    "thousands": "x;y\n1.000,5;2\n",
     "two marks": "x;y\n1,5;2\n1.5;2\n",
     "plots on each other": grid("plot,x,y", "a,{x},{y}") + "".join(f"b,{x},{y}\n" for x, y in GRID),
     "centres of plots": "x,y\n" + "1,2\n" * 9 + "5,6\n" * 9,
     "an open quote": 'x,y\n1,"2\n',
     "a comment below": "x,y\n1,2\n# end\n",
     "longitude": "lon,lat\n7.1,50.1\n",
-    "feet": "x_ft,y_ft\n1,2\n",
 }
 
 

@@ -1,24 +1,9 @@
-"""Options that several commands share: the database, the settings file, the columns of a stem map."""
+"""Options that several commands share: the database and the settings file."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
-
-DbhUnit = Annotated[
-    Literal["cm", "mm", "m", "in"] | None,
-    typer.Option(
-        help="Unit of a column that is named dbh. (default: cm, if the median is plausible for a stand)",
-        show_default=False,
-    ),
-]
-Ignored = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--ignore", metavar="COLUMN", help="A column to ignore. Repeat the option for several.", show_default=False
-    ),
-]
-
 
 DatabaseOption = Annotated[
     Path | None,

@@ -72,7 +72,7 @@ def test_a_setting_that_makes_no_sense_is_one_line(urquhart: Urquhart, monkeypat
 
 
 def test_a_defect_of_ours_is_not_hidden(urquhart: Urquhart, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    def broken(path: Path, **_: object) -> None:
+    def broken(path: Path, *_: object) -> None:
         raise OSError(errno.EIO, "without a file")
 
     monkeypatch.setattr("server.commands.index.read_stem_map", broken)
@@ -81,7 +81,7 @@ def test_a_defect_of_ours_is_not_hidden(urquhart: Urquhart, monkeypatch: pytest.
 
 
 def test_an_interruption_is_no_traceback(urquhart: Urquhart, monkeypatch: pytest.MonkeyPatch) -> None:
-    def interrupted(path: Path, **_: object) -> None:
+    def interrupted(path: Path, *_: object) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr("server.commands.index.read_stem_map", interrupted)
@@ -121,7 +121,7 @@ def test_index_merges_and_leaves_out_and_says_so(urquhart: Urquhart, tmp_path: P
 
 
 def test_index_reports_submaps_that_are_refused(urquhart: Urquhart, tmp_path: Path) -> None:
-    rows = [(float(i), 0.0) for i in range(40)]
+    rows = [(2.0 * i, float(i)) for i in range(40)]
     write_observation(tmp_path / "row.csv", np.array(rows))
     said = urquhart("index", "row.csv", "--collection", "c", "--radius", 100, "--spacing", 200)
     assert said.code == 0

@@ -26,7 +26,7 @@ def test_locate_asks_with_the_diameters_of_the_file(urquhart: Urquhart, indexed:
     assert measured["submap_id"] == plain["submap_id"]
     assert measured["evidence"] > plain["evidence"] + 10.0
     write_observation(tmp_path / "wide.csv", seen.xy, np.full(len(seen.xy), 2e6))
-    refused(urquhart("locate", "wide.csv", *known), "wide.csv:2: dbh_cm is 2e+06", "--dbh-unit")
+    refused(urquhart("locate", "wide.csv", *known), "the median of the column 'dbh_cm' is 2e+06 cm", "--dbh-unit")
 
 
 def test_locate_explains(urquhart: Urquhart, indexed: Path, observation: Path, tmp_path: Path) -> None:

@@ -131,7 +131,7 @@ def test_trees_in_a_row_do_not_take_the_place_of_a_stand(urquhart: Urquhart, tmp
     write_observation(tmp_path / "stand.csv", stand_trees())
     urquhart("index", "stand.csv", *OPTIONS)
     before = poses_in(tmp_path / "urquhart.db")
-    write_observation(tmp_path / "stand.csv", np.array([(float(i), 0.0) for i in range(40)]))
+    write_observation(tmp_path / "stand.csv", np.array([(2.0 * i, float(i)) for i in range(40)]))
     refused(urquhart("index", "stand.csv", *OPTIONS), "none of the", "keeps the submaps it had")
     assert poses_in(tmp_path / "urquhart.db") == before
 

@@ -1,0 +1,154 @@
+"""GIS files through GDAL: GeoPackage, Shapefile, FlatGeobuf, GeoJSON, GeoParquet, KML and GPX."""
+
+import struct
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from server.stem_maps.formats.extras import import_extra
+from server.stem_maps.formats.table import BadRow, ColumnValues, FileTable, StemMapError, check_width
+
+
+@dataclass(frozen=True, slots=True)
+class VectorFormat:
+    """A format that GDAL reads: its driver, its name in a sentence, and what its files begin with."""
+
+    driver: str
+    name: str
+    beginnings: tuple[bytes, ...]
+
+
+VECTOR_FORMATS: Final = {
+    ".gpkg": VectorFormat("GPKG", "GeoPackage", (b"SQLite format 3",)),
+    ".shp": VectorFormat("ESRI Shapefile", "Shapefile", (b"\x00\x00\x27\x0a",)),
+    ".fgb": VectorFormat("FlatGeobuf", "FlatGeobuf", (b"fgb",)),
+    ".geojson": VectorFormat("GeoJSON", "GeoJSON", (b"{",)),
+    ".json": VectorFormat("GeoJSON", "GeoJSON", (b"{",)),
+    ".parquet": VectorFormat("Parquet", "GeoParquet", (b"PAR1",)),
+    ".kml": VectorFormat("KML", "KML", (b"<",)),
+    ".gpx": VectorFormat("GPX", "GPX", (b"<",)),
+}
+"""By the suffix of the file. A file must begin as its format does, so that GDAL never opens what it was not given."""
+_EXACT: Final = 2**53
+"""Whole numbers up to this are float64 numbers, too."""
+_SHOWN: Final = 12
+
+
+def read_vector(path: Path, layer: str | None) -> FileTable:
+    """The features of one layer: points, and their attributes as columns.
+
+    Raises:
+        StemMapError: the file is damaged, has several layers and none is named, or its geometries are not points.
+    """
+    kind = VECTOR_FORMATS[path.suffix.lower()]
+    with path.open("rb") as file:
+        beginning = file.read(512).removeprefix(b"\xef\xbb\xbf").lstrip()
+    if not beginning.startswith(kind.beginnings):
+        what = "is empty" if not beginning else f"is no {kind.name} file, although its suffix is {path.suffix}"
+        raise StemMapError(path, what)
+    gdal = import_extra(path, "gis", "pyogrio")
+    raw = import_extra(path, "gis", "pyogrio.raw")
+    if kind.driver not in gdal.list_drivers(read=True):
+        raise StemMapError(
+            path, f"the GDAL of the package pyogrio reads no {kind.name} files: write it as a GeoPackage"
+        )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # GDAL's hints, such as a measure that is left out
+        try:
+            chosen = _layer(path, gdal, layer)
+            meta, _, geometry, values = raw.read(path, layer=chosen, force_2d=True)
+        except StemMapError:
+            raise
+        except (RuntimeError, ValueError, OSError) as error:
+            raise StemMapError(
+                path, f"is no {kind.name} file that can be read: {' '.join(str(error).split())}"
+            ) from error
+    table = _table(path, meta, values)
+    if geometry is not None and meta.get("geometry_type") is not None:
+        table.xy = _points(path, geometry, table)
+        table.crs = meta.get("crs")
+    table.notes.append(f"{kind.name}{f', layer {chosen!r}' if layer else ''}")
+    return table
+
+
+def _layer(path: Path, gdal: Any, wanted: str | None) -> str:
+    """The name of the layer to read."""
+    layers = [(str(name), str(geometry)) for name, geometry in gdal.list_layers(path).tolist()]
+    names = [name for name, _ in layers]
+    if wanted is not None:
+        if wanted not in names:
+            raise StemMapError(path, f"has no layer {wanted!r}: there are {_listed(names)}")
+        return wanted
+    filled = [name for name in names if gdal.read_info(path, layer=name, force_feature_count=True)["features"] > 0]
+    if len(filled) > 1:
+        raise StemMapError(path, f"has {len(filled)} layers, {_listed(filled)}: choose one with --layer")
+    if not names:
+        raise StemMapError(path, "has no layer")
+    return (filled or names)[0]
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+    return ", ".join(map(repr, names[:_SHOWN])) + more
+
+
+def _table(path: Path, meta: dict[str, Any], values: Sequence[NDArray[Any]]) -> FileTable:
+    names = [str(name) for name in meta["fields"]]
+    check_width(path, len(names))
+    columns = [_column(one) for one in values]
+    count = len(columns[0]) if columns else 0
+    return FileTable(path, names, columns, np.arange(1, count + 1))
+
+
+def _column(values: NDArray[Any]) -> ColumnValues:
+    if values.dtype.kind in "iu" and (not len(values) or max(-int(values.min()), int(values.max())) <= _EXACT):
+        return values.astype(np.float64)
+    if values.dtype.kind == "f":
+        return values.astype(np.float64)
+    return ["" if value is None else str(value) for value in values.tolist()]
+
+
+def _points(path: Path, geometry: NDArray[Any], table: FileTable) -> NDArray[np.float64]:
+    """Positions (N, 2) float64 of well-known binary points; rows without one become `bad_rows`."""
+    if len(table.lines) != len(geometry):
+        table.lines = np.arange(1, len(geometry) + 1)
+    xy = np.full((len(geometry), 2), np.nan)
+    for row, shape in enumerate(geometry):
+        if shape is None:
+            table.bad_rows.append(BadRow(row + 1, "", "the feature has no geometry"))
+            continue
+        kind, found = _point(shape)
+        if kind not in (1, 4):
+            raise StemMapError(
+                path,
+                f"feature {row + 1} is a {_KINDS.get(kind, 'shape')} and not a point: give a point for each tree, such "
+                "as the centroid of a crown or the foot of the stem",
+                row + 1,
+            )
+        if found is None:
+            table.bad_rows.append(BadRow(row + 1, "", "the feature has not exactly one point"))
+        else:
+            xy[row] = found
+    return xy
+
+
+_KINDS: Final = {2: "line", 3: "polygon", 5: "set of lines", 6: "set of polygons", 7: "collection of shapes"}
+
+
+def _point(shape: bytes) -> tuple[int, tuple[float, float] | None]:
+    """The type number of a shape in well-known binary, and its position if it is one point."""
+    order = "<" if shape[0] == 1 else ">"
+    kind = struct.unpack_from(f"{order}I", shape, 1)[0] & 0xFF
+    if kind == 4:
+        if struct.unpack_from(f"{order}I", shape, 5)[0] != 1:
+            return kind, None
+        return kind, _point(shape[9:])[1]
+    if kind != 1:
+        return kind, None
+    x, y = struct.unpack_from(f"{order}dd", shape, 5)
+    return kind, (x, y) if np.isfinite((x, y)).all() else None
