@@ -48,6 +48,12 @@ COMMANDS: Final = {
         "Serve the REST API.",
         ("urquhart serve", "urquhart serve --host 0.0.0.0 --workers 2 --database /var/lib/urquhart/forest.db"),
     ),
+    "check": CommandEntry(
+        "server.commands.check",
+        "check",
+        "Show how a file is understood, and what is in it.",
+        ("urquhart check season.xlsx --svg season.svg", "urquhart check plots.csv --plot plot --unit ft"),
+    ),
     "index": CommandEntry(
         "server.commands.index",
         "index",

@@ -68,7 +68,7 @@ def read_vector(path: Path, layer: str | None) -> FileTable:
             raise StemMapError(
                 path, f"is no {kind.name} file that can be read: {' '.join(str(error).split())}"
             ) from error
-    table = _table(path, meta, values)
+    table = _table(path, meta, values, {"id"} if kind.driver == "KML" else set())
     if geometry is not None and meta.get("geometry_type") is not None:
         table.xy = _points(path, geometry, table)
         table.crs = meta.get("crs")
@@ -97,12 +97,13 @@ def _listed(names: Sequence[str]) -> str:
     return ", ".join(map(repr, names[:_SHOWN])) + more
 
 
-def _table(path: Path, meta: dict[str, Any], values: Sequence[NDArray[Any]]) -> FileTable:
-    names = [str(name) for name in meta["fields"]]
-    check_width(path, len(names))
-    columns = [_column(one) for one in values]
+def _table(path: Path, meta: dict[str, Any], values: Sequence[NDArray[Any]], left_out: set[str]) -> FileTable:
+    """The attributes, without those that the driver makes up."""
+    check_width(path, len(values))
+    fields = [(str(name), one) for name, one in zip(meta["fields"], values, strict=True) if str(name) not in left_out]
+    columns = [_column(one) for _, one in fields]
     count = len(columns[0]) if columns else 0
-    return FileTable(path, names, columns, np.arange(1, count + 1))
+    return FileTable(path, [name for name, _ in fields], columns, np.arange(1, count + 1))
 
 
 def _column(values: NDArray[Any]) -> ColumnValues:

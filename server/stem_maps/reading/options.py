@@ -55,11 +55,11 @@ class ReadOptions:
     plot: str | None = None
     only: str | None = None
     dbh: str | None = None
+    dbh_unit: StemUnit | None = None
     height: str | None = None
+    height_unit: LengthUnit | None = None
     species: str | None = None
     unit: LengthUnit | None = None
-    dbh_unit: StemUnit | None = None
-    height_unit: LengthUnit | None = None
     crs: str | None = None
     project: str | None = None
     layer: str | None = None
@@ -68,10 +68,10 @@ class ReadOptions:
     keep: tuple[str, ...] = ()
     azimuth: str | None = None
     distance: str | None = None
-    slope: str | None = None
     angle: AngleUnit | None = None
-    slope_unit: SlopeUnit | None = None
     declination: float | None = None
+    slope: str | None = None
+    slope_unit: SlopeUnit | None = None
     centre_x: str | None = None
     centre_y: str | None = None
     centres: Path | None = None

@@ -55,12 +55,14 @@ def check_plausible(trees: TreeRows) -> None:
 
 
 def spread(trees: TreeRows) -> NDArray[np.float64]:
-    """Positions (N, 2), metres, with plots that have frames of their own laid side by side, far apart."""
+    """Positions (N, 2), metres, with plots that have frames of their own laid side by side in rows."""
     if not trees.own_frames or trees.plots is None:
         return trees.xy
-    _, of_plot = np.unique(np.asarray(trees.plots), return_inverse=True)
-    apart = 10.0 * (float(np.max(trees.xy.max(axis=0) - trees.xy.min(axis=0))) + 100.0)
-    return trees.xy + np.column_stack([of_plot * apart, np.zeros(len(trees))])
+    names, of_plot = np.unique(np.asarray(trees.plots), return_inverse=True)
+    # Twice the extent of a plot: no tree has a neighbour in another plot.
+    step = 2.0 * float(np.max(trees.xy.max(axis=0) - trees.xy.min(axis=0))) + 1.0
+    width = int(np.ceil(np.sqrt(len(names))))
+    return trees.xy + step * np.column_stack([of_plot % width, -(of_plot // width)])
 
 
 def stems_per_hectare(xy: NDArray[np.float64]) -> float | None:
