@@ -51,7 +51,7 @@ COMMANDS: Final = {
     "check": CommandEntry(
         "server.commands.check",
         "check",
-        "Show how a file is understood, and what is in it.",
+        "Show how a file is understood, and what is in it. Nothing is stored.",
         ("urquhart check season.xlsx --svg season.svg", "urquhart check plots.csv --plot plot --unit ft"),
     ),
     "index": CommandEntry(

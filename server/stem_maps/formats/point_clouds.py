@@ -57,6 +57,8 @@ def read_point_cloud(path: Path, tree_dimension: str | None) -> FileTable:
         raise StemMapError(path, f"is no point cloud that can be read: {' '.join(str(error).split())}") from error
     if points["count"] != expected:
         raise StemMapError(path, f"is cut off: {points['count']} of {expected} points are there")
+    if crs is not None and crs.axis_info and not crs.is_geographic:
+        points["above"] = points["z"] * crs.axis_info[0].unit_conversion_factor
     return _table(path, name, extra, points, None if crs is None else crs.to_wkt())
 
 
@@ -102,7 +104,8 @@ def _table(path: Path, name: str, extra: list[str], points: dict[str, Any], crs:
             columns.append(low)
         else:
             varying.append(one)
-    xyz = np.column_stack([points[key][order] for key in "xyz"])
+    heights = points.get("above", points["z"])  # metres, also where x and y are in feet
+    xyz = np.column_stack([points["x"][order], points["y"][order], heights[order]])
     xy, at_breast = _positions(xyz, starts, counts)
     told = [f"{points['count']} points", f"{points['count'] - len(order)} of no tree"]
     if len(counts) and counts.max() > 1:

@@ -72,6 +72,9 @@ def read_vector(path: Path, layer: str | None) -> FileTable:
     if geometry is not None and meta.get("geometry_type") is not None:
         table.xy = _points(path, geometry, table)
         table.crs = meta.get("crs")
+        if kind.driver == "GeoJSON" and table.crs == "EPSG:4326" and not _may_be_degrees(table.xy):
+            table.crs = None  # GDAL's answer for a file that names no system, which must be degrees by the standard
+            table.notes.append("positions are no degrees, so the system of the file is not known")
     table.notes.append(f"{kind.name}{f', layer {chosen!r}' if layer else ''}")
     return table
 
@@ -136,6 +139,11 @@ def _points(path: Path, geometry: NDArray[Any], table: FileTable) -> NDArray[np.
         else:
             xy[row] = found
     return xy
+
+
+def _may_be_degrees(xy: NDArray[np.float64]) -> bool:
+    largest = np.abs(xy[np.isfinite(xy).all(axis=1)]).max(axis=0, initial=0.0)
+    return bool(largest[0] <= 360.0 and largest[1] <= 90.0)
 
 
 _KINDS: Final = {2: "line", 3: "polygon", 5: "set of lines", 6: "set of polygons", 7: "collection of shapes"}

@@ -45,7 +45,7 @@ FAMILIES: Final[Mapping[str, frozenset[str]]] = {
     "ForestGEO": frozenset({"gx", "gy"}),
     "ForestGEO quadrats": frozenset({"quadrat", "lx", "ly"}),
     "LiDAR360": frozenset({"treelocationx", "treelocationy"}),
-    "TreeLS": frozenset({"x", "y", "radius"}),
+    "TreeLS": frozenset({"x", "y", "radius", "error"}),
     "3DFin": frozenset({"th", "dbh", "x", "y"}),
     "FORTLS": frozenset({"id", "tree", "h_dist"}),
     "TreeQSM": frozenset({"dbhqsm"}),

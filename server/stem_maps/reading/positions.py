@@ -21,6 +21,10 @@ from server.stem_maps.reading.systems import (
     system_of,
 )
 
+_POLAR: Final = ("angle", "declination", "slope", "slope_unit", "centre_x", "centre_y")
+"""Options that mean nothing without azimuth and distance."""
+_DISTINCT: Final = 0.98
+"""Share of rows, from which different positions are those of trees, a few of which have several stems."""
 _REPEATED: Final = 0.5
 """Share of rows, below which different positions are those of plots' centres."""
 
@@ -60,6 +64,8 @@ class Positions:
     def compute(self, numbers: dict[str, NDArray[np.float64]], bad_rows: list[BadRow]) -> NDArray[np.float64]:
         """Positions (N, 2) in metres, NaN where a row has none, from the columns `used`. Raises StemMapError."""
         system = agreed_system(self.table.path, self.table.crs, self.options.crs)
+        if system is None and self.options.project is not None and "project" not in self.options.from_file:
+            raise StemMapError(self.table.path, "--project is given: name the system of the positions with --crs, too")
         self._set_unit(system)
         if self.source == "geometry" and self.table.xy is not None:
             xy = self.table.xy * self.factor
@@ -171,6 +177,13 @@ def find_positions(
         return Positions(table, columns, options, centres, "polar", (*polar, *(() if centres else centre)))
     if centres is not None:
         raise StemMapError(table.path, "--centres is given: name the columns with --azimuth and --distance, too")
+    for option in _POLAR:
+        if getattr(options, option) is not None and option not in options.from_file:
+            name = option.replace("_", "-")
+            raise StemMapError(
+                table.path, f"--{name} is for polar measurements, and the file's positions are not: drop it, or name "
+                "the columns with --azimuth and --distance"
+            )  # fmt: skip
     if "x" in there:
         return Positions(table, columns, options, centres, "columns", ("x", "y"))
     if table.xy is not None:
@@ -186,4 +199,10 @@ def _are_centres(table: FileTable, columns: Columns) -> bool:
         places = set(map(tuple, table.xy.tolist()))
     else:
         return "lx" not in columns.positions
+    if len(table) >= 3 and _REPEATED * len(table) <= len(places) < _DISTINCT * len(table):
+        raise StemMapError(
+            table.path,
+            f"{len(table)} rows have {len(places)} positions, beside an azimuth and a distance: say whether those are "
+            "to be used, with --azimuth and --distance, or not, with --ignore",
+        )
     return len(table) >= 3 and len(places) < _REPEATED * len(table)

@@ -25,7 +25,9 @@ def system_of(path: Path, name: str, option: str) -> CRS:
             path, f"{option} is {name[:60]!r}, which is no known coordinate reference system: give a code such as "
             "EPSG:25832"
         ) from error  # fmt: skip
-    return crs.sub_crs_list[0] if crs.is_compound else crs
+    if crs.is_compound:
+        crs = crs.sub_crs_list[0]
+    return crs.source_crs if crs.is_bound and crs.source_crs is not None else crs
 
 
 def describe_system(crs: CRS) -> str:

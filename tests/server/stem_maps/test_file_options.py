@@ -319,6 +319,29 @@ def test_centres_that_repeat_are_those_of_polar_plots(tmp_path: Path) -> None:
     assert "from centres in 'x' and 'y'" in stem_map.understood
 
 
+def test_positions_that_may_be_centres_or_trees_are_told_by_the_caller(tmp_path: Path) -> None:
+    places = [f"{n // 4 * 5}.5,{7 + n % 3}.5" for n in range(80)]
+    text = "tree,x,y,azimuth,distance\n" + rows("{n},{p},{a},9.5", p=places, a=[4 * n for n in range(80)])
+    assert "80 rows have 60 positions, beside an azimuth" in error_of(tmp_path, text)
+    assert "from centres" in read(tmp_path, text, azimuth="azimuth", distance="distance").understood
+    assert len(read(tmp_path, text, ignore=("azimuth",))) == 80
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ({"declination": 3.0}, "--declination is for polar measurements"),
+        ({"project": "EPSG:25832"}, "name the system of the positions with --crs, too"),
+        ({"centres": Path("none.csv")}, "no such file"),
+        ({"only": "P1"}, "name the column with --plot"),
+    ],
+)
+def test_options_that_change_nothing_are_refused(tmp_path: Path, options: dict[str, Any], told: str) -> None:
+    text = "tree,x,y\n" + rows("{n},{x},{y}")
+    with pytest.raises(StemMapError, match=told):
+        read(tmp_path, text, **options)
+
+
 @pytest.mark.parametrize(
     ("azimuth", "slope", "told"),
     [

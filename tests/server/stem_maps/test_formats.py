@@ -2,6 +2,7 @@
 
 import builtins
 import importlib
+import json
 import struct
 import sys
 import zipfile
@@ -91,6 +92,19 @@ def test_degrees_of_gis_files_are_refused_with_advice_or_converted(tmp_path: Pat
 def test_heights_of_points_are_left_out(tmp_path: Path, suffix: str) -> None:
     path = write(tmp_path / f"stand.{suffix}", geometry=points(TREES, 1001, 3.0), geometry_type="Point Z")
     np.testing.assert_allclose(read(path).xy, TREES, atol=1e-3)
+
+
+def test_a_geojson_file_in_metres_has_the_system_that_the_caller_names(tmp_path: Path) -> None:
+    path = tmp_path / "stand.geojson"
+    shapes = [
+        {"type": "Feature", "properties": {"tag": tag}, "geometry": {"type": "Point", "coordinates": place}}
+        for tag, place in zip(TAGS, TREES.tolist(), strict=True)
+    ]
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": shapes}))
+    plain = read(path)
+    assert plain.crs is None
+    assert "positions are no degrees, so the system of the file is not known" in plain.understood
+    assert read(path, crs="EPSG:25832").crs == "EPSG:25832"
 
 
 def test_shapes_that_are_not_points_are_refused(tmp_path: Path) -> None:
