@@ -70,6 +70,14 @@ REFUSED = {
     "centres of plots": "x,y\n" + "1,2\n" * 9 + "5,6\n" * 9,
     "an open quote": 'x,y\n1,"2\n',
     "a comment below": "x,y\n1,2\n# end\n",
+    "feet without their unit": "x,y,dbh_cm\n" + "".join(f"{8 * x},{8 * y},12\n" for x, y in GRID),
+    "millimetres": "x,y\n" + "".join(f"{x * 1000},{y * 1000}\n" for x, y in GRID),
+    "kilometres": "x,y\n" + "".join(f"{x / 1000 + 448},{y / 1000 + 5411}\n" for x, y in GRID),
+    "degrees": "x,y\n" + "".join(f"{8 + x / 1e5},{48 + y / 1e5}\n" for x, y in GRID),
+    "a line": "x,y\n" + "".join(f"{x},7.5\n" for x, _ in GRID),
+    "a line of many": "x,y\n" + "".join(f"{1.5 * n},7.5\n" for n in range(25)),
+    "too coarse": "x,y\n" + "".join(f"{round(x / 9) * 9},{round(y)}\n" for x, y in GRID),
+    "positions twice": "x,y,easting,northing\n1,2,448001,5411002\n",
     "longitude": "lon,lat\n7.1,50.1\n",
 }
 

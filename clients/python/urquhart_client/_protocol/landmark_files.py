@@ -1,10 +1,12 @@
 """Landmarks in files: CSV as the `urquhart` command reads it, or the JSON body of a request.
 
-The rules for CSV are those of `urquhart index`; a test gives the same files to both. Files for which that command has
-options (several plots, several stems of a tree, other units) are refused here.
+CSV in its plain form is read as `urquhart index` reads it; a test gives the same files to both. The client has no
+libraries for numbers, maps or other formats, so whatever needs the options of that command (other units, formats and
+encodings, plots, polar measurements, several stems of a tree) is refused here: `urquhart index` reads it.
 """
 
 import csv
+import heapq
 import io
 import json
 import math
@@ -26,6 +28,15 @@ _PLOTS: Final = ("plot", "plot_id", "plotid", "plot_no", "plot_nr", "plot_name")
 _CENTIMETRES: Final = {"dbh": 1.0, "dbh_cm": 1.0, "dbh_mm": 0.1, "dbh_m": 100.0, "dbh_in": 2.54}
 _MOST_MEDIAN: Final = {"dbh": 60.0}
 """Centimetres. A larger median means millimetres, unless the column's name has the unit."""
+_OTHER_POSITIONS: Final = ("easting", "northing", "east", "north", "gx", "gy", "point_x", "point_y", "lon", "lat")
+"""Names of positions in another system, which would make x and y a guess."""
+_DENSEST: Final = 10_000.0
+_SPARSEST: Final = 30.0
+"""Trees on a hectare beyond which positions are hardly metres, as for `urquhart index`."""
+_THINNEST_BASAL: Final = 4.0
+"""Square metres of stems on a hectare, below which the same holds where diameters are known."""
+_NEIGHBOURS: Final = 6
+_SAMPLE: Final = 100
 _COORDINATE_LIMIT: Final = 1e8
 _FEW: Final = 20
 """Rows from which a pattern in all of them is no accident; most names of columns in a message."""
@@ -115,6 +126,9 @@ class _Table:
                 raise self.refuse(f"the columns {names} mean the same: keep one of them", self.header_line)
             if found:
                 columns[key] = found[0]
+        other = next((name for name in self.header if name in _OTHER_POSITIONS), None)
+        if other is not None and "x" in columns:
+            raise self.refuse(f"there are positions in x and y, and in {other}: keep one of them", self.header_line)
         others = [self.header.index(name) for name in _OTHER_IDS if name in self.header]
         if "id" not in columns and others:
             columns["id"] = others[0]
@@ -186,10 +200,50 @@ class _Table:
                     raise self.refuse("decimal commas were probably read as separators: write a point for decimals")
         self._check_plots()
         self._check_diameters([tree for tree in landmarks if "dbh_cm" in tree])
+        self._check_places(places)
+        self._check_density(places, [tree["dbh_cm"] for tree in landmarks if "dbh_cm" in tree])
 
     def _check_plots(self) -> None:
         if len(self.plots) > 1:
             raise self.refuse(f"the column {self.plot} has {len(self.plots)} values: write a file for each plot")
+
+    def _check_places(self, places: list[tuple[float, float]]) -> None:
+        """Refuse degrees, positions in a line, and positions that are rounded until trees share them."""
+        extents = [max(values) - min(values) for values in zip(*places, strict=True)]
+        if len(places) >= 3 and self._has_no_unit():
+            is_on_earth = all(abs(x) <= 180.0 and abs(y) <= 90.0 for x, y in places)
+            if is_on_earth and 0.0 < max(extents) < 0.1:
+                raise self.refuse("the positions look like degrees: project them to metres, for example to UTM")
+        if len(places) < _FEW:
+            return
+        if min(extents) == 0.0:
+            raise self.refuse("all trees have the same x or the same y: is it the right column?")
+        is_whole = all(x.is_integer() and y.is_integer() for x, y in places)
+        if is_whole and len(set(places)) < 0.9 * len(places):
+            raise self.refuse("positions are whole metres that trees share: give at least decimetres")
+
+    def _has_no_unit(self) -> bool:
+        return self.header[self.columns["x"]] == "x" or self.header[self.columns["y"]] == "y"
+
+    def _check_density(self, places: list[tuple[float, float]], diameters: list[float]) -> None:
+        """Refuse trees that stand closer, or further apart, than in any forest, where the header names no unit."""
+        if len(places) < _FEW or not self._has_no_unit():
+            return
+        squares = [
+            heapq.nsmallest(_NEIGHBOURS + 1, ((x - a) ** 2 + (y - b) ** 2 for x, y in places))[-1]
+            for a, b in places[:: max(1, len(places) // _SAMPLE)]
+        ]
+        middle = median(squares)
+        density = 1e4 * (_NEIGHBOURS - 1 / 3) / (math.pi * middle) if middle > 0.0 else math.inf
+        has_few = density < _SPARSEST
+        if 2 * len(diameters) > len(places):
+            area = math.pi / 4.0 * sum((dbh_cm / 100.0) ** 2 for dbh_cm in diameters) / len(diameters)
+            has_few = density * area < _THINNEST_BASAL
+        if density > _DENSEST or has_few:
+            raise self.refuse(
+                f"there would be {density:.0f} trees on a hectare: if positions are in metres, call the columns x_m "
+                "and y_m; if they are in feet or another unit, convert them"
+            )
 
     def _check_diameters(self, measured: list[dict[str, Any]]) -> None:
         if not measured:
