@@ -17,6 +17,8 @@ MISSING_WORDS: Final = frozenset(
 Mark = Literal[".", ","]
 
 _PLAIN: Final = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
+_UNUSUAL: Final = re.compile(r"[^0-9.eE+\-\n]")
+"""What no plain number has. Python's float() takes more, such as 1_000 and nan."""
 _GROUPED: Final = re.compile(r"[+-]?[1-9]\d{0,2}(?:([.,'’ \u00a0\u202f])\d{3})(?:\1\d{3})*(?:(?!\1)[.,]\d*)?", re.ASCII)
 """Thousands in groups of three, and perhaps decimals."""
 _SPACES: Final = "'’ \u00a0\u202f"
@@ -55,9 +57,12 @@ class _Marks:
     has_groups: bool = False
 
     def add(self, line: int, name: str, text: str) -> None:
-        if "." not in text and "," not in text:
-            self.has_spaces = self.has_spaces or (not text.isdigit() and _GROUPED.fullmatch(text) is not None)
-            return
+        if "," not in text:
+            if "." in self.shown and text.count(".") == 1:
+                return  # says nothing new; most numbers of most files are such
+            if "." not in text:
+                self.has_spaces = self.has_spaces or (not text.isdigit() and _GROUPED.fullmatch(text) is not None)
+                return
         if not any(letter.isdigit() for letter in text):
             return
         last: Mark = "," if text.rfind(",") > text.rfind(".") else "."
@@ -137,6 +142,8 @@ def to_numbers(
     if isinstance(column, np.ndarray):
         bad_rows += [BadRow(line, name, "not a finite number") for line in lines[np.isinf(column)].tolist()]
         return np.where(np.isinf(column), np.nan, column)
+    if style.decimal == "." and (plain_numbers := _all_plain(column)) is not None:
+        return plain_numbers
     numbers = np.full(len(column), np.nan)
     for row, raw in enumerate(column):
         text = raw.strip()
@@ -150,6 +157,17 @@ def to_numbers(
             bad_rows.append(BadRow(int(lines[row]), name, f"not a finite number: {_shown(text)}"))
             numbers[row] = np.nan
     return numbers
+
+
+def _all_plain(column: Sequence[str]) -> NDArray[np.float64] | None:
+    """The numbers of a column that holds nothing but plain finite numbers, ten times as fast; None of any other."""
+    if _UNUSUAL.search("\n".join(column)):
+        return None
+    try:
+        numbers = np.fromiter(map(float, column), dtype=np.float64, count=len(column))
+    except ValueError:  # an empty cell, or a sign in the wrong place
+        return None
+    return numbers if np.isfinite(numbers).all() else None
 
 
 def _plain(text: str, style: NumberFormat) -> str | None:

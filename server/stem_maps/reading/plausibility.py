@@ -113,9 +113,15 @@ def _check_heights(trees: TreeRows, height_m: NDArray[np.float64]) -> None:
         )
 
 
+def _places(xy: NDArray[np.float64]) -> int:
+    """Number of different positions. Sorting by columns takes a tenth of the time of np.unique by rows."""
+    ordered = xy[np.lexsort(xy.T)]
+    return 1 + int((ordered[1:] != ordered[:-1]).any(axis=1).sum())
+
+
 def _check_centres(path: Path, trees: TreeRows, xy: NDArray[np.float64]) -> None:
     """Raise StemMapError if positions are those of plots and not of trees."""
-    places = len(np.unique(xy, axis=0))
+    places = _places(xy)
     if len(xy) >= 3 and places < _REPEATED * len(xy):
         raise StemMapError(
             path,
@@ -184,8 +190,10 @@ def _check_values(path: Path, xy: NDArray[np.float64]) -> None:
                 path, f"{name} is {xy[0, axis]:g} in all {len(xy)} rows, so the trees stand in a line: is it the right "
                 f"column? Name it with --{name}"
             )  # fmt: skip
-    shared = 1.0 - len(np.unique(xy, axis=0)) / len(xy)
-    if shared > _COARSE and (xy == np.round(xy)).all():
+    if not (xy == np.round(xy)).all():
+        return
+    shared = 1.0 - _places(xy) / len(xy)
+    if shared > _COARSE:
         raise StemMapError(
             path,
             f"positions are whole metres, and {100 * shared:.0f} % of the trees share theirs with another one: they "
