@@ -14,15 +14,18 @@ RUN python -m venv /opt/build \
 COPY . .
 RUN /opt/build/bin/pip wheel --no-build-isolation --no-deps --wheel-dir /wheels . clients/python \
     && /opt/urquhart/bin/pip install --no-cache-dir --no-deps /wheels/*.whl
+# For any processor of the platform, because the image may run on another one than it is built on.
+RUN NUMBA_CACHE_DIR=/opt/urquhart/kernels NUMBA_CPU_NAME=generic /opt/urquhart/bin/urquhart warm
 
 FROM ${BASE}
 RUN useradd --system --uid 10001 --user-group --home-dir /var/lib/urquhart --create-home urquhart
 COPY --from=build /opt/urquhart /opt/urquhart
-# The compiled kernels are cached for the processor they run on, so the cache must be writable when the image runs.
+# The kernels are compiled already; the folder is only read.
 ENV PATH=/opt/urquhart/bin:$PATH \
     PYTHONUNBUFFERED=1 \
     PYTHONDONTWRITEBYTECODE=1 \
-    NUMBA_CACHE_DIR=/var/lib/urquhart/kernels \
+    NUMBA_CACHE_DIR=/opt/urquhart/kernels \
+    NUMBA_CPU_NAME=generic \
     URQUHART_DATABASE=/var/lib/urquhart/urquhart.db
 USER urquhart
 WORKDIR /var/lib/urquhart
@@ -33,4 +36,5 @@ HEALTHCHECK --interval=10s --timeout=5s --start-period=120s --retries=3 \
     CMD ["python", "-c", "import sys, urllib.request as r; sys.exit(r.urlopen('http://127.0.0.1:8420/readyz', timeout=4).status != 200)"]
 # Inside a container the service must listen on every address; who may reach it is decided where the port is published
 # (docker-compose.yml: on the host's loopback only).
-CMD ["urquhart", "serve", "--host", "0.0.0.0", "--port", "8420", "--insecure"]
+# Without a key it refuses to start there, unless URQUHART_INSECURE is set: docs/deploy.md says how to make one.
+CMD ["urquhart", "serve", "--host", "0.0.0.0", "--port", "8420"]

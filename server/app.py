@@ -236,7 +236,7 @@ def _warm_up(service: Service, stop: threading.Event, warm: threading.Event) -> 
     try:
         pin_threads()
         service.readiness.report("kernels", "loading")
-        kernel_progress.warm_up(partial(_report_kernels, service))
+        load_the_others = kernel_progress.warm_up(partial(_report_kernels, service), alone=service.exchange is None)
         service.readiness.passed("kernels")
         service.readiness.report("index", "catching up")
         for collection_id, done, total in service.indexes.warm_up():
@@ -250,5 +250,8 @@ def _warm_up(service: Service, stop: threading.Event, warm: threading.Event) -> 
         _log.exception("the warm-up failed")
         why = str(error) if isinstance(error, DomainError) else "the warm-up failed; the log says why"
         service.readiness.report("kernels" if service.readiness.is_open("kernels") else "index", why)
+        return
     finally:
         warm.set()
+    # Beside the first queries. One that needs these kernels waits for the compiler.
+    load_the_others()

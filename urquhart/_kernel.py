@@ -4,13 +4,14 @@ No fast-math: two triangles must find the same length for the edge they share.
 """
 
 import hashlib
+import os
 import re
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Final, ParamSpec, TypeVar, cast
+from typing import Any, Final, ParamSpec, TypeVar, cast
 
-from numba import njit
+from numba import njit, typeof
 from numba.core import caching, config
 from numba.core.dispatcher import Dispatcher
 
@@ -26,15 +27,39 @@ def kernel(function: Callable[P, R]) -> Callable[P, R]:
     vars(config)["CACHE_LOCATOR_CLASSES"] = _LOCATORS
     try:
         dispatcher = njit(cache=True, nogil=True, error_model="numpy")(function)
+        vars(dispatcher)["_cache"] = _KernelCache(function)  # type: ignore[no-untyped-call]
     finally:
         vars(config)["CACHE_LOCATOR_CLASSES"] = before
     _KERNELS.append(dispatcher)
     return cast(Callable[P, R], dispatcher)
 
 
+def compile_for(function: Callable[..., object], *examples: object) -> None:
+    """Compile a kernel for arguments of the types of `examples`, without calling it, or load it from the cache."""
+    cast(Dispatcher, function).compile(tuple(map(typeof, examples)))
+
+
 def count_kernels() -> tuple[int, int]:
     """Number of kernels that this process has compiled or loaded from the cache, and number of all kernels."""
     return sum(bool(dispatcher.signatures) for dispatcher in _KERNELS), len(_KERNELS)
+
+
+def are_cached() -> bool:
+    """Whether every kernel of the modules that are loaded has been compiled before, by this or another process.
+
+    Only the folders of the cache are looked at, so a cache that was made for another processor counts.
+    """
+    return all(Path(dispatcher.stats.cache_path or "").is_dir() for dispatcher in _KERNELS)
+
+
+class _KernelCache(caching.FunctionCache):
+    """Also reads a folder that cannot be written, such as that of an image. What is compiled then is not kept."""
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep a compiled kernel, if that is possible."""
+        folder = Path(self.cache_path)
+        if not folder.exists() or os.access(folder, os.W_OK):
+            super().save_overload(sig, data)  # type: ignore[no-untyped-call]
 
 
 class _BySources:
@@ -57,7 +82,12 @@ class _BySources:
 
 
 class NamedFolder(_BySources, caching.UserProvidedCacheLocator):
-    """The folder that NUMBA_CACHE_DIR names."""
+    """The folder that NUMBA_CACHE_DIR names. It need not be writable if the kernels are in it."""
+
+    def ensure_cache_path(self) -> None:
+        """Create the folder unless it exists. Raises OSError."""
+        if not Path(self.get_cache_path()).is_dir():
+            super().ensure_cache_path()  # type: ignore[no-untyped-call]
 
 
 class BesideSources(_BySources, caching.InTreeCacheLocator):

@@ -87,6 +87,12 @@ COMMANDS: Final = {
         "Print every setting with its value, its default and the source of the value.",
         ("urquhart config", "urquhart config --config /etc/urquhart.toml"),
     ),
+    "warm": CommandEntry(
+        "server.commands.warm",
+        "warm",
+        "Compile the kernels, or load them from the cache, so that no start has to wait for it.",
+        ("urquhart warm", "NUMBA_CACHE_DIR=/opt/urquhart/kernels NUMBA_CPU_NAME=generic urquhart warm"),
+    ),
     "db": CommandEntry("server.commands.db", "app", "Upgrade and check the database file, and rebuild its index."),
     "keys": CommandEntry("server.commands.keys", "app", "Create, list and revoke API keys."),
     "jobs": CommandEntry("server.commands.jobs", "app", "List the jobs of a database, and cancel them."),

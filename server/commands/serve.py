@@ -12,6 +12,7 @@ from server.commands.support.database import open_database, settings_with
 from server.commands.support.failure import CommandError
 from server.commands.support.options import ConfigOption
 from server.commands.support.supervisor import supervise
+from server.config.settings import Settings
 from server.http.serving.file_descriptors import reserve_files
 from server.http.serving.lifecycle import BACKLOG, serve_app
 from server.observability import logs
@@ -39,8 +40,14 @@ def serve(
         ),
     ] = None,
     workers: Annotated[
-        int, typer.Option(min=1, max=64, help="Number of processes that answer requests; one for each core is best.")
-    ] = 1,
+        int | None,
+        typer.Option(
+            min=1,
+            max=64,
+            help="Processes that answer requests; one for each core is best. (default: URQUHART_WORKERS or 1)",
+            show_default=False,
+        ),
+    ] = None,
     insecure: Annotated[
         bool,
         typer.Option(
@@ -57,7 +64,9 @@ def serve(
 
     On SIGTERM or Ctrl-C the service finishes the requests in progress and stops. A second signal stops it at once.
     """
-    settings = settings_with(host=host, port=port, database=database, insecure=insecure or None, config=config)
+    settings = settings_with(
+        host=host, port=port, database=database, workers=workers, insecure=insecure or None, config=config
+    )
     logs.configure(settings.log)
     settings = settings.model_copy(update={"limits": reserve_files(settings.limits)})
     # What would stop every worker process is refused here, in one line.
@@ -69,11 +78,16 @@ def serve(
     listener = bind(settings.host, settings.port)
     address = f"[{settings.host}]" if ":" in settings.host else settings.host
     typer.echo(f"urquhart: serving on http://{address}:{listener.getsockname()[1]} ; API at /docs, stop with Ctrl-C")
+    _answer(settings, listener)
+
+
+def _answer(settings: Settings, listener: socket.socket) -> None:
+    """Answer requests until a signal says to stop. Raises typer.Exit if that fails."""
     with listener:
-        if workers == 1:
+        if settings.workers == 1:
             serve_app(create_app(settings, create_database=False), listener, single_process=True)
         else:
-            code = supervise(workers, settings, listener)
+            code = supervise(settings.workers, settings, listener)
             if code:
                 raise typer.Exit(code)
 

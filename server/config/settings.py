@@ -187,6 +187,9 @@ class Settings(BaseSettings):
     )
     host: str = Field("127.0.0.1", description="Address to listen on.", min_length=1)
     port: int = Field(8420, ge=0, le=65535, description="Port to listen on. 0: any free one.")
+    workers: int = Field(
+        1, ge=1, le=64, description="Number of processes that answer requests; one for each core is best."
+    )
     allowed_hosts: str = Field(
         "",
         description="Host names under which the service may be called, and whose web pages may call it, separated by "

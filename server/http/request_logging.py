@@ -109,6 +109,7 @@ class RequestLogging:
                 "ms": round(seconds * 1e3, 2),
                 "bytes_in": seen.bytes_in,
                 "bytes_out": seen.bytes_out,
+                "address": address[0] if (address := scope.get("client")) else "",
                 "key": caller.id if caller is not None else "",
                 "collection": parameters.get("collection", ""),
                 **notes.log_members(),

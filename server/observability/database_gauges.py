@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from server.errors import StorageError
+from server.observability.host_gauges import host_gauges
 from server.observability.metric_samples import Family, Key, merged
 from server.observability.metrics import OTHER, Metrics, text_of
 from server.observability.metrics_exchange import MetricsExchange
@@ -28,7 +29,7 @@ class Sizes:
 def exposition(database: Storage, metrics: Metrics, exchange: MetricsExchange | None) -> bytes:
     """The metrics of all processes in Prometheus' text format. One of them says whether the database can be read."""
     elsewhere = [] if exchange is None else exchange.others()
-    told = merged([metrics.families(), *elsewhere])
+    told = [*merged([metrics.families(), *elsewhere]), *host_gauges(database.path)]
     try:
         sizes = read_sizes(database, metrics.collections)
     except StorageError:

@@ -12,6 +12,7 @@ from prometheus_client.core import GaugeMetricFamily, Metric
 from prometheus_client.exposition import CONTENT_TYPE_LATEST
 from prometheus_client.registry import Collector
 
+from server.observability.host_gauges import resident_bytes
 from server.observability.metric_samples import Family, families
 
 OTHER: Final = "other"
@@ -52,6 +53,8 @@ class Metrics:
         self.open_connections = self._gauge("connections", "Open connections.")
         self.processes = self._gauge("processes", "Processes that answer requests.")
         self.processes.set(1)
+        self.memory = self._gauge("memory_bytes", "Resident memory of all processes that answer requests.")
+        self.memory.set_function(resident_bytes)
         self.verdicts = self._counter("query_verdicts", "Queries answered, by verdict.", "verdict")
         self.stage_seconds = self._histogram("query_stage_seconds", "Time of each stage of a query.", "stage")
         self.submaps_written = self._counter("submaps_written", "Submaps written, by outcome.", "outcome")

@@ -53,10 +53,12 @@ def package(tmp_path: Path) -> Path:
     return folder
 
 
-def asked(package: Path) -> tuple[float, int]:
+def asked(package: Path, cache: Path | None = None) -> tuple[float, int]:
     """What the outer kernel says in a new process, and whether it came from the disk."""
     environment = {**os.environ, "PYTHONPATH": str(package.parent), "PYTHONDONTWRITEBYTECODE": "1"}
     environment.pop("NUMBA_CACHE_DIR", None)
+    if cache is not None:
+        environment |= {"NUMBA_CACHE_DIR": str(cache), "NUMBA_CPU_NAME": "generic"}
     done = subprocess.run(
         [sys.executable, "-c", ASK], cwd=package.parent, env=environment, capture_output=True, text=True, check=True
     )
@@ -77,3 +79,14 @@ def test_a_kernel_is_compiled_again_when_one_that_it_calls_has_changed_and_only_
         inner.write_text(INNER.format(name=name, factor=factor))
         os.utime(inner, (0, 0))
         assert asked(package) == (value, 0)
+
+
+def test_a_copied_cache_is_used_and_need_not_be_written_to(package: Path, tmp_path: Path) -> None:
+    made, copied = tmp_path / "made", tmp_path / "copied"
+    assert asked(package, made) == (3.0, 0)
+    shutil.copytree(made, copied, copy_function=shutil.copyfile)
+    for folder in (path for path in copied.rglob("*") if path.is_dir()):
+        folder.chmod(0o555)
+    before = {path: path.stat().st_mtime_ns for path in copied.rglob("*")}
+    assert asked(package, copied) == (3.0, 1)
+    assert {path: path.stat().st_mtime_ns for path in copied.rglob("*")} == before

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numba.core.dispatcher import Dispatcher
 from urquhart import SE2, Config, Features, Recognizer, describe, warm_up
+from urquhart.warming import compile_largest, warm_up_paper
 from urquhart.index.collection_index import CollectionIndex, LiveSegment
 from urquhart.index.segment import merge_segments
 from urquhart.evaluation.simulation import Sensor, observe, paper_forest, plantation
@@ -20,7 +21,10 @@ def compiled():
     return {k.__name__: len(k.signatures) for k in kernels.values() if k.__module__ != "urquhart.evaluation.simulation"}
 
 warm_up(Config())
+warm_up_paper(Config())
 before = compiled()
+compile_largest()
+assert compiled() == before, "the second process compiles for types that nobody calls"
 rng = np.random.default_rng(0)
 for trees, radius in ((plantation(90.0, 90.0, rng), 20.0), (paper_forest(rng, 250.0), 40.0)):
     middle = float(np.median(trees))

@@ -75,7 +75,7 @@ def run(out: Path, data: Path, *, seed: int, observations: int, keep: bool) -> b
     asked = [STANDS[i % 2] for i in range(observations)] + [FOREIGN] * FOREIGN_OBSERVATIONS
     questions = [ask(stand, stem_maps[stand.name], rng) for stand in asked]
 
-    warm_up(partial(console.print, highlight=False))
+    warm_up(partial(console.print, highlight=False))()
     _store(out / OUTPUT[0], stem_maps, console)
     console.print("starting the service", highlight=False)
     with running_service(out / OUTPUT[0], out / "server.log", keep=keep) as (url, pid):

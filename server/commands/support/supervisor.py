@@ -18,7 +18,7 @@ from server.app import create_app
 from server.commands.support.signals import handled
 from server.config.settings import Settings
 from server.http.serving.lifecycle import serve_app
-from server.observability import logs
+from server.observability import kernel_progress, logs
 from server.observability.metrics_exchange import MetricsExchange
 
 _SPAWN: Final = multiprocessing.get_context("spawn")
@@ -53,6 +53,15 @@ class _Supervisor:
 
     def run(self) -> int:
         """Run until no process is left."""
+        second = kernel_progress.start_second_process()
+        try:
+            return self._run()
+        finally:
+            if second is not None:
+                second.kill()
+                second.wait()
+
+    def _run(self) -> int:
         with handled(self._signals.append, signal.SIGTERM, signal.SIGINT):
             while not self._signals:
                 self._fill()

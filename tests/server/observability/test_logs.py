@@ -55,6 +55,7 @@ def test_a_request_is_a_line(client: httpx.Client) -> None:
         "route": "/v1/collections/{collection}/queries",
         "path": "/v1/collections/plots/queries",
         "status": 200,
+        "address": "testclient",
         "bytes_in": len(body),
         "bytes_out": line["bytes_out"],
         "key": "",
@@ -225,4 +226,14 @@ def test_a_value_is_no_two_fields(client: httpx.Client, path: str) -> None:
     assert fields["path"] == path
     assert (fields["method"], fields["request_id"]) == ("GET", "robot-7")
     assert fields["status"] in ("404", "422")
-    assert set(fields) <= {"method", "path", "status", "ms", "request_id", "route", "bytes_out", "collection"}
+    assert set(fields) <= {
+        "method",
+        "path",
+        "status",
+        "ms",
+        "request_id",
+        "route",
+        "bytes_out",
+        "collection",
+        "address",
+    }
