@@ -4,6 +4,7 @@ The kernels of the default method are loaded before a service is ready; those of
 come from the cache on the disk if they have been compiled before.
 """
 
+import dataclasses
 import functools
 
 import numpy as np
@@ -28,6 +29,10 @@ def warm_up(config: Config) -> None:
     recognizer, places = _collection(config)
     for xy in places:
         recognizer.locate(xy)
+    # A survey that tries only a part of the collection takes the rotations from the votes of quads.
+    partly, _ = _collection(dataclasses.replace(config, survey=len(places)))
+    for xy in places[1:3]:
+        partly.locate(xy)
     # A collection of one submap takes another path: the search asks whether the query reaches the submap's ends.
     alone = Recognizer(config)
     alone.add([(0, describe(places[0], config))])

@@ -4,13 +4,29 @@ Importing the service takes more than a second; `urquhart --version` and `--help
 knows only names, first sentences and examples. A command is imported when it is run or its own help is asked for.
 """
 
-from collections.abc import Callable
+import gc
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any, Final
 
 import typer
 from typer.core import TyperCommand, TyperGroup
+
+
+@contextmanager
+def _no_collection() -> Iterator[None]:
+    """Collect no garbage within the block. Importing makes objects that stay, and looking through them again and again
+    takes a fifth of the time of loading the service.
+    """
+    was_on = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_on:
+            gc.enable()
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +43,8 @@ class CommandEntry:
 
     def load(self, name: str) -> Any:
         """Import the command and build it, under the given name."""
-        found: typer.Typer | Callable[..., None] = getattr(import_module(self.module), self.attribute)
+        with _no_collection():
+            found: typer.Typer | Callable[..., None] = getattr(import_module(self.module), self.attribute)
         if isinstance(found, typer.Typer):
             group = typer.main.get_group(found)
             group.name = name

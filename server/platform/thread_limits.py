@@ -21,6 +21,4 @@ def pin_threads() -> None:
 
 @cache
 def _controller() -> ThreadpoolController:
-    import faiss  # noqa: F401  loaded first, so that the controller finds its OpenMP
-
     return ThreadpoolController()

@@ -29,13 +29,17 @@ rng = np.random.default_rng(0)
 for trees, radius in ((plantation(90.0, 90.0, rng), 20.0), (paper_forest(rng, 250.0), 40.0)):
     middle = float(np.median(trees))
     recognizer = Recognizer(Config())
+    few = Config(survey=12)  # a survey tries all of some collections, and a part of others
+    surveyed = Recognizer(few)
     for key in range(12):
         features = describe(observe(trees, SE2(middle + key, middle, 0.0), Sensor(radius), rng).xy, Config())
         recognizer.add([(key, Features.unpack(features.pack()) if key % 2 else features)])
+        surveyed.add([(key, features)])
     alone = Recognizer(Config())
     alone.add([(0, features)])
     for sigma in (0.05, 0.3, 2.0):
         xy = observe(trees, SE2(middle, middle, 1.0), Sensor(radius, sigma, 0.8), rng).xy
+        surveyed.locate(xy)
         for method in ("robust", "paper"):
             recognizer.locate(xy, method=method, exclude=[3])
             recognizer.locate(xy.tolist(), method=method)

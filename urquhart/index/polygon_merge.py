@@ -8,7 +8,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
-import faiss
 import numpy as np
 from numpy.typing import NDArray
 
@@ -87,8 +86,6 @@ def merge_partitions(
             for submaps to be dropped.
         exact_below: polygons up to which a partition is exact.
     """
-    # OpenMP keeps its thread count by calling thread, so it is set here and not once at start.
-    faiss.omp_set_num_threads(1)
     merged = {}
     for count in sorted({count for partitions, _ in parts for count in partitions}):
         inputs = [_input(partitions[count], slots) for partitions, slots in parts if count in partitions]
@@ -137,6 +134,17 @@ def _fair(lists: int, rows: int) -> bool:
     return 0.5 <= lists / _lists(rows) <= 2.0
 
 
+def _faiss() -> Any:
+    """FAISS, with one thread. Only large merges need it, so no other process spends 14 MB on it.
+
+    OpenMP keeps its thread count by calling thread, so it is set at every use and not once at start.
+    """
+    import faiss
+
+    faiss.omp_set_num_threads(1)
+    return faiss
+
+
 def _train(inputs: list[_Input], total: int) -> NDArray[np.float32]:
     lists = _lists(total)
     rng = np.random.default_rng(_SEED)
@@ -147,7 +155,7 @@ def _train(inputs: list[_Input], total: int) -> NDArray[np.float32]:
         for rows in part.blocks()
     ]
     sample = np.concatenate(chosen)
-    means = faiss.Kmeans(
+    means = _faiss().Kmeans(
         sample.shape[1],
         lists,
         niter=MERGE.rounds,
@@ -170,7 +178,7 @@ def _assign(
     """
     listed = [np.full(len(part.partition), -1, np.int32) for part in inputs]
     bounds = np.full((3, centroids.shape[1]), -np.inf)
-    quantizer = faiss.IndexFlatL2(centroids.shape[1])
+    quantizer = _faiss().IndexFlatL2(centroids.shape[1])
     quantizer.add(centroids)
     for batch in _batches(inputs):
         decoded = np.concatenate([inputs[i].decode(rows) for i, rows in batch])
