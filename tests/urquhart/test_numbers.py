@@ -13,7 +13,7 @@ SOURCE: Final = re.compile(r"[Cc]hosen by hand|[Mm]easured|[Ff]ollows from|\(pap
 
 FIXED: Final = {
     # How files and packed words are laid out: other values are another format.
-    *("config.DESCRIPTION_VERSION", "features.describe._FORMAT", "features.describe.HEAD", "index.segment.FORMAT"),
+    *("config.DESCRIPTION_VERSION", "config.FEATURES_FORMAT", "features.describe.HEAD", "index.segment.FORMAT"),
     *("index.segment._UNIT", "index.segment._MOST_UNITS", "index.segment_file._ALIGNED", "index.segment_file._HEADER"),
     *("index.quad_table.STEPS", "index.quad_table.SIDE", "index.quad_table._BITS", "index.quad_table.TURNS"),
     *(
