@@ -17,7 +17,7 @@ from server.index.live_index import LiveIndex, UnusableSegment
 from server.index.live_indexes import LiveIndexes
 from server.index.segment_merging import due, merge
 from server.observability.metrics import Metrics
-from server.platform.thread_limits import pin_threads
+from server.platform.thread_limits import pin_threads, run_in_background
 from server.store.records import SegmentRecord
 from server.store.storage import Storage
 from urquhart.index.collection_index import LiveSegment
@@ -116,6 +116,7 @@ class Maintenance:
 
     def _work(self, ready: threading.Event) -> None:
         pin_threads()
+        run_in_background()
         while not self._indexes.stopping.wait(
             max(self._indexes.settings.maintenance_seconds, _REST * self._look_seconds)
         ):

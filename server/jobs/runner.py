@@ -18,7 +18,7 @@ from server.errors import DomainError, StorageBusy, StorageError, StorageFull, W
 from server.jobs.folder import ARRIVING, FOUND, INPUT, RESULTS
 from server.jobs.running_job import Dismissed, Interrupted, JobContext, JobFunction, RunningJob, Yielded
 from server.platform.precedence import give_way_by
-from server.platform.thread_limits import pin_threads
+from server.platform.thread_limits import pin_threads, run_in_background
 from server.problem_types import INTERNAL, document
 from server.store.service_records import JobChanges, Queue
 from urquhart import Abandoned, Budget
@@ -78,6 +78,7 @@ class Runner:
 
     def _run(self) -> None:
         pin_threads()
+        run_in_background()
         give_way_by(self._pause)
         pause = _LOOK
         while not self._stopping.is_set():

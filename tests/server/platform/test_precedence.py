@@ -44,21 +44,33 @@ def test_a_job_pauses_for_a_short_request_and_not_without_one(clock: Clock) -> N
     assert clock.paused == 0.0
 
 
-def test_long_requests_pause_and_nobody_pauses_for_them(clock: Clock) -> None:
+def test_requests_pause_for_those_half_as_long_and_nobody_pauses_for_long_ones(clock: Clock) -> None:
     long, requests = object(), Precedence()
     requests.enter(long)
     give_way, job = requests.pauses(long), requests.pauses()
+    requests.enter(twin := object())
     clock.now = 0.04
-    requests.enter(short := object())
     give_way()
-    assert clock.paused == 0.0  # it is short itself
-    clock.now = 0.08
+    assert clock.paused == 0.0
+    requests.leave(twin)
+    requests.enter(short := object())
+    clock.now += 0.001
     give_way()
     assert clock.paused > 0.0
     requests.leave(short)
     clock.now, clock.paused = 1.0, 0.0
     job()
     assert clock.paused == 0.0
+
+
+def test_a_caller_with_long_requests_gives_way_from_the_first_moment(clock: Clock) -> None:
+    long, requests = object(), Precedence()
+    requests.enter(long, expected=0.045)
+    requests.enter(object(), expected=0.008)
+    give_way = requests.pauses(long)
+    clock.now = 0.001
+    give_way()
+    assert clock.paused > 0.0
 
 
 def test_long_work_keeps_half_of_its_speed_however_many_ask(clock: Clock) -> None:

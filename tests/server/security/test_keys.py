@@ -14,11 +14,13 @@ from fastapi.routing import APIRoute
 from server.app import create_app
 from server.config.settings import Settings
 from server.errors import Conflict, InvalidField, NotFound, Unauthorized
+from server.http.admission.request_admission import REFUSAL_SECONDS
 from server.http.authorization import GuardedRoute
 from server.security import api_keys
 from server.security.authenticator import Authenticator, check_exposure
 from server.security.operation_scopes import SCOPES
 from server.security.principal import ANONYMOUS, UNRESTRICTED, Principal, Scope
+from server.security.rate_limit import RateLimiter
 from server.store.sqlite.database import Database
 from tests.server.factories import TestClient, forest, points, put_submap
 from tests.server.processes import Server
@@ -43,6 +45,19 @@ def guarded(client: httpx.Client, settings: Settings, app: FastAPI) -> httpx.Cli
 def forgetful(app: FastAPI) -> None:
     """The service looks up keys again."""
     app.state.authenticator = Authenticator(app.state.service.settings, app.state.service.database)
+
+
+def test_an_address_that_is_refused_again_and_again_is_slowed_down(guarded: httpx.Client, app: FastAPI) -> None:
+    """Its refusals are late; those who hold a key are not delayed, even at the same address."""
+    app.state.shared.refusals = RateLimiter(1e-6)  # one refusal, and no other in this test
+    seconds = []
+    for headers, status in ((bearer("wrong"), 401), (bearer("wrong"), 401), ({}, 200)):
+        began = time.monotonic()
+        assert guarded.get("/v1/limits", headers=headers).status_code == status
+        seconds.append(time.monotonic() - began)
+    first, second, owner = seconds
+    assert second >= REFUSAL_SECONDS
+    assert max(first, owner) < second
 
 
 # --------------------------------------------------------------- the ring
