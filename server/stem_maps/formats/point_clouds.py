@@ -1,5 +1,6 @@
 """Point clouds (LAS, LAZ) whose points carry the number of their tree: each tree becomes a row."""
 
+import struct
 import warnings
 from pathlib import Path
 from typing import Any, Final
@@ -21,6 +22,14 @@ TREE_DIMENSIONS: Final = (
     "tree_instance",
 )
 """Names, in lower case, of the dimension that numbers a point's tree, in order of preference."""
+_DAMAGED: Final = (ArithmeticError, EOFError, LookupError, MemoryError, OSError, RuntimeError, TypeError, ValueError,
+                   struct.error)  # fmt: skip
+"""What reading a damaged point cloud may raise, beside laspy's own errors."""
+_SHORTEST: Final = 227
+"""Bytes of the header of LAS 1.0 to 1.2. That of LAS 1.4 has 375."""
+_RECORD: Final = 54
+_EXTENDED_RECORD: Final = 60
+"""Bytes of the shortest variable-length record, and of the shortest extended one."""
 _CHUNK: Final = 1_000_000
 _BREAST: Final = (1.0, 1.6)
 """Metres above a tree's lowest point: the slice of stem around breast height, 1.3 m."""
@@ -39,6 +48,7 @@ def read_point_cloud(path: Path, tree_dimension: str | None) -> FileTable:
     Raises:
         StemMapError: the file is damaged, or its points do not say which tree they belong to.
     """
+    _check_header(path)
     laspy = import_extra(path, "las", "laspy")
     if path.suffix.lower() == ".laz":
         import_extra(path, "las", "lazrs")
@@ -53,13 +63,31 @@ def read_point_cloud(path: Path, tree_dimension: str | None) -> FileTable:
                 points = _read(file, [name, *extra])
     except StemMapError:
         raise
-    except (laspy.errors.LaspyException, ValueError, RuntimeError, OSError, EOFError) as error:
+    except (laspy.errors.LaspyException, *_DAMAGED) as error:
         raise StemMapError(path, f"is no point cloud that can be read: {' '.join(str(error).split())}") from error
     if points["count"] != expected:
         raise StemMapError(path, f"is cut off: {points['count']} of {expected} points are there")
     if crs is not None and crs.axis_info and not crs.is_geographic:
         points["above"] = points["z"] * crs.axis_info[0].unit_conversion_factor
     return _table(path, name, extra, points, None if crs is None else crs.to_wkt())
+
+
+def _check_header(path: Path) -> None:
+    """Raise StemMapError if the header promises more than the file holds, which laspy would look for one by one."""
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        header = file.read(375)
+    if not header.startswith(b"LASF"):
+        raise StemMapError(
+            path, "is empty" if not header else f"is no point cloud, although its suffix is {path.suffix}"
+        )
+    if len(header) < _SHORTEST:
+        raise StemMapError(path, "is cut off within its header")
+    header_size, points_at, records = struct.unpack_from("<HII", header, 94)
+    extended_at, extended = struct.unpack_from("<QI", header, 235) if header[25] >= 4 and len(header) == 375 else (0, 0)
+    fits = points_at <= size and records * _RECORD <= points_at - header_size
+    if not (fits and (extended == 0 or extended * _EXTENDED_RECORD <= size - extended_at)):
+        raise StemMapError(path, "is cut off, or its header is damaged: it promises more records than the file holds")
 
 
 def _dimension(path: Path, header: Any, wanted: str | None) -> str:

@@ -1,8 +1,10 @@
 """Spreadsheets (xlsx) through openpyxl: one sheet, whose header may have titles above it."""
 
 import datetime
+import struct
 import warnings
 import zipfile
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
@@ -19,6 +21,11 @@ _MOST_RATIO: Final = 200
 _SMALL: Final = 50_000_000
 """Bytes that may be unpacked at any ratio."""
 _TITLES: Final = 50
+_DAMAGED: Final = (
+    *(ArithmeticError, AssertionError, AttributeError, EOFError, LookupError, OSError, RuntimeError, SyntaxError),
+    *(TypeError, ValueError, struct.error, zipfile.BadZipFile, zlib.error),
+)
+"""What reading a damaged workbook may raise: openpyxl has no error of its own for it."""
 
 
 def read_workbook(path: Path, sheet: str | None, is_header: Callable[[list[str]], bool]) -> FileTable:
@@ -37,7 +44,7 @@ def read_workbook(path: Path, sheet: str | None, is_header: Callable[[list[str]]
                 rows = {name: _rows(book[name]) for name in book.sheetnames if hasattr(book[name], "iter_rows")}
             finally:
                 book.close()
-        except (KeyError, ValueError, TypeError, OSError, zipfile.BadZipFile, SyntaxError) as error:
+        except _DAMAGED as error:
             raise StemMapError(path, f"is no workbook that can be read: {' '.join(str(error).split())}") from error
     name = _sheet(path, rows, sheet, is_header)
     table = _table(path, rows[name], is_header)
@@ -53,7 +60,7 @@ def _check_archive(path: Path) -> None:
     try:
         with zipfile.ZipFile(path) as archive:
             parts = archive.infolist()
-    except (zipfile.BadZipFile, OSError) as error:
+    except _DAMAGED as error:
         raise StemMapError(path, "is no workbook, or only a part of one: save it as xlsx again") from error
     unpacked, packed = sum(one.file_size for one in parts), sum(one.compress_size for one in parts)
     if unpacked > _MOST_BYTES or (unpacked > _SMALL and unpacked > _MOST_RATIO * max(packed, 1)):

@@ -293,6 +293,13 @@ def test_a_point_cloud_must_say_which_tree_a_point_is_of(tmp_path: Path) -> None
         path.write_bytes(whole[:size])
         error_of(path)
     las = cloud(tmp_path / "cut.las")
+    damaged = bytearray(las.read_bytes())
+    damaged[100:104] = b"\xff\xff\xff\xff"  # the number of records before the points
+    las.write_bytes(damaged)
+    assert "promises more records than the file holds" in error_of(las)
+    las.write_bytes(b"PK\x03\x04")
+    assert "is no point cloud, although its suffix is .las" in error_of(las)
+    cloud(las)
     las.write_bytes(las.read_bytes()[:60_000])
     assert "is cut off" in error_of(las) or "no point cloud" in error_of(las)
 
