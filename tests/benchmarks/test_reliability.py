@@ -30,10 +30,10 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.mark.parametrize("name", sorted(READERS))
 def test_only_errors_of_the_domain_come_out_of_the_readers(name: str) -> None:
-    tally = fuzz_readers.feed(name, 2_500, seed=5)
+    tally = fuzz_readers.feed(name, 800, seed=5)
     assert tally.findings == {}
-    assert tally.inputs == 2_500
-    assert tally.accepted > 25
+    assert tally.inputs == 800
+    assert tally.accepted > 8
     assert sum(tally.refused.values()) == tally.inputs - tally.accepted
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import httpx
 import numpy as np
 
-from urquhart_client import Client
+from urquhart_client import Client, Retry
 
 COLLECTION: dict[str, Any] = {"id": "plots", "fingerprint": "5e2f", "revision": 3, "counts": {"submaps": 2}}
 RECEIPT: dict[str, Any] = {"id": "p7", "collection": "plots", "outcome": "created", "etag": "4be1", "revision": 4}
@@ -65,7 +65,8 @@ def service(document: object, status: int = 200, **headers: str) -> FakeService:
 
 
 def client(answering: Callable[[httpx.Request], httpx.Response], base_url: str = "http://service") -> Client:
-    return Client(base_url, transport=httpx.MockTransport(answering))
+    """A client that sends nothing again: `test_retries.py` has one that does."""
+    return Client(base_url, transport=httpx.MockTransport(answering), retry=Retry(attempts=1))
 
 
 def sent(answering: FakeService) -> tuple[str, str]:

@@ -10,7 +10,7 @@ import pytest
 
 from urquhart import SE2
 from urquhart.evaluation.simulation import Sensor, observe
-from urquhart_client import Client, ConnectionFailed, MapPose, ProblemError
+from urquhart_client import Client, ConnectionFailed, MapPose, ProblemError, Retry
 
 TREES = np.random.default_rng(7).uniform(-40.0, 40.0, (90, 2))
 POSE = SE2(4.0, -3.0, 2.5)
@@ -201,5 +201,5 @@ def test_the_service_tells_of_itself(client: Client) -> None:
 
 
 def test_a_port_where_nothing_listens() -> None:
-    with Client("http://127.0.0.1:1", timeout=2.0) as nobody, pytest.raises(ConnectionFailed):
+    with Client("http://127.0.0.1:1", timeout=2.0, retry=Retry(attempts=1)) as nobody, pytest.raises(ConnectionFailed):
         nobody.live()

@@ -19,6 +19,15 @@ from tests.server.commands.cli_helpers import Said, Urquhart
 from tests.server.factories import TestClient
 from tests.server.forked import ForkedWorkers
 from tests.server.processes import Server
+from urquhart import Config, warm_up
+
+
+@pytest.fixture(scope="session", autouse=True)
+def loaded_kernels() -> None:
+    """Kernels are loaded before the first app starts: each app that starts meanwhile would begin to load them again,
+    and wait a second for that when it stops.
+    """
+    warm_up(Config())
 
 
 def settings_in(folder: Path) -> Settings:

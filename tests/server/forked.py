@@ -129,6 +129,8 @@ def _run(
     os.environ.update(environment)
     # The fork server is the one that this process was forked from.
     forkserver._forkserver.ensure_running = lambda: None  # type: ignore[method-assign]
+    # A shell's background jobs hand on that SIGINT is ignored; what a terminal starts does not ignore it.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     tempfile.tempdir = None  # it may be another one in this environment
     os.chdir(folder)
     with Path(os.devnull).open("rb") as nothing, output.open("ab") as out, errors.open("ab") as err:

@@ -177,5 +177,5 @@ class Life(RuleBasedStateMachine):
 
 TestLife = Life.TestCase
 TestLife.settings = settings(
-    max_examples=8, stateful_step_count=50, deadline=None, suppress_health_check=list(HealthCheck)
+    max_examples=5, stateful_step_count=50, deadline=None, suppress_health_check=list(HealthCheck)
 )

@@ -19,7 +19,7 @@ from tests.server.processes import Server
 
 COLLECTION = "/v1/collections/plots"
 SUBMAPS = f"{COLLECTION}/submaps"
-PAIRS = 30
+PAIRS = 8
 
 
 def places(count: int) -> Iterator[tuple[list[list[float]], list[list[float]]]]:
