@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from benchmarks.levels.asking import ROW, ask
 from benchmarks.paper.drive import CELLS, ROTATIONS, SENSOR, drive
 from benchmarks.robust import edges, grid, rows, stands
-from benchmarks.robust.known_places import PAPER, STRICT, AskedQuery, RobustWorld, TruePlace
+from benchmarks.robust.known_places import PAPER, STRICT, AskedPart, AskedQuery, RobustWorld, TruePlace
 from benchmarks.scale.tiled_forest import GOOD, MARGIN, POOR, RADIUS, Setting
 from benchmarks.scale.tiled_forest import World as Forest
 from urquhart import SE2, Config, warm_up
@@ -72,11 +72,11 @@ def _drives(part: int, seed: int, count: int) -> Iterator[AskedQuery]:
 
 
 def _grid(part: int, seed: int, count: int) -> Iterator[AskedQuery]:
-    return grid.questions(grid.Job(part, seed, count, count))
+    return grid.questions(AskedPart(part, seed, count, count))
 
 
 def _rows(part: int, seed: int, count: int) -> Iterator[AskedQuery]:
-    return rows.questions(rows.Job(part, seed, count, count))
+    return rows.questions(AskedPart(part, seed, count, count))
 
 
 def _edges(part: int, seed: int, count: int) -> Iterator[AskedQuery]:

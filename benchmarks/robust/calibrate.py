@@ -24,6 +24,7 @@ import urquhart
 from benchmarks.machine import commit
 from benchmarks.pool import Pool
 from benchmarks.robust import few_trees, grid, rows, stands
+from benchmarks.robust.known_places import AskedPart
 from urquhart import SE2, Config, Recognizer, describe
 from urquhart.decide.confidence import CALIBRATION, CONFIDENCE, Calibration, Line
 from urquhart.evaluation.simulation import Sensor, observe, paper_forest, plantation
@@ -40,9 +41,9 @@ _TOLD: Final = -25.0
 def gather(pool: Pool, seed: int, *, quick: bool) -> dict[str, NDArray[Any]]:
     """Answers from each kind of forest; a quarter of them if `quick`."""
     part = 4 if quick else 1
-    cells = [grid.Job(cell, seed, 80 // part, 800 // part) for cell in range(len(grid.CELLS))]
-    kinds = [rows.Job(kind, seed, 60 // part, 170 // part) for kind in range(len(rows.KINDS))]
-    few = [few_trees.Job(cell, seed, 100 // part, 100 // part) for cell in range(len(few_trees.CELLS))]
+    cells = [AskedPart(cell, seed, 80 // part, 800 // part) for cell in range(len(grid.CELLS))]
+    kinds = [AskedPart(kind, seed, 60 // part, 170 // part) for kind in range(len(rows.KINDS))]
+    few = [AskedPart(cell, seed, 100 // part, 100 // part) for cell in range(len(few_trees.CELLS))]
     real = [stands.Job(name, seed, 16 // part) for name in stands.available()]
     return {
         "grid": np.concatenate(pool.map(grid.run_cell, cells, "extended grid")),
@@ -172,8 +173,15 @@ def main(
             text = f"  {kind}: {passed} of {len(answers)} accepted, {wrong} wrong; surest wrong one at {surest:.2f}"
             console.print(text, highlight=False)
     if record or adopt:
-        write(lines["fitted"], everything, f"{COMMAND} --record{quick * ' --quick'}", seed, adopt=adopt)
+        command = command_of(seed, quick=quick, record=record, adopt=adopt)
+        write(lines["fitted"], everything, command, seed, adopt=adopt)
         console.print(f"written to {FILE.name}", highlight=False)
+
+
+def command_of(seed: int, *, quick: bool, record: bool, adopt: bool) -> str:
+    """The command that was run, as the file has it."""
+    options = {f" --seed {seed}": seed != SEED, " --record": record, " --adopt": adopt, " --quick": quick}
+    return COMMAND + "".join(option for option, given in options.items() if given)
 
 
 def write(fitted: Calibration, answers: NDArray[Any], command: str, seed: int, *, adopt: bool) -> None:

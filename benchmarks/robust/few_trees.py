@@ -1,7 +1,6 @@
 """Few trees: an observation of a handful of trees among hundreds of submaps of the paper's forest."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
 from typing import Any, Final
@@ -10,7 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.pool import Pool
-from benchmarks.robust.known_places import STRICT, AskedQuery, Points, RobustWorld, TruePlace, gather, summarize
+from benchmarks.robust.known_places import (
+    STRICT,
+    AskedPart,
+    AskedQuery,
+    Points,
+    RobustWorld,
+    TruePlace,
+    figures_of,
+    gather,
+)
 from urquhart import SE2, Config, warm_up
 from urquhart.evaluation.simulation import Sensor, observe, paper_forest
 
@@ -27,41 +35,28 @@ RANGE: Final = 45.0
 STORED: Final = Sensor(RANGE, sigma=0.1, detection=0.95)
 
 
-@dataclass(frozen=True, slots=True)
-class Job:
-    """One cell: how many queries from the map, and from another forest."""
-
-    cell: int
-    seed: int
-    inside: int
-    outside: int
-
-
 def run(pool: Pool, *, quick: bool, seed: int) -> dict[str, Any]:
     """All cells."""
     inside, outside = (12, 12) if quick else (100, 300)
-    jobs = [Job(cell, seed, inside, outside) for cell in range(len(CELLS))]
+    jobs = [AskedPart(cell, seed, inside, outside) for cell in range(len(CELLS))]
     results = pool.map(run_cell, jobs, "few trees")
-    return {
-        "cells": [[trees, *setting] for trees, setting in CELLS],
-        "submaps": len(_world(seed)[0].places),
-        "summaries": [
-            summarize(answers) | {"first": int((answers["inside"] & answers["right"]).sum())} for answers in results
-        ],
-        "answers": np.concatenate(results),
-    }
+    figures = figures_of(results)
+    for summary, answers in zip(figures["summaries"], results, strict=True):
+        summary["first"] = int((answers["inside"] & answers["right"]).sum())
+    about = {"cells": [[trees, *setting] for trees, setting in CELLS], "submaps": len(_world(seed)[0].places)}
+    return about | figures
 
 
-def run_cell(job: Job) -> NDArray[Any]:
+def run_cell(job: AskedPart) -> NDArray[Any]:
     """Answers about one cell."""
     return gather(question.ask() for question in questions(job))
 
 
-def questions(job: Job) -> Iterator[AskedQuery]:
+def questions(job: AskedPart) -> Iterator[AskedQuery]:
     """What is asked in one cell: places in the database, then places in another forest."""
-    trees, (sigma, detection) = CELLS[job.cell]
+    trees, (sigma, detection) = CELLS[job.part]
     world, forests = _world(job.seed)
-    rng = np.random.default_rng([job.seed, 11, job.cell])
+    rng = np.random.default_rng([job.seed, 11, job.part])
     sensor = Sensor(RANGE, sigma=sigma, detection=detection)
     for count, ground in ((job.inside, 0), (job.outside, None)):
         for _ in range(count):

@@ -1,7 +1,6 @@
 """The extended grid: noise, detection and clutter far beyond the paper's, beside an oracle that knows the pose."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Final
 
@@ -9,7 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.pool import Pool
-from benchmarks.robust.known_places import PAPER, AskedQuery, Points, RobustWorld, TruePlace, gather, summarize
+from benchmarks.robust.known_places import (
+    PAPER,
+    AskedPart,
+    AskedQuery,
+    Points,
+    RobustWorld,
+    TruePlace,
+    figures_of,
+    gather,
+)
 from urquhart import SE2, Config, warm_up
 from urquhart.evaluation.simulation import Sensor, observe, paper_forest
 
@@ -23,46 +31,31 @@ SENSOR: Final = 50.0
 SIDE: Final = 1000.0
 
 
-@dataclass(frozen=True, slots=True)
-class Job:
-    """One cell: how many pairs of the same place, and how many of different ones."""
-
-    cell: int
-    seed: int
-    positive: int
-    negative: int
-
-
 def run(pool: Pool, *, quick: bool, seed: int) -> dict[str, Any]:
     """All cells."""
     positive, negative = (12, 24) if quick else (200, 2000)
-    jobs = [Job(cell, seed, positive, negative) for cell in range(len(CELLS))]
+    jobs = [AskedPart(cell, seed, positive, negative) for cell in range(len(CELLS))]
     results = pool.map(run_cell, jobs, "extended grid")
-    return {
-        "cells": [list(cell) for cell in CELLS],
-        "positive": positive,
-        "negative": negative,
-        "summaries": [summarize(answers) for answers in results],
-        "answers": np.concatenate(results),
-    }
+    about = {"cells": [list(cell) for cell in CELLS], "positive": positive, "negative": negative}
+    return about | figures_of(results)
 
 
-def run_cell(job: Job) -> NDArray[Any]:
+def run_cell(job: AskedPart) -> NDArray[Any]:
     """Answers about every pair of one cell."""
     return gather(question.ask() for question in questions(job))
 
 
-def questions(job: Job) -> Iterator[AskedQuery]:
+def questions(job: AskedPart) -> Iterator[AskedQuery]:
     """Every pair of one cell, each submap a collection of its own: those of the same place, then the others."""
-    sigma, detection, clutter = CELLS[job.cell]
+    sigma, detection, clutter = CELLS[job.part]
     config, trees = Config(), _forest(job.seed)
-    rng = np.random.default_rng([job.seed, 5, job.cell])
+    rng = np.random.default_rng([job.seed, 5, job.part])
 
     def look(pose: SE2) -> Points:
         return observe(trees, pose, Sensor(SENSOR, sigma=sigma, detection=detection, clutter=clutter), rng).xy
 
     worlds, queries = [], []
-    for _ in range(job.positive):
+    for _ in range(job.inside):
         here = SE2(*rng.uniform((120.0, 120.0, 0.0), (SIDE - 120.0, SIDE - 120.0, 2.0 * np.pi)).tolist())
         # Uniform over the disc of poses that count as the same place (the paper's 50 m).
         distance, bearing = SENSOR * np.sqrt(rng.random()), rng.uniform(0.0, 2.0 * np.pi)
@@ -74,8 +67,8 @@ def questions(job: Job) -> Iterator[AskedQuery]:
     for world, (xy, pose) in zip(worlds, queries, strict=True):
         yield AskedQuery(world, xy, 0, pose)
     found = 0
-    while found < job.negative:
-        i, j = rng.integers(job.positive, size=2).tolist()
+    while found < job.outside:
+        i, j = rng.integers(job.inside, size=2).tolist()
         xy, pose = queries[j]
         place = worlds[i].places[0].pose
         if np.hypot(place.x - pose.x, place.y - pose.y) > 2.0 * SENSOR:

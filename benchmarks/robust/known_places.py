@@ -179,6 +179,27 @@ class AskedQuery:
         return bool(found.candidates) and self.ground is not None and self.world.is_right(found, self.ground, self.pose)
 
 
+@dataclass(frozen=True, slots=True)
+class AskedPart:
+    """One part of an experiment (a cell of a grid, or a kind of stand), and how many queries it has.
+
+    Attributes:
+        part: index of the cell or kind.
+        seed: of all randomness.
+        inside, outside: queries of places that are in the database, and of others.
+    """
+
+    part: int
+    seed: int
+    inside: int
+    outside: int
+
+
+def figures_of(results: Sequence[NDArray[Any]]) -> dict[str, Any]:
+    """The figures of an experiment: a summary of the answers of each part, and all answers."""
+    return {"summaries": [summarize(answers) for answers in results], "answers": np.concatenate(results)}
+
+
 def gather(rows: Iterable[NDArray[Any]]) -> NDArray[Any]:
     """Rows of `ANSWER` as one array (Q,)."""
     return np.array(list(rows), ANSWER)

@@ -1,7 +1,6 @@
 """Plantations: trees in rows, where every wrong pose looks good."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import product
 from typing import Any, Final
 
@@ -9,7 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.pool import Pool
-from benchmarks.robust.known_places import STRICT, AskedQuery, Points, RobustWorld, TruePlace, gather, summarize
+from benchmarks.robust.known_places import (
+    STRICT,
+    AskedPart,
+    AskedQuery,
+    Points,
+    RobustWorld,
+    TruePlace,
+    figures_of,
+    gather,
+)
 from urquhart import SE2, Config, warm_up
 from urquhart.evaluation.simulation import Sensor, observe, plantation
 
@@ -28,43 +36,30 @@ STEP: Final = 20.0
 """Metres between submaps."""
 
 
-@dataclass(frozen=True, slots=True)
-class Job:
-    """One kind of plantation: queries from the map, and from elsewhere."""
-
-    kind: int
-    seed: int
-    inside: int
-    outside: int
-
-
 def run(pool: Pool, *, quick: bool, seed: int) -> dict[str, Any]:
     """All kinds."""
     inside, outside = (6, 12) if quick else (100, 280)
-    jobs = [Job(kind, seed, inside, outside) for kind in range(len(KINDS))]
+    jobs = [AskedPart(kind, seed, inside, outside) for kind in range(len(KINDS))]
     results = pool.map(run_kind, jobs, "plantations")
-    return {
-        "kinds": [[list(spacing), jitter, survival, sigma] for spacing, jitter, survival, sigma in KINDS],
-        "summaries": [summarize(answers) for answers in results],
-        "answers": np.concatenate(results),
-    }
+    kinds = [[list(spacing), jitter, survival, sigma] for spacing, jitter, survival, sigma in KINDS]
+    return {"kinds": kinds} | figures_of(results)
 
 
-def run_kind(job: Job) -> NDArray[Any]:
+def run_kind(job: AskedPart) -> NDArray[Any]:
     """Answers about one kind."""
     return gather(question.ask() for question in questions(job))
 
 
-def questions(job: Job) -> Iterator[AskedQuery]:
+def questions(job: AskedPart) -> Iterator[AskedQuery]:
     """What is asked about one kind: places in the database, then others.
 
     Half of the places that are not in the database lie further down the same rows, half in another stand that was
     planted alike.
     """
-    spacing, jitter, survival, sigma = KINDS[job.kind]
+    spacing, jitter, survival, sigma = KINDS[job.part]
     config = Config()
     warm_up(config)
-    rng = np.random.default_rng([job.seed, 6, job.kind])
+    rng = np.random.default_rng([job.seed, 6, job.part])
     mapped, other = (
         plantation(2.0 * SIDE + 60.0, SIDE, rng, spacing=spacing, jitter=jitter, survival=survival) for _ in range(2)
     )

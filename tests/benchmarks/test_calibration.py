@@ -56,6 +56,13 @@ def test_the_file_says_where_its_lines_come_from() -> None:
     assert held["in_use"] == fitted or held["note"]
 
 
+def test_the_command_that_is_kept_is_the_one_that_was_run() -> None:
+    adopted = calibrate.command_of(calibrate.SEED, quick=False, record=False, adopt=True)
+    assert adopted == "python -m benchmarks.robust.calibrate --adopt"
+    recorded = calibrate.command_of(7, quick=True, record=True, adopt=False)
+    assert recorded == "python -m benchmarks.robust.calibrate --seed 7 --record --quick"
+
+
 def test_the_benchmark_converts_as_the_method_does() -> None:
     rows = answers(500, 0)
     expected = []

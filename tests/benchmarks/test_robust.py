@@ -15,7 +15,7 @@ from benchmarks.robust import edges, few_trees, grid, rows, stands, table1
 from benchmarks.robust.__main__ import EXPERIMENTS, FULL, RELIABILITY, main
 from benchmarks.robust.calibration_curve import LEAST, bins, expected_error
 from benchmarks.robust.charts import PICTURES
-from benchmarks.robust.known_places import ANSWER, MATCHED, STRICT, RobustWorld, TruePlace, gather, summarize
+from benchmarks.robust.known_places import ANSWER, MATCHED, STRICT, AskedPart, RobustWorld, TruePlace, gather, summarize
 from benchmarks.robust.report import SECTIONS
 from urquhart import SE2, Config
 from urquhart.evaluation.simulation import Sensor, observe, paper_forest
@@ -48,7 +48,7 @@ def test_the_default_finds_what_its_peers_find_and_more() -> None:
     [(0.0, 1.0, 0.0, 1.0), (0.2, 0.6, 0.0, 0.9), (0.4, 0.8, 0.0, 0.9), (0.0, 0.9, 1.0, 0.9), (0.2, 0.8, 0.3, 0.9)],
 )
 def test_far_beyond_the_papers_grid(sigma: float, detection: float, clutter: float, least: float) -> None:
-    answers = grid.run_cell(grid.Job(cell(sigma, detection, clutter), SEED, 15, 40))
+    answers = grid.run_cell(AskedPart(cell(sigma, detection, clutter), SEED, 15, 40))
     found = summarize(answers)
     assert (found["false"], found["wrong"]) == (0, 0)
     assert found["right"] >= least * found["inside"]
@@ -56,21 +56,21 @@ def test_far_beyond_the_papers_grid(sigma: float, detection: float, clutter: flo
 
 
 def test_more_noise_is_found_less_and_where_nothing_can_be_known_it_is_said() -> None:
-    found = [summarize(grid.run_cell(grid.Job(cell(s, 0.7, 0.3), SEED, 10, 10))) for s in (0.2, 0.6, 1.0)]
+    found = [summarize(grid.run_cell(AskedPart(cell(s, 0.7, 0.3), SEED, 10, 10))) for s in (0.2, 0.6, 1.0)]
     assert found[0]["right"] > found[1]["right"] >= found[2]["right"]
     assert all(row["false"] + row["wrong"] == 0 for row in found)
 
 
 def test_a_dozen_trees_are_recognised_among_hundreds_of_submaps() -> None:
     cells = [few_trees.CELLS.index((trees, (0.2, 0.9))) for trees in (8, 10, 12)]
-    found = [summarize(few_trees.run_cell(few_trees.Job(cell, SEED, 20, 20))) for cell in cells]
+    found = [summarize(few_trees.run_cell(AskedPart(cell, SEED, 20, 20))) for cell in cells]
     assert all(row["false"] + row["wrong"] == 0 for row in found)
     assert [row["right"] >= least for row, least in zip(found, (6, 14, 17), strict=True)] == [True] * 3
 
 
 @pytest.mark.parametrize("kind", [0, 5, 13])
 def test_in_plantations_nothing_false_is_matched(kind: int) -> None:
-    found = summarize(rows.run_kind(rows.Job(kind, SEED, 4, 12)))
+    found = summarize(rows.run_kind(AskedPart(kind, SEED, 4, 12)))
     assert (found["false"], found["wrong"]) == (0, 0)
     assert found["right"] >= 0.7 * found["oracle"]
     assert found["alone"] >= found["oracle"]
