@@ -100,5 +100,5 @@ def malformed_detail(error: orjson.JSONDecodeError, body: bytes) -> str:
     where = f"line {error.lineno}, column {error.colno}"
     around = body[max(error.pos - 1, 0) : error.pos + 9].lstrip(b"-").lower()
     if around.startswith((b"nan", b"inf")) or b"nan" in around or b"infinity" in around:
-        return f"JSON has no NaN or Infinity ({where}); leave such landmarks out."
+        return f"JSON has no NaN or Infinity ({where}); leave out the member, or the landmark, that has no value."
     return f"The body is not JSON: {error.msg.split(': line')[0]} ({where})."

@@ -11,9 +11,9 @@ _MOST = 20
 _SENTENCES: Mapping[str, str] = {
     "missing": "is required",
     "extra_forbidden": "is not a field of this request; check its spelling or leave it out",
-    "float_type": "must be a number, not a string or boolean",
+    "float_type": "must be a number, not {given}",
     "float_parsing": "must be a number",
-    "int_type": "must be a whole number, not a string or boolean",
+    "int_type": "must be a whole number, not {given}",
     "int_parsing": "must be a whole number",
     "bool_type": "must be true or false",
     "bool_parsing": "must be true or false",
@@ -49,7 +49,7 @@ def pointer(parts: Sequence[str | int]) -> str:
 def field_problems(found: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """The entries for `errors`, at most the first few. Values of the caller are not repeated."""
     entries = []
-    for one in found[:_MOST]:
+    for one in _with_whole_tuples(found)[:_MOST]:
         source, *parts = one["loc"]
         entry: dict[str, Any] = {"code": one["type"], "detail": sentence(one)}
         if source == "body":
@@ -58,6 +58,21 @@ def field_problems(found: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
             entry = {"parameter": str(parts[0]) if parts else str(source)} | entry
         entries.append(entry)
     return entries
+
+
+def _with_whole_tuples(found: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """The errors, with one that names a tuple in place of those that name each entry which it lacks."""
+    whole: list[Mapping[str, Any]] = []
+    for one in found:
+        *place, last = one["loc"]
+        if one["type"] != "missing" or not isinstance(last, int):
+            whole.append(one)
+        elif whole and whole[-1]["loc"] == tuple(place):
+            whole[-1]["ctx"]["min_length"] = last + 1
+        else:
+            short = {"actual_length": last, "min_length": last + 1}
+            whole.append({"type": "too_short", "loc": tuple(place), "ctx": short})
+    return whole
 
 
 def invalid_body(error: ValidationError) -> InvalidBody:
@@ -69,7 +84,7 @@ def invalid_body(error: ValidationError) -> InvalidBody:
 def describe(entries: Sequence[Mapping[str, Any]]) -> str:
     """The `detail` of a problem with these `errors`: where and what, or how many."""
     if len(entries) > 1:
-        return f"{len(entries)} things are wrong, see errors."
+        return f"{len(entries)} values are wrong; `errors` lists each with its place."
     where = entries[0].get("pointer") or entries[0].get("parameter")
     return f"{where}: {entries[0]['detail']}" if where else str(entries[0]["detail"])
 
@@ -82,7 +97,7 @@ def sentence(error: Mapping[str, Any]) -> str:
     if kind == "extra_forbidden" and "landmarks" in error["loc"][-3:-2] and error["loc"][-1] in _RENAMED:
         return _RENAMED[error["loc"][-1]]
     if kind in _SENTENCES:
-        return _SENTENCES[kind].format(**context)
+        return _SENTENCES[kind].format(**context, given=_json_type(error.get("input")))
     if kind in ("too_short", "string_too_short") and context["min_length"] == 1:
         return "must not be empty"
     if (kind == "too_long" and context.get("field_type") == "Tuple") or kind == "too_short":
@@ -93,6 +108,14 @@ def sentence(error: Mapping[str, Any]) -> str:
         return str(context["error"])
     message: str = error["msg"]
     return message[:1].lower() + message[1:]
+
+
+def _json_type(value: object) -> str:
+    """What a value of JSON is, with its article."""
+    if value is None:
+        return "null"
+    kinds = ((bool, "a boolean"), (str, "a string"), (list | tuple, "an array"), (Mapping, "an object"))
+    return next((name for kind, name in kinds if isinstance(value, kind)), "another type")
 
 
 def _escape(part: str) -> str:

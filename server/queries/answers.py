@@ -92,11 +92,12 @@ class Shares:
 def gates_answer(config: Config, min_confidence: float | None = None) -> GatesAnswer:
     """The gates of a query of a collection with this configuration.
 
-    A given confidence is answered as it was given. That of a gate is rounded, so that the default of 6.9 is 0.999.
+    A given confidence is answered as it was given. That of a gate is not rounded: the confidence of a candidate that
+    just passes would look smaller than it.
     """
     gate = Options(min_confidence=min_confidence).gate(config)
     if min_confidence is None:
-        min_confidence = 1.0 - float(f"{1.0 / (1.0 + math.exp(gate)):.2g}")
+        min_confidence = 1.0 / (1.0 + math.exp(-gate))
     return GatesAnswer(**asdict(urquhart.Gates.of(config, gate)) | {"confidence": min_confidence})
 
 

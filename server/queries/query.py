@@ -124,7 +124,7 @@ class PlaceQuery:
         """The query of a request. Raises TooLarge and InvalidField for more than the limits allow."""
         check_landmark_count(body, limits)
         if body.limit > limits.candidates and "limit" in body.model_fields_set:
-            detail = f"must be at most {limits.candidates}, the limit candidates"
+            detail = f"must be at most {limits.candidates}: see `candidates` in GET /v1/limits"
             raise InvalidField(detail, code="less_than_equal", pointer="/limit")
         excluded, near = body.exclude, body.near
         if len(excluded.submap_ids) > limits.excluded_submaps:

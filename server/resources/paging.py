@@ -60,6 +60,6 @@ def page_size(limit: int | None, limits: Limits) -> int:
     if limit is None:
         return limits.page_default
     if not 1 <= limit <= limits.page_max:
-        detail = f"must be from 1 to {limits.page_max}, the limit page_max"
+        detail = f"must be from 1 to {limits.page_max}: see `page_max` in GET /v1/limits"
         raise InvalidField(detail, code="out_of_range", parameter="limit")
     return limit

@@ -132,13 +132,13 @@ def get_match(
     budget: BudgetDep,
     accept: Accept = None,
 ) -> Response:
-    """Draws a candidate of a stored query as SVG: both sets of trees overlaid, with lines between inliers. Or the same
-    as JSON.
+    """Describes a candidate of a stored query as JSON, or draws it with `Accept: image/svg+xml`: both sets of trees
+    overlaid, with lines between inliers.
 
     The drawing shows at most 5,000 landmarks of each side, those in the overlap first, and says if there are more. 503
     if drawing takes longer than `query_seconds`. 410 if the submap's landmarks have changed since.
     """
-    media_type = choose(accept, [SVG, JSON])
+    media_type = choose(accept, [JSON, SVG])
     with in_time(service, budget) as own:
         match = stored_queries.stored_match(service.database, collection, query, rank)
         if media_type == SVG:
@@ -159,12 +159,13 @@ def get_match(
 def get_explanation(
     collection: CollectionId, query: QueryId, service: ServiceDep, budget: BudgetDep, accept: Accept = None
 ) -> Response:
-    """Shows the time of each stage, and what each level found in each submap compared with the gates. As SVG or JSON.
+    """Shows the time of each stage, and what each level found in each submap compared with the gates. As JSON, or as
+    a drawing with `Accept: image/svg+xml`.
 
     The drawing overlays the query on the best candidate and on its strongest rival. 410 if the answer is no longer
     kept.
     """
-    media_type = choose(accept, [SVG, JSON])
+    media_type = choose(accept, [JSON, SVG])
     with in_time(service, budget) as own:
         explained = stored_queries.stored_explanation(service.database, collection, query)
         if media_type == SVG:

@@ -88,7 +88,7 @@ QUERY_ANSWER: dict[str, Any] = {
     "landmark_count": 88,
     "lead": 61.2,
     "warnings": [],
-    "gates": {"confidence": 0.999, "log_odds": 8.7, "lead": 20.6, "lead_per_landmark": 0.25, "lead_ratio": 0.1},
+    "gates": {"confidence": 0.998993, "log_odds": 8.7, "lead": 20.6, "lead_per_landmark": 0.25, "lead_ratio": 0.1},
     "candidates": [
         {
             "rank": 1,

@@ -84,7 +84,8 @@ class QueryOptions(DefaultedBody):
     method: Method = Field("robust", description="`robust`: the method of this service; `paper`: the published one.")
     effort: Effort = Field("full", description=f"How far to search if nothing is found. {glossed(EFFORTS)}")
     min_confidence: Annotated[float, Field(gt=0.5, lt=1.0, strict=True)] | None = Field(
-        None, description="Least `confidence` that is `matched`. By default that of the collection: 0.999 if unchanged."
+        None,
+        description="Least `confidence` that is `matched`. By default that of the collection: 0.998993 if unchanged.",
     )
     seed: Annotated[int, Field(ge=0, le=2**63 - 1, strict=True)] | None = Field(
         None, description="Seed of random choices. The same seed, body and revision give the same answer."

@@ -67,6 +67,7 @@ def test_answers_can_be_explained(client: Client) -> None:
     assert (plain.findings, plain.rivals) == (None, ())
     measured = [float(stems[tree]) if i else None for i, tree in enumerate(SEEN.trees)]
     result = client.query("plots", SEEN.xy, dbh_cm=measured, store=True, explain=True)
+    assert result.sentences is not None and result.sentences[result.reason]
     assert result.best is not None
     assert plain.best is not None
     assert (result.best.evidence or 0.0) > (plain.best.evidence or 0.0) + 5.0

@@ -1,6 +1,8 @@
 """What the client sends and how it reads answers, with a transport in place of a service."""
 
+import re
 from datetime import UTC, datetime, timedelta, timezone
+from typing import Any
 
 import httpx
 import numpy as np
@@ -64,6 +66,25 @@ def test_landmarks_alone_are_patched() -> None:
 def test_positions_of_other_than_two_numbers_are_named(point: list[float], told: str) -> None:
     with pytest.raises(ValueError, match=rf"positions are \[x, y\]; the one at 1 has {told}"):
         client(service(RESULT)).query("plots", xy=[[0.0, 0.0], point])
+
+
+@pytest.mark.parametrize(
+    ("xy", "told"),
+    [
+        ("abc", "xy must be a list of positions [x, y], not str"),
+        (5, "xy must be a list of positions [x, y], not int"),
+        ([1.0, 2.0], "positions are [x, y], two numbers; the one at 0 is 1.0"),
+        ([[0, 0], ["a", 2]], "positions are [x, y], two numbers; the one at 1 is ['a', 2]"),
+    ],
+)
+def test_what_is_no_list_of_positions_is_named(xy: Any, told: str) -> None:
+    with pytest.raises(ValueError, match=re.escape(told)):
+        client(service(RESULT)).query("plots", xy)
+
+
+def test_a_number_that_is_not_finite_is_named_with_its_place() -> None:
+    with pytest.raises(ValueError, match="the number at /min_confidence is not finite: leave the member out, or"):
+        client(service(RESULT)).query("plots", [[0, 0]], min_confidence=float("nan"))
 
 
 def test_diameters_make_landmarks_of_points() -> None:

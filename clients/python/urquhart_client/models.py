@@ -126,7 +126,8 @@ class Gates(Model):
 class QueryResult(Model):
     """The answer to *where is this?*. Look at `verdict` before any pose.
 
-    `rivals` are what makes it ambiguous; `findings` are there when asked for with `explain`, and in stored answers.
+    `rivals` are what makes it ambiguous. `findings`, and `sentences` that say what each reason in the answer means, are
+    there when asked for with `explain`; `findings` also in stored answers.
     """
 
     shown = ("id", "collection", "verdict", "reason", "best", "candidates", "rivals", "revision")
@@ -150,6 +151,7 @@ class QueryResult(Model):
     stages: tuple[Stage, ...] = ()
     findings: tuple[Finding, ...] | None = None
     findings_total: int | None = None
+    sentences: dict[str, str] | None = None
     links: dict[str, Any] = Field(default_factory=dict)
 
     @property

@@ -98,9 +98,9 @@ def test_limits_that_cannot_be(shared_client: httpx.Client, path: str, limit: st
 def test_who_asks_for_too_much_is_told_which_limit_it_is(client: httpx.Client) -> None:
     told = client.get("/v1/limits").json()["limits"]
     page = first_error(client.get(SUBMAPS, params={"limit": told["page_max"] + 1}))
-    assert page["detail"] == "must be from 1 to 50, the limit page_max"
+    assert page["detail"] == "must be from 1 to 50: see `page_max` in GET /v1/limits"
     query = first_error(client.post(f"{PLOTS}/queries", json={"xy": [], "limit": told["candidates"] + 1}))
-    assert query["detail"] == "must be at most 100, the limit candidates"
+    assert query["detail"] == "must be at most 100: see `candidates` in GET /v1/limits"
 
 
 def test_who_asks_for_no_number_of_candidates_gets_as_many_as_there_may_be(settings: Settings) -> None:

@@ -1,6 +1,7 @@
 """Why an answer is what it is: rivals and findings in the answer, explanations of stored ones."""
 
 import json
+import math
 import xml.etree.ElementTree as ElementTree
 from dataclasses import asdict
 from typing import Any, get_args
@@ -24,6 +25,7 @@ from urquhart.report.explanation import REASONS
 PLOTS = "/v1/collections/plots"
 QUERIES = f"{PLOTS}/queries"
 JSON = {"Accept": "application/json"}
+SVG = {"Accept": "image/svg+xml"}
 ROWS = plantation(90.0, 90.0, np.random.default_rng(8), jitter=0.05, survival=0.97)
 STORED = observe(ROWS, SE2(45.0, 45.0, 0.3), Sensor(20.0, sigma=0.1, detection=0.95), np.random.default_rng(1))
 ASKED = observe(ROWS, SE2(46.0, 47.0, -2.0), Sensor(20.0, sigma=0.1, detection=0.95), np.random.default_rng(2))
@@ -77,10 +79,10 @@ def test_a_match_has_no_rivals_and_the_gates_are_the_collections(client: httpx.C
     assert (answer["findings"], answer["findings_total"]) == (None, None)
     assert answer["links"]["explanation"] is None
     config = Config()
-    assert answer["gates"] == asdict(Gates.of(config)) | {"confidence": 0.999}
+    assert answer["gates"] == asdict(Gates.of(config)) | {"confidence": 1.0 / (1.0 + math.exp(-config.gate))}
     client.put("/v1/collections/strict", json={"config": {"gate": 9.5}}).raise_for_status()
     strict = client.post("/v1/collections/strict/queries", json={"xy": []}).json()
-    assert strict["gates"]["confidence"] == 1.0 - 7.5e-5  # 1 / (1 + exp(9.5)), in two digits
+    assert strict["gates"]["confidence"] == pytest.approx(1.0 - 7.4846e-5, abs=1e-9)  # 1 / (1 + exp(-9.5))
     assert strict["reason"] == "too_few_landmarks"
 
 
@@ -138,7 +140,7 @@ def test_an_explanation_as_data(client: httpx.Client) -> None:
 
 def test_an_explanation_as_a_drawing(client: httpx.Client) -> None:
     url = ambiguous(client, store=True)["links"]["explanation"]
-    for accept in ("image/svg+xml", "image/*", "*/*"):
+    for accept in ("image/svg+xml", "image/*", "image/svg+xml, */*;q=0.8"):
         drawing = client.get(url, headers={"Accept": accept})
         assert (drawing.headers["Content-Type"], drawing.headers["Vary"]) == (
             "image/svg+xml",
@@ -158,7 +160,7 @@ def test_every_verdict_can_be_drawn(client: httpx.Client) -> None:
     bodies += [{"xy": points(forest(9))}, {"xy": points(forest(1)), "method": "paper", "seed": 1}, {"submap_id": "p"}]
     drawn += [ask(client, **body, store=True)["links"]["explanation"] for body in bodies]
     for url in drawn:
-        ElementTree.fromstring(client.get(url).raise_for_status().text)
+        ElementTree.fromstring(client.get(url, headers=SVG).raise_for_status().text)
         client.get(url, headers=JSON).raise_for_status()
 
 
@@ -167,7 +169,7 @@ def test_of_a_submap_that_changed_the_numbers_stay(client: httpx.Client) -> None
     before = client.get(url, headers=JSON).json()
     put_submap(client, "plots", "rows", 3).raise_for_status()
     for _ in range(2):
-        drawing = client.get(url).raise_for_status().text
+        drawing = client.get(url, headers=SVG).raise_for_status().text
         assert "no longer those that were searched" in drawing
         assert "best: rows" not in drawing
         assert client.get(url, headers=JSON).json() == before
@@ -187,10 +189,12 @@ def test_an_answer_stored_by_an_older_version_is_explained_as_far_as_it_goes(
     assert read["links"]["explanation"] == f"{QUERIES}/1/explanation"
     told = client.get(f"{QUERIES}/1/explanation", headers=JSON).json()
     assert (told["stages"], told["gates"]) == (answer["stages"], answer["gates"])
-    drawing = client.get(f"{QUERIES}/1/explanation").text
+    drawing = client.get(f"{QUERIES}/1/explanation", headers=SVG).text
     assert "was not kept with this answer" in drawing
     assert "best: rows" in drawing
-    assert client.get(f"{QUERIES}/1/candidates/1/match").status_code == 200
+    for path in (f"{QUERIES}/1/explanation", f"{QUERIES}/1/candidates/1/match"):
+        types = [client.get(path, headers={"Accept": wanted}).headers["Content-Type"] for wanted in ("*/*", "image/*")]
+        assert types == ["application/json", "image/svg+xml"]
 
 
 def test_explanations_that_are_not_there(settings: Settings) -> None:

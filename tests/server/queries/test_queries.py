@@ -89,7 +89,7 @@ def test_pose_in_the_map(client: httpx.Client) -> None:
 def test_the_confidence_of_the_gate_is_answered_as_it_was_given(client: httpx.Client) -> None:
     put_submap(client, "plots", "p", 1).raise_for_status()
     seen, _ = observed(forest(1), 2)
-    assert ask(client, xy=seen)["gates"]["confidence"] == 0.999
+    assert ask(client, xy=seen)["gates"]["confidence"] == pytest.approx(0.998993, abs=1e-6)
     for given in (0.9, 0.95, 0.9999, 0.51):
         assert ask(client, xy=seen, min_confidence=given)["gates"]["confidence"] == given
 
@@ -109,10 +109,32 @@ def test_null_is_the_same_as_leaving_a_member_out(client: httpx.Client) -> None:
     assert job.status_code == 202
 
 
-def test_a_number_that_is_none_is_refused_without_a_word_on_null(client: httpx.Client) -> None:
-    """Null is allowed there."""
-    refused = client.post(f"{PLOTS}/queries", json={"xy": [], "min_confidence": "x"}).json()["errors"][0]
-    assert (refused["pointer"], refused["detail"]) == ("/min_confidence", "must be a number, not a string or boolean")
+@pytest.mark.parametrize(
+    ("sent", "pointer", "detail"),
+    [
+        ({"min_confidence": "x"}, "/min_confidence", "must be a number, not a string"),
+        ({"min_confidence": True}, "/min_confidence", "must be a number, not a boolean"),
+        ({"limit": []}, "/limit", "must be a whole number, not an array"),
+        ({"limit": {}}, "/limit", "must be a whole number, not an object"),
+        ({"xy": [[1, None]]}, "/xy/0/1", "must be a number, not null"),
+        ({"xy": [[1, 2], [3]]}, "/xy/1", "must have 2 entries, not 1"),
+        ({"xy": [[1, 2], []]}, "/xy/1", "must have 2 entries, not 0"),
+        ({"xy": [[1, 2, 3]]}, "/xy/0", "must have 2 entries, not 3"),
+    ],
+)
+def test_what_is_said_of_a_value_of_the_wrong_type(
+    shared_client: httpx.Client, sent: dict[str, Any], pointer: str, detail: str
+) -> None:
+    answer = shared_client.post(f"{PLOTS}/queries", json={"xy": []} | sent)
+    [refused] = answer.json()["errors"]
+    assert (answer.status_code, refused["pointer"], refused["detail"]) == (422, pointer, detail)
+
+
+def test_a_number_that_is_not_finite_is_not_taken_for_a_landmark(shared_client: httpx.Client) -> None:
+    answer = shared_client.post(
+        f"{PLOTS}/queries", content=b'{"xy": [], "min_confidence": NaN}', headers={"Content-Type": "application/json"}
+    )
+    assert answer.json()["detail"].endswith("leave out the member, or the landmark, that has no value.")
 
 
 @pytest.mark.parametrize("sigma_yaw", [1e-3, 0.05, 3.0])
@@ -251,7 +273,7 @@ def test_a_stored_answer_is_read_and_drawn(client: httpx.Client) -> None:
     assert response.headers["Location"] == answer["links"]["self"] == f"{QUERIES}/1"
     assert client.get(f"{QUERIES}/1").json() == answer
     url = answer["candidates"][0]["links"]["match"]
-    drawing = client.get(url)
+    drawing = client.get(url, headers={"Accept": "image/svg+xml"})
     assert drawing.headers["Content-Type"] == "image/svg+xml"
     assert "<svg" in drawing.text
     match = client.get(url, headers={"Accept": "application/json"}).json()

@@ -205,7 +205,7 @@ def test_a_refused_line_says_which_and_why(plots: Database, pool: ProcessPool) -
             typo, unnamed = refused[3].error, refused[6].error
             assert isinstance(typo, InvalidBody) and isinstance(unnamed, InvalidBody)
             assert (typo.entries[0]["pointer"], typo.entries[0]["code"]) == ("/colour", "extra_forbidden")
-            assert str(typo) == "2 things are wrong, see errors."
+            assert str(typo) == "2 values are wrong; `errors` lists each with its place."
             assert str(unnamed) == "/id: is required"
     assert [row["id"] for row in rows(plots, "plots")] == ["good", "last"]
 

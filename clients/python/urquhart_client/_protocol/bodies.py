@@ -40,7 +40,8 @@ def landmarks(
         if ids is not None or dbh_cm is not None:
             raise ValueError("landmarks carry their own ids and dbh_cm: leave ids and dbh_cm out")
         return {"landmarks": [_plain(landmark) for landmark in listed]}
-    assert xy is not None
+    if isinstance(xy, str) or not isinstance(xy, Iterable):
+        raise ValueError(f"xy must be a list of positions [x, y], not {type(xy).__name__}")
     body: dict[str, Any] = {"xy": [_position(i, point) for i, point in enumerate(xy)]}
     if ids is not None:
         body["ids"] = [str(one) for one in ids]
@@ -48,7 +49,10 @@ def landmarks(
 
 
 def _position(index: int, point: Sequence[float]) -> list[float]:
-    numbers = [float(number) for number in point]
+    try:
+        numbers = [float(number) for number in point]
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"positions are [x, y], two numbers; the one at {index} is {point!r:.100}") from error
     if len(numbers) != 2:
         advice = ": leave out what follows x and y" if len(numbers) > 2 else ""
         raise ValueError(f"positions are [x, y]; the one at {index} has {len(numbers)} numbers{advice}")
@@ -170,7 +174,9 @@ def written(body: Mapping[str, Any]) -> bytes:
         return json.dumps(body, allow_nan=False, separators=(",", ":")).encode()
     except ValueError as error:
         place = next(_not_finite(body), "?")
-        raise ValueError(f"the number at {place} is not finite; leave out landmarks without a position") from error
+        raise ValueError(
+            f"the number at {place} is not finite: leave the member out, or the landmark that it belongs to"
+        ) from error
 
 
 def _not_finite(value: object, place: str = "") -> Iterator[str]:
