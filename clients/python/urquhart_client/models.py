@@ -126,8 +126,7 @@ class Gates(Model):
 class QueryResult(Model):
     """The answer to *where is this?*. Look at `verdict` before any pose.
 
-    `rivals` are what makes it ambiguous. `findings`, and `sentences` that say what each reason in the answer means, are
-    there when asked for with `explain`; `findings` also in stored answers.
+    `rivals` are what makes it ambiguous. `explain` adds `findings`, and `sentences`: what each reason in it means.
     """
 
     shown = ("id", "collection", "verdict", "reason", "best", "candidates", "rivals", "revision")
@@ -161,10 +160,7 @@ class QueryResult(Model):
 
 
 class Explanation(Model):
-    """Why a stored query was answered as it was; `sentences` say what each reason in it means.
-
-    `findings` is None for an answer stored by a version that kept none.
-    """
+    """Why a stored query was answered as it was; `findings` is None if the version that stored it kept none."""
 
     shown = ("query_id", "collection", "verdict", "reason", "lead", "findings", "rivals", "sentences")
 
