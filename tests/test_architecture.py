@@ -47,7 +47,7 @@ SERVICE = (
         "snapshots",
     ),
     *("http", "http.admission", "service_parts", "http.documentation", "http.serving", "routes", "app"),
-    *("commands.support", "commands", "commands.demo", "cli", "__main__"),
+    *("commands.support", "commands.operator", "commands", "commands.demo", "cli", "__main__"),
 )
 """Rooms of the service from the ground up: each may import from those before it."""
 

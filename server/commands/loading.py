@@ -111,8 +111,13 @@ COMMANDS: Final = {
         ("urquhart warm", "NUMBA_CACHE_DIR=/opt/urquhart/kernels NUMBA_CPU_NAME=generic urquhart warm"),
     ),
     "db": CommandEntry("server.commands.db", "app", "Upgrade and check the database file, and rebuild its index."),
-    "keys": CommandEntry("server.commands.keys", "app", "Create, list and revoke API keys."),
-    "jobs": CommandEntry("server.commands.jobs", "app", "List the jobs of a database, and cancel them."),
+    "stands": CommandEntry(
+        "server.commands.operator.stands",
+        "app",
+        "List and show what stem maps were stored in a collection, and remove them.",
+    ),
+    "keys": CommandEntry("server.commands.operator.keys", "app", "Create, list and revoke API keys."),
+    "jobs": CommandEntry("server.commands.operator.jobs", "app", "List the jobs of a database, and cancel them."),
     "snapshot": CommandEntry(
         "server.commands.snapshot",
         "app",

@@ -129,9 +129,22 @@ class StandRecord:
 
 @dataclass(frozen=True, slots=True)
 class StoredStand(StandRecord):
-    """A stand as it is stored; its submaps refer to its `key`."""
+    """A stand as it is stored; its submaps refer to its `key`.
+
+    Attributes:
+        created, updated: when it was stored first, and last.
+    """
 
     key: int
+    created: datetime
+    updated: datetime
+
+
+@dataclass(frozen=True, slots=True)
+class CountedStand(StoredStand):
+    """A stand with the number of its submaps now: a PUT takes a submap out of its stand."""
+
+    submap_count: int
 
 
 @dataclass(frozen=True, slots=True)

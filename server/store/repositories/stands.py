@@ -3,12 +3,13 @@
 import re
 from collections.abc import Collection
 from datetime import UTC, datetime
+from typing import Any
 
-from sqlalchemy import Connection, delete, func, insert, literal, select, update
+from sqlalchemy import Connection, Select, delete, func, insert, literal, select, update
 
 from server.store.columns import columns_of, values_of
 from server.store.expressions import batches, beside_key
-from server.store.records import StandRecord, StoredStand
+from server.store.records import CountedStand, StandRecord, StoredStand
 from server.store.repositories.collections import Collections
 from server.store.tables import DeletionRow, StandRow, SubmapRow
 
@@ -25,6 +26,22 @@ class StandReader:
         named = (StandRow.collection_key == self._collection_key, StandRow.name == name)
         row = self._connection.execute(select(*columns_of(StoredStand, StandRow)).where(*named)).one_or_none()
         return None if row is None else StoredStand(*row)
+
+    def counted(self, name: str) -> CountedStand | None:
+        """The stand of that name with the number of its submaps, or None."""
+        row = self._connection.execute(self._counted().where(StandRow.name == name)).one_or_none()
+        return None if row is None else CountedStand(*row)
+
+    def page(self, *, after_key: int = 0, limit: int | None = None) -> list[CountedStand]:
+        """Up to `limit` stands (None: all) in the order they were first stored, beginning after a key."""
+        query = self._counted().where(StandRow.key > after_key).order_by(StandRow.key).limit(limit)
+        return [CountedStand(*row) for row in self._connection.execute(query)]
+
+    def _counted(self) -> Select[Any]:
+        mine = (SubmapRow.collection_key == StandRow.collection_key, SubmapRow.stand_key == StandRow.key)
+        submap_count = select(func.count()).where(*mine).scalar_subquery()
+        columns = (*columns_of(StoredStand, StandRow), submap_count)
+        return select(*columns).where(StandRow.collection_key == self._collection_key)
 
     def with_trees(self, trees_hash: str) -> list[str]:
         """Names of the stands whose trees stand at exactly these positions, in the order they were stored."""
@@ -93,3 +110,11 @@ class Stands(StandReader):
             columns = ["submap_key", "collection_key", "revision"]
             self._connection.execute(insert(DeletionRow).from_select(columns, gone))
             self._connection.execute(delete(SubmapRow).where(*these))
+
+    def delete(self, stand_key: int) -> int:
+        """Delete a stand with its submaps, as `remove` does; the number of submaps."""
+        keys = self.members(stand_key).values()
+        self.remove(keys)
+        of_key = (StandRow.collection_key == self._collection_key, StandRow.key == stand_key)
+        self._connection.execute(delete(StandRow).where(*of_key))
+        return len(keys)

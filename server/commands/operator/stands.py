@@ -1,0 +1,78 @@
+"""`urquhart stands`: list, show and remove what stem maps were stored in a collection, also while a service runs."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from server.commands.support.console import wide_console
+from server.commands.support.database import check_there, open_database, settings_with
+from server.commands.support.options import DatabaseOption
+from server.stem_maps import stored_stands
+from server.store.sqlite.database import Database
+
+app = typer.Typer(help="List and show what stem maps were stored in a collection, and remove them.")
+
+CollectionArgument = Annotated[str, typer.Argument(metavar="COLLECTION", help="Id of the collection.")]
+NameArgument = Annotated[
+    str, typer.Argument(metavar="NAME", help="Name of the stand: the file's name without its suffix.")
+]
+
+
+@app.command("list", epilog="Example: `urquhart stands list season-2026`")
+def list_stands(collection: CollectionArgument, database: DatabaseOption = None) -> None:
+    """List the stands of a collection, in the order they were first stored."""
+    store = _existing(database)
+    try:
+        found = stored_stands.listed(store, collection)
+    finally:
+        store.dispose()
+    if not found:
+        typer.echo(f"no stands in {collection}: urquhart index stores some")
+        return
+    table = Table("name", "trees", "submaps", "radius", "spacing", "stored", box=None)
+    for stand in found:
+        sizes = (f"{stand.radius:g} m", f"{stand.spacing:g} m")
+        stored = f"{stand.updated:%Y-%m-%d %H:%M}"
+        table.add_row(stand.name, str(stand.tree_count), str(stand.submap_count), *sizes, stored)
+    wide_console().print(table)
+
+
+@app.command("show", epilog="Example: `urquhart stands show season-2026 plot-7`")
+def show(collection: CollectionArgument, name: NameArgument, database: DatabaseOption = None) -> None:
+    """Show what is known of a stand."""
+    store = _existing(database)
+    try:
+        stand = stored_stands.read(store, collection, name)
+    finally:
+        store.dispose()
+    for label, value in (
+        ("name", stand.name),
+        ("frame", stand.frame_id),
+        ("trees", str(stand.tree_count)),
+        ("submaps", str(stand.submap_count)),
+        ("radius", f"{stand.radius:g} m"),
+        ("spacing", f"{stand.spacing:g} m"),
+        ("first", f"{stand.created:%Y-%m-%d %H:%M:%S} UTC"),
+        ("stored", f"{stand.updated:%Y-%m-%d %H:%M:%S} UTC"),
+        ("file", stand.source_hash or "not stored from a file"),
+    ):
+        typer.echo(f"{label:<9}{value}")
+
+
+@app.command("remove", epilog="Example: `urquhart stands remove season-2026 plot-7`")
+def remove(collection: CollectionArgument, name: NameArgument, database: DatabaseOption = None) -> None:
+    """Remove a stand with all its submaps, in one transaction. Running services search without them at once."""
+    store = _existing(database)
+    try:
+        submaps = stored_stands.remove(store, collection, name)
+    finally:
+        store.dispose()
+    typer.echo(f"{name}: removed with {submaps} submaps")
+
+
+def _existing(database: Path | None) -> Database:
+    settings = settings_with(database=database)
+    check_there(settings)
+    return open_database(settings)

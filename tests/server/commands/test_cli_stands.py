@@ -1,0 +1,72 @@
+"""`urquhart stands`."""
+
+import re
+import sqlite3
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from server.stem_maps.formats.files import file_digest
+from tests.server.commands.cli_helpers import Urquhart, refused, write_observation
+
+OPTIONS = ["--collection", "c", "--radius", 20, "--spacing", 14]
+
+
+@pytest.fixture
+def two_stands(urquhart: Urquhart, tmp_path: Path) -> Path:
+    """A database with the stands `north` of 140 trees and `south` of 100, stored in this order."""
+    for name, count in (("north", 140), ("south", 100)):
+        trees = np.random.default_rng(count).uniform(0.0, (64.0, 52.0), (count, 2))
+        write_observation(tmp_path / f"{name}.csv", trees)
+    assert urquhart("index", "north.csv", "south.csv", *OPTIONS, "--processes", 1).code == 0
+    return tmp_path / "urquhart.db"
+
+
+def submaps_of(path: Path, stand: str) -> int:
+    with closing(sqlite3.connect(path)) as connection:
+        query = "SELECT count(*) FROM submaps WHERE id LIKE ? || '-%'"
+        return int(connection.execute(query, [stand]).fetchone()[0])
+
+
+def test_a_stand_from_its_listing_to_its_removal(urquhart: Urquhart, two_stands: Path) -> None:
+    count, others = submaps_of(two_stands, "north"), submaps_of(two_stands, "south")
+    listed = urquhart("stands", "list", "c").out.splitlines()
+    assert re.search(rf"^ *north +140 +{count} +20 m +14 m +20\d\d-\d\d-\d\d \d\d:\d\d *$", listed[1])
+    assert re.search(r"^ *south +100 ", listed[2])
+    shown = urquhart("stands", "show", "c", "north").out
+    digest = file_digest(two_stands.parent / "north.csv")
+    assert re.search(rf"^file +{digest}$", shown, re.MULTILINE)
+    assert re.search(rf"^submaps +{count}$", shown, re.MULTILINE)
+    assert urquhart("stands", "remove", "c", "north").out == f"north: removed with {count} submaps\n"
+    assert (submaps_of(two_stands, "north"), submaps_of(two_stands, "south")) == (0, others)
+    assert "north" not in urquhart("stands", "list", "c").out
+    assert "clean" in urquhart("db", "check").out
+    refused(urquhart("stands", "remove", "c", "north"), "There is no stand 'north' here.")
+
+
+def test_a_removed_stand_is_found_no_more(urquhart: Urquhart, two_stands: Path, tmp_path: Path) -> None:
+    trees = np.random.default_rng(140).uniform(0.0, (64.0, 52.0), (140, 2))
+    seen = write_observation(tmp_path / "seen.csv", trees[np.hypot(*(trees - (35.0, 15.0)).T) < 12.0])
+    assert urquhart("locate", seen, "--collection", "c").out.startswith("matched")
+    urquhart("stands", "remove", "c", "north")
+    assert urquhart("locate", seen, "--collection", "c").out.startswith("no_match")
+    assert "0 replaced" in urquhart("index", "north.csv", *OPTIONS, "--processes", 1).out
+    assert urquhart("locate", seen, "--collection", "c").out.startswith("matched")
+
+
+def test_a_submap_that_belongs_to_the_stand_no_more_stays(urquhart: Urquhart, two_stands: Path) -> None:
+    count = submaps_of(two_stands, "north")
+    with closing(sqlite3.connect(two_stands)) as connection, connection:
+        connection.execute("UPDATE submaps SET stand_key = NULL WHERE id = (SELECT min(id) FROM submaps)")
+    assert f"with {count - 1} submaps" in urquhart("stands", "remove", "c", "north").out
+    assert submaps_of(two_stands, "north") == 1
+
+
+def test_what_is_not_there(urquhart: Urquhart, tmp_path: Path) -> None:
+    refused(urquhart("stands", "list", "c"), "no such database")
+    assert list(tmp_path.iterdir()) == []
+    urquhart("db", "upgrade")
+    for arguments in (["list", "c"], ["show", "c", "north"], ["remove", "c", "north"]):
+        refused(urquhart("stands", *arguments), "There is no collection 'c' here.")
