@@ -1,6 +1,7 @@
 """`urquhart index`: cut stem maps into overlapping submaps and store them, without a service."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -16,7 +17,7 @@ from server.commands.support.failure import CommandError
 from server.commands.support.file_options import reads_files
 from server.commands.support.options import DatabaseOption
 from server.commands.support.progress import progress_bar
-from server.config.settings import Limits
+from server.config.settings import Limits, Settings
 from server.config.settings_groups import IndexSettings
 from server.errors import StorageError
 from server.index.live_indexes import LiveIndexes
@@ -24,7 +25,7 @@ from server.index.maintenance import Maintenance
 from server.observability.metrics import Metrics
 from server.schemas.collections import CollectionPut
 from server.schemas.common import check_id
-from server.stem_maps.reader import StemMap, read_stem_map
+from server.stem_maps.reader import StemMap, StemMapError, read_stem_map
 from server.stem_maps.reading.options import ReadOptions
 from server.stem_maps.stands import StandError, StandReport, cut_stand, store_stand
 from server.stem_maps.tiling import MINIMUM_TREES, Cut, CuttingError
@@ -63,56 +64,98 @@ def index(
     Each submap contains the trees within the radius of a point of a square grid, in a frame of its own, and its pose in
     the map, which has the name of the file. Indexing a corrected file with the same name replaces all its submaps in
     one step. Indexing the same file again changes nothing.
+
+    Of several files, one that cannot be stored is a row of the report, and the others are stored; the exit code is then
+    2. Nothing is stored if two files have one name, or two coordinate reference systems.
     """
     settings = settings_with(database=database)
-    stem_maps = [read_stem_map(path, columns) for path in files]
-    _check_systems(files, stem_maps)
-    stands = _cut_all(files, stem_maps, radius, spacing, settings.limits)
+    _check_names(files)
+    inputs = [_prepared(path, columns, radius, spacing, settings.limits) for path in files]
+    readable = [one for one in inputs if one.stand is not None]
+    if len(inputs) == 1 and not readable:
+        raise CommandError(inputs[0].error)
+    _check_systems(readable)
+    if readable:
+        store = open_database(settings)
+        try:
+            ensure_collection(store, collection)
+            _store_all(store, collection, readable, settings, processes)
+        finally:
+            store.dispose()
+    if len(inputs) == 1 and inputs[0].error:
+        raise CommandError(inputs[0].error)
+    _tell(inputs)
 
-    store = open_database(settings)
-    console = Console(stderr=True)
-    reports = []
+
+@dataclass(slots=True)
+class _IndexedFile:
+    """A file, what became of it, and why it was not stored if `error` is not empty."""
+
+    path: Path
+    stem_map: StemMap | None = None
+    stand: Cut | None = None
+    report: StandReport | None = None
+    error: str = ""
+
+
+def _prepared(path: Path, columns: ReadOptions, radius: float, spacing: float, limits: Limits) -> _IndexedFile:
+    """A file read and cut into discs; a file that cannot be stored does not keep others from it."""
+    one = _IndexedFile(path)
     try:
-        ensure_collection(store, collection)
-        with console.status("loading the kernels"):  # compiled at the first use, so not counted in the rate
-            urquhart.describe(np.random.default_rng(0).uniform(0.0, 50.0, (30, 2)), urquhart.Config())
-        with describers(processes) as workers, progress_bar(console) as progress:
-            options = LineOptions(limits=settings.limits, workers=workers)
-            for path, stem_map, stand in zip(files, stem_maps, stands, strict=True):
-                task = progress.add_task(path.name, total=len(stand.discs))
-                advance = partial(progress.advance, task)
-                try:
-                    report = store_stand(store, collection, stem_map, stand, options, advance=advance)
-                except StandError as error:
-                    raise CommandError(f"{path}: {error}") from error
-                reports.append(report)
-            task = progress.add_task("index", total=None)
-            _write_index(store, settings.index, collection, partial(progress.advance, task))
-    finally:
-        store.dispose()
-    for stem_map, report in zip(stem_maps, reports, strict=True):
-        typer.echo(f"{stem_map.name}: {stem_map.understood}")
-        typer.echo(sentence(report))
+        one.stem_map = read_stem_map(path, columns)
+        one.stand = cut_stand(one.stem_map, radius, spacing, limits)
+    except StemMapError as error:
+        one.error = str(error)
+    except (CuttingError, StandError) as error:
+        one.error = f"{path}: {error}"
+    return one
 
 
-def _cut_all(files: list[Path], stem_maps: list[StemMap], radius: float, spacing: float, limits: Limits) -> list[Cut]:
-    """Each stem map cut into discs. Raises CommandError."""
-    names = [stem_map.name for stem_map in stem_maps]
+def _store_all(
+    store: Database, collection: str, inputs: list[_IndexedFile], settings: Settings, processes: int | None
+) -> None:
+    """Store each stand in a transaction of its own, then write the index."""
+    console = Console(stderr=True)
+    with console.status("loading the kernels"):  # compiled at the first use, so not counted in the rate
+        urquhart.describe(np.random.default_rng(0).uniform(0.0, 50.0, (30, 2)), urquhart.Config())
+    with describers(processes) as workers, progress_bar(console) as progress:
+        options = LineOptions(limits=settings.limits, workers=workers)
+        for one in inputs:
+            assert one.stem_map is not None and one.stand is not None
+            task = progress.add_task(one.path.name, total=len(one.stand.discs))
+            advance = partial(progress.advance, task)
+            try:
+                one.report = store_stand(store, collection, one.stem_map, one.stand, options, advance=advance)
+            except StandError as error:
+                one.error = f"{one.path}: {error}"
+        task = progress.add_task("index", total=None)
+        _write_index(store, settings.index, collection, partial(progress.advance, task))
+
+
+def _tell(inputs: list[_IndexedFile]) -> None:
+    """Print what became of each file, in their order. Raises CommandError if one of them was not stored."""
+    for one in inputs:
+        if one.stem_map is not None and one.report is not None:
+            typer.echo(f"{one.stem_map.name}: {one.stem_map.understood}")
+            typer.echo(sentence(one.report))
+        else:
+            typer.echo(f"not stored: {' '.join(one.error.split())}")
+    count = sum(one.report is None for one in inputs)
+    if count:
+        raise CommandError(f"{count} of {len(inputs)} files were not stored: see the rows that begin with 'not stored'")
+
+
+def _check_names(files: list[Path]) -> None:
+    """Raise CommandError if two files would be stands of one name."""
+    names = [path.stem for path in files]
     for name in names:
         if names.count(name) > 1:
             raise CommandError(f"two files are called {name!r}, and their submaps would have the same ids: rename one")
-    stands = []
-    for path, stem_map in zip(files, stem_maps, strict=True):
-        try:
-            stands.append(cut_stand(stem_map, radius, spacing, limits))
-        except (CuttingError, StandError) as error:
-            raise CommandError(f"{path}: {error}") from error
-    return stands
 
 
-def _check_systems(files: list[Path], stem_maps: list[StemMap]) -> None:
+def _check_systems(inputs: list[_IndexedFile]) -> None:
     """Raise CommandError if files are in different coordinate reference systems."""
-    known = [(path, stem_map.crs) for path, stem_map in zip(files, stem_maps, strict=True) if stem_map.crs is not None]
+    known = [(one.path, one.stem_map.crs) for one in inputs if one.stem_map is not None and one.stem_map.crs]
     other = next(((path, crs) for path, crs in known if crs != known[0][1]), None)
     if other is not None:
         raise CommandError(

@@ -70,3 +70,30 @@ def test_what_is_not_there(urquhart: Urquhart, tmp_path: Path) -> None:
     urquhart("db", "upgrade")
     for arguments in (["list", "c"], ["show", "c", "north"], ["remove", "c", "north"]):
         refused(urquhart("stands", *arguments), "There is no collection 'c' here.")
+
+
+# ---------------------------------------------------------------- one bad file of several
+
+
+def test_a_bad_file_is_a_row_and_the_others_are_stored(urquhart: Urquhart, two_stands: Path, tmp_path: Path) -> None:
+    count = submaps_of(two_stands, "south")
+    write_observation(tmp_path / "east.csv", np.random.default_rng(3).uniform(0.0, (64.0, 52.0), (120, 2)))
+    (tmp_path / "north.csv").write_text("tree_id,x_m,y_m\n1,2,3\n2,oak,4\n")
+    write_observation(tmp_path / "few.csv", np.array([[0.0, 0.5], [3.1, 1.0], [7.2, 5.3]]))
+    write_observation(tmp_path / "south.csv", np.array([(2.0 * i, float(i)) for i in range(40)]))
+    files = ["north.csv", "none.csv", "few.csv", "south.csv", "east.csv"]
+    said = urquhart("index", *files, *OPTIONS, "--processes", 1)
+    assert said.code == 2
+    rows = said.out.splitlines()
+    assert [row.partition(".csv")[0] for row in rows[:4]] == [f"not stored: {name[:-4]}" for name in files[:4]]
+    for row, word in zip(rows, ("north.csv:3:", "no such file", "at least 10", "keeps the submaps"), strict=False):
+        assert word in row
+    assert rows[5].startswith("east: 120 trees -> ")
+    assert said.err.splitlines()[-1].startswith("urquhart: 4 of 5 files were not stored")
+    assert submaps_of(two_stands, "north") and submaps_of(two_stands, "south") == count
+    assert submaps_of(two_stands, "east")
+
+
+def test_bad_files_alone_make_no_database(urquhart: Urquhart, tmp_path: Path) -> None:
+    said = urquhart("index", "a.csv", "b.csv", *OPTIONS)
+    assert (said.code, said.out.count("not stored: "), list(tmp_path.iterdir())) == (2, 2, [])
