@@ -40,7 +40,18 @@ from server.parsing import strict_json
 from server.platform.precedence import Precedence
 from server.platform.thread_limits import pin_threads
 from server.platform.version import service_version
-from server.routes import collections, html_pages, imports, jobs, queries, snapshots, submap_writes, submaps, system
+from server.routes import (
+    collections,
+    html_pages,
+    imports,
+    jobs,
+    queries,
+    snapshots,
+    stands,
+    submap_writes,
+    submaps,
+    system,
+)
 from server.security.authenticator import Authenticator, check_exposure
 from server.security.rate_limit import RateLimiter
 from server.service_parts import JobRuntime, Service
@@ -57,6 +68,7 @@ _ROUTERS = (
     queries.router,
     submap_writes.router,
     submaps.router,
+    stands.router,
     collections.router,
     jobs.router,
     imports.router,
@@ -67,6 +79,7 @@ _ROUTERS = (
 _TAGS = [
     {"name": "collections", "description": "Submaps that share a configuration."},
     {"name": "submaps", "description": "Tree positions in one rigid frame: what is stored and found."},
+    {"name": "stands", "description": "What stem maps were stored: listed, read and deleted as a whole."},
     {"name": "queries", "description": "Where is this? A verdict, candidates, and the evidence for each."},
     {
         "name": "jobs",

@@ -25,6 +25,16 @@ def sessions(collection_id: str) -> str:
     return f"{collection(collection_id)}/sessions"
 
 
+def stands(collection_id: str) -> str:
+    """Path of a collection's stands."""
+    return f"{collection(collection_id)}/stands"
+
+
+def stand(collection_id: str, name: str) -> str:
+    """Path of a stand."""
+    return f"{stands(collection_id)}/{quote(name, safe='')}"
+
+
 def job(job_id: str) -> str:
     """Path of a job."""
     return f"{ROOT}/jobs/{quote(job_id, safe='')}"

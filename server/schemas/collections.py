@@ -1,4 +1,4 @@
-"""Bodies of the collection routes."""
+"""Bodies of the collection routes, and of those of stands."""
 
 from datetime import datetime
 from typing import Annotated, Any
@@ -155,4 +155,61 @@ COLLECTION_EXAMPLE: dict[str, Any] = {
         "spatial": [{"frame_id": "map", "bbox": [-40.2, -38.9, 161.0, 140.4]}],
         "temporal": ["2026-05-04T09:30:00Z", "2026-05-04T11:00:00Z"],
     },
+}
+
+
+class StandLinks(Answer):
+    """Paths of a stand and its collection."""
+
+    self: str = Field(description="Path of the stand.")
+    collection: str = Field(description="Path of the stand's collection.")
+
+
+class Stand(Answer):
+    """What was stored from one stem map, and is replaced and deleted as a whole."""
+
+    name: str = Field(description="Name of the stand: that of the file, without its suffix.")
+    frame_id: str = Field(description="Map frame of the stand's submaps.")
+    crs: str | None = Field(description="Coordinate reference system of that map frame. Null if it has none.")
+    origin: Point | None = Field(
+        description="Easting and northing, in metres, of the map frame's origin in the CRS. Null if it has none."
+    )
+    trees: int = Field(description="Number of trees in the file.")
+    submaps: int = Field(
+        description="Number of the stand's submaps. A PUT of a submap takes it out of its stand, a DELETE removes it."
+    )
+    radius: float = Field(description="Radius of a submap, in metres.")
+    spacing: float = Field(description="Distance between the centres of neighbouring submaps, in metres.")
+    source_hash: str | None = Field(description="BLAKE2b digest of the file, 12 bytes in hexadecimal. Null if unknown.")
+    trees_hash: str = Field(
+        description="Digest of the trees' positions, whatever their order. Stands with equal digests have equal trees."
+    )
+    created: _Written = Field(description="When a stand of this name was first stored.")
+    updated: _Written = Field(description="When the stand was last stored.")
+    etag: str = Field(description="Entity tag of the stand.")
+    links: StandLinks = Field(description="Paths of the stand and its collection.")
+
+
+class StandPage(Answer):
+    """A page of stands."""
+
+    stands: list[Stand] = Field(description="The stands of the page, in the order they were first stored.")
+    next: str | None = Field(None, description=NEXT)
+
+
+STAND_EXAMPLE: dict[str, Any] = {
+    "name": "stand-7",
+    "frame_id": "stand-7",
+    "crs": "EPSG:32633",
+    "origin": [415200.0, 5821500.0],
+    "trees": 584,
+    "submaps": 30,
+    "radius": 30.0,
+    "spacing": 20.0,
+    "source_hash": "9f1c02b7a3d85e6471c0aa52",
+    "trees_hash": "4be0617f3c9d2a85e1f06b37",
+    "created": "2026-05-04T09:30:00Z",
+    "updated": "2026-05-11T08:12:45Z",
+    "etag": "c81d4e2ea0b1f5d6937a2c40",
+    "links": {"self": "/v1/collections/plots/stands/stand-7", "collection": "/v1/collections/plots"},
 }

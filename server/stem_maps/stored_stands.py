@@ -1,21 +1,42 @@
-"""The stands of a collection: listed, read, removed."""
+"""The stands of a collection: listed, read, deleted."""
 
 from server.collections.crud import get_collection
+from server.config.settings import Limits
 from server.errors import NotFound
-from server.store.records import CountedStand
+from server.resources import links
+from server.resources.idempotency import NO_CONTENT, IdempotencyKey, StoredResponse, find_response, store_response
+from server.resources.paging import page_size, read_cursor, write_cursor
+from server.resources.preconditions import ANYTHING, Preconditions
+from server.schemas.collections import Stand, StandLinks, StandPage
+from server.schemas.common import to_json
+from server.store.codec import digest
+from server.store.records import CollectionRecord, CountedStand, FrameReference
 from server.store.storage import ReadTransaction, Storage
 
 
-def listed(database: Storage, collection_id: str) -> list[CountedStand]:
+def listed(database: Storage, collection_id: str) -> list[Stand]:
     """All stands of a collection, in the order they were first stored. Raises NotFound."""
     with database.read() as tx:
-        return tx.stands(get_collection(tx, collection_id).key).page()
+        collection = get_collection(tx, collection_id)
+        return _answers(tx, collection, tx.stands(collection.key).page())
 
 
-def read(database: Storage, collection_id: str, name: str) -> CountedStand:
+def page(database: Storage, limits: Limits, collection_id: str, limit: int | None, cursor: str | None) -> StandPage:
+    """A page of a collection's stands, in the order they were first stored. Raises NotFound and InvalidField."""
+    size = page_size(limit, limits)
+    after = read_cursor("stands", cursor)
+    with database.read() as tx:
+        collection = get_collection(tx, collection_id)
+        rows = tx.stands(collection.key).page(after_key=after, limit=size + 1)
+        answers = _answers(tx, collection, rows[:size])
+    return StandPage(stands=answers, next=write_cursor("stands", rows[size - 1].key) if len(rows) > size else None)
+
+
+def read(database: Storage, collection_id: str, name: str) -> Stand:
     """A stand. Raises NotFound."""
     with database.read() as tx:
-        return get_stand(tx, collection_id, name)
+        collection = get_collection(tx, collection_id)
+        return _answers(tx, collection, [_get(tx, collection, name)])[0]
 
 
 def remove(database: Storage, collection_id: str, name: str) -> int:
@@ -24,13 +45,62 @@ def remove(database: Storage, collection_id: str, name: str) -> int:
     Submaps that were taken out of the stand, because somebody stored others under their ids, stay.
     """
     with database.write() as tx:
-        stand = get_stand(tx, collection_id, name)
-        return tx.stands(get_collection(tx, collection_id).key).delete(stand.key)
+        collection = get_collection(tx, collection_id)
+        return tx.stands(collection.key).delete(_get(tx, collection, name).key)
 
 
-def get_stand(tx: ReadTransaction, collection_id: str, name: str) -> CountedStand:
-    """A stand of a collection. Raises NotFound if there is no such collection or stand."""
-    stand = tx.stands(get_collection(tx, collection_id).key).counted(name)
-    if stand is None:
+def delete(
+    database: Storage,
+    collection_id: str,
+    name: str,
+    preconditions: Preconditions = ANYTHING,
+    *,
+    idempotency_key: IdempotencyKey | None = None,
+) -> StoredResponse:
+    """Delete a stand as `remove` does. Returns the answer.
+
+    Raises NotFound, PreconditionFailed, KeyReused and StorageError.
+    """
+    with database.write() as tx:
+        collection = get_collection(tx, collection_id)
+        operation = f"deleteStand {collection.key} {name}"
+        response = find_response(tx, idempotency_key, operation)
+        if response is not None:
+            return response
+        row = _get(tx, collection, name)
+        preconditions.check(_answers(tx, collection, [row])[0].etag)
+        tx.stands(collection.key).delete(row.key)
+        return store_response(tx, idempotency_key, operation, NO_CONTENT)
+
+
+def _get(tx: ReadTransaction, collection: CollectionRecord, name: str) -> CountedStand:
+    row = tx.stands(collection.key).counted(name)
+    if row is None:
         raise NotFound("stand", name)
-    return stand
+    return row
+
+
+def _answers(tx: ReadTransaction, collection: CollectionRecord, rows: list[CountedStand]) -> list[Stand]:
+    references = tx.map_frames(collection).some([row.frame_id for row in rows])
+    return [_answer(collection.id, row, references.get(row.frame_id)) for row in rows]
+
+
+def _answer(collection_id: str, row: CountedStand, reference: FrameReference | None) -> Stand:
+    answer = Stand(
+        name=row.name,
+        frame_id=row.frame_id,
+        crs=None if reference is None else reference.crs,
+        origin=None if reference is None else reference.origin,
+        trees=row.tree_count,
+        submaps=row.submap_count,
+        radius=row.radius,
+        spacing=row.spacing,
+        source_hash=row.source_hash or None,
+        trees_hash=row.trees_hash,
+        created=row.created,
+        updated=row.updated,
+        etag="",
+        links=StandLinks(self=links.stand(collection_id, row.name), collection=links.collection(collection_id)),
+    )
+    # Of all that is told: the time of the last write, the number of submaps, and where the map frame is.
+    return answer.model_copy(update={"etag": digest(to_json(answer))})

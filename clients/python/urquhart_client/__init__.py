@@ -31,6 +31,7 @@ from urquhart_client.models import (
     Tessellation,
 )
 from urquhart_client.poses import MapPose, Transform, TreesMiddle
+from urquhart_client.stand_models import Stand
 
 __all__ = [
     "UNSET",
@@ -59,6 +60,7 @@ __all__ = [
     "SessionSummary",
     "Snapshot",
     "Stage",
+    "Stand",
     "Submap",
     "SubmapReceipt",
     "Tessellation",

@@ -17,8 +17,8 @@ from server.commands.demo.observations import (
     RIGHT_DEGREES,
     RIGHT_METRES,
     DemoQuestion,
+    DemoStand,
     JudgedAnswer,
-    Stand,
     ask,
     judge,
 )
@@ -37,10 +37,10 @@ from urquhart_client import Candidate, Client
 
 COLLECTION: Final = "forests"
 STANDS: Final = (
-    Stand("lansing", sensor_range=30.0, radius=30.0, spacing=20.0),
-    Stand("bei", sensor_range=50.0, radius=50.0, spacing=30.0),
+    DemoStand("lansing", sensor_range=30.0, radius=30.0, spacing=20.0),
+    DemoStand("bei", sensor_range=50.0, radius=50.0, spacing=30.0),
 )
-FOREIGN: Final = Stand("longleaf", sensor_range=40.0)
+FOREIGN: Final = DemoStand("longleaf", sensor_range=40.0)
 FOREIGN_OBSERVATIONS: Final = 10
 HARD_OBSERVATIONS: Final = 10
 SHARE_RIGHT: Final = 0.95

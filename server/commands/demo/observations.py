@@ -18,7 +18,7 @@ ATTEMPTS: Final = 1000
 
 
 @dataclass(frozen=True, slots=True)
-class Stand:
+class DemoStand:
     """One forest of the demo, in metres.
 
     `radius` and `spacing` cut it into submaps; they are None if it is not stored. `sensor_range` is how far an observer
@@ -36,7 +36,7 @@ class Stand:
 class DemoQuestion:
     """An observation and the truth: `xy` (N, 2) float64, metres, observer's frame; `pose` is `map_T_observer`."""
 
-    stand: Stand
+    stand: DemoStand
     xy: NDArray[np.float64]
     pose: SE2
 
@@ -72,7 +72,7 @@ HARD: Final = Noise((0.3, 0.35), (0.75, 0.8))
 """A polygon of the paper needs all of its trees; with this noise, hardly one is complete."""
 
 
-def ask(stand: Stand, stem_map: StemMap, rng: np.random.Generator, noise: Noise = USUAL) -> DemoQuestion:
+def ask(stand: DemoStand, stem_map: StemMap, rng: np.random.Generator, noise: Noise = USUAL) -> DemoQuestion:
     """An observation from a random place in the stand that has trees around it, with a random heading."""
     low, high = stem_map.xy.min(axis=0), stem_map.xy.max(axis=0)
     for _ in range(ATTEMPTS):

@@ -35,7 +35,7 @@ def list_stands(collection: CollectionArgument, database: DatabaseOption = None)
     for stand in found:
         sizes = (f"{stand.radius:g} m", f"{stand.spacing:g} m")
         stored = f"{stand.updated:%Y-%m-%d %H:%M}"
-        table.add_row(stand.name, str(stand.tree_count), str(stand.submap_count), *sizes, stored)
+        table.add_row(stand.name, str(stand.trees), str(stand.submaps), *sizes, stored)
     wide_console().print(table)
 
 
@@ -50,8 +50,10 @@ def show(collection: CollectionArgument, name: NameArgument, database: DatabaseO
     for label, value in (
         ("name", stand.name),
         ("frame", stand.frame_id),
-        ("trees", str(stand.tree_count)),
-        ("submaps", str(stand.submap_count)),
+        ("crs", stand.crs or "none"),
+        ("origin", "none" if stand.origin is None else "{:.3f} m E, {:.3f} m N".format(*stand.origin)),
+        ("trees", str(stand.trees)),
+        ("submaps", str(stand.submaps)),
         ("radius", f"{stand.radius:g} m"),
         ("spacing", f"{stand.spacing:g} m"),
         ("first", f"{stand.created:%Y-%m-%d %H:%M:%S} UTC"),

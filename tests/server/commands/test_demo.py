@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from server.cli import run
-from server.commands.demo.observations import DemoQuestion, Stand, ask, judge
+from server.commands.demo.observations import DemoQuestion, DemoStand, ask, judge
 from server.commands.demo.service import running_service
 from server.commands.support.failure import CommandError
 from server.stem_maps.reader import StemMap, read_stem_map
@@ -228,8 +228,8 @@ def test_a_service_that_does_not_start_is_told_with_its_reason(tmp_path: Path) -
 
 # -------------------------------------------------------------- questions
 
-STAND = Stand("stand", sensor_range=20.0, radius=20.0, spacing=10.0)
-UNKNOWN = Stand("unknown", sensor_range=20.0)
+STAND = DemoStand("stand", sensor_range=20.0, radius=20.0, spacing=10.0)
+UNKNOWN = DemoStand("unknown", sensor_range=20.0)
 
 
 def result(verdict: str, frame: str = "stand", x: float = 0.0, y: float = 0.0, yaw: float = 0.0) -> QueryResult:
@@ -265,7 +265,7 @@ def result(verdict: str, frame: str = "stand", x: float = 0.0, y: float = 0.0, y
         (UNKNOWN, result("no_match"), True, False),
     ],
 )
-def test_answers_are_judged_by_the_true_pose(stand: Stand, answered: QueryResult, right: bool, wrong: bool) -> None:
+def test_answers_are_judged_by_the_true_pose(stand: DemoStand, answered: QueryResult, right: bool, wrong: bool) -> None:
     question = DemoQuestion(stand, np.zeros((3, 2)), SE2(10.0, 20.0, 0.0))
     answer = judge(question, answered, 1.0)
     assert (answer.right, answer.wrong) == (right, wrong)
@@ -273,7 +273,7 @@ def test_answers_are_judged_by_the_true_pose(stand: Stand, answered: QueryResult
 
 def test_questions_are_asked_where_there_are_trees_and_by_seed() -> None:
     stem_map = read_stem_map(ROOT / "data" / "stem_maps" / "longleaf.csv")
-    stand = Stand("longleaf", sensor_range=25.0)
+    stand = DemoStand("longleaf", sensor_range=25.0)
     question = ask(stand, stem_map, np.random.default_rng(3))
     again = ask(stand, stem_map, np.random.default_rng(3))
     np.testing.assert_array_equal(question.xy, again.xy)

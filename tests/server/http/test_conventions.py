@@ -89,7 +89,7 @@ def test_an_unchanged_answer_says_what_it_varies_with(client: httpx.Client) -> N
 # -------------------------------------------------------------- parameters
 
 
-@pytest.mark.parametrize("path", ["/v1/collections", SUBMAPS, f"{PLOTS}/sessions", "/v1/jobs"])
+@pytest.mark.parametrize("path", ["/v1/collections", SUBMAPS, f"{PLOTS}/sessions", f"{PLOTS}/stands", "/v1/jobs"])
 @pytest.mark.parametrize("limit", ["", "0", "-1", "51", "+1", "1.0", "1_0", " 1", "1e1", "\u0661", "9" * 5000])
 def test_limits_that_cannot_be(shared_client: httpx.Client, path: str, limit: str) -> None:
     assert first_error(shared_client.get(path, params={"limit": limit}))["parameter"] == "limit"

@@ -4,9 +4,10 @@ from collections.abc import AsyncIterator, Mapping, Sequence
 from typing import Any
 
 from urquhart_client._async.connection import AsyncConnection
-from urquhart_client._protocol import bodies, requests
+from urquhart_client._protocol import bodies, requests, stand_requests
 from urquhart_client._protocol.bodies import UNSET, Unset
 from urquhart_client.models import Collection, Limits
+from urquhart_client.stand_models import Stand
 
 
 class AsyncServiceCalls(AsyncConnection):
@@ -71,3 +72,19 @@ class AsyncServiceCalls(AsyncConnection):
     async def delete_collection(self, collection: str) -> None:
         """Delete a collection and its submaps."""
         await self._send(requests.delete_collection(collection))
+
+    def stands(self, collection: str, *, page_size: int | None = None) -> AsyncIterator[Stand]:
+        """The stands of a collection, in the order they were first stored. Pages are fetched as needed."""
+        return self._pages(lambda cursor: stand_requests.get_stands(collection, page_size, cursor))
+
+    async def get_stand(self, collection: str, name: str) -> Stand:
+        """One stand: what was stored from one stem map."""
+        return await self._send(stand_requests.get_stand(collection, name))
+
+    async def delete_stand(self, collection: str, name: str, *, if_match: str | None = None) -> None:
+        """Delete a stand with all its submaps. The next query no longer finds them.
+
+        Args:
+            if_match: the `etag` that must be stored, or `*` for any; otherwise the service refuses (412).
+        """
+        await self._send(stand_requests.delete_stand(collection, name, if_match))

@@ -112,7 +112,7 @@ def put_submap(
 ) -> Request[SubmapReceipt]:
     """Store a submap under an id."""
     request = with_body("PUT", _submap(collection, submap_id), body, model(SubmapReceipt), once())
-    return _conditional(request, if_match, if_none_match)
+    return conditional(request, if_match, if_none_match)
 
 
 def post_submap(collection: str, body: Mapping[str, Any], key: str | None) -> Request[SubmapReceipt]:
@@ -158,13 +158,13 @@ def get_submap(collection: str, submap_id: str) -> Request[Submap]:
 def patch_submap(collection: str, submap_id: str, changes: Mapping[str, Any], if_match: str | None) -> Request[Submap]:
     """Change members of a submap."""
     request = with_body("PATCH", _submap(collection, submap_id), changes, model(Submap), once())
-    return _conditional(request, if_match, None)
+    return conditional(request, if_match, None)
 
 
 def delete_submap(collection: str, submap_id: str, if_match: str | None) -> Request[None]:
     """Delete a submap."""
     request = Request("DELETE", _submap(collection, submap_id), nothing, headers=once())
-    return _conditional(request, if_match, None)
+    return conditional(request, if_match, None)
 
 
 def get_tessellation(collection: str, submap_id: str) -> Request[Tessellation]:
@@ -281,7 +281,8 @@ def _asking(request: Request[T], queries: Sequence[Mapping[str, Any]]) -> Reques
     return replace(request, harmless=True)
 
 
-def _conditional(request: Request[T], if_match: str | None, if_none_match: str | None) -> Request[T]:
+def conditional(request: Request[T], if_match: str | None, if_none_match: str | None) -> Request[T]:
+    """A request with the headers If-Match and If-None-Match, if they are given."""
     conditions = {
         name: _entity_tag(tag)
         for name, tag in (("If-Match", if_match), ("If-None-Match", if_none_match))

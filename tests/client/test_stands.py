@@ -1,0 +1,51 @@
+"""Stands through the client."""
+
+import asyncio
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from server.config.settings import Limits
+from server.stem_maps.reader import StemMap
+from server.stem_maps.stands import cut_stand, store_stand
+from server.store.sqlite.database import Database
+from urquhart_client import AsyncClient, Client, ProblemError
+
+
+def store(path: Path, name: str, count: int) -> None:
+    """Store random trees as `urquhart index` does beside a running service."""
+    xy = np.random.default_rng(count).uniform(0.0, 50.0, (count, 2))
+    stem_map = StemMap(name, tuple(map(str, range(count))), xy)
+    database = Database(path)
+    store_stand(database, "plots", stem_map, cut_stand(stem_map, 20.0, 15.0, Limits()))
+    database.dispose()
+
+
+def test_they_are_listed_read_and_deleted(client: Client, tmp_path: Path) -> None:
+    client.put_collection("plots")
+    for name, count in (("north", 90), ("south", 60)):
+        store(tmp_path / "client.db", name, count)
+    assert [(one.name, one.trees) for one in client.stands("plots", page_size=1)] == [("north", 90), ("south", 60)]
+    north = client.get_stand("plots", "north")
+    assert (north.frame_id, north.radius, north.spacing, north.crs) == ("north", 20.0, 15.0, None)
+    assert north.submaps + client.get_stand("plots", "south").submaps == len(list(client.submaps("plots")))
+    store(tmp_path / "client.db", "north", 91)
+    with pytest.raises(ProblemError) as refused:
+        client.delete_stand("plots", "north", if_match=north.etag)
+    assert refused.value.status == 412
+    client.delete_stand("plots", "north", if_match=client.get_stand("plots", "north").etag)
+    assert [one.name for one in client.stands("plots")] == ["south"]
+    with pytest.raises(ProblemError) as missing:
+        client.get_stand("plots", "north")
+    assert missing.value.status == 404
+    if client.base_url.startswith("http://127.0.0.1"):
+        asyncio.run(_awaited(client.base_url))
+
+
+async def _awaited(url: str) -> None:
+    async with AsyncClient(url) as client:
+        assert [one.name async for one in client.stands("plots")] == ["south"]
+        assert (await client.get_stand("plots", "south")).trees == 60
+        await client.delete_stand("plots", "south")
+        assert [one async for one in client.stands("plots")] == []
