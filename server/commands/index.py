@@ -27,7 +27,7 @@ from server.schemas.collections import CollectionPut
 from server.schemas.common import check_id
 from server.stem_maps.reader import StemMap, StemMapError, read_stem_map
 from server.stem_maps.reading.options import ReadOptions
-from server.stem_maps.stands import StandError, StandReport, cut_stand, store_stand
+from server.stem_maps.stands import StandError, StandReport, cut_stand, store_stand, whole_stand
 from server.stem_maps.tiling import MINIMUM_TREES, Cut, CuttingError
 from server.store.sqlite.database import Database
 from server.submaps.bulk_ingest import LineOptions
@@ -41,8 +41,15 @@ def index(
         list[Path], typer.Argument(metavar="FILE...", help="Stem maps: tables, GIS files or point clouds.")
     ],
     collection: Annotated[str, typer.Option(help="Collection to store in. It is created if it does not exist.")],
-    radius: Annotated[float, typer.Option(help="Radius of a submap, in metres.")],
-    spacing: Annotated[float, typer.Option(help="Distance between the centres of neighbouring submaps, in metres.")],
+    radius: Annotated[float | None, typer.Option(help="Radius of a submap, in metres.", show_default=False)] = None,
+    spacing: Annotated[
+        float | None,
+        typer.Option(help="Distance between the centres of neighbouring submaps, in metres.", show_default=False),
+    ] = None,
+    one_submap: Annotated[
+        bool,
+        typer.Option("--one-submap", help="Make each file, or each of its plots, one submap, however large it is."),
+    ] = False,
     database: DatabaseOption = None,
     processes: Annotated[
         int | None,
@@ -62,15 +69,17 @@ def index(
     named by options or in a columns.toml beside the file. The command says how it understood them.
 
     Each submap contains the trees within the radius of a point of a square grid, in a frame of its own, and its pose in
-    the map, which has the name of the file. Indexing a corrected file with the same name replaces all its submaps in
-    one step. Indexing the same file again changes nothing.
+    the map, which has the name of the file. With --one-submap, each file is one submap, or each of its plots. Indexing
+    a corrected file with the same name replaces all its submaps in one step. Indexing the same file again changes
+    nothing.
 
     Of several files, one that cannot be stored is a row of the report, and the others are stored; the exit code is then
     2. Nothing is stored if two files have one name, or two coordinate reference systems.
     """
     settings = settings_with(database=database)
     _check_names(files)
-    inputs = [_prepared(path, columns, radius, spacing, settings.limits) for path in files]
+    cut_map = _cutting(radius, spacing, one_submap, settings.limits)
+    inputs = [_prepared(path, columns, cut_map) for path in files]
     readable = [one for one in inputs if one.stand is not None]
     if len(inputs) == 1 and not readable:
         raise CommandError(inputs[0].error)
@@ -98,12 +107,23 @@ class _IndexedFile:
     error: str = ""
 
 
-def _prepared(path: Path, columns: ReadOptions, radius: float, spacing: float, limits: Limits) -> _IndexedFile:
-    """A file read and cut into discs; a file that cannot be stored does not keep others from it."""
+def _cutting(radius: float | None, spacing: float | None, one_submap: bool, limits: Limits) -> Callable[[StemMap], Cut]:
+    """What makes submaps of a stem map. Raises CommandError unless the options say it, once."""
+    if one_submap:
+        if radius is not None or spacing is not None:
+            raise CommandError("--one-submap makes whole files or plots submaps: leave out --radius and --spacing")
+        return partial(whole_stand, limits=limits)
+    if radius is None or spacing is None:
+        raise CommandError("say how to cut: give --radius and --spacing, or --one-submap (see urquhart index --help)")
+    return partial(cut_stand, radius=radius, spacing=spacing, limits=limits)
+
+
+def _prepared(path: Path, columns: ReadOptions, cut_map: Callable[[StemMap], Cut]) -> _IndexedFile:
+    """A file read and made into submaps; a file that cannot be stored does not keep others from it."""
     one = _IndexedFile(path)
     try:
         one.stem_map = read_stem_map(path, columns)
-        one.stand = cut_stand(one.stem_map, radius, spacing, limits)
+        one.stand = cut_map(one.stem_map)
     except StemMapError as error:
         one.error = str(error)
     except (CuttingError, StandError) as error:

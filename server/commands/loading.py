@@ -75,7 +75,10 @@ COMMANDS: Final = {
         "server.commands.index",
         "index",
         "Cut stem maps into overlapping submaps and store them.",
-        ("urquhart index plots/*.csv --collection season-2026 --radius 30 --spacing 20",),
+        (
+            "urquhart index plots/*.csv --collection season-2026 --radius 30 --spacing 20",
+            "urquhart index season.csv --plot plot --one-submap --collection season-2026",
+        ),
     ),
     "locate": CommandEntry(
         "server.commands.locate",

@@ -16,7 +16,7 @@ from server.parsing.field_errors import sentence
 from server.schemas.common import check_id
 from server.schemas.landmarks import Landmark
 from server.schemas.poses import MapPose
-from server.stem_maps.plots import cut_plots
+from server.stem_maps.plots import cut_plots, keep_whole
 from server.stem_maps.reader import StemMap
 from server.stem_maps.replacement import ReplacementReport, StandError, keep_on_disk, replace_stand
 from server.stem_maps.tiling import Cut, cut
@@ -28,7 +28,7 @@ from server.submaps.described_batches import DescribedBatch
 
 BATCH = 200
 
-__all__ = ["StandError", "StandReport", "cut_stand", "landmarks_of", "lines_of", "store_stand"]
+__all__ = ["StandError", "StandReport", "cut_stand", "landmarks_of", "lines_of", "store_stand", "whole_stand"]
 
 
 @dataclass(slots=True)
@@ -100,14 +100,29 @@ def cut_stand(stem_map: StemMap, radius: float, spacing: float, limits: Limits) 
         CuttingError: radius or spacing does not fit the map.
         StandError: the map's name is not one that a submap can have.
     """
+    _check_name(stem_map)
+    cut_map = cut if stem_map.plots is None else cut_plots
+    return cut_map(stem_map, radius, spacing, maximum_trees=limits.landmarks)
+
+
+def whole_stand(stem_map: StemMap, limits: Limits) -> Cut:
+    """Make `stem_map`, or each of its plots, one submap, within the service's limits.
+
+    Raises:
+        CuttingError: there are too few or too many trees for a submap, or two plots get one id.
+        StandError: the map's name is not one that a submap can have.
+    """
+    _check_name(stem_map)
+    return keep_whole(stem_map, maximum_trees=limits.landmarks)
+
+
+def _check_name(stem_map: StemMap) -> None:
     try:
         check_id(f"{stem_map.name}-000-000")
     except ValueError as error:
         raise StandError(
             f"the file's name {stem_map.name!r} becomes the submaps' ids, and {error}: rename it"
         ) from error
-    cut_map = cut if stem_map.plots is None else cut_plots
-    return cut_map(stem_map, radius, spacing, maximum_trees=limits.landmarks)
 
 
 def lines_of(stem_map: StemMap, stand: Cut) -> Iterator[bytes]:

@@ -82,9 +82,7 @@ def cut(
         CuttingError: radius or spacing is not a positive number, the grid has more than `MAXIMUM_DISCS` points, a disc
             holds more than `maximum_trees`, or none holds `minimum_trees`, perhaps because the map has fewer.
     """
-    for name, value in (("radius", radius), ("spacing", spacing)):
-        if not (np.isfinite(value) and value > 0):
-            raise CuttingError(f"the {name} must be a positive number of metres, not {value:g}")
+    check_sizes(radius, spacing)
     kept = merge(stem_map.xy, diameters=stem_map.dbh_cm)
     xy = stem_map.xy[kept]
     xs, ys = (_centres(xy[:, axis], spacing) for axis in (0, 1))
@@ -114,8 +112,7 @@ def cut(
             )
         )
     if not discs and len(kept) < minimum_trees:
-        merged = f" ({len(stem_map)} before stems within 1 cm were merged)" if len(kept) < len(stem_map) else ""
-        raise CuttingError(f"the stem map has {len(kept)} trees{merged}, and a submap needs at least {minimum_trees}")
+        raise too_few(stem_map, len(kept), minimum_trees)
     if not discs:
         raise CuttingError(f"no circle of {radius:g} m contains {minimum_trees} trees: make the radius larger")
     return Cut(
@@ -129,6 +126,19 @@ def cut(
         skipped=len(xs) * len(ys) - len(discs),
         discs=tuple(discs),
     )
+
+
+def check_sizes(radius: float, spacing: float) -> None:
+    """Raise CuttingError unless both are positive numbers of metres."""
+    for name, value in (("radius", radius), ("spacing", spacing)):
+        if not (np.isfinite(value) and value > 0):
+            raise CuttingError(f"the {name} must be a positive number of metres, not {value:g}")
+
+
+def too_few(stem_map: StemMap, count: int, minimum_trees: int = MINIMUM_TREES) -> CuttingError:
+    """The error of a stem map of which only `count` trees are left, fewer than a submap needs."""
+    merged = f" ({len(stem_map)} before stems within 1 cm were merged)" if count < len(stem_map) else ""
+    return CuttingError(f"the stem map has {count} trees{merged}, and a submap needs at least {minimum_trees}")
 
 
 def merge(

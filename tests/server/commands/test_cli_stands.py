@@ -10,6 +10,7 @@ import pytest
 
 from server.stem_maps.formats.files import file_digest
 from tests.server.commands.cli_helpers import Urquhart, refused, write_observation
+from urquhart import SE2
 
 OPTIONS = ["--collection", "c", "--radius", 20, "--spacing", 14]
 
@@ -97,3 +98,52 @@ def test_a_bad_file_is_a_row_and_the_others_are_stored(urquhart: Urquhart, two_s
 def test_bad_files_alone_make_no_database(urquhart: Urquhart, tmp_path: Path) -> None:
     said = urquhart("index", "a.csv", "b.csv", *OPTIONS)
     assert (said.code, said.out.count("not stored: "), list(tmp_path.iterdir())) == (2, 2, [])
+
+
+# ---------------------------------------------------------------- whole plots as submaps
+
+
+def ids_in(path: Path) -> list[str]:
+    with closing(sqlite3.connect(path)) as connection:
+        return [row[0] for row in connection.execute("SELECT id FROM submaps ORDER BY id")]
+
+
+def test_a_whole_file_is_one_submap_and_takes_the_place_of_its_discs(urquhart: Urquhart, two_stands: Path) -> None:
+    others = [name for name in ids_in(two_stands) if name.startswith("south-")]
+    said = urquhart("index", "north.csv", "--collection", "c", "--one-submap", "--processes", 1)
+    assert "north: 140 trees -> 1 submaps (1 new" in said.out
+    assert "before, the radius was 20 m and the spacing 14 m" in said.out
+    assert "0 trees in no submap" not in said.out
+    assert ids_in(two_stands) == ["north", *others]
+    trees = np.random.default_rng(140).uniform(0.0, (64.0, 52.0), (140, 2))
+    here = SE2(35.0, 15.0, 0.4)
+    near = trees[np.hypot(*(trees - (here.x, here.y)).T) < 15.0]
+    write_observation(two_stands.parent / "seen.csv", here.inverse().apply(near))
+    found = urquhart("locate", "seen.csv", "--collection", "c", "--seed", 1).out
+    assert "pose in north: x 35.000 m, y 15.000 m, yaw 22.92 deg" in found
+    radius = np.hypot(*(trees - (trees.min(axis=0) + trees.max(axis=0)) / 2).T).max()
+    assert re.search(rf"^radius +{radius:g} m$", urquhart("stands", "show", "c", "north").out, re.MULTILINE)
+    assert "1 unchanged" in urquhart("index", "north.csv", "--collection", "c", "--one-submap").out
+
+
+def test_each_plot_is_one_submap_however_large(urquhart: Urquhart, tmp_path: Path) -> None:
+    rng = np.random.default_rng(4)
+    rows = [
+        f"{plot},{tree},{x},{y}\n"
+        for plot, side, count in (("1", 20.0, 40), ("2", 90.0, 70), ("3", 20.0, 5))
+        for tree, (x, y) in enumerate(rng.uniform(0.0, side, (count, 2)).tolist())
+    ]
+    (tmp_path / "plots.csv").write_text("plot,tree,x,y\n" + "".join(rows))
+    said = urquhart("index", "plots.csv", "--plot", "plot", "--collection", "c", "--one-submap", "--processes", 1)
+    assert (said.code, ids_in(tmp_path / "urquhart.db")) == (0, ["plots-1", "plots-2"])
+    assert "2 plots, each a place of its own; 1 plots left out with fewer than 10 trees, the first '3'" in said.out
+
+
+def test_how_to_cut_is_said_once(urquhart: Urquhart, tmp_path: Path) -> None:
+    write_observation(tmp_path / "few.csv", np.array([[0.0, 0.5], [3.1, 1.0], [7.2, 5.3]]))
+    index = ("index", "few.csv", "--collection", "c")
+    refused(urquhart(*index), "give --radius and --spacing, or --one-submap")
+    refused(urquhart(*index, "--radius", 20), "give --radius and --spacing, or --one-submap")
+    refused(urquhart(*index, "--radius", 20, "--one-submap"), "leave out --radius and --spacing")
+    refused(urquhart(*index, "--one-submap"), "few.csv: the stem map has 3 trees, and a submap needs at least 10")
+    assert not (tmp_path / "urquhart.db").exists()

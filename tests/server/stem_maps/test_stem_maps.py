@@ -2,6 +2,7 @@
 
 import contextlib
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from server.config.settings import Limits
 from server.schemas.common import check_id
+from server.stem_maps.plots import cut_plots, keep_whole
 from server.stem_maps.reader import StemMap, StemMapError, read_stem_map
 from server.stem_maps.stands import StandError, cut_stand, lines_of
 from server.stem_maps.tiling import MERGE_DISTANCE, MINIMUM_TREES, CuttingError, cut, merge
@@ -275,3 +277,11 @@ def test_names_that_a_submap_cannot_have_are_refused() -> None:
     stem_map = StemMap("plot", ("a" * 200, *(str(i) for i in range(19))), points)
     with pytest.raises(StandError, match="plot: tree value 'aaa"):
         list(lines_of(stem_map, cut_stand(stem_map, 30.0, 30.0, Limits())))
+
+
+def test_a_whole_map_has_a_limit_of_trees_and_a_radius_is_a_number() -> None:
+    trees = StemMap("big", tuple(map(str, range(30))), np.random.default_rng(2).uniform(0.0, 50.0, (30, 2)))
+    with pytest.raises(CuttingError, match="'big' has 30 trees, more than the 20 that a submap may have"):
+        keep_whole(trees, maximum_trees=20)
+    with pytest.raises(CuttingError, match="the radius must be a positive number of metres, not inf"):
+        cut_plots(replace(trees, plots=("1",) * 30), float("inf"), 10.0)
