@@ -181,6 +181,10 @@ class Stand(Answer):
     radius: float = Field(description="Radius of a submap, in metres.")
     spacing: float = Field(description="Distance between the centres of neighbouring submaps, in metres.")
     source_hash: str | None = Field(description="BLAKE2b digest of the file, 12 bytes in hexadecimal. Null if unknown.")
+    source_crs: str | None = Field(
+        description="Coordinate reference system of the trees' positions, as the file or `--crs` names it. Null if "
+        "unknown. To show the stand on a map, give it to the map frame: PATCH the collection's `frames`."
+    )
     trees_hash: str = Field(
         description="Digest of the trees' positions, whatever their order. Stands with equal digests have equal trees."
     )
@@ -207,6 +211,7 @@ STAND_EXAMPLE: dict[str, Any] = {
     "radius": 30.0,
     "spacing": 20.0,
     "source_hash": "9f1c02b7a3d85e6471c0aa52",
+    "source_crs": None,
     "trees_hash": "4be0617f3c9d2a85e1f06b37",
     "created": "2026-05-04T09:30:00Z",
     "updated": "2026-05-11T08:12:45Z",

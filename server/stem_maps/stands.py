@@ -90,6 +90,7 @@ def _record(stem_map: StemMap, stand: Cut) -> StandRecord:
         tree_count=len(stem_map),
         radius=stand.radius,
         spacing=stand.spacing,
+        crs=stem_map.crs,
     )
 
 

@@ -96,6 +96,7 @@ def _answer(collection_id: str, row: CountedStand, reference: FrameReference | N
         radius=row.radius,
         spacing=row.spacing,
         source_hash=row.source_hash or None,
+        source_crs=row.crs,
         trees_hash=row.trees_hash,
         created=row.created,
         updated=row.updated,

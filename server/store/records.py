@@ -116,6 +116,7 @@ class StandRecord:
         frame_id: the map frame of its submaps.
         source_hash: of the file as it was read; trees_hash: of the trees' positions, whatever their order.
         radius, spacing: of the grid of discs, metres.
+        crs: coordinate reference system of the positions, as the file names it; None if that is not known.
     """
 
     name: str
@@ -125,6 +126,7 @@ class StandRecord:
     tree_count: int
     radius: float
     spacing: float
+    crs: str | None
 
 
 @dataclass(frozen=True, slots=True)

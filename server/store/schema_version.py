@@ -8,7 +8,7 @@ from sqlalchemy import Connection
 if TYPE_CHECKING:
     from alembic.config import Config
 
-SCHEMA: Final = "0012"
+SCHEMA: Final = "0013"
 """The newest revision in `migrations/versions`. A constant, because alembic takes a tenth of a second to load and is
 needed only to make or change tables. A test holds it to what alembic finds."""
 

@@ -160,7 +160,8 @@ class StandRow(BaseRow):
     """What was stored as one thing, such as the discs of one stem map; it is replaced as a whole.
 
     `frame_id` is the map frame of its submaps, `source_hash` the digest of the file as it was read, `trees_hash` that
-    of the trees' positions whatever their order; radius and spacing are those of the grid of discs, metres.
+    of the trees' positions whatever their order; radius and spacing are those of the grid of discs, metres. `crs` is
+    the coordinate reference system of the positions, as the file names it, NULL if that is not known.
     """
 
     __tablename__ = "stands"
@@ -183,6 +184,7 @@ class StandRow(BaseRow):
     spacing: Mapped[float] = mapped_column(REAL)
     created: Mapped[datetime] = mapped_column(Instant)
     updated: Mapped[datetime] = mapped_column(Instant)
+    crs: Mapped[str | None] = mapped_column(Text)
 
 
 class MapFrameRow(BaseRow):

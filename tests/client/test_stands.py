@@ -28,7 +28,8 @@ def test_they_are_listed_read_and_deleted(client: Client, tmp_path: Path) -> Non
         store(tmp_path / "client.db", name, count)
     assert [(one.name, one.trees) for one in client.stands("plots", page_size=1)] == [("north", 90), ("south", 60)]
     north = client.get_stand("plots", "north")
-    assert (north.frame_id, north.radius, north.spacing, north.crs) == ("north", 20.0, 15.0, None)
+    assert north.source_crs is north.crs is None
+    assert (north.frame_id, north.radius, north.spacing) == ("north", 20.0, 15.0)
     assert north.submaps + client.get_stand("plots", "south").submaps == len(list(client.submaps("plots")))
     store(tmp_path / "client.db", "north", 91)
     with pytest.raises(ProblemError) as refused:

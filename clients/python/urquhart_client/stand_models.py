@@ -10,8 +10,9 @@ class Stand(Model):
 
     `frame_id` is the map frame of its submaps; `crs` and `origin` (easting and northing, metres) say where that is,
     None if that is not known. `trees` are those of the file, `submaps` those stored now. `radius` and `spacing` of
-    the submaps are in metres. `source_hash` is a digest of the file, None if unknown; stands with equal `trees_hash`
-    have their trees at the same positions. `etag` names what is stored now.
+    the submaps are in metres. `source_hash` is a digest of the file and `source_crs` the system of its positions,
+    None if unknown; stands with equal `trees_hash` have their trees at the same positions. `etag` names what is
+    stored now.
     """
 
     shown = ("name", "trees", "submaps", "radius", "spacing", "updated")
@@ -25,6 +26,7 @@ class Stand(Model):
     radius: float
     spacing: float
     source_hash: str | None = None
+    source_crs: str | None = None
     trees_hash: str
     created: datetime
     updated: datetime

@@ -50,8 +50,7 @@ def show(collection: CollectionArgument, name: NameArgument, database: DatabaseO
     for label, value in (
         ("name", stand.name),
         ("frame", stand.frame_id),
-        ("crs", stand.crs or "none"),
-        ("origin", "none" if stand.origin is None else "{:.3f} m E, {:.3f} m N".format(*stand.origin)),
+        ("crs", stand.source_crs or "not known"),
         ("trees", str(stand.trees)),
         ("submaps", str(stand.submaps)),
         ("radius", f"{stand.radius:g} m"),

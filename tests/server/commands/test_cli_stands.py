@@ -47,6 +47,14 @@ def test_a_stand_from_its_listing_to_its_removal(urquhart: Urquhart, two_stands:
     refused(urquhart("stands", "remove", "c", "north"), "There is no stand 'north' here.")
 
 
+def test_a_stand_keeps_the_system_of_its_file(urquhart: Urquhart, two_stands: Path, tmp_path: Path) -> None:
+    assert "crs      not known\n" in urquhart("stands", "show", "c", "north").out
+    trees = np.random.default_rng(140).uniform(0.0, (64.0, 52.0), (140, 2)) + (448100.0, 5411000.0)
+    write_observation(tmp_path / "north.csv", trees)
+    assert urquhart("index", "north.csv", *OPTIONS, "--crs", "EPSG:25832", "--processes", 1).code == 0
+    assert "crs      EPSG:25832\n" in urquhart("stands", "show", "c", "north").out
+
+
 def test_a_removed_stand_is_found_no_more(urquhart: Urquhart, two_stands: Path, tmp_path: Path) -> None:
     trees = np.random.default_rng(140).uniform(0.0, (64.0, 52.0), (140, 2))
     seen = write_observation(tmp_path / "seen.csv", trees[np.hypot(*(trees - (35.0, 15.0)).T) < 12.0])

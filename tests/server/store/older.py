@@ -66,14 +66,18 @@ def _in_units(connection: sqlite3.Connection) -> None:
         connection.execute(f"UPDATE {table} SET {values}")  # noqa: S608
 
 
+_LATER = {("submaps", "map_width"), ("stands", "crs")}
+"""Columns that are computed, or that no schema before 0012 had."""
+
+
 def rows(path: Path) -> dict[str, list[dict[str, Any]]]:
-    """All rows of a database, by table, each with its columns by name but those that are computed."""
+    """All rows of a database, by table, each with its columns by name but those of `_LATER`."""
     with closing(sqlite3.connect(path)) as connection:
         connection.row_factory = sqlite3.Row
         tables = connection.execute("SELECT name FROM sqlite_master WHERE type = 'table' AND name <> 'alembic_version'")
         return {
             name: [
-                {key: value for key, value in dict(row).items() if key != "map_width"}
+                {key: value for key, value in dict(row).items() if (name, key) not in _LATER}
                 for row in connection.execute(f"SELECT * FROM {name} ORDER BY 1, 2")  # noqa: S608
             ]
             for (name,) in tables.fetchall()

@@ -96,10 +96,10 @@ def test_a_read_transaction_begins_with_whatever_is_read_first(storage: Storage)
 def test_a_stand_keeps_its_key(storage: Storage) -> None:
     with storage.write() as tx:
         key = create(tx, "plots")
-        first = tx.stands(key).put(StandRecord("north", "map", "a", "b", 3, 10.0, 5.0))
+        first = tx.stands(key).put(StandRecord("north", "map", "a", "b", 3, 10.0, 5.0, None))
     with storage.write() as tx:
-        assert tx.stands(key).put(StandRecord("north", "map", "c", "d", 4, 12.0, 6.0)) == first
-        assert tx.stands(key).put(StandRecord("south", "map", "c", "d", 4, 12.0, 6.0)) != first
+        assert tx.stands(key).put(StandRecord("north", "map", "c", "d", 4, 12.0, 6.0, None)) == first
+        assert tx.stands(key).put(StandRecord("south", "map", "c", "d", 4, 12.0, 6.0, None)) != first
     with storage.read() as reading:
         stored = reading.stands(key).get("north")
         assert stored is not None

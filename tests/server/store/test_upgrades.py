@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import orjson
 import pytest
+from alembic import command
 from alembic.script import ScriptDirectory
 
 from server.app import create_app
@@ -404,6 +405,28 @@ def test_a_folder_that_may_not_be_written(tmp_path: Path, monkeypatch: pytest.Mo
         migrations_runner.upgrade(database)
     database.dispose()
     assert revision_of(path) == "0011"
+
+
+def test_later_schemas_are_changed_in_place(tmp_path: Path) -> None:
+    database = Database(tmp_path / "forest.db")
+    migrations_runner.claim(database)
+    database.use_wal()
+    with database.write_connection() as connection:
+        command.upgrade(alembic_config(connection), "0012")
+        connection.exec_driver_sql(
+            "INSERT INTO collections VALUES (1, 'c', NULL, '{}', 'f', NULL, NULL, NULL, 1, 0, 0, 0, 0, 0, 0, 0)"
+        )
+        connection.exec_driver_sql("INSERT INTO stands VALUES (1, 1, 'plot', 'plot', 'a', 'b', 30, 20, 15, 0, 0)")
+    database.dispose()
+    assert migrations_runner.upgrade(database)
+    assert not migrations_runner.upgrade(database)
+    with database.read() as tx:
+        stand = tx.stands(1).counted("plot")
+        assert stand is not None
+        assert (stand.tree_count, stand.radius, stand.crs, stand.submap_count) == (30, 20.0, None, 0)
+    assert migrations_runner.drift(database) == []
+    database.dispose()
+    assert [path.name for path in tmp_path.iterdir() if "before-upgrade" in path.name] == []
 
 
 def test_the_newest_revision_is_what_alembic_finds() -> None:
