@@ -19,6 +19,7 @@ FLOORS = (
     {"paper"},
     {"propose"},
     {"decide"},
+    {"prior"},
     {"report", "recognizer", "warming"},
 )
 """Rooms of the method (folders, and modules that stand alone) from the ground up: each may import from lower floors."""

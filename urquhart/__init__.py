@@ -7,6 +7,7 @@
     propose      transforms worth verifying
     verify       one transform, judged by all landmarks
     decide       chance, rivals, verdict
+    prior        a search where the caller knows roughly the pose
     report       the answer in words and as a picture
     paper        the paper's own chain, and the methods it is compared with
     mapping      several submaps made into one map
@@ -33,6 +34,8 @@ if TYPE_CHECKING:
     from urquhart.features.tessellation import Tessellation
     from urquhart.index.segment_file import SegmentDamaged
     from urquhart.options import Effort, Method, Options, SearchOptions
+    from urquhart.prior.prior import Prior
+    from urquhart.prior.window import WindowTooLarge
     from urquhart.recognizer import Recognizer
     from urquhart.report.match import draw_match
     from urquhart.report.motion import draw_motion
@@ -58,6 +61,7 @@ __all__ = [
     "LandmarkError",
     "Method",
     "Options",
+    "Prior",
     "Recognition",
     "Recognizer",
     "Rival",
@@ -67,6 +71,7 @@ __all__ = [
     "Stage",
     "Tessellation",
     "Verdict",
+    "WindowTooLarge",
     "describe",
     "describe_observation",
     "draw_match",
@@ -92,6 +97,7 @@ _HOMES: Final = {
     "Method": "urquhart.options",
     "OBSTACLES": "urquhart.features.observation",
     "Options": "urquhart.options",
+    "Prior": "urquhart.prior.prior",
     "Recognition": "urquhart.decide.verdict",
     "Recognizer": "urquhart.recognizer",
     "Rival": "urquhart.decide.candidates",
@@ -102,6 +108,7 @@ _HOMES: Final = {
     "Stage": "urquhart.trace",
     "Tessellation": "urquhart.features.tessellation",
     "Verdict": "urquhart.decide.verdict",
+    "WindowTooLarge": "urquhart.prior.window",
     "describe": "urquhart.features.describe",
     "describe_observation": "urquhart.features.observation",
     "draw_match": "urquhart.report.match",

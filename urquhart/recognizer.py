@@ -6,13 +6,14 @@ verify     each proposed pose, by all landmarks                              ver
 decide     compare with chance and with every rival; candidates, verdict     decide
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from urquhart.budget import Budget
+from urquhart.budget import Budget, DeadlinePassed
 from urquhart.decide.ranking import NOTHING, Ranking, rank
 from urquhart.decide.verdict import Recognition, decide, unsearched
 from urquhart.features.describe import Features
@@ -20,6 +21,9 @@ from urquhart.features.observation import describe_observation
 from urquhart.index.collection_index import CollectionIndex
 from urquhart.index.submap_collection import SubmapCollection
 from urquhart.options import FAST_PROMISE, Options, SearchOptions
+from urquhart.prior.decision import decide_within, match_window
+from urquhart.prior.prior import Prior
+from urquhart.prior.window import search_window, trees_about
 from urquhart.propose.by_paper import propose_by_paper
 from urquhart.propose.levels import LEVELS, propose_on
 from urquhart.propose.query import Proposal, Query, make_query
@@ -90,6 +94,54 @@ class Recognizer(SubmapCollection):
         with query.trace.timed("verify given"):
             verified = verify(query.grid, query.submaps.grid(key), start, query.reach)
         return decide(query, rank(query, [Proposal(key, "given", 0, verified)]), 1, "exhausted")
+
+    def recognize_within(
+        self,
+        observation: Features,
+        prior: Prior,
+        places: Mapping[int, SE2],
+        *,
+        min_confidence: float | None = None,
+        budget: Budget | None = None,
+    ) -> Recognition:
+        """Search for an observation where a prior says that it is: at every pose of its window.
+
+        All trees of the given submaps about the window are searched as one map. The one candidate is reported in the
+        submap with most partners. Positions count, diameters where both sides have them; and if the observation has
+        diameters and the map does not, the map may lack the thinner stems.
+
+        Args:
+            observation: from `describe`, or the features of a stored submap.
+            prior: rough pose of the observation, `map_T_query`.
+            places: `map_T_submap`, frames as posted, of the submaps about the prior; those without trees near the
+                window do no harm.
+            min_confidence, budget: as in `Options`.
+
+        Raises:
+            ValueError: the observation was described with another configuration, or an option is out of range.
+            WindowTooLarge: the prior is too vague.
+            KeyError: no such submap.
+            Abandoned: nobody waits for the answer any more.
+        """
+        index, source = self.read_view
+        if not places:
+            return unsearched("all_filtered_out" if len(index) else "empty_collection")
+        chosen = Options(min_confidence=min_confidence, budget=budget)
+        query = make_query(observation, self.config, source, len(places), chosen)
+        try:
+            query.read(places)
+            submaps = {key: query.submaps.features(key) for key in places}
+            xy, diameters = trees_about(observation, prior, submaps, places)
+            about = describe_observation(xy, self.config, diameters, query.budget)
+            if not isinstance(about.result, Features):
+                return unsearched("no_proposal", about.stages)
+            with query.trace.timed("search window") as counts:
+                search = search_window((observation, query.grid), about.result, prior, query.budget)
+                counts["poses"] = len(search.poses)
+                match = match_window(search)
+        except DeadlinePassed:
+            return unsearched("deadline", query.trace.done())
+        return decide_within(query, about.result, places, match)
 
 
 def _search(query: Query, index: CollectionIndex, options: Options) -> Recognition:

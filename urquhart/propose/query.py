@@ -16,7 +16,7 @@ from urquhart.verify.evidence import PoseEvidence
 from urquhart.verify.landmark_grid import LandmarkGrid, landmark_grid
 
 LevelName = Literal["polygons", "quads", "exhaustive", "paper", "given"]
-"""The level that proposed a pose; `given` is a pose that the caller gave."""
+"""The level that proposed a pose; `given` is a pose that the caller gave, or one of the window of a given prior."""
 
 DEFAULT_GATE: Final = Config().gate
 READ_TOGETHER: Final = 32
