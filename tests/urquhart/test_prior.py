@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from urquhart import SE2, Budget, Config, Prior, Recognizer, WindowTooLarge, describe
 from urquhart.evaluation.simulation import bridson, plantation
-from urquhart.features.landmark_checks import thin
 from urquhart.prior.superposition import depth_inside, diameter_ratios, rim, superpose, visibility
 from urquhart.prior.window import WINDOW, search_window, trees_about
 from urquhart.verify.landmark_grid import landmark_grid
@@ -132,8 +131,19 @@ def test_the_prior_of_a_window_is_a_distribution(yaw: float | None) -> None:
 def test_trees_of_several_submaps_are_counted_once() -> None:
     submaps = {key: STORED.features(key) for key in PLACES}
     xy, diameters = trees_about(describe(PLOT, CONFIG), PRIOR, submaps, PLACES)
-    assert diameters is None and (thin(xy, WINDOW.one_tree) < 0).all()
-    assert np.hypot(*(xy[:, None] - TREES[None]).transpose(2, 0, 1)).min(axis=1).max() < 1e-6
+    assert diameters is None
+    away = np.hypot(*(xy[:, None] - TREES[None]).transpose(2, 0, 1))
+    assert away.min(axis=1).max() < 1e-6
+    assert len(np.unique(away.argmin(axis=1))) == len(xy)
+
+
+def test_close_trees_of_one_submap_are_two_trees() -> None:
+    stored = Recognizer(CONFIG)
+    close = np.vstack([TREES, TREES[:1] + 0.5 * WINDOW.one_tree]) - TREES[0]
+    places = {1: SE2(*(CENTRE + 1.0), 0.0), 2: SE2(*(CENTRE + 1.0), 0.0)}
+    stored.add([(key, describe(close, CONFIG)) for key in places])
+    xy, _ = trees_about(describe(PLOT, CONFIG), PRIOR, {key: stored.features(key) for key in places}, places)
+    assert (np.hypot(*(xy - CENTRE - 1.0).T) < WINDOW.one_tree).sum() == 2
 
 
 def test_evidence_without_pairing_agrees_with_its_formula() -> None:

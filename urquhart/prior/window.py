@@ -7,10 +7,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from urquhart.budget import UNBOUNDED, Budget
 from urquhart.features.describe import Features
-from urquhart.features.landmark_checks import thin
 from urquhart.prior.prior import Prior
 from urquhart.prior.superposition import Stems, diameter_ratios, rim, superpose, visibility
 from urquhart.se2 import SE2, wrap
@@ -156,23 +156,21 @@ def trees_about(
     Returns:
         Positions (T, 2) float64, metres, map frame; and diameters (T,) float64, NaN where not known, or None.
     """
-    found, diameters = [np.empty((0, 2))], [np.empty(0)]
-    for key, place in places.items():
-        one = submaps[key]
-        found.append(place.apply(one.landmarks + one.origin))
-        diameters.append(one.diameters if len(one.diameters) else np.full(len(one.landmarks), np.nan))
-    xy, thick = np.concatenate(found), np.concatenate(diameters).astype(np.float64)
-    size = np.hypot(*query.landmarks.T).max()
     middle, span = np.array([prior.x, prior.y]), float(np.hypot(*query.origin))
     if prior.yaw is not None:
         middle = SE2(prior.x, prior.y, prior.yaw).apply(query.origin[None])[0]
         span *= min(WINDOW.wide * prior.yaw_sigma, math.pi)
-    radius = WINDOW.wide * prior.sigma + span + size + WINDOW.around
-    near = np.hypot(*(xy - middle).T) <= radius
-    xy, thick = xy[near], thick[near]
-    if len(xy):
-        once = thin(xy, WINDOW.one_tree) < 0
-        xy, thick = xy[once], thick[once]
+    radius = WINDOW.wide * prior.sigma + span + float(np.hypot(*query.landmarks.T).max()) + WINDOW.around
+    xy, thick = np.empty((0, 2)), np.empty(0)
+    for key, place in places.items():
+        one = submaps[key]
+        there = place.apply(one.landmarks + one.origin)
+        measured = one.diameters if len(one.diameters) else np.full(len(there), np.nan)
+        new = np.hypot(*(there - middle).T) <= radius
+        if len(xy):
+            # Only trees of different submaps can be one tree: tops seen from the air may be very close to each other.
+            new &= cKDTree(xy).query(there)[0] > WINDOW.one_tree
+        xy, thick = np.concatenate([xy, there[new]]), np.concatenate([thick, measured[new].astype(np.float64)])
     return xy, None if np.isnan(thick).all() else thick
 
 
