@@ -130,6 +130,23 @@ def diameter_ratios(
 
 
 @kernel
+def log_mean_ratio(logs: NDArray[np.float64], expected: float, visible: NDArray[np.float64]) -> float:
+    """Logarithm of the mean likelihood ratio over the trial values.
+
+    Args:
+        logs: (K, V, U, W), logarithms of the product over all trees, by noise, visibility, clutter, and whether
+            diameters count.
+        expected: trees of the map in the footprint if the stems have nothing to do with them.
+        visible: (V, N), as in `Stems`.
+    """
+    for u in range(logs.shape[2]):
+        for v in range(logs.shape[1]):
+            logs[:, v, u, :] += (1.0 - SUPERPOSITION.clutter[u]) * expected - visible[v].sum()
+    best = logs.max()
+    return float(best + math.log(np.exp(logs - best).mean()))
+
+
+@kernel
 def superpose(
     stems: Stems,
     trees: NDArray[np.float64],
@@ -190,12 +207,7 @@ def superpose(
                                 held = 1.0
                             product[k, v, u, w] = held
         expected = stems.area * (typical / near if near else density.mean())
-        for u in range(len(clutter)):
-            for v in range(kinds):
-                total[:, v, u, :] += (1.0 - clutter[u]) * expected - visible[v].sum()
-        total += np.log(product)
-        best = total.max()
-        evidence[h] = best + math.log(np.exp(total - best).mean())
+        evidence[h] = log_mean_ratio(total + np.log(product), expected, visible)
     return evidence
 
 
