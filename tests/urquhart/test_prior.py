@@ -15,7 +15,8 @@ from urquhart.verify.landmark_grid import landmark_grid
 
 CONFIG = Config()
 SIGMA = 1.5
-CENTRE = np.array([40.0, 40.0])
+X, Y = 40.0, 40.0
+CENTRE = np.array([X, Y])
 TRUTH = SE2(41.0, 38.5, math.radians(1.0))
 
 
@@ -44,7 +45,7 @@ def plot(pose: SE2, noise: float = 0.4) -> NDArray[np.float64]:
 
 
 PLOT = plot(TRUTH)
-PRIOR = Prior(*CENTRE, SIGMA, 0.0)
+PRIOR = Prior(X, Y, SIGMA, 0.0)
 
 
 def test_a_plot_is_found_within_its_window() -> None:
@@ -65,7 +66,7 @@ def test_the_answer_moves_with_the_frame_of_the_observation() -> None:
         STORED.recognize_within(describe(xy, CONFIG), prior, PLACES)
         for xy, prior in (
             (PLOT, PRIOR),
-            (moved.apply(PLOT), _prior_of(SE2(*CENTRE, 0.0) @ moved.inverse())),
+            (moved.apply(PLOT), _prior_of(SE2(X, Y, 0.0) @ moved.inverse())),
         )
     )
     assert first.verdict == second.verdict == "matched"
@@ -107,7 +108,7 @@ def test_a_deadline_ends_the_search() -> None:
 
 def test_a_vague_prior_is_refused() -> None:
     with pytest.raises(WindowTooLarge, match="smaller sigma or a heading"):
-        STORED.recognize_within(describe(PLOT, CONFIG), Prior(*CENTRE, 100.0), PLACES)
+        STORED.recognize_within(describe(PLOT, CONFIG), Prior(X, Y, 100.0), PLACES)
 
 
 @pytest.mark.parametrize(
@@ -122,7 +123,7 @@ def test_an_impossible_prior_is_refused(change: dict[str, float], message: str) 
 @pytest.mark.parametrize("yaw", [0.5, None])
 def test_the_prior_of_a_window_is_a_distribution(yaw: float | None) -> None:
     query, about = describe(PLOT, CONFIG), describe(TREES, CONFIG)
-    search = search_window((query, landmark_grid(query, CONFIG.reach)), about, Prior(*CENTRE, SIGMA, yaw))
+    search = search_window((query, landmark_grid(query, CONFIG.reach)), about, Prior(X, Y, SIGMA, yaw))
     assert np.exp(search.log_prior).sum() == pytest.approx(1.0)
     # The first and the last rotation are decoys of others if the heading is known, and there is none if it is not.
     assert len(search.turned) == (3 if yaw is not None else 0)
@@ -140,7 +141,7 @@ def test_trees_of_several_submaps_are_counted_once() -> None:
 def test_close_trees_of_one_submap_are_two_trees() -> None:
     stored = Recognizer(CONFIG)
     close = np.vstack([TREES, TREES[:1] + 0.5 * WINDOW.one_tree]) - TREES[0]
-    places = {1: SE2(*(CENTRE + 1.0), 0.0), 2: SE2(*(CENTRE + 1.0), 0.0)}
+    places = {1: SE2(X + 1.0, Y + 1.0, 0.0), 2: SE2(X + 1.0, Y + 1.0, 0.0)}
     stored.add([(key, describe(close, CONFIG)) for key in places])
     xy, _ = trees_about(describe(PLOT, CONFIG), PRIOR, {key: stored.features(key) for key in places}, places)
     assert (np.hypot(*(xy - CENTRE - 1.0).T) < WINDOW.one_tree).sum() == 2
@@ -150,7 +151,7 @@ def test_evidence_without_pairing_agrees_with_its_formula() -> None:
     query, about = describe(PLOT, CONFIG), describe(TREES, CONFIG)
     search = search_window((query, landmark_grid(query, CONFIG.reach)), about, PRIOR)
     pose = search.poses[len(search.poses) // 2]
-    points = SE2(*pose).inverse().apply(search.trees)
+    points = SE2(*pose.tolist()).inverse().apply(search.trees)
     logs = []
     depth = np.array([depth_inside(search.stems.hull, x, y) for x, y in points]) + search.stems.margin
     mean = search.density[depth > 0.0].mean()

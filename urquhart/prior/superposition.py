@@ -165,11 +165,10 @@ def superpose(
     """
     noise, clutter, visible = SUPERPOSITION.noise, SUPERPOSITION.clutter, stems.visible
     n, kinds, marks = len(stems.xy), len(visible), 1 + (ratios.shape[0] > 0)
-    most = noise[len(noise) - 1]
-    around = math.sqrt((stems.hull**2).sum(axis=1).max()) + stems.margin + SUPERPOSITION.far * most
+    far = SUPERPOSITION.far * noise[len(noise) - 1]
+    around = math.sqrt((stems.hull**2).sum(axis=1).max()) + stems.margin + far
     total = np.empty((len(noise), kinds, len(clutter), marks))
-    product, shares = np.empty_like(total), np.empty((kinds, marks))
-    evidence = np.empty(len(poses))
+    product, shares, evidence = np.empty_like(total), np.empty((kinds, marks)), np.empty(len(poses))
     for h in range(len(poses)):
         c, s = math.cos(poses[h, 2]), math.sin(poses[h, 2])
         total[:], product[:] = 0.0, 1.0
@@ -180,7 +179,7 @@ def superpose(
                 continue
             x, y = c * dx + s * dy, -s * dx + c * dy
             depth = depth_inside(stems.hull, x, y) + stems.margin
-            if depth < -SUPERPOSITION.far * most:
+            if depth < -far:
                 continue
             if depth > 0.0:
                 typical, near = typical + density[j], near + 1
@@ -203,8 +202,7 @@ def superpose(
                         for w in range(marks):
                             held = product[k, v, u, w] * (base + shares[v, w])
                             if held > 1e100 or held < 1e-100:
-                                total[k, v, u, w] += math.log(held)
-                                held = 1.0
+                                total[k, v, u, w], held = total[k, v, u, w] + math.log(held), 1.0
                             product[k, v, u, w] = held
         expected = stems.area * (typical / near if near else density.mean())
         evidence[h] = log_mean_ratio(total + np.log(product), expected, visible)
