@@ -138,13 +138,15 @@ def test_trees_of_several_submaps_are_counted_once() -> None:
     assert len(np.unique(away.argmin(axis=1))) == len(xy)
 
 
-def test_close_trees_of_one_submap_are_two_trees() -> None:
-    stored = Recognizer(CONFIG)
-    close = np.vstack([TREES, TREES[:1] + 0.5 * WINDOW.one_tree]) - TREES[0]
-    places = {1: SE2(X + 1.0, Y + 1.0, 0.0), 2: SE2(X + 1.0, Y + 1.0, 0.0)}
-    stored.add([(key, describe(close, CONFIG)) for key in places])
-    xy, _ = trees_about(describe(PLOT, CONFIG), PRIOR, {key: stored.features(key) for key in places}, places)
-    assert (np.hypot(*(xy - CENTRE - 1.0).T) < WINDOW.one_tree).sum() == 2
+@pytest.mark.parametrize("in_both", [True, False])
+def test_close_trees_stay_two_trees(in_both: bool) -> None:
+    stored, here = Recognizer(CONFIG), SE2(X + 1.0, Y + 1.0, 0.0)
+    one = TREES - TREES[0]
+    both = np.vstack([one, one[:1] + 0.5 * WINDOW.one_tree])
+    stored.add([(1, describe(both if in_both else one, CONFIG)), (2, describe(both, CONFIG))])
+    submaps = {key: stored.features(key) for key in (1, 2)}
+    xy, _ = trees_about(describe(PLOT, CONFIG), PRIOR, submaps, dict.fromkeys((1, 2), here))
+    assert (np.hypot(*(xy - (here.x, here.y)).T) < WINDOW.one_tree).sum() == 2
 
 
 def test_evidence_without_pairing_agrees_with_its_formula() -> None:

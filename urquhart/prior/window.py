@@ -168,8 +168,10 @@ def trees_about(
         measured = one.diameters if len(one.diameters) else np.full(len(there), np.nan)
         new = np.hypot(*(there - middle).T) <= radius
         if len(xy):
-            # Only trees of different submaps can be one tree: tops seen from the air may be very close to each other.
-            new &= cKDTree(xy).query(there)[0] > WINDOW.one_tree
+            # A tree is known if it and a known one are nearest to each other: tops seen from the air may be very close.
+            away, known = cKDTree(xy).query(there)
+            mutual = cKDTree(there).query(xy[known])[1] == np.arange(len(there))
+            new &= ~(mutual & (away <= WINDOW.one_tree))
         xy, thick = np.concatenate([xy, there[new]]), np.concatenate([thick, measured[new].astype(np.float64)])
     return xy, None if np.isnan(thick).all() else thick
 
