@@ -32,8 +32,8 @@ _PIECE: Final = 1 << 16
 _REFUSALS: Final = 20.0
 """Refusals (401 and 429) per second of one caller that are answered at once."""
 REFUSAL_SECONDS: Final = 1.0
-"""Delay of the others. 40 callers that continue after their key was revoked make the p99 of others 1.5 times as long,
-and 2.5 times without the delay (`python -m benchmarks.reliability --only exhaustion`)."""
+"""Seconds after its arrival before which no other refusal is answered. 40 callers that continue after their key was
+revoked make the p99 of others 2.5 times as long without this (`python -m benchmarks.reliability --only exhaustion`)."""
 _EMPTY: Final[Message] = {"type": "http.request", "body": b"", "more_body": False}
 
 
@@ -194,7 +194,7 @@ class Admission:
         try:
             self._shared.refusals.take(self.name)
         except TooManyRequests:
-            await asyncio.sleep(REFUSAL_SECONDS)
+            await asyncio.sleep(self._began + REFUSAL_SECONDS - time.monotonic())
 
     async def _send_piece(self, message: Message) -> None:
         """Send a piece of the answer. The time limit counts only while the caller reads nothing."""
