@@ -107,7 +107,7 @@ def _centres(options: ReadOptions) -> dict[str, tuple[float, float]] | None:
     path = options.centres
     if path is None:
         return None
-    wanted = ReadOptions(unit=options.unit, crs=options.crs)
+    wanted = ReadOptions(unit=options.unit, crs=options.crs, project=options.project)
     table = read_table(path, FilePart(None, None, is_header_of(wanted)))
     columns = find_columns(table, wanted)
     if "plot" not in columns.positions and "id" in columns.positions:

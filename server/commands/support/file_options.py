@@ -72,7 +72,7 @@ FILE_OPTIONS: Final[dict[str, Any]] = {
         Path | None, _option("A file with the plots' centres: the columns plot, x and y.", metavar="FILE")
     ],
     "quadrat_size": Annotated[
-        float | None, _option("Side of the quadrats of lx and ly, in metres. (default: 20)", metavar="METRES")
+        float | None, _option("Side of the quadrats, in the unit of lx and ly. (default: 20 m)", metavar="LENGTH")
     ],
     "ignore": Annotated[
         list[str] | None,

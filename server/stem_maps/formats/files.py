@@ -1,6 +1,7 @@
 """A file read as a table, by the format that its suffix names."""
 
 import hashlib
+import stat
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -70,6 +71,8 @@ def check_file(path: Path) -> None:
     try:
         if path.is_dir():
             raise StemMapError(path, _ADVICE.get(path.suffix.lower(), "is a directory: give a file"))
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise StemMapError(path, "is no regular file: give the file itself")
         with path.open("rb"):
             return
     except FileNotFoundError:

@@ -2,6 +2,7 @@
 
 import csv
 import io
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +14,7 @@ from server.stem_maps.formats.decoding import decode
 from server.stem_maps.formats.table import BadRow, FileTable, StemMapError, check_width
 
 SEPARATORS: Final = {",": "commas", ";": "semicolons", "\t": "tabs", " ": "spaces"}
+_DECIMAL: Final = re.compile(r"\s*[-+]?\d*[.,]\d+\s*")
 _TITLES: Final = 50
 """Lines, from the first, among which the header is looked for."""
 
@@ -128,7 +130,7 @@ class _Rows:
         """The rows as columns."""
         names, width = self._header.names, len(self._header.names)
         bad_rows: list[BadRow] = []
-        if self._header.separator in " \t" and self._rows and all(len(row) == width + 1 for row in self._rows):
+        if self._has_row_names(width):
             self.is_shifted = True
             names, width = ["", *names], width + 1
         kept: list[list[str]] = []
@@ -152,3 +154,11 @@ class _Rows:
             separator=self._header.separator,
             bad_rows=bad_rows,
         )
+
+    def _has_row_names(self, width: int) -> bool:
+        """Whether each row begins with a value of its own that has no name in the header, as R writes its row names."""
+        if self._header.separator not in " \t" or not all(len(row) == width + 1 for row in self._rows):
+            return False
+        firsts = {row[0] for row in self._rows}
+        is_name = len(firsts) == len(self._rows) > 0 and not any(map(_DECIMAL.fullmatch, firsts))
+        return is_name and all(row[-1].strip() for row in self._rows)

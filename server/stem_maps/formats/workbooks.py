@@ -124,9 +124,7 @@ def _table(path: Path, rows: list[tuple[int, list[Any]]], is_header: Callable[[l
 def _column(cells: list[Any]) -> ColumnValues:
     if all(cell is None or (isinstance(cell, int | float) and not isinstance(cell, bool)) for cell in cells):
         return np.asarray([np.nan if cell is None else float(cell) for cell in cells], dtype=np.float64)
-    texts = [cell for cell in cells if isinstance(cell, str)]
-    has_commas = any("," in text for text in texts) and not any("." in text for text in texts)
-    return [_text(cell).replace(".", ",") if has_commas and isinstance(cell, float) else _text(cell) for cell in cells]
+    return [_text(cell) for cell in cells]
 
 
 def _text(cell: Any) -> str:

@@ -24,6 +24,11 @@ _SHOWN: Final = 8
 _OPTION: Final = {"x": "x", "y": "y", "centre_x": "centre-x", "centre_y": "centre-y"}
 _OPTIONAL: Final = ("id", "plot", "dbh", "height", "species")
 """Columns that a `columns.toml` may name although one of the files beside it has no such column."""
+_MEASURES: Final = (
+    *("x", "y", "lx", "ly", "centre_x", "centre_y", "distance"),
+    *("dbh", "height", "azimuth", "slope"),
+)
+"""Meanings of columns whose headers may name a unit."""
 _DEGREES: Final = frozenset({"lon", "longitude", "lat", "latitude", "long"})
 
 
@@ -225,12 +230,16 @@ class _ColumnSearch:
         )
         for meaning, position in self.found.items():
             unit = self.names[position].unit
-            if unit is not None and meaning in ("x", "y", "dbh", "height", "azimuth", "distance", "lx", "ly"):
+            if unit is not None and meaning in _MEASURES:
                 columns.units[meaning] = unit
         self._set_unit(columns, ("x", "y"), self.options.unit, "unit", METRES)
         self._set_unit(columns, ("dbh",), self.options.dbh_unit, "dbh-unit", CENTIMETRES)
         self._set_unit(columns, ("height",), self.options.height_unit, "height-unit", METRES)
+        self._set_unit(columns, ("lx", "ly"), self.options.unit, "unit", METRES)
+        self._set_unit(columns, ("centre_x", "centre_y"), None, "unit", METRES)
+        self._set_unit(columns, ("distance",), None, "unit", METRES)
         self._set_unit(columns, ("azimuth",), self.options.angle, "angle", ("deg", "gon", "rad"))
+        self._set_unit(columns, ("slope",), self.options.slope_unit, "slope-unit", ("deg", "gon", "rad", "percent"))
         usual = FAMILY_UNITS.get(self.family or "")
         if "dbh" in columns.positions and "dbh" not in columns.units and usual is not None:
             columns.units["dbh"] = usual

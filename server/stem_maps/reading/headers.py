@@ -66,7 +66,9 @@ _UNITS: Final = {
     "us_ft": "us-ft", "usft": "us-ft", "us_survey_ft": "us-ft", "cm": "cm", "mm": "mm", "km": "km", "in": "in",
     "inch": "in", "yd": "yd",
 }  # fmt: skip
-_ANGLES: Final = {"deg": "deg", "degrees": "deg", "gon": "gon", "grad": "gon", "rad": "rad"}
+_ANGLES: Final = {
+    "deg": "deg", "degrees": "deg", "gon": "gon", "grad": "gon", "rad": "rad", "percent": "percent", "pct": "percent",
+}  # fmt: skip
 _UNIT: Final = "|".join(sorted((*_UNITS, *_ANGLES), key=len, reverse=True))
 
 

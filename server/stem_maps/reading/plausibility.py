@@ -32,6 +32,10 @@ _SPARSEST: Final = 30.0
 """Trees per hectare. Stands of 40 to 300 trees per hectare look like this or sparser if feet are taken as metres."""
 _THINNEST_BASAL: Final = 4.0
 """Square metres of stems per hectare. Forests have 10 to 60, and look a tenth of that if feet are taken as metres."""
+_NO_POSITION: Final = (0.0, -9.0, -99.0, -999.0, -9999.0, 999.0, 9999.0, 99999.0)
+"""Coordinates that tables have where a position is missing."""
+_MISSING: Final = 2
+"""Trees with different ids that stand exactly there, from which that is no accident."""
 _COARSE: Final = 0.1
 """Share of trees that may share a position with another one where positions are whole metres or coarser."""
 
@@ -44,6 +48,7 @@ def check_plausible(trees: TreeRows) -> None:
     xy = spread(trees)
     _check_degrees(trees.path, xy, trees)
     _check_centres(trees.path, trees, xy)
+    _check_missing(trees.path, trees.xy)
     if trees.whole:
         _check_cut_decimals(trees.path, xy)
     _check_values(trees.path, xy)
@@ -111,6 +116,17 @@ def _check_heights(trees: TreeRows, height_m: NDArray[np.float64]) -> None:
             f"read in metres, the median of the column {trees.columns.names['height']!r} is {np.median(known):.3g} m, "
             "which no stand has: name the unit with --height-unit",
         )
+
+
+def _check_missing(path: Path, xy: NDArray[np.float64]) -> None:
+    """Raise StemMapError if trees without a position seem to have one that stands for none."""
+    for code in _NO_POSITION:
+        at = int((xy == code).all(axis=1).sum())
+        if at >= _MISSING:
+            raise StemMapError(
+                path, f"{at} trees stand at {code:g}, {code:g}, as if they had no position: leave these rows out, or "
+                "leave their cells empty and use --skip-bad"
+            )  # fmt: skip
 
 
 def _places(xy: NDArray[np.float64]) -> int:

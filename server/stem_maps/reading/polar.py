@@ -65,23 +65,29 @@ def offsets(azimuth: NDArray[np.float64], distance: NDArray[np.float64]) -> NDAr
 
 
 def within_quadrats(
-    path: Path, quadrats: list[str], local: NDArray[np.float64], size: float | None
+    path: Path, quadrats: list[str], local: NDArray[np.float64], size: float | None, unit: str
 ) -> tuple[NDArray[np.float64], str]:
     """Positions (N, 2) in the plot of positions within quadrats, whose codes are two digits of column and of row.
 
-    Returns the positions and one sentence of what was assumed. Raises StemMapError.
+    All lengths, the side `size` of the quadrats among them, are in `unit`. Returns the positions and one sentence of
+    what was assumed. Raises StemMapError.
     """
+    if size is None and unit != "m":
+        raise StemMapError(
+            path, f"lx and ly are in {unit}: give the side of the quadrats in {unit} with --quadrat-size"
+        )
     side = size or _QUADRAT
     known = local[np.isfinite(local)]
     if len(known) and (known.min() < -_ROUNDING or known.max() > side + _ROUNDING):
         raise StemMapError(
             path, f"lx and ly lie between {known.min():g} and {known.max():g}, which is not within quadrats of "
-            f"{side:g} m: give their side with --quadrat-size"
+            f"{side:g} {unit}: give their side with --quadrat-size"
         )  # fmt: skip
     if size is None and len(known) >= 4 * _FEW and known.max() <= side / 2:
         raise StemMapError(
             path,
-            f"lx and ly reach only {known.max():g}, half a quadrat of {side:g} m: give the side with --quadrat-size",
+            f"lx and ly reach only {known.max():g}, half a quadrat of {side:g} {unit}: give its side with "
+            "--quadrat-size",
         )
     cells = np.zeros((len(quadrats), 2))
     for row, code in enumerate(quadrats):
@@ -89,5 +95,5 @@ def within_quadrats(
             raise StemMapError(path, f"the quadrat {code!r} is not two digits of column and two of row, such as 0307")
         cells[row] = int(code.zfill(4)[:2]), int(code.zfill(4)[2:])
     first = 0.0 if not len(cells) or (cells == 0).any() else 1.0
-    told = f"quadrats of {side:g} m, of which {'0000' if first == 0.0 else '0101'} begins at 0, 0"
+    told = f"quadrats of {side:g} {unit}, of which {'0000' if first == 0.0 else '0101'} begins at 0, 0"
     return local + side * (cells - first), told

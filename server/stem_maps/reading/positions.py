@@ -74,20 +74,29 @@ class Positions:
             xy = np.column_stack([numbers["x"], numbers["y"]]) * self.factor
             self.told = f"x_m from {self.columns.names['x']!r}, y_m from {self.columns.names['y']!r}"
         elif self.source == "quadrats":
+            self._set_factor(self.columns.units.get("lx") or self.options.unit)
             xy, told = within_quadrats(
                 self.table.path,
                 self.table.texts(self.columns.positions["quadrat"]),
                 np.column_stack([numbers["lx"], numbers["ly"]]),
                 self.options.quadrat_size,
+                self.unit,
             )
+            xy *= self.factor
             self.told = f"positions from 'quadrat', 'lx' and 'ly': {told}"
         else:
-            xy = self._polar(numbers, bad_rows)
+            centre, offset = self._polar(numbers, bad_rows)
+            if system is not None and self.centres is not None and self.options.project is not None:
+                return self._around_projected(centre, offset)
+            if system is not None and system.is_geographic:
+                # Offsets are metres, so centres in degrees are projected first.
+                return self._on_earth(centre, system) + offset
+            xy = centre + offset
         self.told += "" if self.factor == 1.0 else f", converted from {self.unit} to metres"
         return xy if system is None else self._on_earth(xy, system)
 
     def _set_unit(self, system: CRS | None) -> None:
-        unit = self.columns.units.get("x") or self.options.unit
+        unit = self.columns.units.get("centre_x") or self.columns.units.get("x") or self.options.unit
         self.unit_named = unit is not None or (system is not None and system.is_projected)
         if system is not None and not system.is_geographic:
             own = metres_per_unit(system)
@@ -99,8 +108,19 @@ class Positions:
                 )
             self.factor = own
             self.unit = unit or ("m" if is_metric(system) else system.axis_info[0].unit_name)
-        elif unit is not None:
-            self.factor, self.unit = METRES[unit], unit
+        else:
+            self._set_factor(unit)
+
+    def _set_factor(self, unit: str | None) -> None:
+        if unit is not None:
+            self.factor, self.unit, self.unit_named = METRES[unit], unit, True
+
+    def _around_projected(self, centre: NDArray[np.float64], offset: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Positions around centres of a file of their own, which were converted when they were read."""
+        target = system_of(self.table.path, self.options.project or "", "--project")
+        self.crs, self.unit, self.unit_named = describe_system(target), "m", True
+        self.told += f", in {self.crs}"
+        return centre + offset
 
     def _on_earth(self, xy: NDArray[np.float64], system: CRS) -> NDArray[np.float64]:
         """Positions in metres, checked against their system, or converted to the one that the caller wants."""
@@ -121,24 +141,31 @@ class Positions:
         self.told += f", in {self.crs}"
         return xy
 
-    def _polar(self, numbers: dict[str, NDArray[np.float64]], bad_rows: list[BadRow]) -> NDArray[np.float64]:
-        """Positions of polar measurements, metres. A row without azimuth or distance has none."""
+    def _polar(
+        self, numbers: dict[str, NDArray[np.float64]], bad_rows: list[BadRow]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Centres (N, 2), in the system of the file, and offsets from them (N, 2), metres, of polar measurements.
+
+        A row without azimuth or distance has none.
+        """
         path, names = self.table.path, self.columns.names
         unit = check_angles(path, numbers["azimuth"], self.columns.units.get("azimuth"), names["azimuth"])
         length = self.columns.units.get("distance") or self.options.unit or "m"
         distance = numbers["distance"] * METRES[length]
         bad_rows += [BadRow(line, names["distance"], "is negative") for line in self.table.lines[distance < 0].tolist()]
-        told = [f"positions from azimuths in {unit} of {names['azimuth']!r} and distances in {length} of "
+        guessed = "" if "azimuth" in self.columns.units else ", which names no unit,"
+        told = [f"positions from azimuths in {unit} of {names['azimuth']!r}{guessed} and distances in {length} of "
                 f"{names['distance']!r}"]  # fmt: skip
         if "slope" in numbers:
-            distance = horizontal(path, distance, numbers["slope"], self.options.slope_unit)
-            told.append(f"made horizontal with slopes in {self.options.slope_unit or 'deg'} of {names['slope']!r}")
+            slope_unit = self.columns.units.get("slope", "deg")
+            distance = horizontal(path, distance, numbers["slope"], slope_unit)
+            told.append(f"made horizontal with slopes in {slope_unit} of {names['slope']!r}")
         declination = np.radians(self.options.declination or 0.0)
         if declination:
             told.append(f"{self.options.declination:g} deg added to azimuths")
         centre, whose = self._centre(numbers)
         self.told = ", ".join([*told, whose])
-        return centre + offsets(numbers["azimuth"] * RADIANS[unit] + declination, distance)
+        return centre, offsets(numbers["azimuth"] * RADIANS[unit] + declination, distance)
 
     def _centre(self, numbers: dict[str, NDArray[np.float64]]) -> tuple[NDArray[np.float64], str]:
         """The centre (N, 2) of each row's plot, metres, and where it comes from. Raises StemMapError."""

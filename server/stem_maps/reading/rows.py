@@ -158,6 +158,10 @@ def _check_coordinates(trees: TreeRows, table: FileTable) -> None:
 def _diameters(trees: TreeRows, values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Diameters (N,) in centimetres, of diameters or radii in the column's unit; rows at fault are reported."""
     name, unit = trees.columns.names["dbh"], trees.columns.units.get("dbh", "cm")
+    if "dbh" not in trees.columns.units and trees.positions.unit in ("ft", "us-ft", "yd", "in"):
+        raise StemMapError(
+            trees.path, f"positions are in {trees.positions.unit}, and {name!r} names no unit: name it with --dbh-unit"
+        )
     if name.strip().lower() == "radius":
         values = 2.0 * values
     factor = CENTIMETRES[unit]

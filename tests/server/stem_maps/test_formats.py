@@ -214,7 +214,7 @@ def test_a_sheet_of_a_workbook_is_a_table(tmp_path: Path) -> None:
     assert stem_map.dbh_cm is not None
     assert stem_map.dbh_cm.tolist() == DBH_CM.tolist()
     lines: list[list[Any]] = [["Plot 7", None], [], ["nr", "x", "y", "note"]]
-    lines += [[1, 1.5, 2.5, None], [2.0, "3,5", "4,5", "leans"], [3, None, 1]]
+    lines += [[1, 1.5, 2.5, None], [2.0, "3.5", "4.5", "leans"], [3, None, 1]]
     path = workbook(tmp_path / "b.xlsx", {"about": [["a season"]], "plot 7": lines})
     assert "b.xlsx:6: x: has no value" in error_of(path)
     titled = read(path, skip_bad=True, id="nr")
