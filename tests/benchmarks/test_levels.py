@@ -17,6 +17,7 @@ from benchmarks.markdown import FOLDER
 from urquhart import Features
 from urquhart.features.observation import describe_observation
 
+ROOT = Path(__file__).parents[2]
 SMALL = ("extended grid, one submap each", "plantations, 36 submaps")
 
 
@@ -96,6 +97,16 @@ def test_what_a_level_adds_and_costs_is_counted() -> None:
     assert SHOWN[1] not in SPARED
     assert first["missed_without"] is None
     assert (second["missed_without"], second["gained_without"]) == (1, 0)
+
+
+def test_the_readme_has_the_figures_that_are_published() -> None:
+    worlds = record.read(ROOT / "docs" / FOLDER / f"{NAME}.json")["worlds"]
+    totals = {key: sum(world[key] for world in worlds.values()) for key in ("stored", "elsewhere", "wrong", "false")}
+    told = (
+        f"{len(worlds)} worlds, level by level: {totals['stored']:,} places that are stored, {totals['elsewhere']:,} "
+        f"that are not | {totals['wrong']} wrong, {totals['false']} matched falsely"
+    )
+    assert told in (ROOT / "README.md").read_text(encoding="utf-8")
 
 
 def test_a_quick_run_leaves_figures_and_a_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
