@@ -26,7 +26,7 @@ NAMES: Final[Mapping[str, Sequence[str]]] = {
            "baum_nr", "baumnr", "arbre", "stem_id", "stemid", "stem", "objectid", "fid", "fid_1", "name", ""),
     "plot": ("plot", "plot_id", "plotid", "plot_no", "plot_nr", "plot_name", "plotname"),
     "dbh": ("dbh", "bhd", "dap", "dhp", "d130", "dbhqsm", "radius"),
-    "height": ("height", "tree_height", "treeheight", "ht", "hgt", "th", "h"),
+    "height": ("height", "tree_height", "treeheight", "höhe", "hoehe", "hauteur", "ht", "hgt", "th", "h"),
     "species": ("species", "sp", "spp", "species_code", "baumart", "essence"),
     "azimuth": ("azimuth", "azimut", "azi", "azim", "bearing"),
     "distance": ("distance", "dist", "horizontal_distance", "hdist"),
@@ -35,6 +35,8 @@ NAMES: Final[Mapping[str, Sequence[str]]] = {
     "ly": ("ly",),
 }  # fmt: skip
 """Names by meaning, in lower case and in order of preference. The empty name is that of R's row names."""
+STATUSES: Final = frozenset({"status", "dfstatus", "tree_status", "alive", "dead", "vitality", "mortality"})
+"""Names of columns that say whether a tree is alive. None is read unless the caller names it and what to keep."""
 WEAK_IDS: Final = ("stem_id", "stemid", "stem", "objectid", "fid", "fid_1", "name", "")
 """Names of ids that are used only if every row has a value of its own."""
 OF_FAMILIES: Final[Mapping[str, str]] = {"h": "TreeLS", "th": "3DFin", "radius": "TreeLS"}

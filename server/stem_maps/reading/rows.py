@@ -11,6 +11,7 @@ from server.schemas.landmarks import STEMS_CM, TALLEST_M
 from server.stem_maps.formats.numbers import is_missing, missing_rows, number_format, to_numbers
 from server.stem_maps.formats.table import BadRow, FileTable, StemMapError, refusal
 from server.stem_maps.reading.columns import Columns
+from server.stem_maps.reading.headers import STATUSES, header_name
 from server.stem_maps.reading.options import CENTIMETRES, COLUMNS_FILE, METRES, ReadOptions
 from server.stem_maps.reading.positions import Positions, find_positions
 from server.stem_maps.reading.selection import only_chosen
@@ -129,6 +130,11 @@ def read_rows(
     _set_names(trees, table)
     taken = {at for key, at in columns.positions.items() if key in {*positions.used, *rest, *_NAMES}}
     trees.unused = tuple(name for at, name in enumerate(table.names) if at not in taken and name)
+    trees.notes += [
+        f"{name!r} is not used, so dead trees may be among these: --status and --keep leave them out"
+        for name in trees.unused
+        if header_name(name).base in STATUSES
+    ]
     trees.whole = table.separator == "," and _is_whole(table, columns)
     _join_stems(trees)
     return trees

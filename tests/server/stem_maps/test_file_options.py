@@ -206,6 +206,14 @@ def test_dead_trees_are_left_out_by_their_status(tmp_path: Path) -> None:
     assert "name the column with --status" in error_of(tmp_path, text, keep=("A",))
 
 
+def test_a_status_that_is_not_used_is_told(tmp_path: Path) -> None:
+    text = "id,x,y,DFstatus,Höhe\n" + rows("{n},{x},{y},{s},12.5", s=["alive", "dead"] * 40)
+    stem_map = read(tmp_path, text)
+    assert "'DFstatus' is not used, so dead trees may be among these: --status and --keep" in stem_map.understood
+    assert stem_map.height_m is not None
+    assert "DFstatus' is not used" not in read(tmp_path, text, status="DFstatus", keep=("alive",)).understood
+
+
 def test_bad_rows_are_reported_together_or_left_out(tmp_path: Path) -> None:
     text = "id,x,y,dbh_cm\n" + rows("{n},{x},{y},{d}") + "81,oak,1,30\n82,2,,30\n83,1\n,5,5,20\n"
     with pytest.raises(StemMapError) as caught:

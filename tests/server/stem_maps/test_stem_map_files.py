@@ -115,10 +115,10 @@ def test_columns_that_mean_something_else_are_refused_by_name(tmp_path: Path, he
 
 
 def test_what_is_not_used_is_named_and_may_be_ignored(tmp_path: Path) -> None:
-    text = table("x_m,y_m,x,y,Status,id", lambda i, x, y, _: f"{x},{y},{x + 4e5},{y + 5e6},L,{i}")
+    text = table("x_m,y_m,x,y,Layer,id", lambda i, x, y, _: f"{x},{y},{x + 4e5},{y + 5e6},L,{i}")
     stem_map = read(tmp_path, text, ignore=("X", "y"))
     assert same_trees(stem_map)
-    assert stem_map.understood == "read tree_id from 'id', x_m from 'x_m', y_m from 'y_m'; not used: 'x', 'y', 'Status'"
+    assert stem_map.understood == "read tree_id from 'id', x_m from 'x_m', y_m from 'y_m'; not used: 'x', 'y', 'Layer'"
     with pytest.raises(StemMapError, match="there is no column 'z', which --ignore names"):
         read(tmp_path, text, ignore=("z",))
 
