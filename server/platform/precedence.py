@@ -1,6 +1,6 @@
-"""Short requests go first: long work pauses while a shorter request is in progress."""
+"""Short requests go first: long work pauses while a short request is in progress."""
 
-import math
+import asyncio
 import time
 from collections.abc import Callable
 from contextvars import ContextVar
@@ -8,8 +8,6 @@ from typing import Final
 
 _SHORT: Final = 0.05
 """Seconds of work after which a request is no longer short. A query takes a tenth of that."""
-_SHORTER: Final = 0.5
-"""Work pauses for requests whose duration is at most this part of its own."""
 _LONGEST: Final = 0.02
 """Most seconds of one pause."""
 _LOOK: Final = 0.0005
@@ -20,7 +18,7 @@ _give_way: ContextVar[Callable[[], None]] = ContextVar("give_way", default=lambd
 
 
 def give_way() -> None:
-    """Pause if a request in progress is shorter than the work of this thread.
+    """Pause if the work of this thread is long and a short request is in progress.
 
     For work that has no budget, such as reading a large body or the lines of an import.
     """
@@ -33,53 +31,56 @@ def give_way_by(pause: Callable[[], None]) -> None:
 
 
 class Precedence:
-    """The requests in progress in this process: when each began, and how long its caller's requests take on average.
+    """The requests in progress in this process, by the time when each began to work.
 
     On a few cores, long work would otherwise delay every small request several times: they share the cores, their
-    caches and the interpreter. So the shortest request goes first, by the longer of the time that it has taken and the
-    time that its caller's requests take: a caller with long requests gives way from the first moment of each. Without
-    pauses, p99 of other callers beside a crowd of slow queries is 45 ms instead of 33 ms, and beside constraints jobs
-    43 ms instead of 36 ms (`python -m benchmarks.reliability --only exhaustion`).
+    caches and the interpreter. Without pauses, p99 of other callers beside a crowd of slow queries is 45 ms instead of
+    33 ms, and beside constraints jobs 43 ms instead of 36 ms (`python -m benchmarks.reliability --only exhaustion`).
     """
 
     def __init__(self) -> None:
-        self._requests: dict[int, tuple[float, float]] = {}
+        self._began: dict[int, float] = {}
 
-    def enter(self, request: object, expected: float = 0.0) -> None:
-        """A request begins to work, and will take about `expected` seconds. Called on the event loop, like `leave`."""
-        self._requests[id(request)] = time.monotonic(), expected
+    def enter(self, request: object) -> None:
+        """A request begins to work. Called on the event loop, like `leave`."""
+        self._began[id(request)] = time.monotonic()
 
     def leave(self, request: object) -> None:
         """A request is done, or gives its place back. Does nothing if it never entered."""
-        self._requests.pop(id(request), None)
+        self._began.pop(id(request), None)
 
     def pauses(self, request: object | None = None) -> Callable[[], None]:
         """A function that long work calls regularly, on its own thread. It returns after the pause, if there is one.
 
-        No pause is longer than the work since the last one, so all work keeps at least half of its speed.
+        No pause is longer than the work since the last one, so long work keeps at least half of its speed.
 
         Args:
-            request: for whom the work is done; None for a job, which gives way to every short request.
+            request: for whom the work is done. Its work is long once the request is no longer short; without a request,
+                as in a job, it always is.
         """
         since = time.monotonic()
 
         def pause() -> None:
             nonlocal since
             now = time.monotonic()
-            mine = math.inf if request is None else _duration(self._requests.get(id(request), (now, 0.0)), now)
+            if _on_event_loop():
+                return  # a pause here would stop the very request that it is for
+            if request is not None and now - self._began.get(id(request), now) < _SHORT:
+                return
             until = now + min(now - since, _LONGEST)
-            while self._is_shorter_one_in_progress(mine, now) and (now := time.monotonic()) < until:
+            while self._is_short_one_in_progress(now) and (now := time.monotonic()) < until:
                 time.sleep(_LOOK)
             since = now
 
         return pause
 
-    def _is_shorter_one_in_progress(self, seconds: float, now: float) -> bool:
-        bound = min(_SHORT, _SHORTER * seconds)
-        return any(_duration(other, now) < bound for other in list(self._requests.values()))
+    def _is_short_one_in_progress(self, now: float) -> bool:
+        return any(now - began < _SHORT for began in list(self._began.values()))
 
 
-def _duration(request: tuple[float, float], now: float) -> float:
-    """Seconds that a request takes, as far as is known."""
-    began, expected = request
-    return max(now - began, expected)
+def _on_event_loop() -> bool:
+    try:
+        asyncio.get_running_loop()
+    except RuntimeError:
+        return False
+    return True

@@ -116,11 +116,6 @@ class FairQueue:
         self._free += 1
         self._fill()
 
-    def expected_seconds(self, name: str) -> float:
-        """Average duration of the requests of the caller `name`, the latest ones weighted most; 0 if there was none."""
-        caller = self._callers.get(name)
-        return caller.mean if caller is not None else 0.0
-
     def _arrive(self, name: str) -> _Caller:
         now = self._clock()
         for known in [one for one, caller in self._callers.items() if now - caller.seen > _REMEMBERED]:

@@ -245,7 +245,7 @@ class Admission:
             self._shared.count("overloaded")
             raise
         self._entered = time.monotonic()
-        self._shared.precedence.enter(self, self._shared.fair_queue.expected_seconds(self._name))
+        self._shared.precedence.enter(self)
 
     def _leave(self) -> None:
         if self._entered is not None:

@@ -1,5 +1,6 @@
 """Long work pauses for short requests, never for long ones, and keeps half of its speed."""
 
+import asyncio
 import time
 
 import pytest
@@ -44,33 +45,21 @@ def test_a_job_pauses_for_a_short_request_and_not_without_one(clock: Clock) -> N
     assert clock.paused == 0.0
 
 
-def test_requests_pause_for_those_half_as_long_and_nobody_pauses_for_long_ones(clock: Clock) -> None:
+def test_long_requests_pause_and_nobody_pauses_for_them(clock: Clock) -> None:
     long, requests = object(), Precedence()
     requests.enter(long)
     give_way, job = requests.pauses(long), requests.pauses()
-    requests.enter(twin := object())
     clock.now = 0.04
-    give_way()
-    assert clock.paused == 0.0
-    requests.leave(twin)
     requests.enter(short := object())
-    clock.now += 0.001
+    give_way()
+    assert clock.paused == 0.0  # it is short itself
+    clock.now = 0.08
     give_way()
     assert clock.paused > 0.0
     requests.leave(short)
     clock.now, clock.paused = 1.0, 0.0
     job()
     assert clock.paused == 0.0
-
-
-def test_a_caller_with_long_requests_gives_way_from_the_first_moment(clock: Clock) -> None:
-    long, requests = object(), Precedence()
-    requests.enter(long, expected=0.045)
-    requests.enter(object(), expected=0.008)
-    give_way = requests.pauses(long)
-    clock.now = 0.001
-    give_way()
-    assert clock.paused > 0.0
 
 
 def test_long_work_keeps_half_of_its_speed_however_many_ask(clock: Clock) -> None:
@@ -83,6 +72,21 @@ def test_long_work_keeps_half_of_its_speed_however_many_ask(clock: Clock) -> Non
         worked += 0.005
         give_way()
     assert clock.paused == pytest.approx(worked, rel=0.2)
+
+
+def test_nothing_pauses_on_the_event_loop(clock: Clock) -> None:
+    requests = Precedence()
+    give_way = requests.pauses()
+    requests.enter(object())
+    clock.now = 0.01
+
+    async def on_the_loop() -> None:
+        give_way()
+
+    asyncio.run(on_the_loop())
+    assert clock.paused == 0.0
+    give_way()
+    assert clock.paused > 0.0
 
 
 def test_a_budget_gives_way_at_every_check_also_in_its_parts() -> None:
