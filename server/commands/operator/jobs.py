@@ -1,17 +1,15 @@
 """`urquhart jobs`: list and cancel the jobs of a database, also while a service runs."""
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.table import Table
 
 from server.commands.support.console import wide_console
-from server.commands.support.database import check_there, open_database, settings_with
+from server.commands.support.database import upgraded_database
 from server.commands.support.failure import CommandError
 from server.commands.support.options import DatabaseOption
 from server.jobs import operator_commands
-from server.store.sqlite.database import Database
 
 app = typer.Typer(help="List the jobs of a database, and cancel them.")
 
@@ -22,11 +20,8 @@ def list_jobs(
     database: DatabaseOption = None,
 ) -> None:
     """List unfinished jobs, oldest first, with their collection, key and progress."""
-    store = _existing(database)
-    try:
+    with upgraded_database(database) as store:
         found = operator_commands.listed(store, finished=every)
-    finally:
-        store.dispose()
     if not found:
         typer.echo("no jobs" if every else "no unfinished jobs")
         return
@@ -50,17 +45,8 @@ def cancel(
     """Cancel jobs. A running job stops after the work in progress; what it has stored stays."""
     if sum((bool(ids), key is not None, every)) != 1:
         raise CommandError("no jobs are named: give their ids, --key KEY, or --all")
-    store = _existing(database)
-    try:
+    with upgraded_database(database) as store:
         ended = operator_commands.cancel(store, ids=ids or (), key=key, every=every)
-    finally:
-        store.dispose()
     for job_id in ended:
         typer.echo(job_id)
     typer.echo(f"{len(ended)} cancelled", err=True)
-
-
-def _existing(database: Path | None) -> Database:
-    settings = settings_with(database=database)
-    check_there(settings)
-    return open_database(settings)

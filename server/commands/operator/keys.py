@@ -2,19 +2,17 @@
 
 import re
 from datetime import UTC, datetime, timedelta
-from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.table import Table
 
 from server.commands.support.console import wide_console
-from server.commands.support.database import check_there, open_database, settings_with
+from server.commands.support.database import open_database, settings_with, upgraded_database
 from server.commands.support.failure import CommandError
 from server.commands.support.options import DatabaseOption
 from server.security import api_keys
 from server.security.principal import Scope
-from server.store.sqlite.database import Database
 
 app = typer.Typer(help="Create, list and revoke API keys.")
 _UNITS = {"h": 1, "d": 24, "w": 24 * 7}
@@ -61,11 +59,8 @@ def create(
 @app.command("list")
 def list_keys(database: DatabaseOption = None) -> None:
     """List all keys, without their secrets."""
-    store = _existing(database)
-    try:
+    with upgraded_database(database) as store:
         found = api_keys.listed(store)
-    finally:
-        store.dispose()
     if not found:
         typer.echo("no keys: the service needs none, and accepts callers on this machine only")
         return
@@ -84,18 +79,9 @@ def revoke(
     database: DatabaseOption = None,
 ) -> None:
     """Revoke a key. Running services refuse it within a second."""
-    store = _existing(database)
-    try:
+    with upgraded_database(database) as store:
         api_keys.revoke(store, key)
-    finally:
-        store.dispose()
     typer.echo(f"key {key} revoked")
-
-
-def _existing(database: Path | None) -> Database:
-    settings = settings_with(database=database)
-    check_there(settings)
-    return open_database(settings)
 
 
 def _moment(text: str | None) -> datetime | None:

@@ -1,16 +1,14 @@
 """`urquhart stands`: list, show and remove what stem maps were stored in a collection, also while a service runs."""
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.table import Table
 
 from server.commands.support.console import wide_console
-from server.commands.support.database import check_there, open_database, settings_with
+from server.commands.support.database import upgraded_database
 from server.commands.support.options import DatabaseOption
 from server.stem_maps import stored_stands
-from server.store.sqlite.database import Database
 
 app = typer.Typer(help="List and show what stem maps were stored in a collection, and remove them.")
 
@@ -23,11 +21,8 @@ NameArgument = Annotated[
 @app.command("list", epilog="Example: `urquhart stands list season-2026`")
 def list_stands(collection: CollectionArgument, database: DatabaseOption = None) -> None:
     """List the stands of a collection, in the order they were first stored."""
-    store = _existing(database)
-    try:
+    with upgraded_database(database) as store:
         found = stored_stands.listed(store, collection)
-    finally:
-        store.dispose()
     if not found:
         typer.echo(f"no stands in {collection}: urquhart index stores some")
         return
@@ -42,11 +37,8 @@ def list_stands(collection: CollectionArgument, database: DatabaseOption = None)
 @app.command("show", epilog="Example: `urquhart stands show season-2026 plot-7`")
 def show(collection: CollectionArgument, name: NameArgument, database: DatabaseOption = None) -> None:
     """Show what is known of a stand."""
-    store = _existing(database)
-    try:
+    with upgraded_database(database) as store:
         stand = stored_stands.read(store, collection, name)
-    finally:
-        store.dispose()
     for label, value in (
         ("name", stand.name),
         ("frame", stand.frame_id),
@@ -65,15 +57,6 @@ def show(collection: CollectionArgument, name: NameArgument, database: DatabaseO
 @app.command("remove", epilog="Example: `urquhart stands remove season-2026 plot-7`")
 def remove(collection: CollectionArgument, name: NameArgument, database: DatabaseOption = None) -> None:
     """Remove a stand with all its submaps, in one transaction. Running services search without them at once."""
-    store = _existing(database)
-    try:
+    with upgraded_database(database) as store:
         submaps = stored_stands.remove(store, collection, name)
-    finally:
-        store.dispose()
     typer.echo(f"{name}: removed with {submaps} submaps")
-
-
-def _existing(database: Path | None) -> Database:
-    settings = settings_with(database=database)
-    check_there(settings)
-    return open_database(settings)

@@ -1,5 +1,8 @@
 """The database that a command works on."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from server.commands.support.failure import CommandError
@@ -33,6 +36,23 @@ def open_database(settings: Settings) -> Database:
         database.dispose()
         raise
     return database
+
+
+@contextmanager
+def upgraded_database(path: Path | None) -> Iterator[Database]:
+    """The database of the settings, or at `path`, as `open_database` opens it, for the length of a block.
+
+    Raises:
+        CommandError: there is no such file.
+        DomainError: as `open_database`.
+    """
+    settings = settings_with(database=path)
+    check_there(settings)
+    database = open_database(settings)
+    try:
+        yield database
+    finally:
+        database.dispose()
 
 
 def existing_database(settings: Settings) -> Database:
