@@ -63,10 +63,10 @@ class Precedence:
         def pause() -> None:
             nonlocal since
             now = time.monotonic()
-            if _on_event_loop():
-                return  # a pause here would stop the very request that it is for
             if request is not None and now - self._began.get(id(request), now) < _SHORT:
                 return
+            if _on_event_loop():
+                return  # a pause here would stop the very request that it is for
             until = now + min(now - since, _LONGEST)
             while self._is_short_one_in_progress(now) and (now := time.monotonic()) < until:
                 time.sleep(_LOOK)

@@ -74,7 +74,6 @@ class Positions:
             xy = np.column_stack([numbers["x"], numbers["y"]]) * self.factor
             self.told = f"x_m from {self.columns.names['x']!r}, y_m from {self.columns.names['y']!r}"
         elif self.source == "quadrats":
-            self._set_factor(self.columns.units.get("lx") or self.options.unit)
             xy, told = within_quadrats(
                 self.table.path,
                 self.table.texts(self.columns.positions["quadrat"]),
@@ -96,7 +95,8 @@ class Positions:
         return xy if system is None else self._on_earth(xy, system)
 
     def _set_unit(self, system: CRS | None) -> None:
-        unit = self.columns.units.get("centre_x") or self.columns.units.get("x") or self.options.unit
+        named = ("lx",) if self.source == "quadrats" else ("centre_x", "x")
+        unit = next((self.columns.units[key] for key in named if key in self.columns.units), self.options.unit)
         self.unit_named = unit is not None or (system is not None and system.is_projected)
         if system is not None and not system.is_geographic:
             own = metres_per_unit(system)
@@ -108,12 +108,8 @@ class Positions:
                 )
             self.factor = own
             self.unit = unit or ("m" if is_metric(system) else system.axis_info[0].unit_name)
-        else:
-            self._set_factor(unit)
-
-    def _set_factor(self, unit: str | None) -> None:
-        if unit is not None:
-            self.factor, self.unit, self.unit_named = METRES[unit], unit, True
+        elif unit is not None:
+            self.factor, self.unit = METRES[unit], unit
 
     def _around_projected(self, centre: NDArray[np.float64], offset: NDArray[np.float64]) -> NDArray[np.float64]:
         """Positions around centres of a file of their own, which were converted when they were read."""
