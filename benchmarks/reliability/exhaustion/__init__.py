@@ -26,7 +26,7 @@ def run(*, quick: bool, seed: int) -> Figures:
 
 def _measure(attack: Attack, *, quick: bool, seed: int) -> Figures:
     """One attack on a service of its own."""
-    least = 3.0 if quick else 15.0
+    least = 3.0 if quick else 40.0
     with tempfile.TemporaryDirectory() as folder, AttackedService(Path(folder), attack.limits) as attacked:
         attack.prepare(attacked, quick=quick)
         with Robot(attacked, seed) as robot:
