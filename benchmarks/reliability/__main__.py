@@ -9,7 +9,7 @@ import typer
 
 from benchmarks import record
 from benchmarks.experiments import Figures, choose
-from benchmarks.machine import machine
+from benchmarks.machine import commit, machine
 from benchmarks.markdown import FOLDER
 from benchmarks.reliability import (
     contract,
@@ -59,6 +59,7 @@ def main(
         command = f"python -m benchmarks.reliability{' --quick' if quick else ''}{f' --seed {seed}' if seed else ''}"
         head = {
             "machine": machine(*_LIBRARIES),
+            "commit": commit(),
             "command": f"{command} --only {name}",
             "seed": seed,
             "seconds": time.perf_counter() - began,

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Final
 import typer
 
 from benchmarks import record
-from benchmarks.machine import machine
+from benchmarks.machine import commit, machine
 from benchmarks.markdown import FOLDER
 from benchmarks.paper.charts import save
 from benchmarks.scale.charts import PICTURES
@@ -82,7 +82,9 @@ def measure(
             typer.echo(f"{size:>9,} {name}: measured before")
             continue
         typer.echo(f"{size:>9,} {name}")
-        measurement = Measurement(name, size, str(room.absolute()), asked(name, size, quick), seed, workers)
+        measurement = Measurement(
+            name, size, str(room.absolute()), asked(name, size, quick), seed, workers, part.forest
+        )
         around: Figures = {}
         with watched(around):
             figures = middle([run(measurement) for _ in range(1 if quick else part.runs)])
@@ -118,7 +120,7 @@ def keep(folder: Path, size: int, measured: dict[str, Figures], head: Figures) -
     path = folder / FOLDER / f"{NAME}.json"
     there = record.read(path)["sizes"] if path.exists() else {}
     spent = sum(figures["spent_seconds"] for figures in measured.values())
-    there[str(size)] = {"machine": machine(), "seconds": spent, "parts": measured}
+    there[str(size)] = {"machine": machine(), "commit": commit(), "seconds": spent, "parts": measured}
     record.write(path, head | {"sizes": dict(sorted(there.items(), key=lambda entry: int(entry[0])))})
 
 

@@ -12,11 +12,12 @@ from benchmarks.scale.database import COLLECTION, index_of, opened
 from benchmarks.scale.measurement import Figures, Measurement, Steps, memory, spread
 from benchmarks.scale.measurement_plan import COMPARED
 from benchmarks.scale.observations import Observations
-from benchmarks.scale.simulate import SUBMAPS, WARMING
-from benchmarks.scale.tiled_forest import KINDS
+from benchmarks.scale.simulate import WARMING
+from benchmarks.scale.tiled_forest import KINDS, Kind, questions_of
 from server.index.live_indexes import LiveIndexes
 from server.platform.thread_limits import pin_threads
 from urquhart import SE2, Config, Recognition, warm_up
+from urquhart.options import Effort
 
 SHIFT: Final = 1.0
 """Metres, and"""
@@ -28,8 +29,8 @@ def run(measurement: Measurement) -> Figures:
     """Ask all queries of a kind one after the other: verdicts, poses, times, and the memory at the end."""
     kind, submaps, queries = (
         KINDS[measurement.part],
-        Observations.load(measurement.room, SUBMAPS),
-        Observations.load(measurement.room, measurement.part),
+        Observations.load(measurement.room, measurement.submaps_name),
+        Observations.load(measurement.room, questions_of(measurement.part)),
     )
     pin_threads()
     warm_up(Config())
@@ -37,19 +38,19 @@ def run(measurement: Measurement) -> Figures:
     rows: list[dict[str, Any]] = []
     with opened(measurement.database) as indexes:
         for last in range(1, WARMING + 1):
-            answer(indexes, queries.xy(len(queries) - last))
+            answer(indexes, queries.xy(len(queries) - last), kind.effort)
         steps = Steps(f"asked, {kind}", measurement.asked)
         for number in range(measurement.asked):
-            rows.append(_ask(indexes, submaps, queries, number, inside=kind.inside))
+            rows.append(_ask(indexes, submaps, queries, number, kind))
             steps.done(number + 1)
         used = memory()
     return summarize(rows, inside=kind.inside) | {"memory": used, "memory_before": empty}
 
 
-def answer(indexes: LiveIndexes, xy: NDArray[np.float64]) -> Recognition:
+def answer(indexes: LiveIndexes, xy: NDArray[np.float64], effort: Effort = "fast") -> Recognition:
     """Look landmarks (N, 2) float64, metres, up in the collection, as a query of the service does."""
     with indexes.view(COLLECTION) as view:
-        return view.recognizer.locate(xy)
+        return view.recognizer.locate(xy, effort=effort)
 
 
 def is_right(submap: SE2, found: SE2, truth: SE2) -> bool:
@@ -58,17 +59,20 @@ def is_right(submap: SE2, found: SE2, truth: SE2) -> bool:
     return shift <= SHIFT and turn <= TURN
 
 
-def _ask(
-    indexes: LiveIndexes, submaps: Observations, queries: Observations, number: int, *, inside: bool
-) -> dict[str, Any]:
+def _ask(indexes: LiveIndexes, submaps: Observations, queries: Observations, number: int, kind: Kind) -> dict[str, Any]:
     xy, truth = queries.xy(number), queries.pose(number)
     start = time.perf_counter()
     with indexes.view(COLLECTION) as view:
-        found = view.recognizer.locate(xy)
+        found = view.recognizer.locate(xy, effort=kind.effort)
         milliseconds = 1e3 * (time.perf_counter() - start)
         best = found.candidates[0] if found.candidates else None
         submap = None if best is None else index_of(view, best.key)
-    right = inside and best is not None and submap is not None and is_right(submaps.pose(submap), best.transform, truth)
+    right = (
+        kind.inside
+        and best is not None
+        and submap is not None
+        and is_right(submaps.pose(submap), best.transform, truth)
+    )
     stages: dict[str, float] = {}
     for stage in found.stages:
         stages[stage.name] = stages.get(stage.name, 0.0) + stage.milliseconds

@@ -9,7 +9,7 @@ from matplotlib.ticker import FuncFormatter, NullLocator
 
 from benchmarks.scale.measurement_plan import RIVALS
 from benchmarks.scale.requirements import look, per, resident
-from benchmarks.scale.tiled_forest import KINDS
+from benchmarks.scale.tiled_forest import KINDS, PLAIN
 
 OURS: Final = "#1a1a1a"
 COLOURS: Final = {
@@ -67,8 +67,8 @@ def latency(figures: dict[str, Any]) -> Figure:
     """Milliseconds of a query, median and 95th percentile, by kind; and of the rivals."""
     figure = Figure(figsize=(9.6, 4.2), layout="constrained")
     left, right = figure.subplots(1, 2, sharey=True)
-    for name, kind in KINDS.items():
-        _line(left, figures, look(name, "milliseconds", "p50"), COLOURS[name], str(kind))
+    for name in PLAIN:
+        _line(left, figures, look(name, "milliseconds", "p50"), COLOURS[name], str(KINDS[name]))
         _line(left, figures, look(name, "milliseconds", "p95"), COLOURS[name], None, style=":")
     _line(right, figures, look("inside-20", "milliseconds", "p50"), COLOURS["inside-20"], "this project")
     for name in RIVALS:

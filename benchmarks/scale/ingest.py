@@ -6,7 +6,6 @@ from benchmarks.scale.asking import answer
 from benchmarks.scale.database import database_bytes, files_of, index_bytes, opened, settle, store
 from benchmarks.scale.measurement import Figures, Measurement, Steps, memory
 from benchmarks.scale.observations import Observations
-from benchmarks.scale.simulate import SUBMAPS
 from urquhart import Config, warm_up
 
 
@@ -14,7 +13,7 @@ def run(measurement: Measurement) -> Figures:
     """Fill a new database; seconds until all is durable, and until the index is built and a query answered; bytes."""
     for file in files_of(measurement.database):
         file.unlink()
-    submaps = Observations.load(measurement.room, SUBMAPS)
+    submaps = Observations.load(measurement.room, measurement.submaps_name)
     warm_up(Config())
     begun = time.perf_counter()
     processes = store(measurement.database, submaps, measurement.workers, Steps("stored", len(submaps)).done)

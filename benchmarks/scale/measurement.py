@@ -25,6 +25,7 @@ class Measurement:
         asked: how many queries; 0 where none are asked.
         seed: of all randomness.
         workers: processes where several work together.
+        forest: what is stored; see `tiled_forest.FORESTS`.
     """
 
     part: str
@@ -33,6 +34,7 @@ class Measurement:
     asked: int
     seed: int
     workers: int
+    forest: str = "paper"
 
     @property
     def room(self) -> Path:
@@ -40,9 +42,14 @@ class Measurement:
         return Path(self.folder)
 
     @property
+    def submaps_name(self) -> str:
+        """Under what the observations that are stored are written."""
+        return "submaps" if self.forest == "paper" else f"{self.forest}-submaps"
+
+    @property
     def database(self) -> Path:
-        """The database of this size."""
-        return self.room / "scale.sqlite"
+        """The database of this size and forest."""
+        return self.room / ("scale.sqlite" if self.forest == "paper" else f"{self.forest}.sqlite")
 
     def to_json(self) -> str:
         """The measurement as another process reads it."""

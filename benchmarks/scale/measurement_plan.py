@@ -17,6 +17,7 @@ class Part:
         runs: how often, each in a fresh process; the median is kept.
         largest: submaps beyond which it is left out.
         asked: queries (a quick run asks fewer).
+        forest: what is stored; see `tiled_forest.FORESTS`.
     """
 
     module: str
@@ -24,6 +25,7 @@ class Part:
     runs: int = 1
     largest: int = SIZES[-1]
     asked: int = 0
+    forest: str = "paper"
 
 
 PARTS: Final = {
@@ -35,6 +37,15 @@ PARTS: Final = {
     "outside-20": Part("asking", ("ingest",), asked=1_000),
     "inside-40": Part("asking", ("ingest",), asked=1_000),
     "outside-40": Part("asking", ("ingest",), asked=1_000),
+    "inside-20-full": Part("asking", ("ingest",), asked=300),
+    "outside-20-full": Part("asking", ("ingest",), asked=300),
+    "inside-40-full": Part("asking", ("ingest",), asked=1_000),
+    "dense-simulate": Part("simulate", (), largest=100_000, forest="dense"),
+    "dense-ingest": Part("ingest", ("dense-simulate",), largest=100_000, forest="dense"),
+    "dense-inside-20": Part("asking", ("dense-ingest",), largest=100_000, asked=500, forest="dense"),
+    "dense-outside-20": Part("asking", ("dense-ingest",), largest=100_000, asked=500, forest="dense"),
+    "dense-inside-20-full": Part("asking", ("dense-ingest",), largest=100_000, asked=200, forest="dense"),
+    "dense-outside-20-full": Part("asking", ("dense-ingest",), largest=100_000, asked=200, forest="dense"),
     "threads": Part("threads", ("ingest",), asked=200),
     "http": Part("http_overhead", ("ingest",), asked=200),
     "rival-quads": Part("rivals.compare", ("simulate",), largest=100_000, asked=200),
@@ -59,6 +70,6 @@ def asked(name: str, submaps: int, quick: bool) -> int:
     if name == "outside-20" and submaps == 100_000:
         # Where a false match would be found, if one in ten thousand is false.
         return 10_000
-    if submaps > 100_000 and name in ("inside-20", "inside-40", "outside-40"):
+    if submaps > 100_000 and name in ("inside-20", "inside-40", "outside-40", "inside-40-full"):
         return usual // 2
     return usual

@@ -13,9 +13,8 @@ from benchmarks.pool import Pool
 from benchmarks.scale.measurement import Figures, Measurement
 from benchmarks.scale.measurement_plan import asked
 from benchmarks.scale.observations import Observations, join, write
-from benchmarks.scale.tiled_forest import KINDS, World
+from benchmarks.scale.tiled_forest import KINDS, World, questions_of
 
-SUBMAPS: Final = "submaps"
 WARMING: Final = 10
 """Queries that are not counted: the last of each kind, asked first."""
 _MOST: Final = 20_000
@@ -26,6 +25,7 @@ _MOST: Final = 20_000
 class Stretch:
     """Submaps, or queries of a kind, from `first` on up to `last`, and the file they go to."""
 
+    forest: str
     submaps: int
     seed: int
     what: str
@@ -38,11 +38,14 @@ class Stretch:
 def run(measurement: Measurement) -> Figures:
     """Write the submaps and all queries; seconds and sizes."""
     begun = time.perf_counter()
-    wanted = {SUBMAPS: measurement.submaps} | {
-        kind: asked(kind, measurement.submaps, quick=False) + WARMING for kind in KINDS
+    wanted = {measurement.submaps_name: measurement.submaps} | {
+        name: asked(name, measurement.submaps, quick=False) + WARMING
+        for name, kind in KINDS.items()
+        if kind.forest == measurement.forest and questions_of(name) == name
     }
     stretches = [
         Stretch(
+            measurement.forest,
             measurement.submaps,
             measurement.seed,
             what,
@@ -58,8 +61,8 @@ def run(measurement: Measurement) -> Figures:
         pool.map(make, stretches, f"{measurement.submaps:,} submaps seen")
     for what in wanted:
         join(measurement.room, what, [stretch.name for stretch in stretches if stretch.what == what])
-    submaps = Observations.load(measurement.room, SUBMAPS)
-    world = World(measurement.submaps, measurement.seed)
+    submaps = Observations.load(measurement.room, measurement.submaps_name)
+    world = World(measurement.submaps, measurement.seed, forest=measurement.forest)
     return {
         "seconds": time.perf_counter() - begun,
         "landmarks": len(submaps.points) / len(submaps),
@@ -69,12 +72,12 @@ def run(measurement: Measurement) -> Figures:
 
 def make(stretch: Stretch) -> None:
     """Write one stretch."""
-    world = _world(stretch.submaps, stretch.seed)
+    world = _world(stretch.submaps, stretch.seed, stretch.forest)
     numbers = range(stretch.first, stretch.last)
-    if stretch.what == SUBMAPS:
-        seen = [world.submap(index) for index in numbers]
-    else:
+    if stretch.what in KINDS:
         seen = [world.query(stretch.what, number) for number in numbers]
+    else:
+        seen = [world.submap(index) for index in numbers]
     write(stretch.folder, stretch.name, seen)
 
 
@@ -85,5 +88,5 @@ def _band(measurement: Measurement) -> int:
 
 
 @lru_cache(maxsize=1)
-def _world(submaps: int, seed: int) -> World:
-    return World(submaps, seed)
+def _world(submaps: int, seed: int, forest: str) -> World:
+    return World(submaps, seed, forest=forest)

@@ -25,7 +25,17 @@ from benchmarks.scale.requirements import ASKED_OF, CAUSES, REQUIREMENTS, look, 
 from benchmarks.scale.rivals.quads import RADIUS
 from benchmarks.scale.rivals.rival import TOLERANCE, Described
 from benchmarks.scale.rivals.triangles import TriangleRival, sorted_triangles
-from benchmarks.scale.tiled_forest import GOOD, KINDS, MARGIN, SPACING, World, grid_shape
+from benchmarks.scale.tiled_forest import (
+    GOOD,
+    KINDS,
+    MARGIN,
+    PLAIN,
+    SPACING,
+    World,
+    dense_stand,
+    grid_shape,
+    questions_of,
+)
 from benchmarks.scale.tiled_forest import RADIUS as RANGE
 from benchmarks.scale.worker import run_alone, run_here
 from urquhart import SE2, Config, describe
@@ -41,7 +51,7 @@ def room(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("scale")
 
     def run(measurement: Measurement) -> dict[str, Any]:
-        return run_alone(measurement) if measurement.part == "simulate" else run_here(measurement)
+        return run_alone(measurement) if measurement.part.endswith("simulate") else run_here(measurement)
 
     command.measure(TINY, folder, quick=True, seed=SEED, workers=1, run=run)
     return folder
@@ -118,6 +128,22 @@ def test_the_grid_holds_exactly_so_many(submaps: int, shape: tuple[int, int]) ->
     for index in (0, submaps // 2, submaps - 1):
         row, column = divmod(index, shape[1])
         assert world.nearest(MARGIN + SPACING * column + 20.0, MARGIN + SPACING * row - 20.0) == index
+
+
+def test_dense_stands_have_300_to_2000_trees_a_hectare_and_no_heaps() -> None:
+    counts = []
+    for seed in range(20):
+        trees = dense_stand(np.random.default_rng(seed), 50.0)
+        apart = np.hypot(*(trees[:, None] - trees).transpose(2, 0, 1)) + np.diag(np.full(len(trees), np.inf))
+        counts.append(len(trees) / 0.25)
+        assert apart.min() > 0.2 * np.sqrt(1e4 / counts[-1])
+    assert 250.0 < min(counts) < 500.0 and 1_200.0 < max(counts) < 2_200.0
+
+
+def test_full_effort_is_asked_the_same_as_fast() -> None:
+    assert {questions_of(name) for name in KINDS} <= KINDS.keys()
+    for name, kind in KINDS.items():
+        assert KINDS[questions_of(name)] == kind._replace(effort="fast")
 
 
 def test_observations_are_read_as_they_were_written(tmp_path: Path) -> None:
@@ -375,6 +401,7 @@ def test_nothing_published_is_matched_and_wrong() -> None:
     published = record.read(ROOT / "docs" / FOLDER / "scale.json")
     assert {"1000", "10000", "100000", "1000000"} <= set(published["sizes"])
     for one in published["sizes"].values():
-        for name in KINDS:
+        for name in KINDS.keys() & one["parts"].keys():
             assert (one["parts"][name]["wrong"], one["parts"][name]["false"]) == (0, 0)
+        assert set(PLAIN) <= one["parts"].keys()
         assert one["parts"]["http"]["differing"] == 0

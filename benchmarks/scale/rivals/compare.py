@@ -13,8 +13,7 @@ from benchmarks.scale.rivals.brute import ExhaustiveRival
 from benchmarks.scale.rivals.quads import QuadRival
 from benchmarks.scale.rivals.rival import CONFIG, REACHED, Described, RivalMethod, RivalRanking
 from benchmarks.scale.rivals.triangles import TriangleRival
-from benchmarks.scale.simulate import SUBMAPS
-from benchmarks.scale.tiled_forest import KINDS, World
+from benchmarks.scale.tiled_forest import KINDS, PLAIN, World
 from server.platform.thread_limits import pin_threads
 from urquhart import SE2, describe, warm_up
 from urquhart.verify.evidence import PoseEvidence
@@ -29,7 +28,7 @@ _MADE: Final[dict[str, Callable[[], RivalMethod]]] = {
 
 def run(measurement: Measurement) -> Figures:
     """Build the rival's index of all submaps and ask it."""
-    submaps = Observations.load(measurement.room, SUBMAPS)
+    submaps = Observations.load(measurement.room, measurement.submaps_name)
     rival = _MADE[measurement.part]()
     warm_up(CONFIG)
     begun, steps = time.perf_counter(), Steps("taken in", len(submaps))
@@ -39,7 +38,7 @@ def run(measurement: Measurement) -> Figures:
     rival.build()
     built = time.perf_counter() - begun
     pin_threads()
-    kinds = [kind for kind in KINDS if KINDS[kind].inside]
+    kinds = [kind for kind in PLAIN if KINDS[kind].inside]
     return {
         "asked": measurement.asked,
         "build_seconds": built,
