@@ -66,8 +66,10 @@ bench-scale: $(VENV)/dev.stamp ## measure up to 100,000 submaps; ARGS="--max-n 1
 bench-reliability: $(VENV)/dev.stamp ## test the service under load, attacks and crashes: docs/reliability.md
 	@$(BIN)/python -m benchmarks.reliability $(ARGS)
 
+# The service makes maps. GTSAM's wheel names pytest as a requirement, which it does not use.
 lock: ## resolve the lock files again (needs uv)
-	@$(UV_COMPILE) pyproject.toml --output-file requirements.lock
+	@$(UV_COMPILE) pyproject.toml --extra maps --output-file requirements.lock \
+		$(addprefix --no-emit-package ,pytest iniconfig pluggy)
 	@$(UV_COMPILE) --group build --constraint requirements.lock --output-file requirements-build.lock
 	@$(UV_COMPILE) pyproject.toml --extra dev --group build --constraint requirements.lock --output-file requirements-dev.lock
 
