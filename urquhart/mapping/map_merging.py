@@ -86,7 +86,7 @@ def merge(
     index = np.arange(len(points)) - np.repeat(np.cumsum([0, *sizes])[:-1], sizes)
     labels = dbscan(points, distance, least)
     if apart:
-        labels = _part(points, owner, labels, distance)
+        labels = keep_apart(points, owner, labels, distance)
     return _collect(points, owner, index, labels)
 
 
@@ -113,13 +113,16 @@ def dbscan(points: NDArray[np.float64], distance: float, least: int = 1) -> NDAr
         gap, nearest = cKDTree(points[heart]).query(points[border])
         near = gap <= distance
         labels[border[near]] = labels[heart[np.asarray(nearest)[near]]]
-    return _renumber(labels)
+    return renumber(labels)
 
 
-def _part(
+def keep_apart(
     points: NDArray[np.float64], owner: NDArray[np.int64], labels: NDArray[np.int64], distance: float
 ) -> NDArray[np.int64]:
-    """New labels (N,), with clusters split such that none holds two points of one owner (N,)."""
+    """New labels (N,), with clusters split such that none holds two points of one owner (N,).
+
+    `points` (N, 2), metres, within `distance` of each other are joined again, nearest pair first.
+    """
     known = np.flatnonzero(labels >= 0)
     _, first, times = np.unique(
         np.column_stack([labels[known], owner[known]]), axis=0, return_index=True, return_counts=True
@@ -143,10 +146,10 @@ def _part(
     parted = labels.copy()
     for i in members.tolist():
         parted[i] = len(points) + min(group[i])
-    return _renumber(parted)
+    return renumber(parted)
 
 
-def _renumber(labels: NDArray[np.int64]) -> NDArray[np.int64]:
+def renumber(labels: NDArray[np.int64]) -> NDArray[np.int64]:
     """The same clusters, numbered by their first point; -1 stays."""
     unique, first, inverse = np.unique(labels, return_index=True, return_inverse=True)
     rank = np.empty(len(unique), np.int64)
