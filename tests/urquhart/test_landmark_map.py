@@ -57,9 +57,9 @@ def test_one_entry_for_each_tree_of_a_drive(association: Association) -> None:
         entries = trees_of(built, seen)
         pure = np.array([len(set(entry.tolist())) == 1 for entry in entries])
         there = len(np.unique(np.concatenate([one.trees for one in seen])))
-        assert pure.mean() > 0.99
+        assert pure.mean() > 0.98
         # A chain of landmarks within 0.5 m of each other does not know that a whole submap is off.
-        assert len(built) == pytest.approx(there, rel=0.015 if association == "joint" else 0.1)
+        assert len(built) == pytest.approx(there, rel=0.015 if association == "joint" else 0.15)
         assert built.noise == pytest.approx(0.1, abs=0.02)
         first = np.array([entry[0] for entry in entries])
         off = built.xy - SE2(*graph.truth[0].tolist()).inverse().apply(trees[first])

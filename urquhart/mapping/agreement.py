@@ -40,7 +40,7 @@ NEIGHBOURS: Final = NeighbourNumbers()
 NOBODY: Final = -1
 
 
-class Steps(NamedTuple):
+class NeighbourSteps(NamedTuple):
     """Ways from a vertex to a neighbour, sorted by vertex.
 
     Attributes:
@@ -107,7 +107,7 @@ def find_agreements(graph: CentredGraph, gate: float) -> Agreements:
     return Agreements(*(np.concatenate(column) for column in zip(*found, strict=True)))
 
 
-def neighbourhoods(graph: CentredGraph) -> Steps:
+def neighbourhoods(graph: CentredGraph) -> NeighbourSteps:
     """The neighbours of each vertex, itself included."""
     edges = np.arange(len(graph.first))
     there, back = graph.poses, inverse(graph.poses)
@@ -126,7 +126,7 @@ def neighbourhoods(graph: CentredGraph) -> Steps:
         parts.append(chain)
     starts = [np.repeat(np.arange(graph.count), np.diff(part.start)) for part in parts]
     start = np.concatenate(starts)
-    columns = [np.concatenate([getattr(part, name) for part in parts]) for name in Steps._fields[1:]]
+    columns = [np.concatenate([getattr(part, name) for part in parts]) for name in NeighbourSteps._fields[1:]]
     size = np.linalg.det(columns[2])
     order = np.lexsort((size, start))
     rank = np.arange(len(start)) - np.searchsorted(start[order], start[order])
@@ -142,14 +142,14 @@ def neighbourhoods(graph: CentredGraph) -> Steps:
     )
 
 
-def _sorted(count: int, start: NDArray[np.int64], *columns: NDArray[np.generic]) -> Steps:
+def _sorted(count: int, start: NDArray[np.int64], *columns: NDArray[np.generic]) -> NeighbourSteps:
     order = np.argsort(start, kind="stable")
     begins = np.concatenate([[0], np.cumsum(np.bincount(start, minlength=count))]).astype(np.int64)
     end, poses, covariances, through = (column[order] for column in columns)
-    return Steps(begins, end, poses, covariances, through)  # type: ignore[arg-type]
+    return NeighbourSteps(begins, end, poses, covariances, through)  # type: ignore[arg-type]
 
 
-def _longer(graph: CentredGraph, chain: Steps, hop: Steps) -> Steps:
+def _longer(graph: CentredGraph, chain: NeighbourSteps, hop: NeighbourSteps) -> NeighbourSteps:
     """Chains of trusted constraints with one more of them, without those through the map frame or back to the start."""
     start = np.repeat(np.arange(graph.count), np.diff(chain.start))
     which, how = expand(hop.start[chain.end], np.diff(hop.start)[chain.end])
@@ -169,7 +169,7 @@ def expand(starts: NDArray[np.int64], counts: NDArray[np.int64]) -> tuple[NDArra
 
 def _cycles(
     graph: CentredGraph,
-    steps: Steps,
+    steps: NeighbourSteps,
     others: NDArray[np.int64],
     sought: tuple[NDArray[np.int64], NDArray[np.int64]],
     gate: float,
@@ -207,7 +207,7 @@ def _cycles(
     return Agreements(one, other, squared_distances(errors, covariances), close, plain)
 
 
-def _is_plain(graph: CentredGraph, steps: Steps, which: NDArray[np.int64]) -> NDArray[np.bool_]:
+def _is_plain(graph: CentredGraph, steps: NeighbourSteps, which: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Whether ways are no ways at all, or one constraint that may be false and is no prior."""
     through = steps.through[which]
     stays = np.searchsorted(steps.start, which, side="right") - 1 == steps.end[which]

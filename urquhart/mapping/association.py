@@ -41,7 +41,7 @@ class AssociationNumbers(NamedTuple):
 ASSOCIATION: Final = AssociationNumbers()
 
 
-class Landmarks(NamedTuple):
+class MapLandmarks(NamedTuple):
     """All landmarks of some submaps in one frame.
 
     Attributes:
@@ -69,7 +69,7 @@ class Associated(NamedTuple):
     noise: float
 
 
-def associate(given: Landmarks, middles: Points, covariances: NDArray[np.float64]) -> Associated:
+def associate(given: MapLandmarks, middles: Points, covariances: NDArray[np.float64]) -> Associated:
     """Group landmarks by tree.
 
     Args:
@@ -133,7 +133,7 @@ def _dealt_out(xy: Points, owner: Labels, labels: Labels) -> Labels:
 
 
 def _aligned(
-    given: Landmarks, xy: Points, labels: Labels, noise: float, poses: tuple[Points, NDArray[np.float64]]
+    given: MapLandmarks, xy: Points, labels: Labels, noise: float, poses: tuple[Points, NDArray[np.float64]]
 ) -> Points:
     """Landmarks (N, 2) after each submap was moved onto the trees (N,) that others have observed, too.
 

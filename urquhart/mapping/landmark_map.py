@@ -7,7 +7,7 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from urquhart.mapping.association import ASSOCIATION, Associated, Landmarks, associate
+from urquhart.mapping.association import ASSOCIATION, Associated, MapLandmarks, associate
 from urquhart.mapping.coverage import missed_trees
 from urquhart.mapping.map_merging import merge
 from urquhart.mapping.optimisation import OptimisedPoses
@@ -107,20 +107,20 @@ def build_landmark_map(
     owner = np.repeat(np.arange(len(submaps)), sizes)
     index = np.arange(len(owner)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
     own = np.concatenate([np.empty((0, 2)), *(one.xy for one in submaps)])
-    given = Landmarks(moved(poses.poses[owner], own), owner, index)
+    given = MapLandmarks(moved(poses.poses[owner], own), owner, index)
     trees = _associated(given, poses, association)
     return _fused(submaps, poses, given, trees)
 
 
-def _associated(given: Landmarks, poses: OptimisedPoses, association: Association) -> Associated:
-    """Landmarks grouped by tree, part by part."""
+def _associated(given: MapLandmarks, poses: OptimisedPoses, association: Association) -> Associated:
+    """MapLandmarks grouped by tree, part by part."""
     labels, xy = np.zeros(len(given.owner), np.int64), given.xy.copy()
     noises, known = list[float](), 0
     middles = moved(poses.poses, poses.about)
     for part in np.unique(poses.part[given.owner]).tolist():
         chosen = np.flatnonzero(poses.part[given.owner] == part)
         some, numbers = np.unique(given.owner[chosen], return_inverse=True)
-        here = Landmarks(given.xy[chosen], numbers.astype(np.int64), given.numbers[chosen])
+        here = MapLandmarks(given.xy[chosen], numbers.astype(np.int64), given.numbers[chosen])
         found = associate(here, middles[some], poses.covariances[some])
         grouped = found.labels if association == "joint" else _by_distance(here, len(some))
         labels[chosen] = grouped + known
@@ -132,7 +132,7 @@ def _associated(given: Landmarks, poses: OptimisedPoses, association: Associatio
     return Associated(labels, xy, float(np.median(noises)) if noises else ASSOCIATION.noise)
 
 
-def _by_distance(here: Landmarks, count: int) -> NDArray[np.int64]:
+def _by_distance(here: MapLandmarks, count: int) -> NDArray[np.int64]:
     """The groups (N,) that the paper's DBSCAN makes."""
     parts = [here.xy[here.owner == one] for one in range(count)]
     found = merge(parts, [SE2.identity()] * count, distance=PAPER_DISTANCE)
@@ -142,7 +142,9 @@ def _by_distance(here: Landmarks, count: int) -> NDArray[np.int64]:
     return labels
 
 
-def _fused(submaps: Sequence[MappedSubmap], poses: OptimisedPoses, given: Landmarks, trees: Associated) -> LandmarkMap:
+def _fused(
+    submaps: Sequence[MappedSubmap], poses: OptimisedPoses, given: MapLandmarks, trees: Associated
+) -> LandmarkMap:
     order = np.argsort(trees.labels, kind="stable")
     label, xy, owner = trees.labels[order], trees.xy[order], given.owner[order]
     counts = np.bincount(label).astype(np.int64)
