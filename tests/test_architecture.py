@@ -44,6 +44,8 @@ SERVICE = (
         "stem_maps.formats",
         "stem_maps.reading",
         "stem_maps",
+        "coregistration",
+        "coregistration.outputs",
         "checks",
         "snapshots",
     ),

@@ -7,11 +7,12 @@ import typer
 
 from server.commands.support.failure import CommandError
 from server.commands.support.file_options import reads_files
+from server.commands.support.progress import reading
 from server.stem_maps.formats.table import StemMapError
 from server.stem_maps.reader import read_trees
 from server.stem_maps.reading.options import ReadOptions
 from server.stem_maps.reading.plausibility import check_plausible
-from server.stem_maps.reading.rows import TreeRows
+from server.stem_maps.reading.trees import TreeRows
 from server.stem_maps.survey import survey
 
 _SHOWN: Final = 20
@@ -33,7 +34,8 @@ def check(
     The file is read as `urquhart index` and `urquhart locate` read it. If rows cannot be used, they are all listed as
     FILE:LINE: COLUMN: WHAT. The exit code is 2 if `index` would refuse the file.
     """
-    trees = read_trees(file, columns)
+    with reading(file):
+        trees = read_trees(file, columns)
     refused: StemMapError | None = None
     try:
         check_plausible(trees)

@@ -1,7 +1,6 @@
 """`urquhart db`: upgrade and check the database file, and rebuild its index."""
 
 from collections.abc import Iterator
-from functools import partial
 from typing import Annotated
 
 import orjson
@@ -18,7 +17,7 @@ from server.commands.support.database import (
     unchanged_database,
 )
 from server.commands.support.options import DatabaseOption
-from server.commands.support.progress import progress_bar
+from server.commands.support.progress import ProgressReport
 from server.errors import StorageDamaged
 from server.index.flushing import rebuild
 from server.index.live_indexes import LiveIndexes
@@ -41,11 +40,13 @@ def upgrade_database(database: DatabaseOption = None) -> None:
     store = _database(settings_with(database=database))
     try:
         changed, renewed = upgrade(store), 0
-        with progress_bar(Console(stderr=True)) as progress:
-            task = progress.add_task("features rebuilt", total=None)
+        with ProgressReport(Console(stderr=True), "submaps") as progress:
+            advance, done = None, 0
             for step in backfill(store, all_rows=True):
                 renewed = step.made
-                progress.update(task, completed=step.done, total=step.total)
+                advance = advance or progress.task("features rebuilt", step.total)
+                advance(step.done - done)
+                done = step.done
     finally:
         store.dispose()
     features = f", features of {renewed} submaps rebuilt" if renewed else ""
@@ -101,10 +102,10 @@ def reindex_database(
         bring_up_to_date(store)
         indexes, metrics = LiveIndexes(store, Metrics(), settings.index), Metrics()
         for collection_id in collections or known_collections(store):
-            with progress_bar(Console(stderr=True)) as progress:
+            with ProgressReport(Console(stderr=True), "submaps") as progress:
                 total = read(store, collection_id)[0].counts.submaps
-                task = progress.add_task(collection_id, total=total)
-                written = rebuild(indexes.flush_context, collection_id, progress=partial(progress.advance, task))
+                advance = progress.task(collection_id, total)
+                written = rebuild(indexes.flush_context, collection_id, progress=advance)
             Maintenance(store, indexes, metrics).merge_all(collection_id)
             typer.echo(f"{collection_id}: {written} submaps reindexed")
     finally:

@@ -16,7 +16,7 @@ from server.commands.support.database import open_database, settings_with
 from server.commands.support.failure import CommandError
 from server.commands.support.file_options import reads_files
 from server.commands.support.options import DatabaseOption
-from server.commands.support.progress import progress_bar
+from server.commands.support.progress import ProgressReport, reading
 from server.config.settings import Limits, Settings
 from server.config.settings_groups import IndexSettings
 from server.errors import StorageError
@@ -122,7 +122,8 @@ def _prepared(path: Path, columns: ReadOptions, cut_map: Callable[[StemMap], Cut
     """A file read and made into submaps; a file that cannot be stored does not keep others from it."""
     one = _IndexedFile(path)
     try:
-        one.stem_map = read_stem_map(path, columns)
+        with reading(path):
+            one.stem_map = read_stem_map(path, columns)
         one.stand = cut_map(one.stem_map)
     except StemMapError as error:
         one.error = str(error)
@@ -138,18 +139,16 @@ def _store_all(
     console = Console(stderr=True)
     with console.status("loading the kernels"):  # compiled at the first use, so not counted in the rate
         urquhart.describe(np.random.default_rng(0).uniform(0.0, 50.0, (30, 2)), urquhart.Config())
-    with describers(processes) as workers, progress_bar(console) as progress:
+    with describers(processes) as workers, ProgressReport(console, "submaps") as progress:
         options = LineOptions(limits=settings.limits, workers=workers)
         for one in inputs:
             assert one.stem_map is not None and one.stand is not None
-            task = progress.add_task(one.path.name, total=len(one.stand.discs))
-            advance = partial(progress.advance, task)
+            advance = progress.task(one.path.name, len(one.stand.discs))
             try:
                 one.report = store_stand(store, collection, one.stem_map, one.stand, options, advance=advance)
             except StandError as error:
                 one.error = f"{one.path}: {error}"
-        task = progress.add_task("index", total=None)
-        _write_index(store, settings.index, collection, partial(progress.advance, task))
+        _write_index(store, settings.index, collection, progress.task("index", None))
 
 
 def _tell(inputs: list[_IndexedFile]) -> None:

@@ -80,6 +80,15 @@ COMMANDS: Final = {
             "urquhart index season.csv --plot plot --one-submap --collection season-2026",
         ),
     ),
+    "coregister": CommandEntry(
+        "server.commands.coregister",
+        "coregister",
+        "Place all plots of a season in a map, and report where each one is.",
+        (
+            "urquhart coregister plots.xlsx --collection als --out season-2026",
+            "urquhart coregister plots/ --collection als --out season-2026 --crs EPSG:25832",
+        ),
+    ),
     "locate": CommandEntry(
         "server.commands.locate",
         "locate",

@@ -16,6 +16,7 @@ from server.commands.support.explanation_tables import print_explanation
 from server.commands.support.failure import CommandError
 from server.commands.support.file_options import reads_files
 from server.commands.support.options import DatabaseOption
+from server.commands.support.progress import reading
 from server.index.live_indexes import LiveIndexes
 from server.observability.metrics import Metrics
 from server.parsing.field_errors import sentence
@@ -99,7 +100,8 @@ def locate(
 
 def _observed(file: Path, columns: ReadOptions) -> StemMap:
     """The observed trees. Raises CommandError if they are of several plots."""
-    seen = read_stem_map(file, columns, allow_empty=True)
+    with reading(file):
+        seen = read_stem_map(file, columns, allow_empty=True)
     plots = set(seen.plots or ())
     if len(plots) > 1:
         raise CommandError(f"{file}: has {len(plots)} plots: choose one with --only, such as {min(plots)!r}")

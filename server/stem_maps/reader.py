@@ -18,7 +18,8 @@ from server.stem_maps.formats.table import StemMapError, refusal
 from server.stem_maps.reading.columns import find_columns, is_header_of
 from server.stem_maps.reading.options import ReadOptions, with_columns_file
 from server.stem_maps.reading.plausibility import check_plausible
-from server.stem_maps.reading.rows import TreeRows, read_rows
+from server.stem_maps.reading.rows import read_rows
+from server.stem_maps.reading.trees import TreeRows
 
 __all__ = ["StemMap", "StemMapError", "read_stem_map"]
 
@@ -38,6 +39,7 @@ class StemMap:
         species: N names, empty where the file has none; None without the column.
         plots: the name of each tree's plot, if each plot is to be a submap of its own; else None.
         own_frames: whether each plot has a frame of its own, because their coordinates overlap.
+        centres: (N, 2) float64, metres, frame of `xy`: where each tree was measured from, or None.
         crs: the coordinate reference system of `xy`, as a code or a name; None if it is not known.
         source_hash: digest of the file's bytes; empty for a map that came from no file.
         understood: one line: what was read as what, what is not used, and what was passed over.
@@ -51,6 +53,7 @@ class StemMap:
     species: tuple[str, ...] | None = None
     plots: tuple[str, ...] | None = None
     own_frames: bool = False
+    centres: NDArray[np.float64] | None = None
     crs: str | None = None
     source_hash: str = ""
     understood: str = ""
@@ -69,6 +72,7 @@ class StemMap:
             height_m=None if self.height_m is None else self.height_m[rows],
             species=None if self.species is None else tuple(self.species[tree] for tree in rows),
             plots=None if self.plots is None else tuple(self.plots[tree] for tree in rows),
+            centres=None if self.centres is None else self.centres[rows],
         )
 
 
@@ -136,6 +140,7 @@ def stem_map_of(rows: TreeRows) -> StemMap:
         species=None if rows.species is None else tuple(rows.species),
         plots=tuple(rows.plots) if rows.plots is not None and rows.by_plot else None,
         own_frames=rows.own_frames,
+        centres=rows.centres,
         crs=rows.crs,
         source_hash=file_digest(rows.path),
         understood=rows.told(),

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from server.stem_maps.reading.plausibility import spread, stems_per_hectare
-from server.stem_maps.reading.rows import TreeRows
+from server.stem_maps.reading.trees import TreeRows
 from server.stem_maps.tiling import MERGE_DISTANCE
 from urquhart.report.svg import MOST, Canvas
 

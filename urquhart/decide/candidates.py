@@ -7,20 +7,17 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from urquhart.config import Config
 from urquhart.decide.confidence import Refusal, log_odds, probability, refusal, rival_threshold
-from urquhart.pose_covariance import PoseUncertainty, least_squares
+from urquhart.pose_covariance import PoseUncertainty
 from urquhart.propose.query import LevelName, Proposal, Query
 from urquhart.se2 import SE2
-from urquhart.verify.distortion import find_distortion
 from urquhart.verify.evidence import PoseEvidence
+from urquhart.verify.uncertainty import pose_uncertainty
 
 
 class CandidateNumbers(NamedTuple):
     """What an answer says about its candidates. Chosen by hand, not fitted."""
 
-    least_noise: float = 0.02
-    """Metres: least noise of a tree's position in a covariance, however well a few trees happen to agree."""
     rivals: int = 8
     """Most rivals in an answer: a lattice has one at every planting distance."""
 
@@ -155,7 +152,9 @@ def make_candidate(proposal: Proposal, query: Query, lead: float | None) -> Cand
     odds = log_odds(v, query.grid, query.volume)
     refused = refusal(v, odds, lead, query.config.lead_per_landmark, query.gate)
     seen, stored = features.landmarks[v.query] + features.origin, submap.landmarks[v.submap] + submap.origin
-    uncertainty, warnings = _uncertainty(seen, stored, transform, v, query.config, distorted=refused is None)
+    uncertainty, warnings = pose_uncertainty(
+        seen, stored, transform, v.residuals, query.config, distorted=refused is None
+    )
     return Candidate(
         key=proposal.key,
         level=proposal.level,
@@ -176,34 +175,6 @@ def make_candidate(proposal: Proposal, query: Query, lead: float | None) -> Cand
         refused=refused,
         warnings=warnings,
     )
-
-
-def _uncertainty(
-    seen: NDArray[np.float64],
-    stored: NDArray[np.float64],
-    transform: SE2,
-    verified: PoseEvidence,
-    config: Config,
-    *,
-    distorted: bool,
-) -> tuple[PoseUncertainty, tuple[str, ...]]:
-    """The uncertainty of a pose, from residuals, configuration and distortions; and the warnings.
-
-    Args:
-        seen, stored: (K, 2) float64, metres, the inliers of the query and of the submap, as posted.
-        distorted: whether to look for distortions.
-    """
-    degrees = max(2 * len(seen) - 3, 1)
-    variance = max(float((verified.residuals**2).sum()) / degrees, CANDIDATES.least_noise**2)
-    known = least_squares(seen, transform, variance * config.covariance_scale)
-    more = np.diag([config.covariance_floor, config.covariance_floor, config.covariance_floor_yaw]) ** 2
-    words: tuple[str, ...] = ()
-    if distorted:
-        found = find_distortion(seen, stored, transform)
-        more, words = more + found.covariance, found.words
-    if more.any():
-        known = known.widened(transform, more)
-    return known, (*words, "far_origin") if known.is_far(transform) else words
 
 
 def _as_posted(pose: SE2, key: int, query: Query) -> SE2:

@@ -82,6 +82,22 @@ class Canvas:
         (x1, y1), (x2, y2) = self.at(a), self.at(b)
         self._parts.append(f'<line x1="{x1:.1f}" y1="{y1:.1f}" x2="{x2:.1f}" y2="{y2:.1f}" class="{style}"/>')
 
+    def label(self, point: NDArray[np.float64], text: str, style: str, shift: tuple[float, float] = (0.0, 0.0)) -> None:
+        """Text whose lower left corner is `shift` pixels, right and down, from a point."""
+        x, y = self.at(point)
+        self._parts.append(f'<text x="{x + shift[0]:.1f}" y="{y + shift[1]:.1f}" class="{style}">{escape(text)}</text>')
+
+    def ring(self, middle: NDArray[np.float64], metres: float, style: str) -> None:
+        """A circle whose radius is in metres."""
+        x, y = self.at(middle)
+        self._parts.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{metres * self._scale:.1f}" class="{style}"/>')
+
+    def north(self) -> None:
+        """An arrow to the north at the upper right corner of the view."""
+        x, y = self.width - 0.6 * _MARGIN, self._head + 8.0
+        self._parts.append(f'<path d="M{x:.1f} {y:.1f}l6 18l-6 -5l-6 5z" class="tree"/>')
+        self._parts.append(f'<text x="{x - 5:.1f}" y="{y + 32:.1f}" class="small">N</text>')
+
     def outline(self, points: NDArray[np.float64], style: str, fill: str | None = None) -> None:
         path = " ".join("{:.1f},{:.1f}".format(*self.at(point)) for point in points)
         paint = f' fill="{fill}"' if fill else ""

@@ -25,7 +25,7 @@ from server.commands.demo.observations import (
 from server.commands.demo.service import running_service
 from server.commands.index import ensure_collection, sentence
 from server.commands.support.failure import CommandError
-from server.commands.support.progress import progress_bar
+from server.commands.support.progress import ProgressReport
 from server.config.settings import Limits
 from server.observability.kernel_progress import warm_up
 from server.stem_maps.reader import StemMap, read_stem_map
@@ -117,20 +117,20 @@ def _store(path: Path, stem_maps: dict[str, StemMap], console: Console) -> None:
     try:
         upgrade(database)
         ensure_collection(database, COLLECTION)
-        with progress_bar(console) as progress:
+        with ProgressReport(console, "submaps") as progress:
             for stand in STANDS:
                 if stand.radius is None or stand.spacing is None:
                     continue
                 stem_map = stem_maps[stand.name]
                 cut = cut_stand(stem_map, stand.radius, stand.spacing, limits)
-                task = progress.add_task(stand.name, total=len(cut.discs))
+                advance = progress.task(stand.name, len(cut.discs))
                 report = store_stand(
                     database,
                     COLLECTION,
                     stem_map,
                     cut,
                     LineOptions(limits=limits),
-                    advance=partial(progress.advance, task),
+                    advance=advance,
                 )
                 console.print(sentence(report), highlight=False, soft_wrap=True)
     finally:
@@ -139,13 +139,13 @@ def _store(path: Path, stem_maps: dict[str, StemMap], console: Console) -> None:
 
 def _ask_all(client: Client, questions: Sequence[DemoQuestion], seed: int, console: Console) -> list[JudgedAnswer]:
     answers = []
-    with progress_bar(console) as progress:
-        task = progress.add_task("asking", total=len(questions))
+    with ProgressReport(console, "queries") as progress:
+        advance = progress.task("asking", len(questions))
         for question in questions:
             began = time.perf_counter()
             result = client.query(COLLECTION, question.xy, seed=seed)
             answers.append(judge(question, result, 1000.0 * (time.perf_counter() - began)))
-            progress.advance(task)
+            advance(1)
     return answers
 
 

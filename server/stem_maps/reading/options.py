@@ -46,6 +46,7 @@ class ReadOptions:
         quadrat_size: metres; side of the quadrats that `lx` and `ly` are measured in.
         ignore: names of columns that are not used.
         skip_bad: whether rows that cannot be used are left out and counted, instead of refusing the file.
+        each_plot: whether a column of plots that nobody named makes each plot a submap of its own, too.
         from_file: members that a `columns.toml` gave, and not the caller.
     """
 
@@ -78,6 +79,7 @@ class ReadOptions:
     quadrat_size: float | None = None
     ignore: tuple[str, ...] = ()
     skip_bad: bool = False
+    each_plot: bool = field(default=False, metadata={"internal": True})
     from_file: tuple[str, ...] = field(default=(), metadata={"internal": True})
 
     def named(self) -> dict[str, str]:

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from server.stem_maps.formats.table import StemMapError
-from server.stem_maps.reading.rows import TreeRows, wrong_unit
+from server.stem_maps.reading.rows import wrong_unit
+from server.stem_maps.reading.trees import TreeRows
 
 _NAMED_CM: Final = (1.0, 300.0)
 """Centimetres. The median diameter of any stand lies between these."""

@@ -41,6 +41,8 @@ class Positions:
         unit: their unit in the file.
         unit_named: whether the header, the caller or a coordinate reference system names that unit.
         told: the columns and units, in words.
+        centres_xy: (N, 2) float64, metres, after `compute`: the centre that each row was measured from; None unless
+            positions are polar.
         crs: the system of the result, by code or name; None if it is not known.
     """
 
@@ -54,6 +56,7 @@ class Positions:
     unit_named: bool = False
     told: str = ""
     crs: str | None = None
+    centres_xy: NDArray[np.float64] | None = None
     factor: float = field(default=1.0, repr=False)
 
     @property
@@ -85,14 +88,22 @@ class Positions:
             self.told = f"positions from 'quadrat', 'lx' and 'ly': {told}"
         else:
             centre, offset = self._polar(numbers, bad_rows)
+            self.centres_xy = centre
             if system is not None and self.centres is not None and self.options.project is not None:
                 return self._around_projected(centre, offset)
             if system is not None and system.is_geographic:
                 # Offsets are metres, so centres in degrees are projected first.
-                return self._on_earth(centre, system) + offset
+                self.centres_xy = self._on_earth(centre, system)
+                return self.centres_xy + offset
             xy = centre + offset
         self.told += "" if self.factor == 1.0 else f", converted from {self.unit} to metres"
-        return xy if system is None else self._on_earth(xy, system)
+        if system is None:
+            return xy
+        if self.centres_xy is None:
+            return self._on_earth(xy, system)
+        both = self._on_earth(np.concatenate([xy, self.centres_xy]), system)
+        self.centres_xy = both[len(xy) :]
+        return both[: len(xy)]
 
     def _set_unit(self, system: CRS | None) -> None:
         named = ("lx",) if self.source == "quadrats" else ("centre_x", "x")

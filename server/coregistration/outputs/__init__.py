@@ -1,0 +1,1 @@
+"""What coregistration writes: tables, layers, transforms, pictures, and the report."""

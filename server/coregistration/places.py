@@ -1,0 +1,57 @@
+"""The places that an ambiguous plot fits, each once, in map coordinates."""
+
+import math
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+
+from server.coregistration.results import PossiblePlace
+from server.queries.lookup import LookupResult
+from server.schemas.poses import Transform
+from server.store.records import CollectionRecord
+from server.store.storage import ReadTransaction
+from urquhart import SE2
+
+_SAME_PLACE: Final = 1.0
+"""Metres: centres of one plot that are closer than this are one place, which several submaps contain."""
+_SAME_TURN: Final = 10.0
+"""Degrees: turns that differ by less are one."""
+
+
+def distinct_places(
+    tx: ReadTransaction,
+    collection: CollectionRecord,
+    look: LookupResult,
+    origin_of: Callable[[str], tuple[float, float]],
+) -> list[PossiblePlace]:
+    """The places of the first candidate and of its rivals, the best first.
+
+    The query's frame has its origin at the plot's centre. `origin_of` says what to add to coordinates of a map, metres.
+    """
+    answer = look.answer
+    fits: list[tuple[str, Transform, int]] = []
+    fits += [(one.submap_id, one.transform, one.inlier_count) for one in answer.candidates[:1]]
+    fits += [(one.submap_id, one.transform, one.inlier_count) for one in answer.rivals]
+    keys = tx.submaps(collection.key).keys({submap_id for submap_id, _, _ in fits})
+    rows = tx.candidates(collection.key).read(set(keys.values()), landmarks=False)
+    found: list[PossiblePlace] = []
+    for submap_id, transform, trees in fits:
+        row = rows.get(keys.get(submap_id, -1))
+        if row is None:
+            continue
+        pose, frame_id, origin = SE2(transform.x, transform.y, transform.yaw), row.frame_id or row.id, (0.0, 0.0)
+        if row.place is not None:
+            frame_id, origin = row.place.map_frame_id, origin_of(row.place.map_frame_id)
+            pose = SE2(row.place.map_x, row.place.map_y, row.place.map_yaw) @ pose
+        e, n = float(pose.x + origin[0]), float(pose.y + origin[1])
+        place = PossiblePlace(frame_id, submap_id, e, n, -float(np.degrees(pose.yaw)), trees)
+        if not any(is_same_place(place, other) for other in found):
+            found.append(place)
+    return found
+
+
+def is_same_place(a: PossiblePlace, b: PossiblePlace) -> bool:
+    """Whether two places are one."""
+    turn = abs(math.remainder(a.turn_cw - b.turn_cw, 360.0))
+    return a.frame_id == b.frame_id and math.hypot(a.e - b.e, a.n - b.n) <= _SAME_PLACE and turn <= _SAME_TURN

@@ -1,0 +1,169 @@
+"""A season's plots, read from files that each hold one plot or many. A plot that cannot be read keeps no other back."""
+
+from collections.abc import Callable, Iterable
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from server.stem_maps.formats.files import CLOUD_SUFFIXES, TEXT_SUFFIXES, WORKBOOK_SUFFIXES
+from server.stem_maps.formats.table import BadRow, StemMapError, refusal
+from server.stem_maps.formats.vector_files import VECTOR_FORMATS
+from server.stem_maps.reader import StemMap, read_trees, stem_map_of
+from server.stem_maps.reading.options import ReadOptions, with_columns_file
+from server.stem_maps.reading.plausibility import check_plausible
+from server.stem_maps.reading.trees import TreeRows
+from server.stem_maps.tiling import without_twins
+
+SUFFIXES: Final = frozenset({*TEXT_SUFFIXES, *WORKBOOK_SUFFIXES, *CLOUD_SUFFIXES, *VECTOR_FORMATS})
+"""Suffixes of the files that are read from a folder."""
+_SAME_CENTRE: Final = 0.01
+"""Metres: the centres that a plot's trees were measured from may differ by this, by rounding."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SeasonPlot:
+    """One plot of a season.
+
+    Attributes:
+        name: of the plot, unique in the season.
+        path: its file.
+        trees: its trees, stems within 1 cm merged, ids without the plot's name.
+        centre: metres, frame of the trees: what they were measured from if they all were measured from one point, else
+            the middle of the box around them.
+        measured: whether `centre` is what the trees were measured from.
+        merged: trees that were merged with a thicker neighbour within 1 cm.
+    """
+
+    name: str
+    path: Path
+    trees: StemMap
+    centre: tuple[float, float]
+    measured: bool
+    merged: int
+
+
+@dataclass(frozen=True, slots=True)
+class UnreadPlot:
+    """A plot, or a file, that cannot be used, and why: one sentence."""
+
+    name: str
+    path: Path
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class Season:
+    """All plots of some files, in their order; `told` says of each file what was read as what."""
+
+    plots: tuple[SeasonPlot, ...]
+    unread: tuple[UnreadPlot, ...]
+    told: tuple[str, ...]
+
+
+def plot_files(paths: Iterable[Path]) -> list[Path]:
+    """The files of a season: those named, and of a folder those whose suffixes a format has, by name.
+
+    Raises:
+        StemMapError: a folder has no such file.
+    """
+    files: list[Path] = []
+    for path in paths:
+        if not path.is_dir():
+            files.append(path)
+            continue
+        inside = sorted(one for one in path.iterdir() if one.suffix.lower() in SUFFIXES and one.is_file())
+        if not inside:
+            raise StemMapError(path, f"the folder has no file of trees: none ends in {', '.join(sorted(SUFFIXES))}")
+        files += inside
+    return files
+
+
+def read_season(
+    files: Iterable[Path],
+    options: ReadOptions,
+    *,
+    reading: Callable[[Path], AbstractContextManager[None]] = lambda path: nullcontext(),
+) -> Season:
+    """Read all plots of some files, each in the context that `reading` makes for it.
+
+    A file with a column of plots is as many plots as that has names, any other file is one plot with the file's name.
+    If a plot of one name is in several files, the file's name goes before it. `options.centres` and a `columns.toml`
+    are used as for every file.
+    """
+    plots: list[SeasonPlot] = []
+    unread: list[UnreadPlot] = []
+    told: list[str] = []
+    for path in files:
+        try:
+            centres = with_columns_file(path, options).centres
+            if centres is not None and centres.exists() and path.exists() and path.samefile(centres):
+                continue
+            with reading(path):
+                rows = read_trees(path, replace(options, each_plot=True))
+                check_plausible(rows)
+        except StemMapError as error:
+            unread.append(UnreadPlot(path.stem, path, str(error)))
+            continue
+        told.append(f"{path.name}: {rows.told()}")
+        bad = _plots_at_fault(rows)
+        unread += [UnreadPlot(name, path, why) for name, why in bad.items()]
+        plots += _plots_of(rows, leave_out=set(bad))
+    return Season(tuple(_named_apart(plots)), tuple(unread), tuple(told))
+
+
+def _plots_at_fault(rows: TreeRows) -> dict[str, str]:
+    """By the names of plots, why they cannot be used; rows of no plot go by the file's name."""
+    if rows.options.skip_bad:
+        return {}
+    by_plot: dict[str, list[BadRow]] = {}
+    for row in rows.bad_rows:
+        by_plot.setdefault(rows.plot_of_line.get(row.line) or rows.path.stem, []).append(row)
+    if not len(rows) and not by_plot:
+        return {rows.path.stem: f"{rows.path}: the file has a header but no trees"}
+    return {name: str(refusal(rows.path, found)) for name, found in by_plot.items()}
+
+
+def _plots_of(rows: TreeRows, leave_out: set[str]) -> list[SeasonPlot]:
+    """The plots of a file, in their order, without some."""
+    whole = stem_map_of(rows)
+    of_tree = np.asarray(rows.plots if rows.plots is not None else [rows.path.stem] * len(rows), dtype=object)
+    plots: list[SeasonPlot] = []
+    for name in dict.fromkeys(of_tree.tolist()):
+        if name in leave_out:
+            continue
+        one = replace(whole.chosen(np.flatnonzero(of_tree == name)), name=name, plots=None)
+        if rows.ids_have_plots:
+            one = replace(one, ids=tuple(tree.removeprefix(f"{name}-") for tree in one.ids))
+        trees = without_twins(one)
+        centre, measured = _centre(trees)
+        plots.append(SeasonPlot(name, rows.path, trees, centre, measured, len(one) - len(trees)))
+    return plots
+
+
+def _centre(trees: StemMap) -> tuple[tuple[float, float], bool]:
+    """The centre of a plot, metres, and whether its trees were measured from there."""
+    centres = trees.centres
+    if centres is not None and float(np.ptp(centres, axis=0).max()) <= _SAME_CENTRE:
+        return (float(centres[0, 0]), float(centres[0, 1])), True
+    middle = (trees.xy.min(axis=0) + trees.xy.max(axis=0)) / 2.0
+    return (float(middle[0]), float(middle[1])), False
+
+
+def _named_apart(plots: list[SeasonPlot]) -> list[SeasonPlot]:
+    """The plots, with the file's name before those names that several files have."""
+    files: dict[str, set[Path]] = {}
+    for plot in plots:
+        files.setdefault(plot.name, set()).add(plot.path)
+    taken: set[str] = set()
+    apart: list[SeasonPlot] = []
+    for plot in plots:
+        plain = f"{plot.path.stem}-{plot.name}" if len(files[plot.name]) > 1 else plot.name
+        name, number = plain, 2
+        while name in taken:
+            name, number = f"{plain} ({number})", number + 1
+        taken.add(name)
+        apart.append(replace(plot, name=name))
+    return apart

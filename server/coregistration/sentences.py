@@ -1,0 +1,51 @@
+"""Results of plots in sentences for foresters and surveyors: what was found, and what to do about it."""
+
+from server.coregistration.results import PlotPose, PlotResult, PossiblePlace
+from server.schemas.queries import QueryAnswer
+from urquhart.report.explanation import REASONS
+from urquhart.verify.distortion import WARNINGS
+
+_SHOWN = 3
+"""Places that a sentence names."""
+
+
+def matched_sentence(result: PlotResult) -> str:
+    """Where a matched plot is, and on what that rests."""
+    pose = result.pose
+    assert pose is not None and result.rms is not None
+    known = f"{result.inliers} of {len(result.trees)} trees are in the map, typically {result.rms:.2f} m apart"
+    warned = "".join(f"; {WARNINGS[word]}" for word in result.warnings)
+    return f"{shift_text(pose)}; {known}{warned}"
+
+
+def shift_text(pose: PlotPose) -> str:
+    """Shift and turn about the plot's centre."""
+    if pose.shift_e is None or pose.shift_n is None:
+        return (
+            f"its coordinates are not in {pose.crs}, the map's system, so no shift is told: convert them with --project"
+        )
+    side = "clockwise" if pose.turn_cw >= 0.0 else "counter-clockwise"
+    return f"shift {pose.shift_e:+.2f} m east, {pose.shift_n:+.2f} m north, turn {abs(pose.turn_cw):.2f} deg {side}"
+
+
+def ambiguous_sentence(answer: QueryAnswer, places: list[PossiblePlace]) -> str:
+    """Which places an ambiguous plot fits, and what would tell them apart."""
+    reason = REASONS.get(answer.reason, answer.reason)
+    if len(places) < 2:
+        return f"{reason}: measure more trees around the plot, or their diameters"
+    named = "; ".join(
+        f"{place.e:.1f} E {place.n:.1f} N in {place.submap_id}, {place.trees} trees" for place in places[:_SHOWN]
+    )
+    more = f"; and {len(places) - _SHOWN} more" if len(places) > _SHOWN else ""
+    return (
+        f"fits {len(places)} places about equally well ({named}{more}): measure more trees around the plot, or their "
+        "diameters, to tell them apart"
+    )
+
+
+def unmatched_sentence(answer: QueryAnswer) -> str:
+    """Why a plot was not found."""
+    why = REASONS.get(answer.reason, answer.reason)
+    if answer.search is not None and answer.search.stopped_by != "not_started":
+        return f"not found: {why}; {answer.search.sentence}"
+    return f"not found: {why}"
