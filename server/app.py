@@ -42,6 +42,7 @@ from server.platform.thread_limits import pin_threads
 from server.platform.version import service_version
 from server.routes import (
     collections,
+    exports,
     html_pages,
     imports,
     jobs,
@@ -68,6 +69,7 @@ _ROUTERS = (
     queries.router,
     submap_writes.router,
     submaps.router,
+    exports.router,
     stands.router,
     collections.router,
     jobs.router,
@@ -79,6 +81,7 @@ _ROUTERS = (
 _TAGS = [
     {"name": "collections", "description": "Submaps that share a configuration."},
     {"name": "submaps", "description": "Tree positions in one rigid frame: what is stored and found."},
+    {"name": "exports", "description": "What a collection holds, as files for GIS."},
     {"name": "stands", "description": "What stem maps were stored: listed, read and deleted as a whole."},
     {"name": "queries", "description": "Where is this? A verdict, candidates, and the evidence for each."},
     {

@@ -36,8 +36,10 @@ SERVICE = (
     *(
         "index",
         "collections",
+        "outputs",
         "submaps",
         "queries",
+        "exports",
         "constraints",
         "jobs",
         "jobs.types",

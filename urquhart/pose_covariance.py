@@ -59,6 +59,18 @@ class PoseUncertainty:
         held = positive(covariance)
         return PoseUncertainty(source, target_T_source.apply(source[None])[0], held, _inverse(held))
 
+    def position_of(self, target_T_source: SE2, point: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The position (2,), metres, target frame, of a `point` (2,), metres, source frame, near the reference point.
+
+        It comes from the reference point, so rounding does not grow with the distance to the frames' origins.
+        """
+        return np.asarray(self.target + self._arm(target_T_source, point))
+
+    def shift_of(self, target_T_source: SE2, point: NDArray[np.float64]) -> NDArray[np.float64]:
+        """How far (2,), metres, the coordinates of a `point` (2,), metres, source frame, differ in the target frame."""
+        arm = point - self.source
+        return np.asarray((self.target - self.source) + (self._arm(target_T_source, point) - arm))
+
     def covariance_about(self, target_T_source: SE2, point: NDArray[np.float64]) -> Matrix:
         """The covariance (3, 3) about another `point` (2,), metres, source frame; axes of the target frame.
 

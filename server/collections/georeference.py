@@ -11,6 +11,7 @@ from pyproj import CRS, Proj, Transformer
 from pyproj.enums import TransformDirection
 from pyproj.exceptions import CRSError, ProjError
 
+from server.collections.hulls import hull_of
 from server.errors import InvalidField
 from server.store.records import FrameReference
 from server.store.submap_records import Place
@@ -136,12 +137,9 @@ class Georeference:
         A line or point if they span no area, the frame's origin if there are none; None if they are outside of the
         system's area of use.
         """
-        from scipy.spatial import ConvexHull, QhullError
-
         xy = xy if len(xy) else np.zeros((1, 2))
-        try:
-            hull = xy[ConvexHull(xy).vertices]
-        except (QhullError, ValueError):
+        hull = hull_of(xy)
+        if hull is None:
             points = self.lonlat(place, xy)
             return {"type": "MultiPoint", "coordinates": points} if points else None
         ring = self.lonlat(place, hull)

@@ -98,6 +98,15 @@ COMMANDS: Final = {
             "urquhart locate seen.csv --collection season-2026 --svg match.svg --explain",
         ),
     ),
+    "export": CommandEntry(
+        "server.commands.export",
+        "export",
+        "Write landmarks, submaps, matches or pairs as CSV, GeoJSON, GeoPackage or GeoParquet.",
+        (
+            "urquhart export landmarks trees.gpkg --collection season-2026",
+            "urquhart export matches placed.csv --collection season-2026 --frame als",
+        ),
+    ),
     "demo": CommandEntry(
         "server.commands.demo.command",
         "demo",

@@ -16,6 +16,7 @@ from server.commands.support.explanation_tables import print_explanation
 from server.commands.support.failure import CommandError
 from server.commands.support.file_options import reads_files
 from server.commands.support.options import DatabaseOption
+from server.commands.support.pose_text import pose_lines
 from server.commands.support.progress import reading
 from server.index.live_indexes import LiveIndexes
 from server.observability.metrics import Metrics
@@ -139,23 +140,8 @@ def _print(console: Console, answer: QueryAnswer) -> None:
     console.print(f"[bold]{answer.verdict}[/bold] ({answer.reason}), {answer.landmark_count} trees", highlight=False)
     if answer.verdict == "matched":
         best = answer.candidates[0]
-        pose, frame = (best.map_pose, best.map_pose.frame_id) if best.map_pose else (best.transform, best.submap_id)
-        console.print(
-            f"pose in {frame}: x {pose.x:.3f} m, y {pose.y:.3f} m, yaw {math.degrees(pose.yaw):.2f} deg"
-            f"{_spread(pose.covariance)}",
-            highlight=False,
-            markup=False,
-            soft_wrap=True,
-        )
-        if "far_origin" in best.warnings and pose.middle is not None:
-            (x, y), (there_x, there_y) = pose.middle.source, pose.middle.target
-            console.print(
-                f"middle of the trees: {x:.3f}, {y:.3f} of the observation is {there_x:.3f}, {there_y:.3f}"
-                f"{_spread(pose.middle.covariance)}",
-                highlight=False,
-                markup=False,
-                soft_wrap=True,
-            )
+        for line in pose_lines(best):
+            console.print(line, highlight=False, markup=False, soft_wrap=True)
         console.print(
             f"inliers: {best.inlier_count} of {answer.landmark_count} trees, rms {best.rms:.3f} m", highlight=False
         )
@@ -203,10 +189,3 @@ def _table(answer: QueryAnswer) -> Table:
             one.refused or "",
         )
     return table
-
-
-def _spread(covariance: list[float] | None) -> str:
-    if covariance is None:
-        return ""
-    x, y, yaw = (math.sqrt(max(covariance[4 * i], 0.0)) for i in range(3))
-    return f" (one sigma {x:.3f} m, {y:.3f} m, {math.degrees(yaw):.2f} deg)"

@@ -26,6 +26,7 @@ from server.queries.answers import (
     within,
 )
 from server.queries.explanations import QueryExplanation, sentences
+from server.queries.poses import with_survey_poses
 from server.queries.query import PlaceQuery, QueryLandmarks
 from server.queries.search import SubmapSearch, describe_query
 from server.queries.stored_queries import NO_KEY, AnswerKey, NewAnswer, keep
@@ -191,6 +192,7 @@ def look_up(
         rows = view.tx.candidates(view.collection.key).read(keys, landmarks=to_draw)
         pairs = limits.answer_pairs if query.pairs or query.store else 0
         candidates = candidate_answers(view.collection.id, found.candidates, rows, asked.names(), pairs)
+        candidates = with_survey_poses(view.tx, view.collection, candidates, found.candidates, rows, asked.xy)
         answer = _answer(view, query, asked, found, candidates, warnings)
         landmarks = {one.id: unpack_positions(one.landmarks) for one in rows.values()} if to_draw else {}
         revisions = {one.id: one.content_revision for one in rows.values()}

@@ -188,6 +188,12 @@ def stored_match(database: Storage, collection_id: str, query_id: str, rank: int
         return Match(query_id, shown, query_xy, submap_xy, candidate)
 
 
+def stored_answers(tx: ReadTransaction, collection: CollectionRecord, *, after: int, limit: int) -> list[QueryAnswer]:
+    """Up to `limit` stored answers in the order of their numbers, beginning after one, whichever version wrote them."""
+    rows = tx.queries(collection.key).page(after=after, limit=limit)
+    return [read_older(QueryAnswer, _answer_of(row, collection), f"Query {row.number}") for row in rows]
+
+
 def stored_explanation(database: Storage, collection_id: str, query_id: str) -> QueryExplanation:
     """The explanation of a stored answer. Raises NotFound, and Gone if it is no longer kept.
 

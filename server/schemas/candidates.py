@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from pydantic import Field, PlainSerializer
 
 from server.schemas.common import RENAMED_REASONS, Answer, Formerly, write_stamp
-from server.schemas.poses import CandidateTransform, MapPoseAnswer, Transform
+from server.schemas.poses import CandidateTransform, MapPoseAnswer, SurveyPose, Transform
 from urquhart.propose.query import LevelName
 from urquhart.report.explanation import SKIPS, STOPS
 from urquhart.trace import Skipped, StoppedBy
@@ -83,6 +83,11 @@ class CandidateAnswer(Answer):
     transform: CandidateTransform = Field(description=_TRANSFORM)
     map_pose: MapPoseAnswer | None = Field(
         description="The query's pose in the map. Null if the submap has no `map_pose`."
+    )
+    survey: SurveyPose | None = Field(
+        None,
+        description="The same pose as shift and turn about the middle of the query's trees, in the map frame if the "
+        "submap has a `map_pose`. Null in answers that an older version stored.",
     )
     inliers: list[Inlier] = Field(
         description="Pairs of landmarks that are the same tree. Empty if they are left out (see `inliers_omitted`)."

@@ -170,3 +170,56 @@ class MapPoseAnswer(PoseWithCovariance):
     middle: TreesMiddle | None = Field(
         None, description="The uncertainty about the middle of the inlier trees. Null if `covariance` is null."
     )
+
+
+class SurveyPose(Answer):
+    """A pose as surveyors give it: shift and turn about the middle of the query's trees. Lengths are in metres.
+
+    The shift is what to add to the query's coordinates, if they are meant to be those of this frame. Otherwise it is
+    only the difference of two frames, and `position` is what tells the place.
+    """
+
+    frame_id: str | None = Field(
+        description="Name of the map frame that the pose is in. Null if the submap has no `map_pose`: the pose is then "
+        "in the submap's frame."
+    )
+    crs: str | None = Field(
+        description="Coordinate reference system of the map frame, as the collection, or the stem map stored there, "
+        "names it. Null if it is not known."
+    )
+    crs_unit: str | None = Field(
+        description="Name of the unit of `crs`, and so of `crs_position`. Null without a projected system."
+    )
+    metres_per_unit: float | None = Field(description="Metres in one `crs_unit`. Null without a projected system.")
+    crs_position: Point | None = Field(
+        description="`position` in full coordinates of `crs`, east first, in its unit. Null without a projected system."
+    )
+    axes: tuple[Literal["east", "x"], Literal["north", "y"]] = Field(
+        description="What the first and the second coordinate point to: `east` and `north` if the map frame has a "
+        "coordinate reference system, else `x` and `y`."
+    )
+    centre: Point = Field(description="The middle (mean) of the query's landmarks, in metres, in the query's frame.")
+    position: Point = Field(description="The same point in the map frame (or the submap's), in metres.")
+    shift: Point = Field(description="`position` minus `centre`, in metres: dE and dN if `axes` are east and north.")
+    turn_degrees: float = Field(
+        description="Turn of the query about `centre`, in degrees, from -180 to 180; positive as `turn_positive` says."
+    )
+    turn_positive: Literal["counter_clockwise"] = Field(
+        "counter_clockwise", description="Direction of a positive turn, seen from above."
+    )
+    covariance: Annotated[list[float], Field(min_length=9, max_length=9)] | None = Field(
+        description="Covariance of `shift` along `axes`, and of the turn in radians: 3x3, row-major over (x, y, yaw), "
+        "in square metres, metre radians and square radians. Null if it is unknown, because that of `map_pose` is."
+    )
+    covariance_frame: Literal["map", "submap"] = Field(
+        description="Axes of `covariance`: those of the map's frame, or of the submap's if it has no `map_pose`."
+    )
+    about: Literal["query_centre"] = Field(
+        "query_centre", description="The point that `covariance` is about: `centre`."
+    )
+    shift_sigma: Point | None = Field(
+        description="Standard deviations of `shift`, in metres. Null if `covariance` is null."
+    )
+    turn_sigma_degrees: float | None = Field(
+        description="Standard deviation of the turn, in degrees. Null if `covariance` is null."
+    )

@@ -20,6 +20,7 @@ SCOPES: Final[Mapping[str, Scope | None]] = {
     "listSubmaps": Scope.READ,
     "getSubmap": Scope.READ,
     "getTessellation": Scope.READ,
+    "getExport": Scope.READ,
     "listSessions": Scope.READ,
     "listStands": Scope.READ,
     "getStand": Scope.READ,

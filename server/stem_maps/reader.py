@@ -19,6 +19,7 @@ from server.stem_maps.reading.columns import find_columns, is_header_of
 from server.stem_maps.reading.options import ReadOptions, with_columns_file
 from server.stem_maps.reading.plausibility import check_plausible
 from server.stem_maps.reading.rows import read_rows
+from server.stem_maps.reading.system_column import SYSTEM_COLUMN, take_system_column
 from server.stem_maps.reading.trees import TreeRows
 
 __all__ = ["StemMap", "StemMapError", "read_stem_map"]
@@ -102,6 +103,8 @@ def read_trees(path: Path, options: ReadOptions) -> TreeRows:
     """
     options = with_columns_file(path, options)
     table = read_table(path, FilePart(options.layer, options.id, is_header_of(options)))
+    if SYSTEM_COLUMN not in (name.strip().lower() for name in options.ignore):
+        take_system_column(table)
     columns = find_columns(table, options)
     return read_rows(table, columns, options, _centres(options))
 

@@ -51,6 +51,11 @@ def test_queries_can_be_kept_and_drawn(client: Client) -> None:
     assert kept.best.inliers[0].submap.startswith("t")
     assert kept.best.map_pose is not None
     assert kept.best.map_pose.x == pytest.approx(104.0, abs=0.1)
+    survey = kept.best.survey
+    assert survey is not None
+    assert (survey.frame_id, survey.axes, survey.about) == ("map", ("x", "y"), "query_centre")
+    assert survey.position == pytest.approx([a + b for a, b in zip(survey.centre, survey.shift, strict=True)])
+    assert repr(survey).startswith("SurveyPose(x +")
     assert client.get_query("plots", kept.id) == kept
     assert ElementTree.fromstring(client.match_svg("plots", kept.id, 1)).tag.endswith("svg")
     assert client.query("plots", SEEN.xy, seed=3).id is None

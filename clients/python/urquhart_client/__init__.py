@@ -30,7 +30,7 @@ from urquhart_client.models import (
     SubmapReceipt,
     Tessellation,
 )
-from urquhart_client.poses import MapPose, Transform, TreesMiddle
+from urquhart_client.poses import MapPose, SurveyPose, Transform, TreesMiddle
 from urquhart_client.stand_models import Stand
 
 __all__ = [
@@ -63,6 +63,7 @@ __all__ = [
     "Stand",
     "Submap",
     "SubmapReceipt",
+    "SurveyPose",
     "Tessellation",
     "Transform",
     "TreesMiddle",

@@ -9,7 +9,7 @@ from typing import Any, Generic, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from urquhart_client.poses import MapPose, Model, Transform
+from urquhart_client.poses import MapPose, Model, SurveyPose, Transform
 
 Verdict = Literal["matched", "ambiguous", "no_match"]
 Method = Literal["robust", "paper"]
@@ -43,7 +43,8 @@ class Inlier(Model):
 class Candidate(Model):
     """A submap that may be the query's place, and the evidence for and against it.
 
-    `map_pose` is the pose of the *query's* frame in the map, when the submap has a pose there. `confidence` is 0 to 1,
+    `map_pose` is the pose of the *query's* frame in the map, when the submap has a pose there; `survey` the same as
+    shift and turn about the middle of the query's trees. `confidence` is 0 to 1,
     `log_odds` the natural logarithm of right against wrong, `evidence` the same before the number of poses to choose
     from is taken off, `level` which search proposed the pose and `support` how much did, `rms` in metres; `refused`
     says why this candidate alone is not accepted, `warnings` what is wrong with the coordinates of one side.
@@ -58,6 +59,7 @@ class Candidate(Model):
     stamp: datetime | None = None
     transform: Transform
     map_pose: MapPose | None = None
+    survey: SurveyPose | None = None
     inliers: tuple[Inlier, ...] = ()
     inlier_count: int
     inlier_ratio: float

@@ -112,5 +112,42 @@ class MapPose(Model):
     __str__ = __repr__
 
 
+class SurveyPose(Model):
+    """A pose as surveyors give it: shift and turn about `centre`, the middle of the query's trees. Lengths in metres.
+
+    `frame_id` names the map frame that `position`, the place of that point, is in; None stands for the submap's frame.
+    `axes` says what the coordinates point to (`("east", "north")` if the frame has a `crs`), and `crs_position` is the
+    position in full coordinates of the `crs`, in `crs_unit`, which has `metres_per_unit`. `shift` is `position` minus
+    `centre`: what to add to the query's coordinates, if they are meant to be those of the frame. `turn_degrees` is
+    positive as `turn_positive` says.
+    `covariance` is 3 x 3, row by row, over (x, y, yaw), about `centre`, along the axes of `covariance_frame`, in metres
+    and radians; `shift_sigma` and `turn_sigma_degrees` are the standard deviations in it. All three are None if the
+    covariance of the submap's pose is not known.
+    """
+
+    frame_id: str | None = None
+    crs: str | None = None
+    crs_unit: str | None = None
+    metres_per_unit: float | None = None
+    crs_position: tuple[float, float] | None = None
+    axes: tuple[str, str]
+    centre: tuple[float, float]
+    position: tuple[float, float]
+    shift: tuple[float, float]
+    turn_degrees: float
+    turn_positive: str
+    covariance: Covariance | None = None
+    covariance_frame: str
+    about: str
+    shift_sigma: tuple[float, float] | None = None
+    turn_sigma_degrees: float | None = None
+
+    def __repr__(self) -> str:
+        (east, north), (first, second) = self.axes, self.shift
+        return f"SurveyPose({east} {first:+.3f} m, {north} {second:+.3f} m, turn {self.turn_degrees:+.3f} deg)"
+
+    __str__ = __repr__
+
+
 def _pose(x: float, y: float, yaw: float) -> str:
     return f"x {x:.3f} m, y {y:.3f} m, yaw {degrees(yaw):.2f} deg"

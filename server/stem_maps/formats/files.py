@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from server.stem_maps.formats.parquet_files import PARQUET_SUFFIX, read_parquet
 from server.stem_maps.formats.point_clouds import read_point_cloud
 from server.stem_maps.formats.table import FileTable, StemMapError
 from server.stem_maps.formats.text import read_text
@@ -55,6 +56,8 @@ def read_table(path: Path, part: FilePart) -> FileTable:
     suffix = path.suffix.lower()
     if suffix in _ADVICE:
         raise StemMapError(path, _ADVICE[suffix])
+    if suffix == PARQUET_SUFFIX:
+        return read_parquet(path, part.layer)
     if suffix in VECTOR_FORMATS:
         return read_vector(path, part.layer)
     if suffix in WORKBOOK_SUFFIXES:

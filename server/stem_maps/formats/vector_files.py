@@ -1,4 +1,4 @@
-"""GIS files through GDAL: GeoPackage, Shapefile, FlatGeobuf, GeoJSON, GeoParquet, KML and GPX."""
+"""GIS files through GDAL: GeoPackage, Shapefile, FlatGeobuf, GeoJSON, KML and GPX."""
 
 import struct
 import warnings
@@ -45,12 +45,7 @@ def read_vector(path: Path, layer: str | None) -> FileTable:
     Raises:
         StemMapError: the file is damaged, has several layers and none is named, or its geometries are not points.
     """
-    kind = VECTOR_FORMATS[path.suffix.lower()]
-    with path.open("rb") as file:
-        beginning = file.read(512).removeprefix(b"\xef\xbb\xbf").lstrip()
-    if not beginning.startswith(kind.beginnings):
-        what = "is empty" if not beginning else f"is no {kind.name} file, although its suffix is {path.suffix}"
-        raise StemMapError(path, what)
+    kind = check_beginning(path)
     gdal = import_extra(path, "gis", "pyogrio")
     raw = import_extra(path, "gis", "pyogrio.raw")
     if kind.driver not in gdal.list_drivers(read=True):
@@ -70,13 +65,24 @@ def read_vector(path: Path, layer: str | None) -> FileTable:
             ) from error
     table = _table(path, meta, values, {"id"} if kind.driver == "KML" else set())
     if geometry is not None and meta.get("geometry_type") is not None:
-        table.xy = _points(path, geometry, table)
+        table.xy = points_of(path, geometry, table)
         table.crs = meta.get("crs")
         if kind.driver == "GeoJSON" and table.crs == "EPSG:4326" and not _may_be_degrees(table.xy):
             table.crs = None  # GDAL's answer for a file that names no system, which must be degrees by the standard
             table.notes.append("positions are no degrees, so the system of the file is not known")
     table.notes.append(f"{kind.name}{f', layer {chosen!r}' if layer else ''}")
     return table
+
+
+def check_beginning(path: Path) -> VectorFormat:
+    """The format that the suffix of a file says. Raises StemMapError if the file does not begin as that does."""
+    kind = VECTOR_FORMATS[path.suffix.lower()]
+    with path.open("rb") as file:
+        beginning = file.read(512).removeprefix(b"\xef\xbb\xbf").lstrip()
+    if not beginning.startswith(kind.beginnings):
+        what = "is empty" if not beginning else f"is no {kind.name} file, although its suffix is {path.suffix}"
+        raise StemMapError(path, what)
+    return kind
 
 
 def _layer(path: Path, gdal: Any, wanted: str | None) -> str:
@@ -117,7 +123,7 @@ def _column(values: NDArray[Any]) -> ColumnValues:
     return ["" if value is None else str(value) for value in values.tolist()]
 
 
-def _points(path: Path, geometry: NDArray[Any], table: FileTable) -> NDArray[np.float64]:
+def points_of(path: Path, geometry: NDArray[Any], table: FileTable) -> NDArray[np.float64]:
     """Positions (N, 2) float64 of well-known binary points; rows without one become `bad_rows`."""
     if len(table.lines) != len(geometry):
         table.lines = np.arange(1, len(geometry) + 1)

@@ -24,6 +24,12 @@ class QueryReader:
         row = self._connection.execute(query).one_or_none()
         return None if row is None else QueryRecord(*row)
 
+    def page(self, *, after: int, limit: int) -> list[QueryRecord]:
+        """Up to `limit` stored queries in the order of their numbers, beginning after one."""
+        mine = (QueryRow.collection_key == self._collection_key, QueryRow.number > after)
+        query = select(*columns_of(QueryRecord, QueryRow)).where(*mine).order_by(QueryRow.number).limit(limit)
+        return [QueryRecord(*row) for row in self._connection.execute(query)]
+
     def last_number(self) -> int:
         """The largest number of a query that is still stored, 0 if there is none."""
         last = select(func.max(QueryRow.number)).where(QueryRow.collection_key == self._collection_key)

@@ -174,17 +174,21 @@ def test_damaged_gis_files_are_one_line(tmp_path: Path, suffix: str) -> None:
         error_of(path)
 
 
+EXTRAS = ("pyogrio", "openpyxl", "laspy", "pyarrow")
+
+
 def test_an_extra_that_is_missing_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     gis = [write(tmp_path / "stand.gpkg"), workbook(tmp_path / "stand.xlsx")]
-    paths = {"gis": gis, "las": [cloud(tmp_path / "a.las")]}
+    (tmp_path / "a.parquet").write_bytes(b"PAR1")
+    paths = {"gis": gis, "las": [cloud(tmp_path / "a.las")], "parquet": [tmp_path / "a.parquet"]}
     found = builtins.__import__
 
     def without(name: str, *rest: Any, **more: Any) -> Any:
-        if name.split(".")[0] in ("pyogrio", "openpyxl", "laspy"):
+        if name.split(".")[0] in EXTRAS:
             raise ImportError(name)
         return found(name, *rest, **more)
 
-    for name in [name for name in sys.modules if name.split(".")[0] in ("pyogrio", "openpyxl", "laspy")]:
+    for name in [name for name in sys.modules if name.split(".")[0] in EXTRAS]:
         monkeypatch.setitem(sys.modules, name, None)
     monkeypatch.setattr(builtins, "__import__", without)
     for extra, files in paths.items():
