@@ -58,6 +58,10 @@ class Conflict(DomainError):
     """The request contradicts what is stored."""
 
 
+class OptimiserMissing(DomainError):
+    """Maps need a package that is not installed here."""
+
+
 class KeyReused(DomainError):
     """An Idempotency-Key was sent before with another request."""
 

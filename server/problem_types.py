@@ -71,6 +71,13 @@ TABLE: Mapping[type[errors.DomainError], ProblemType] = {
     errors.Conflict: ProblemType(
         409, "conflict", "Conflict", "The request contradicts what is stored. Nothing was changed."
     ),
+    errors.OptimiserMissing: ProblemType(
+        501,
+        "optimiser-missing",
+        "Optimiser missing",
+        "Maps need GTSAM, which is not installed where the service runs. The operator installs it with "
+        "`pip install 'urquhart[maps]'`; everything else works without it.",
+    ),
     errors.StillRunning: ProblemType(
         409,
         "still-running",

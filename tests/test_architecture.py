@@ -41,6 +41,7 @@ SERVICE = (
         "queries",
         "exports",
         "constraints",
+        "maps",
         "jobs",
         "jobs.types",
         "stem_maps.formats",

@@ -107,6 +107,7 @@ COMMANDS: Final = {
             "urquhart export matches placed.csv --collection season-2026 --frame als",
         ),
     ),
+    "map": CommandEntry("server.commands.map", "app", "Build one consistent map of the submaps of a collection."),
     "demo": CommandEntry(
         "server.commands.demo.command",
         "demo",

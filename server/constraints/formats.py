@@ -92,12 +92,13 @@ def _edge(one: Found, numbers: Mapping[str, int], origins: Mapping[str, NDArray[
     """An edge between vertices at `origins` (2,), metres, in their submaps' frames."""
     pose, origin = pose_of(one), origins[one["to"]]
     at = SE2.shift(origins[one["from"]]).inverse() @ pose @ SE2.shift(origin)
-    information = _uncertainty(one, pose).source_information(pose, origin)
+    information = uncertainty_of(one, pose).source_information(pose, origin)
     upper = " ".join(repr(float(information[i, j])) for i in range(3) for j in range(i, 3))
     return f"EDGE_SE2 {numbers[one['from']]} {numbers[one['to']]} {at.x!r} {at.y!r} {at.yaw!r} {upper}"
 
 
-def _uncertainty(one: Found, pose: SE2) -> PoseUncertainty:
+def uncertainty_of(one: Found, pose: SE2) -> PoseUncertainty:
+    """The uncertainty of the pose of a constraint."""
     at = one["transform"]
     middle = at.get("middle")
     if (
@@ -115,7 +116,7 @@ def _middles(found: Sequence[Found], names: Sequence[str]) -> dict[str, NDArray[
     """
     points: dict[str, list[Any]] = {name: [] for name in names}
     for one in found:
-        uncertainty = _uncertainty(one, pose_of(one))
+        uncertainty = uncertainty_of(one, pose_of(one))
         points[one["from"]].append(uncertainty.target)
         points[one["to"]].append(uncertainty.source)
     return {name: np.mean(some, axis=0) for name, some in points.items()}

@@ -113,7 +113,7 @@ def build_landmark_map(
 
 
 def _associated(given: MapLandmarks, poses: OptimisedPoses, association: Association) -> Associated:
-    """MapLandmarks grouped by tree, part by part."""
+    """Landmarks grouped by tree, part by part."""
     labels, xy = np.zeros(len(given.owner), np.int64), given.xy.copy()
     noises, known = list[float](), 0
     middles = moved(poses.poses, poses.about)

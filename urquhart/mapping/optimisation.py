@@ -14,7 +14,7 @@ from typing import Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import gammaincinv
 
 from urquhart.mapping.agreement import Agreements, find_agreements
 from urquhart.mapping.gtsam_solver import GraphSolver, optimiser, residuals
@@ -110,7 +110,7 @@ def optimise(count: int, constraints: PoseConstraints, numbers: MappingNumbers =
     """
     optimiser()
     constraints.check(count)
-    gate = float(chi2.ppf(numbers.probability, 3))
+    gate = _chi_squared(numbers.probability)
     graph = centred(count, constraints)
     cycles = find_agreements(graph, gate)
     scale = _scale(cycles)
@@ -138,10 +138,15 @@ def optimise(count: int, constraints: PoseConstraints, numbers: MappingNumbers =
     return _result(graph, solver, poses, _Outcome(kept, false, support, scale, gate))
 
 
+def _chi_squared(probability: float) -> float:
+    """The quantile of the chi-squared distribution with three degrees of freedom."""
+    return 2.0 * float(gammaincinv(1.5, probability))
+
+
 def _scale(cycles: Agreements) -> float:
     """How much larger the covariances of untrusted constraints must be for the cycles that they close, at least 1."""
     distances = cycles.distances[cycles.close & cycles.plain]
-    scale = float(np.median(distances) / chi2.ppf(0.5, 3)) if len(distances) else 1.0
+    scale = float(np.median(distances) / _chi_squared(0.5)) if len(distances) else 1.0
     return scale if scale > MAPPING.honest else 1.0
 
 
