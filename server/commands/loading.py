@@ -132,7 +132,9 @@ COMMANDS: Final = {
         "Compile the kernels, or load them from the cache, so that no start has to wait for it.",
         ("urquhart warm", "NUMBA_CACHE_DIR=/opt/urquhart/kernels NUMBA_CPU_NAME=generic urquhart warm"),
     ),
-    "db": CommandEntry("server.commands.db", "app", "Upgrade and check the database file, and rebuild its index."),
+    "db": CommandEntry(
+        "server.commands.operator.db", "app", "Upgrade and check the database file, and rebuild its index."
+    ),
     "stands": CommandEntry(
         "server.commands.operator.stands",
         "app",

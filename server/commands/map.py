@@ -12,19 +12,21 @@ from rich.console import Console
 from server.commands.support.database import upgraded_database
 from server.commands.support.failure import CommandError
 from server.commands.support.options import DatabaseOption
-from server.commands.support.progress import progress_bar
+from server.commands.support.progress import ProgressReport
 from server.config.settings import Limits
 from server.constraints.search import search_constraints
 from server.index.live_indexes import LiveIndexes
 from server.maps.applying import apply_map
 from server.maps.building import BuiltMap, build, check_optimiser
 from server.maps.documents import edges_of, poses_of, summary_of
-from server.maps.files import check_suffix, write_trees
+from server.maps.files import write_trees
 from server.maps.selection import choose, chosen_keys
 from server.observability.metrics import Metrics
+from server.outputs.files import format_of
 from server.parsing.field_errors import sentence
 from server.queries.lookup import QueryContext
-from server.schemas.maps import MapInput, MapSummary
+from server.schemas.maps.answers import MapSummary
+from server.schemas.maps.request import MapInput
 from server.store.sqlite.database import Database
 from server.store.submap_records import SubmapMetadata
 
@@ -36,41 +38,49 @@ def _group() -> None:
     """Build one consistent map of the submaps of a collection."""
 
 
+CollectionArgument = Annotated[str, typer.Argument(metavar="COLLECTION", help="Id of the collection.")]
+SessionOption = Annotated[
+    list[str] | None, typer.Option(help="Only submaps of this session. May be repeated.", show_default=False)
+]
+DatetimeOption = Annotated[
+    str | None, typer.Option(help="Only submaps with a stamp in this interval.", show_default=False)
+]
+OdometryOption = Annotated[
+    Path | None,
+    typer.Option(
+        help="NDJSON with relative poses that are believed: from, to, x, y, yaw, covariance.", show_default=False
+    ),
+]
+PriorsOption = Annotated[bool, typer.Option("--use-map-poses", help="Use map poses that have a covariance as priors.")]
+AgreeingOption = Annotated[int, typer.Option(min=1, max=2, help="Matches that must agree before one is believed.")]
+AssociationOption = Annotated[Literal["joint", "dbscan"], typer.Option(help="How trees of several submaps become one.")]
+TreesOption = Annotated[
+    Path | None,
+    typer.Option(
+        help="Write the trees to this file: .csv, .geojson, .gpkg or .parquet. Other parts get files of their own.",
+        show_default=False,
+    ),
+]
+PosesOption = Annotated[Path | None, typer.Option(help="Write the poses to this file, NDJSON.", show_default=False)]
+ConstraintsOption = Annotated[
+    Path | None, typer.Option(help="Write what became of each constraint to this file, NDJSON.", show_default=False)
+]
+ApplyOption = Annotated[bool, typer.Option("--apply", help="Write the poses into the submaps, all in one transaction.")]
+
+
 @app.command("build", epilog="Example: `urquhart map build drives --session mon --session tue --trees site.gpkg`")
 def build_map(
-    collection: Annotated[str, typer.Argument(metavar="COLLECTION", help="Id of the collection.")],
-    session: Annotated[
-        list[str] | None, typer.Option(help="Only submaps of this session. May be repeated.", show_default=False)
-    ] = None,
-    datetime: Annotated[
-        str | None, typer.Option(help="Only submaps with a stamp in this interval.", show_default=False)
-    ] = None,
-    odometry: Annotated[
-        Path | None,
-        typer.Option(
-            help="NDJSON with relative poses that are believed: from, to, x, y, yaw, covariance.", show_default=False
-        ),
-    ] = None,
-    use_map_poses: Annotated[
-        bool, typer.Option("--use-map-poses", help="Use map poses that have a covariance as priors.")
-    ] = False,
-    agreeing: Annotated[int, typer.Option(min=1, max=2, help="Matches that must agree before one is believed.")] = 2,
-    association: Annotated[
-        Literal["joint", "dbscan"], typer.Option(help="How trees of several submaps become one.")
-    ] = "joint",
-    trees: Annotated[
-        Path | None, typer.Option(help="Write the trees to this file, CSV or GeoPackage.", show_default=False)
-    ] = None,
-    poses: Annotated[
-        Path | None, typer.Option(help="Write the poses to this file, NDJSON.", show_default=False)
-    ] = None,
-    constraints: Annotated[
-        Path | None,
-        typer.Option(help="Write what became of each constraint to this file, NDJSON.", show_default=False),
-    ] = None,
-    apply: Annotated[
-        bool, typer.Option("--apply", help="Write the poses into the submaps, all in one transaction.")
-    ] = False,
+    collection: CollectionArgument,
+    session: SessionOption = None,
+    datetime: DatetimeOption = None,
+    odometry: OdometryOption = None,
+    use_map_poses: PriorsOption = False,
+    agreeing: AgreeingOption = 2,
+    association: AssociationOption = "joint",
+    trees: TreesOption = None,
+    poses: PosesOption = None,
+    constraints: ConstraintsOption = None,
+    apply: ApplyOption = False,
     frame: Annotated[str, typer.Option(help="Map frame of the poses.")] = "map",
     database: DatabaseOption = None,
 ) -> None:
@@ -94,14 +104,14 @@ def build_map(
     )
     check_optimiser()
     if trees is not None:
-        check_suffix(trees)
+        format_of(trees)
     with upgraded_database(database) as store:
         built = _built(store, collection, body)
         version = None
         if apply:
             with store.write() as tx:
                 version = apply_map(tx, collection, built)
-        written = None
+        written = list[tuple[Path, int]]()
         if trees is not None:
             with store.read() as tx:
                 written = write_trees(tx, collection, built, trees)
@@ -109,8 +119,8 @@ def build_map(
         if path is not None:
             _write(path, rows)
     _tell(summary_of(built))
-    if written is not None:
-        typer.echo(f"{written} trees written to {trees}")
+    for file, count in written:
+        typer.echo(f"{file}: {count} trees")
     if version is not None:
         typer.echo(f"poses applied: revision {version} of {collection}")
 
@@ -123,9 +133,9 @@ def _built(store: Database, collection: str, body: MapInput) -> BuiltMap:
         key = tx.collections.get(collection)
         keys = chosen_keys(tx, collection, body)
         rows = [] if key is None else tx.submaps(key.key).some(keys, SubmapMetadata)
-    with progress_bar(console) as progress:
-        task = progress.add_task("matching", total=len(rows))
-        found, contradictions = search_constraints(context, collection, rows, body, lambda: progress.advance(task))
+    with ProgressReport(console, "submaps") as progress:
+        advance = progress.task("matching", len(rows))
+        found, contradictions = search_constraints(context, collection, rows, body, lambda: advance(1))
     if contradictions:
         typer.echo(f"{contradictions} pairs left out: their two directions contradict each other", err=True)
     with store.read() as tx:

@@ -8,7 +8,7 @@ import orjson
 import typer
 from rich.table import Column, Table
 
-from server.commands.db import tell_findings
+from server.commands.operator.db import tell_findings
 from server.commands.support.console import wide_console
 from server.commands.support.database import existing_database, settings_with
 from server.commands.support.failure import CommandError

@@ -12,9 +12,9 @@ from server.constraints.formats import uncertainty_of
 from server.errors import InvalidField, OptimiserMissing
 from server.maps.selection import ChosenSubmap, numbers_of
 from server.queries.poses import place_pose
-from server.schemas.maps import MapInput
+from server.schemas.maps.request import MapInput
 from urquhart import SE2
-from urquhart.mapping.gtsam_solver import MissingOptimiser, optimiser
+from urquhart.mapping.graph_solver import MissingOptimiser, optimiser
 from urquhart.mapping.landmark_map import LandmarkMap, build_landmark_map
 from urquhart.mapping.optimisation import MAPPING, OptimisedPoses, optimise
 from urquhart.mapping.pose_graph import MAP, PoseConstraint, PoseConstraints

@@ -11,7 +11,7 @@ from server.maps.applying import map_pose_of
 from server.maps.building import BuiltMap
 from server.queries.poses import flat
 from server.schemas.common import write_stamp
-from server.schemas.maps import MapEdge, MapSubmapPose, MapSummary, MapTree
+from server.schemas.maps.answers import LandmarkEntry, MapEdge, MapSubmapPose, MapSummary
 from server.schemas.poses import PlacedPose
 
 
@@ -64,12 +64,12 @@ def edges_of(built: BuiltMap) -> Iterator[MapEdge]:
         )
 
 
-def trees_of(built: BuiltMap) -> Iterator[MapTree]:
+def trees_of(built: BuiltMap) -> Iterator[LandmarkEntry]:
     """Each tree."""
     trees = built.trees
     for number in range(len(trees)):
         x, y = trees.xy[number].tolist()
-        yield MapTree(
+        yield LandmarkEntry(
             id=number + 1,
             part=built.part_numbers[trees.part[number]],
             x=x,

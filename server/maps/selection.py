@@ -8,7 +8,7 @@ import numpy as np
 from server.collections.crud import get_collection
 from server.constraints.extraction import chosen_submaps
 from server.errors import InvalidField
-from server.schemas.maps import MapInput
+from server.schemas.maps.request import MapInput
 from server.store.codec import unpack_attributes, unpack_diameters, unpack_positions
 from server.store.storage import ReadTransaction
 from server.store.submap_records import Place, SubmapContent, SubmapMetadata

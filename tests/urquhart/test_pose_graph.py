@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from tests.urquhart.graphs import LOOP, TrueGraph, drive, measured
 from urquhart import SE2
-from urquhart.mapping import gtsam_solver
+from urquhart.mapping import graph_solver
 from urquhart.mapping.optimisation import MAPPING, OptimisedPoses, optimise
 from urquhart.mapping.pose_arrays import compose, inverse, squared_distances, wrapped
 from urquhart.mapping.pose_graph import MAP, PoseConstraint, PoseConstraints, PoseGraphError
@@ -189,7 +189,7 @@ def test_what_cannot_be_optimised_is_refused(change: dict[str, NDArray[np.float6
 
 def test_without_gtsam_the_error_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "gtsam", None)
-    with pytest.raises(gtsam_solver.MissingOptimiser, match=r"pip install 'urquhart\[maps\]'"):
+    with pytest.raises(graph_solver.MissingOptimiser, match=r"pip install 'urquhart\[maps\]'"):
         solved(2, constraint(0, 1, SE2(1.0, 0.0, 0.0)))
 
 

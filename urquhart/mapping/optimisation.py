@@ -1,8 +1,8 @@
 """Poses of submaps from relative poses, some of which may be false: one consistent map, or several parts of one.
 
 1. Constraints that close short cycles confirm each other (`agreement`).
-2. Trusted and confirmed constraints are optimised with graduated non-convexity: whatever contradicts the largest
-   consistent set of them is left out (`gtsam_solver`).
+2. Constraints that confirm each other form groups, which are added to the trusted ones, the largest first, as long as
+   they agree (`consistency`). Graduated non-convexity then leaves out single outliers (`graph_solver`).
 3. What is left over may join parts that nothing connects (`joining`), and is otherwise judged by the poses so far.
 4. Everything that was kept is optimised together, and gives covariances.
 
@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from scipy.special import gammaincinv
 
 from urquhart.mapping.agreement import Agreements, find_agreements
-from urquhart.mapping.gtsam_solver import GraphSolver, optimiser, residuals
+from urquhart.mapping.consistency import consistent_groups
+from urquhart.mapping.graph_solver import GraphSolver, optimiser, residuals
 from urquhart.mapping.joining import Judge, join
 from urquhart.mapping.pose_arrays import (
     Covariances,
@@ -30,7 +31,7 @@ from urquhart.mapping.pose_arrays import (
     squared_distances,
 )
 from urquhart.mapping.pose_graph import CentredGraph, PoseConstraints, centred
-from urquhart.mapping.start_poses import anchors, parts, start_poses
+from urquhart.mapping.start_poses import anchors, parts
 from urquhart.pose_covariance import PoseUncertainty
 from urquhart.se2 import SE2
 
@@ -116,8 +117,8 @@ def optimise(count: int, constraints: PoseConstraints, numbers: MappingNumbers =
     scale = _scale(cycles)
     graph = _scaled(graph, scale)
     support = cycles.support(len(constraints))
-    believed = graph.trusted | (support >= numbers.agreeing - 1)
-    poses, kept = _consistent(graph, believed, support, gate)
+    believed, poses = consistent_groups(graph, cycles, support, gate, numbers.agreeing - 1)
+    poses, kept = _without_outliers(graph, believed, poses, gate)
     false = (support == 0) & (cycles.compared(len(constraints)) >= numbers.contradictions) & ~graph.trusted
     false |= believed & ~kept
     share = false.sum() / max(int((false | (kept & ~graph.trusted)).sum()), 1)
@@ -156,11 +157,10 @@ def _scaled(graph: CentredGraph, scale: float) -> CentredGraph:
     return replace(graph, covariances=factor[:, None, None] * graph.covariances)
 
 
-def _consistent(
-    graph: CentredGraph, believed: NDArray[np.bool_], support: NDArray[np.int64], gate: float
+def _without_outliers(
+    graph: CentredGraph, believed: NDArray[np.bool_], poses: Poses, gate: float
 ) -> tuple[Poses, NDArray[np.bool_]]:
     """Poses (V, 3) from the constraints that are believed, and which (E,) of these are consistent."""
-    poses = start_poses(graph, believed, support)
     used = np.flatnonzero(believed)
     if graph.trusted[used].all():
         return poses, believed.copy()
@@ -191,17 +191,16 @@ def _confirmed(
     found = np.zeros(len(left), np.bool_)
     if not len(asked):
         return found
-    errors = residuals(graph, poses)
-    own = solver.covariances()
-    first, second = graph.first[asked], graph.second[asked]
-    back = adjoints(compose(inverse(poses[second]), poses[first]))
-    # Whatever their correlation, the covariance of a difference is at most twice the sum of the covariances.
-    widest = graph.covariances[asked] + 2.0 * (congruent(back, own[first]) + own[second])
-    for edge in asked[squared_distances(errors[asked], widest) <= judge.gate].tolist():
-        known = solver.relative_covariance(int(graph.first[edge]), int(graph.second[edge]))
-        distance = squared_distances(errors[edge][None], (graph.covariances[edge] + known)[None])[0]
-        is_sharp = float(np.linalg.eigvalsh(known[:2, :2])[-1]) <= judge.sharp**2
-        found[edge] = distance <= judge.gate and (is_sharp or judge.alone)
+    # Whatever their correlation, the covariance of a difference is at most twice the sum of the covariances. Most false
+    # constraints are farther off than that.
+    own, errors = solver.covariances(), residuals(graph, poses)
+    back = adjoints(compose(inverse(poses[graph.second[asked]]), poses[graph.first[asked]]))
+    widest = 2.0 * (congruent(back, own[graph.first[asked]]) + own[graph.second[asked]])
+    asked = asked[squared_distances(errors[asked], graph.covariances[asked] + widest) <= judge.gate]
+    known = solver.relative_covariances(graph.first[asked], graph.second[asked])
+    distances = squared_distances(errors[asked], graph.covariances[asked] + known)
+    is_sharp = np.linalg.eigvalsh(known[:, :2, :2])[:, -1] <= judge.sharp**2
+    found[asked] = (distances <= judge.gate) & (is_sharp | judge.alone)
     return found
 
 

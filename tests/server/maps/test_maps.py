@@ -57,7 +57,7 @@ def test_two_drives_become_one_map(urquhart: Urquhart, database: Database, tmp_p
     assert away.min(axis=1).max() < 0.5
     assert len(np.unique(nearest)) == len(trees)
     assert [float(tree["dbh_cm"]) for tree in trees] == [20.0 + tree % 30 for tree in nearest.tolist()]
-    assert {tree["frame"] for tree in trees} == {"map"} and {tree["crs"] for tree in trees} == {""}
+    assert {tree["crs"] for tree in trees} == {""}
     assert {tree["first_seen"][:10] for tree in trees} == {"2026-05-04", "2026-05-05"}
     # All poses were written under one revision.
     stored = rows_of(database)
@@ -75,7 +75,7 @@ def test_a_map_is_not_applied_without_being_asked(urquhart: Urquhart, database: 
     assert urquhart("map", "build", "drives", "--session", "mon", "--trees", "trees.csv").code == 0
     assert rows_of(database) == before
     # What has no file format, session or collection is refused before anything is matched.
-    refused(urquhart("map", "build", "drives", "--trees", "trees.dwg"), "trees.dwg", ".csv or .gpkg")
+    refused(urquhart("map", "build", "drives", "--trees", "trees.dwg"), "trees.dwg", ".gpkg")
     refused(urquhart("map", "build", "drives", "--session", "wed"), "session 'wed'")
     refused(urquhart("map", "build", "other"), "other")
     refused(urquhart("map", "build", "drives", "--use-map-poses"), "none of the chosen submaps has a map pose")
@@ -87,7 +87,7 @@ def test_the_trees_of_a_map_as_a_geopackage(urquhart: Urquhart, database: Databa
     pyogrio = pytest.importorskip("pyogrio", reason="the extra gis is not installed")
     store_drives(database)
     assert urquhart("map", "build", "drives", "--session", "mon", "--trees", "trees.gpkg").code == 0
-    assert pyogrio.list_layers(tmp_path / "trees.gpkg").tolist() == [["trees map", "Point"]]
+    assert pyogrio.list_layers(tmp_path / "trees.gpkg").tolist() == [["trees", "Point"]]
     info = pyogrio.read_info(tmp_path / "trees.gpkg")
     assert info["features"] > 60
     assert {"dbh_cm", "observed", "sigma_m"} <= set(info["fields"])
