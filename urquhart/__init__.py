@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from urquhart.index.segment_file import SegmentDamaged
     from urquhart.options import Effort, Method, Options, SearchOptions
     from urquhart.prior.prior import Prior
-    from urquhart.prior.window import WindowTooLarge
+    from urquhart.prior.region import WindowTooLarge
     from urquhart.recognizer import Recognizer
     from urquhart.report.match import draw_match
     from urquhart.report.motion import draw_motion
@@ -108,7 +108,7 @@ _HOMES: Final = {
     "Stage": "urquhart.trace",
     "Tessellation": "urquhart.features.tessellation",
     "Verdict": "urquhart.decide.verdict",
-    "WindowTooLarge": "urquhart.prior.window",
+    "WindowTooLarge": "urquhart.prior.region",
     "describe": "urquhart.features.describe",
     "describe_observation": "urquhart.features.observation",
     "draw_match": "urquhart.report.match",

@@ -8,7 +8,9 @@ from typing import Literal
 
 from urquhart.options import FAST_PROMISE, Promise
 
-StoppedBy = Literal["decided", "beats_chance", "evidence_bound", "effort", "exhausted", "deadline", "not_started"]
+StoppedBy = Literal[
+    "decided", "beats_chance", "evidence_bound", "effort", "exhausted", "window", "deadline", "not_started"
+]
 Skipped = Literal["quad_hits", "common_quads", "exhaustive", "exhaustive_rest"]
 
 
@@ -21,7 +23,8 @@ class SearchEnd:
             `beats_chance`: chance is ruled out for the first candidate, and more levels would only add weaker poses;
             `evidence_bound`: a stored place would have shown more evidence by now, if the query is as good as
             `promised`; `effort`: the effort `fast` ends here, and the query has too few trees for a promise;
-            `exhausted`: no step of the method was left to try; `deadline`: time ran out, and the verdict's reason is
+            `exhausted`: no step of the method was left to try; `window`: every pose of a given prior's window was
+            tried, and none outside of it; `deadline`: time ran out, and the verdict's reason is
             `deadline` too; `not_started`: there was nothing to search for, or nothing to search in.
         promised: with `evidence_bound`, how good the query must be for this to mean that its place is not stored.
         skipped: the limits that were reached, each once, in that order; empty if nothing was left out.

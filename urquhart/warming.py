@@ -15,8 +15,11 @@ from urquhart.budget import Budget
 from urquhart.config import Config
 from urquhart.decide.rivals import find_rivals_at_once
 from urquhart.features.describe import Features, describe
+from urquhart.prior.prior import Prior
+from urquhart.prior.superposition import Stems, superpose
 from urquhart.propose.correlation import find_peaks_at_once
 from urquhart.recognizer import Recognizer
+from urquhart.se2 import SE2
 from urquhart.verify.landmark_grid import LandmarkGrid, build_landmark_grid
 from urquhart.verify.refinement import refine_rough_at_once
 
@@ -37,6 +40,8 @@ def warm_up(config: Config) -> None:
     alone = Recognizer(config)
     alone.add([(0, describe(places[0], config))])
     alone.locate(places[0])
+    # A search within a prior scores poses by a kernel of its own.
+    recognizer.recognize_within(describe(places[0], config), Prior.with_sigma(0.0, 0.0, 0.5, 0.0), {0: SE2.identity()})
     # Large observations are processed in portions, by kernels that small ones do not use.
     for xy in (places[0], *places[2:]):
         recognizer.locate(xy, budget=Budget(steps=1_000.0))
@@ -66,6 +71,8 @@ def compile_largest() -> None:
     grid = LandmarkGrid(points, numbers, points, cover, numbers, places, places, numbers, 1.0, 1.0, numbers, 1.0)
     compile_for(refine_rough_at_once, grid, grid, np.empty((1, 3)), 1.0, 1)
     compile_for(find_rivals_at_once, grid, grid, pose, 1.0, 1.0, 1)
+    stems = Stems(points, points, 1.0, 1.0, points, numbers)
+    compile_for(superpose, stems, points, numbers, 1.0, points, points)
     compile_for(find_peaks_at_once, points, points, 1.0, 1, 1.0, 1.0)
 
 

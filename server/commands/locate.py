@@ -16,6 +16,7 @@ from server.commands.support.explanation_tables import print_explanation
 from server.commands.support.failure import CommandError
 from server.commands.support.file_options import reads_files
 from server.commands.support.options import DatabaseOption
+from server.commands.support.place_options import PlaceOptions, reads_place
 from server.commands.support.pose_text import pose_lines
 from server.commands.support.progress import reading
 from server.index.live_indexes import LiveIndexes
@@ -39,6 +40,7 @@ MinConfidence = Annotated[
 
 
 @reads_files
+@reads_place
 def locate(
     *,
     file: Annotated[
@@ -65,8 +67,9 @@ def locate(
     ] = None,
     database: DatabaseOption = None,
     columns: ReadOptions,
+    place: PlaceOptions,
 ) -> None:
-    """Find where trees were observed.
+    """Find where trees were observed, in the whole collection or, with --at, near a place.
 
     The observation is a file with one tree on each row, in any frame, read as `urquhart index` does. Diameters count
     if the collection has them, too. The exit code is 0 for every verdict: matched, ambiguous and no_match.
@@ -78,7 +81,8 @@ def locate(
     try:
         bring_up_to_date(store)
         indexes, metrics = LiveIndexes(store, Metrics()), Metrics()
-        members = {"limit": limit, "effort": effort, "min_confidence": min_confidence, "seed": seed}
+        prior = place.prior(store, collection, observation.xy)
+        members = {"limit": limit, "effort": effort, "min_confidence": min_confidence, "seed": seed, "prior": prior}
         query = _query(observation, {**members, "explain": explain or explain_svg is not None}, file)
         asked, to_draw = PlaceQuery.of(query, settings.limits), svg is not None or explain_svg is not None
         look = look_up(QueryContext(store, indexes, metrics, settings.limits), collection, asked, to_draw=to_draw)
@@ -150,7 +154,8 @@ def _print(console: Console, answer: QueryAnswer) -> None:
         console.print(f"warning: {WARNINGS[word]} ({word})", highlight=False, markup=False, soft_wrap=True)
     if answer.verdict == "no_match" and answer.search is not None:
         began = answer.search.stopped_by != "not_started"
-        why = f"effort {answer.effort}: {answer.search.sentence}" if began else reason_sentence(answer.reason)
+        effort = "" if answer.search.stopped_by == "window" else f"effort {answer.effort}: "
+        why = f"{effort}{answer.search.sentence}" if began else reason_sentence(answer.reason)
         console.print(why, highlight=False, markup=False, soft_wrap=True)
     if answer.verdict == "ambiguous":
         for rival in answer.rivals:

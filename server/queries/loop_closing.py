@@ -83,6 +83,8 @@ class LoopClosingQuery:
         observation = None if self._observation is None else self._observation.result
         if not isinstance(observation, Features):
             return False  # it covers no submap
+        if self._query.prior is not None:
+            return True  # in the window, all trees count together
         config = config_of(collection)
         recognizer = Recognizer(config)
         recognizer.add(

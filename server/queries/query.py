@@ -9,12 +9,13 @@ from numpy.typing import NDArray
 
 from server.config.settings import Limits
 from server.errors import InvalidField, TooLarge
+from server.schemas.poses import PriorPose
 from server.schemas.queries import QueryInput
 from server.store.codec import diameters_of, position_names
 from server.store.repositories.submaps import SubmapReader
 from server.store.submap_records import SubmapFilter
 from server.submaps.preparation import check_landmark_count
-from urquhart import Effort, Method
+from urquhart import Effort, Method, Prior
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +48,20 @@ class Surroundings:
         """Keys of the submaps with a footprint in there, of all or `among` some."""
         x, y, r = self.x, self.y, self.radius
         return submaps.matching(SubmapFilter(bbox=(x - r, y - r, x + r, y + r), map_frame_id=self.frame_id), among)
+
+
+@dataclass(frozen=True, slots=True)
+class KnownPlace:
+    """The rough pose of a query in the map frame `frame_id`."""
+
+    frame_id: str
+    prior: Prior
+
+    @classmethod
+    def of(cls, body: PriorPose) -> "KnownPlace":
+        """The rough pose that a request gives."""
+        covariance = np.reshape(np.asarray(body.covariance, dtype=np.float64), (3, 3))
+        return cls(body.frame_id, Prior(body.x, body.y, covariance, body.yaw, body.about, body.noise))
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +103,7 @@ class PlaceQuery:
         frame_id: name of the query's frame; that of the stored submap if None.
         stamp: when it was observed; that of the stored submap if None.
         near: where to search; None for everywhere.
+        prior: the rough pose, if it is known; only poses in its window are searched.
         exclude: what not to find.
         limit: most candidates.
         method: of the search.
@@ -107,6 +123,7 @@ class PlaceQuery:
     frame_id: str | None = None
     stamp: datetime | None = None
     near: Surroundings | None = None
+    prior: KnownPlace | None = None
     exclude: Exclusion = Exclusion()
     limit: int = 5
     method: Method = "robust"
@@ -131,6 +148,9 @@ class PlaceQuery:
             raise TooLarge(
                 "excluded_submaps", limits.excluded_submaps, len(excluded.submap_ids), "Exclude fewer submaps."
             )
+        if body.prior is not None and body.method != "robust":
+            detail = "needs the method `robust`: leave `method` out, or search without a prior"
+            raise InvalidField(detail, code="prior_method", pointer="/prior")
         landmarks = None
         if body.submap_id is None:
             landmarks = QueryLandmarks(body.positions(), diameters_of(body.attributes()), body.landmark_ids())
@@ -141,6 +161,7 @@ class PlaceQuery:
             body.frame_id,
             body.stamp,
             None if near is None else Surroundings(near.frame_id, near.x, near.y, near.radius),
+            None if body.prior is None else KnownPlace.of(body.prior),
             Exclusion(tuple(excluded.submap_ids), excluded.session, excluded.within_seconds),
             min(body.limit, limits.candidates),  # the default is lower only if the operator's limit is
             body.method,

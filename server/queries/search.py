@@ -1,19 +1,39 @@
 """The search of one query in a view of a collection, and the search for its mirror image if it finds nothing."""
 
 import time
+from collections.abc import Collection
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
+from server.errors import InvalidField
 from server.index.live_indexes import View
 from server.queries.contradicting_maps import COMPARED, without_contradictions
 from server.queries.per_session import by_session
-from server.queries.query import PlaceQuery, QueryLandmarks
+from server.queries.poses import place_pose
+from server.queries.query import KnownPlace, PlaceQuery, QueryLandmarks, Surroundings
 from server.submaps.preparation import invalid_landmarks
-from urquhart import Budget, Description, Features, LandmarkError, Recognition, Stage, describe, describe_observation
+from urquhart import (
+    SE2,
+    Budget,
+    Description,
+    Features,
+    LandmarkError,
+    Recognition,
+    Stage,
+    WindowTooLarge,
+    describe,
+    describe_observation,
+)
+from urquhart.prior.region import window_extent
 
 _UNFOUND = frozenset({"below_gate", "verification_failed", "no_proposal"})
 """Reasons that the mirror image of a stored place has as well."""
+MOST_SUBMAPS: Final = 1_000
+"""Most submaps that are searched together about a prior: their features take about 50 MB."""
+NAMED_FRAMES: Final = 5
+"""Most map frames that an error names."""
 
 
 def describe_query(
@@ -62,7 +82,10 @@ class SubmapSearch:
         return self._try_mirrored(found, excluded) if self.query.explain else (found, ())
 
     def __call__(self, excluded: set[int]) -> Recognition:
-        """The best candidates in all submaps except those with these keys."""
+        """The best candidates in all submaps except those with these keys. Raises InvalidField for a prior that cannot
+        be used."""
+        if self.query.prior is not None:
+            return self._within(self.query.prior, excluded)
         found = self.view.recognizer.recognize(
             self.observation,
             limit=max(self.most, COMPARED),
@@ -82,6 +105,20 @@ class SubmapSearch:
         map_frames = {place.map_frame_id for place in places.values()}
         frames = self.view.tx.map_frames(self.view.collection).some(map_frames) if len(map_frames) > 1 else {}
         return without_contradictions(found, places, frames, self.most)
+
+    def _within(self, known: KnownPlace, excluded: set[int]) -> Recognition:
+        """The answer for a query whose rough pose is known."""
+        places = submaps_about(self.view, known, self.observation, excluded, self.only)
+        try:
+            return self.view.recognizer.recognize_within(
+                self.observation,
+                known.prior,
+                places,
+                min_confidence=self.query.min_confidence,
+                budget=self.budget,
+            )
+        except WindowTooLarge as error:
+            raise InvalidField(str(error), code="window_too_large", pointer="/prior/covariance") from error
 
     def _try_mirrored(self, found: Recognition, excluded: set[int]) -> tuple[Recognition, tuple[str, ...]]:
         """If the query found nothing, search for its mirror image as well. Returns `found` and warnings.
@@ -103,3 +140,47 @@ class SubmapSearch:
         here = self.observation
         diameters = here.diameters if len(here.diameters) else None
         return describe(here.landmarks * (1.0, -1.0), self.view.recognizer.config, diameters)
+
+
+def submaps_about(
+    view: View, known: KnownPlace, observation: Features, excluded: Collection[int], only: set[int] | None
+) -> dict[int, SE2]:
+    """`map_T_submap` of the submaps that reach into the window of a prior, by key.
+
+    Args:
+        observation: features of the query.
+        excluded: keys of submaps to leave out.
+        only: keys of the submaps to search; None for all.
+
+    Raises:
+        InvalidField: no submap has a pose in that map frame, or too many reach into the window.
+    """
+    middle, radius = window_extent(known.prior, observation)
+    window = Surroundings(known.frame_id, float(middle[0]), float(middle[1]), radius)
+    keys = window.keys(view.tx.submaps(view.collection.key)) - set(excluded)
+    if only is not None:
+        keys &= only
+    if not keys:
+        _check_frame(view, known.frame_id)
+    if len(keys) > MOST_SUBMAPS:
+        raise InvalidField(
+            f"{len(keys):,} submaps reach into the window, more than {MOST_SUBMAPS:,}: give a smaller covariance, or "
+            "leave submaps out with `exclude`",
+            code="window_too_large",
+            pointer="/prior/covariance",
+        )
+    rows = view.tx.candidates(view.collection.key).read(keys, landmarks=False)
+    return {key: place_pose(row.place) for key, row in sorted(rows.items()) if row.place is not None}
+
+
+def _check_frame(view: View, frame_id: str) -> None:
+    """Raise InvalidField if no submap of a collection that has some has a pose in a map frame."""
+    frames = view.tx.map_frames(view.collection)
+    if not len(view.recognizer.index) or frames.extent(frame_id) is not None:
+        return
+    known = frames.in_use(NAMED_FRAMES + 1)
+    names = ", ".join(repr(name) for name in known[:NAMED_FRAMES])
+    there = f"there are {names}{' and others' if len(known) > NAMED_FRAMES else ''}" if known else "none has one"
+    raise InvalidField(
+        f"no submap has a map pose in the frame {frame_id!r}: {there}", code="no_frame", pointer="/prior/frame_id"
+    )

@@ -56,7 +56,7 @@ _SUPPORT = (
 )
 _LEVEL = (
     "The step of the search that proposed the pose: matching `quads`, matching `polygons`, an `exhaustive` trial of "
-    "rotations and shifts, or the `paper`'s method."
+    "rotations and shifts, or the `paper`'s method. `given`: a pose of the window of a given `prior`."
 )
 _Support = Annotated[int, Formerly("votes")]
 _Refused = Annotated[str | None, RENAMED_REASONS]

@@ -4,12 +4,15 @@ import math
 from typing import Annotated, Final, Literal
 
 import numpy as np
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 
 from server.schemas.common import Answer, DefaultedBody, Label, Metres, Number, Point
+from urquhart.prior.prior import LEAST_NOISE, MOST_NOISE
 
 _ROUNDED: Final = 1e-6
 """How far below 0 an eigenvalue of a correlation matrix may be: covariances may be in single precision."""
+_DEFINITE: Final = 1e-9
+"""Least eigenvalue of the correlation matrix of a prior."""
 _TURN: Final = 2.0 * math.pi
 _MOST: Final = 1e20
 """Largest entry of a covariance. Answers about an origin 1e8 m from the trees stay below it and can be posted."""
@@ -113,6 +116,60 @@ class MapPose(DefaultedBody):
         description="Uncertainty about the middle of the trees. Ignored: it is accepted so that the `map_pose` of a "
         "candidate can be posted unchanged. Only `covariance` is stored.",
     )
+
+
+class Near(DefaultedBody):
+    """Roughly where in a map the query was observed. Only submaps near that point are searched."""
+
+    frame_id: Label = Field("map", description="Name of the map's frame, as in `map_pose`.")
+    x: Metres = Field(description="Position along the map's x axis, in metres, as in `map_pose`.")
+    y: Metres = Field(description="Position along the map's y axis, in metres, as in `map_pose`.")
+    radius: Annotated[float, Field(gt=0, le=1e9, allow_inf_nan=False)] = Field(
+        description="Largest distance, in metres along each axis, between the point and the footprint of a submap that "
+        "is searched."
+    )
+
+
+class PriorPose(DefaultedBody):
+    """The rough pose of a query in a map: p_map = R(yaw) p_query + t. The point `about` lies at (x, y), roughly."""
+
+    frame_id: Label = Field("map", description="Name of the map's frame, as in `map_pose`.")
+    x: Metres = Field(description="Most likely position along the map's x axis, in metres, as in `map_pose`.")
+    y: Metres = Field(description="Most likely position along the map's y axis, in metres, as in `map_pose`.")
+    yaw: Yaw | None = Field(
+        None,
+        description="Most likely rotation from the query's axes to the map's, in radians, counter-clockwise, from -2 "
+        "pi to 2 pi. Null if it is unknown; then every rotation is tried.",
+    )
+    covariance: CheckedCovariance = Field(
+        description="Covariance of the position of `about`, along the map's axes, and of the yaw: 3x3, row-major over "
+        "(x, y, yaw), in square metres, metre radians and square radians. It must be symmetric and positive definite; "
+        "without `yaw`, the entries of yaw are not used and may be 0."
+    )
+    about: Point = Field(
+        (0.0, 0.0),
+        description="The point of the query's frame whose position is known, as [x, y] in metres, such as the plot's "
+        "centre. By default the origin.",
+    )
+    noise: Annotated[Number, Field(ge=LEAST_NOISE, le=MOST_NOISE)] | None = Field(
+        None,
+        description="Roughly the standard deviation of one coordinate of a tree in the map against the same stem in "
+        "the query, in metres. Null if it is unknown; then 0.3 to 1.1 m is tried.",
+    )
+
+    @field_validator("covariance")
+    @classmethod
+    def _positive_definite(cls, value: list[float], info: ValidationInfo) -> list[float]:
+        size = 2 if info.data.get("yaw") is None else 3
+        matrix = np.reshape(value, (3, 3))[:size, :size]
+        deviations = np.sqrt(np.diag(matrix))
+        if not deviations.all() or np.linalg.eigvalsh(matrix / np.outer(deviations, deviations))[0] < _DEFINITE:
+            names = "x and y" if size == 2 else "x, y and yaw"
+            raise ValueError(
+                f"must be positive definite over {names}: give each a variance above 0, however small, and "
+                "correlations below 1"
+            )
+        return value
 
 
 class Transform(Answer):

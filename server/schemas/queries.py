@@ -24,13 +24,13 @@ from server.schemas.common import (
     DefaultedBody,
     Formerly,
     Label,
-    Metres,
     Point,
     ResourceId,
     Stamp,
     write_stamp,
 )
 from server.schemas.landmarks import LandmarkBody
+from server.schemas.poses import Near, PriorPose
 from urquhart import Effort, Method, Verdict
 from urquhart.options import EFFORTS
 from urquhart.report.explanation import REASONS
@@ -62,18 +62,6 @@ class Exclude(DefaultedBody):
         None,
         description="Leave out submaps whose stamp differs from the query's by at most this many seconds. The query "
         "must have a `stamp`. With `session`, only submaps of that session.",
-    )
-
-
-class Near(DefaultedBody):
-    """Roughly where in a map the query was observed. Only submaps near that point are searched."""
-
-    frame_id: Label = Field("map", description="Name of the map's frame, as in `map_pose`.")
-    x: Metres = Field(description="Position along the map's x axis, in metres, as in `map_pose`.")
-    y: Metres = Field(description="Position along the map's y axis, in metres, as in `map_pose`.")
-    radius: Annotated[float, Field(gt=0, le=1e9, allow_inf_nan=False)] = Field(
-        description="Largest distance, in metres along each axis, between the point and the footprint of a submap that "
-        "is searched."
     )
 
 
@@ -114,6 +102,13 @@ class QueryOptions(DefaultedBody):
     near: Near | None = Field(
         None, description="Roughly where the trees were observed, if you know. Only submaps near there are searched."
     )
+    prior: PriorPose | None = Field(
+        None,
+        description="The rough pose of the query, if you know it, such as that of a GNSS receiver. Then every pose "
+        "within 3.5 standard deviations is tried, in all submaps there together, and none outside. Less evidence is "
+        "enough than in the whole collection, and trees may be off by up to 1 m, as tree tops are. Needs the method "
+        "`robust`; `effort` and `limit` do not matter.",
+    )
     exclude: Exclude = Field(default_factory=Exclude, description="Submaps to leave out of the search.")
 
 
@@ -133,6 +128,10 @@ class QueryInput(LandmarkBody, QueryOptions):
                     "stamp": "2026-05-04T10:00:00Z",
                     "near": {"x": 120.0, "y": -40.0, "radius": 50.0},
                     "exclude": {"session": "monday", "within_seconds": 60.0},
+                },
+                {
+                    "xy": _XY,
+                    "prior": {"x": 412.0, "y": -7.5, "yaw": 0.0, "covariance": [25, 0, 0, 0, 25, 0, 0, 0, 0.002]},
                 },
                 {"submap_id": "p7", "exclude": {"submap_ids": ["p6", "p8"]}, "store": True, "seed": 1},
             ]

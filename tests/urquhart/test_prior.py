@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,7 +10,16 @@ from numpy.typing import NDArray
 
 from urquhart import SE2, Budget, Config, Prior, Recognizer, WindowTooLarge, describe
 from urquhart.evaluation.simulation import bridson, plantation
-from urquhart.prior.superposition import depth_inside, diameter_ratios, rim, superpose, visibility
+from urquhart.prior.region import REGION, Region
+from urquhart.prior.superposition import (
+    depth_inside,
+    diameter_ratios,
+    edges_of,
+    rim,
+    superpose,
+    trial_noise,
+    visibility,
+)
 from urquhart.prior.window import WINDOW, search_window, trees_about
 from urquhart.verify.landmark_grid import landmark_grid
 
@@ -45,7 +55,7 @@ def plot(pose: SE2, noise: float = 0.4) -> NDArray[np.float64]:
 
 
 PLOT = plot(TRUTH)
-PRIOR = Prior(X, Y, SIGMA, 0.0)
+PRIOR = Prior.with_sigma(X, Y, SIGMA, 0.0)
 
 
 def test_a_plot_is_found_within_its_window() -> None:
@@ -76,13 +86,13 @@ def test_the_answer_moves_with_the_frame_of_the_observation() -> None:
 
 
 def _prior_of(pose: SE2) -> Prior:
-    return Prior(pose.x, pose.y, SIGMA, pose.yaw)
+    return Prior.with_sigma(pose.x, pose.y, SIGMA, pose.yaw)
 
 
 @pytest.mark.parametrize("away", [(14.0, 0.0), (-13.0, 9.0)])
 def test_a_window_without_the_plot_gives_no_match(away: tuple[float, float]) -> None:
     x, y = CENTRE + away
-    found = STORED.recognize_within(describe(PLOT, CONFIG), Prior(x, y, SIGMA, 0.0), PLACES)
+    found = STORED.recognize_within(describe(PLOT, CONFIG), Prior.with_sigma(x, y, SIGMA, 0.0), PLACES)
     assert found.verdict == "no_match"
 
 
@@ -90,12 +100,12 @@ def test_rows_of_trees_are_never_matched_where_the_plot_is_not() -> None:
     rows = plantation(80.0, 80.0, np.random.default_rng(2), jitter=0.15, survival=0.95)
     stored = collection(rows, PLACES)
     seen = rows[np.hypot(*(rows - (20.0, 40.0)).T) < 9.0] - (20.0, 40.0)
-    found = stored.recognize_within(describe(seen, CONFIG), Prior(42.0, 41.0, SIGMA, 0.0), PLACES)
+    found = stored.recognize_within(describe(seen, CONFIG), Prior.with_sigma(42.0, 41.0, SIGMA, 0.0), PLACES)
     assert found.verdict != "matched"
 
 
 def test_nothing_near_the_window_gives_no_match() -> None:
-    far = STORED.recognize_within(describe(PLOT, CONFIG), Prior(500.0, 0.0, SIGMA, 0.0), PLACES)
+    far = STORED.recognize_within(describe(PLOT, CONFIG), Prior.with_sigma(500.0, 0.0, SIGMA, 0.0), PLACES)
     none = STORED.recognize_within(describe(PLOT, CONFIG), PRIOR, {})
     assert (far.verdict, far.reason) == ("no_match", "no_proposal")
     assert (none.verdict, none.reason) == ("no_match", "all_filtered_out")
@@ -107,26 +117,82 @@ def test_a_deadline_ends_the_search() -> None:
 
 
 def test_a_vague_prior_is_refused() -> None:
-    with pytest.raises(WindowTooLarge, match="smaller sigma or a heading"):
-        STORED.recognize_within(describe(PLOT, CONFIG), Prior(X, Y, 100.0), PLACES)
+    with pytest.raises(WindowTooLarge, match="a heading or a smaller"):
+        STORED.recognize_within(describe(PLOT, CONFIG), Prior.with_sigma(X, Y, 100.0), PLACES)
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
-    [({"sigma": 0.0}, "sigma .* positive"), ({"x": math.nan}, "x .* finite"), ({"yaw_sigma": -1.0}, "yaw_sigma")],
+    [
+        ({"x": math.nan}, "x .* finite"),
+        ({"covariance": np.zeros((3, 3))}, "positive definite over x, y and yaw"),
+        ({"yaw": None, "covariance": np.array([[1.0, 2.0, 0.0], [2.0, 1.0, 0.0], [0.0, 0.0, 0.0]])}, "over x and y:"),
+        ({"covariance": np.full((3, 3), math.inf)}, "finite numbers"),
+        ({"about": (math.nan, 0.0)}, "finite coordinates"),
+        ({"noise": 9.0}, "0.1 to 2 m, not 9"),
+    ],
 )
-def test_an_impossible_prior_is_refused(change: dict[str, float], message: str) -> None:
+def test_an_impossible_prior_is_refused(change: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         dataclasses.replace(PRIOR, **change)
+
+
+@pytest.mark.parametrize("sigmas", [{"sigma": 0.0}, {"sigma": 1.0, "yaw_sigma": -1.0}])
+def test_a_standard_deviation_is_positive(sigmas: dict[str, float]) -> None:
+    with pytest.raises(ValueError, match="sigma of a prior must be a positive number"):
+        Prior.with_sigma(X, Y, yaw=0.0, **sigmas)
+
+
+def test_the_window_of_a_covariance_is_as_long_and_as_narrow_as_that() -> None:
+    c, s = math.cos(0.5), math.sin(0.5)
+    axes = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    covariance = axes @ np.diag([4.0**2, 0.5**2, 0.02**2]) @ axes.T
+    region = Region.of(Prior(X, Y, covariance, 0.0), describe(PLOT, CONFIG), np.zeros(2))
+    poses, log_prior = region.grid(12.0)
+    assert np.exp(log_prior).sum() == pytest.approx(1.0)
+    here = poses[np.abs(poses[:, 2]) < 1e-9][:, :2]
+    away = (here - here.mean(axis=0)) @ axes[:2, :2]
+    assert np.abs(away).max(axis=0) == pytest.approx([REGION.wide * 4.0, REGION.wide * 0.5])
+    assert np.isneginf(region.log_density(poses + np.array([8.0, -15.0, 0.0]))).all()
+    assert np.isneginf(region.log_density(poses + np.array([0.0, 0.0, 0.2]))).all()
+
+
+def test_position_and_heading_that_go_together_make_a_narrower_window() -> None:
+    covariance = np.array([[4.0, 0.0, 0.0], [0.0, 4.0, 0.038], [0.0, 0.038, 0.0004]])
+    region = Region.of(Prior(X, Y, covariance, 0.0), describe(PLOT, CONFIG), np.zeros(2))
+    assert region.spread[1, 1] < 0.5 < region.spread[0, 0]
+    turned = region.grid(12.0)[0]
+    left, right = turned[turned[:, 2] < -0.06], turned[turned[:, 2] > 0.06]
+    assert right[:, 1].mean() - left[:, 1].mean() > 10.0
+
+
+def test_a_prior_about_a_far_point_is_the_same_prior() -> None:
+    moved = dataclasses.replace(PRIOR, about=(30.0, -20.0), x=X + 30.0, y=Y - 20.0)
+    found = [STORED.recognize_within(describe(PLOT, CONFIG), prior, PLACES).candidates[0] for prior in (PRIOR, moved)]
+    assert found[0].transform.distance(found[1].transform)[0] < 0.3
+
+
+def test_nothing_outside_of_the_window_is_matched() -> None:
+    away = Prior.with_sigma(TRUTH.x + 1.2, TRUTH.y, 0.3, 0.0)
+    found = STORED.recognize_within(describe(PLOT, CONFIG), away, PLACES)
+    for one in found.candidates:
+        pose = PLACES[one.key] @ one.transform
+        assert math.hypot(pose.x - away.x, pose.y - away.y) < REGION.wide * 0.3 + 0.1
+
+
+def test_the_noise_that_is_known_is_tried_instead_of_the_usual() -> None:
+    np.testing.assert_allclose(trial_noise(2.0), [3.0, 1.5])
+    np.testing.assert_allclose(trial_noise(None), [1.1, 0.55, 0.275])
 
 
 @pytest.mark.parametrize("yaw", [0.5, None])
 def test_the_prior_of_a_window_is_a_distribution(yaw: float | None) -> None:
     query, about = describe(PLOT, CONFIG), describe(TREES, CONFIG)
-    search = search_window((query, landmark_grid(query, CONFIG.reach)), about, Prior(X, Y, SIGMA, yaw))
+    search = search_window((query, landmark_grid(query, CONFIG.reach)), about, Prior.with_sigma(X, Y, SIGMA, yaw))
     assert np.exp(search.log_prior).sum() == pytest.approx(1.0)
-    # The first and the last rotation are decoys of others if the heading is known, and there is none if it is not.
-    assert len(search.turned) == (3 if yaw is not None else 0)
+    # Two windows beside this one, and two turned away from it if the heading is known.
+    assert len(search.moves) == (4 if yaw is not None else 2)
+    assert np.hypot(*search.moves[0][:2]) > 2.0 * REGION.wide * SIGMA
 
 
 def test_trees_of_several_submaps_are_counted_once() -> None:
@@ -155,18 +221,19 @@ def test_evidence_without_pairing_agrees_with_its_formula() -> None:
     pose = search.poses[len(search.poses) // 2]
     points = SE2(*pose.tolist()).inverse().apply(search.trees)
     logs = []
-    depth = np.array([depth_inside(search.stems.hull, x, y) for x, y in points]) + search.stems.margin
+    edges = edges_of(search.stems.hull)
+    depth = np.array([depth_inside(edges, x, y) for x, y in points]) + search.stems.margin
     mean = search.density[depth > 0.0].mean()
-    for noise in (0.3, 0.6, 1.0):
+    for noise in trial_noise(None).tolist():
         squared = ((points[:, None] - search.stems.xy[None]) ** 2).sum(axis=2)
         peaks = np.exp(-squared / (2 * noise**2)) / (2 * math.pi * noise**2 * search.density[:, None])
-        inside = np.array([0.5 * (1 + math.erf(d / (noise * math.sqrt(2)))) for d in depth])
+        inside = 1 / (1 + np.exp(-1.702 * depth / noise))
         for visible in search.stems.visible:
             for clutter in (0.05, 0.2):
-                ratio = np.log(1.0 - inside * (1.0 - clutter) + peaks @ visible)[depth > -4.0].sum()
+                ratio = np.log(1.0 - inside * (1.0 - clutter) + peaks @ visible)[depth > -4.4].sum()
                 logs.append(ratio + (1.0 - clutter) * search.stems.area * mean - visible.sum())
     expected = np.logaddexp.reduce(logs) - math.log(len(logs))
-    got = superpose(search.stems, search.trees, search.density, np.empty((0, 0)), pose[None])
+    got = superpose(search.stems, search.trees, search.density, 0.1, np.empty((0, 0)), pose[None])
     assert got[0] == pytest.approx(expected, abs=0.01)
 
 

@@ -9,7 +9,7 @@ import tempfile
 from pathlib import Path
 import numpy as np
 from numba.core.dispatcher import Dispatcher
-from urquhart import SE2, Config, Features, Recognizer, describe, warm_up
+from urquhart import SE2, Config, Features, Prior, Recognizer, describe, warm_up
 from urquhart.warming import compile_largest, warm_up_paper
 from urquhart.index.collection_index import CollectionIndex, LiveSegment
 from urquhart.index.segment import merge_segments
@@ -46,6 +46,10 @@ for trees, radius in ((plantation(90.0, 90.0, rng), 20.0), (paper_forest(rng, 25
             # Nor is what cannot be written: positions as they are read from a database.
             recognizer.locate(np.frombuffer(xy.tobytes()).reshape(-1, 2), method=method)
             alone.locate(xy, method=method)
+        for thick in (None, rng.uniform(10.0, 50.0, len(xy))):
+            prior = Prior.with_sigma(middle, middle, 0.5, 1.0)
+            here = {key: SE2(middle + key, middle, 0.0) for key in range(12)}
+            recognizer.recognize_within(describe(xy, Config(), thick), prior, here)
     # What is mapped from a file is no other type to the compiler.
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "a.segment"

@@ -1,10 +1,8 @@
 """The decision within a prior's window: is the observation there, where, and is that the only place for it?
 
-The posterior of all poses of the window is summed up about the best one, and apart from it. Chance: in windows that do
-not hold the observation, the sum is hardly ever above zero (`DECISION.even`). Rivals: other places in the window count
-by their share of the posterior, as far as chance does not explain them. And a forest that repeats itself also fits the
-mirror image of the observation, or the observation turned to where the prior says it is not. Where it does, the model
-of independent trees does not hold, and a match needs a large lead over these fits.
+The posterior of all poses of the window is summed up about the best one, and apart from it. Rivals are other places in
+the window, and windows that surely do not hold the observation: its mirror image, or where the prior says it is not.
+`urquhart.prior.confidence` says what each is worth.
 """
 
 import math
@@ -16,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from urquhart.decide.candidates import Candidate, Finding, Rival, make_candidate
-from urquhart.decide.confidence import CALIBRATION, CONFIDENCE, Refusal, combine
+from urquhart.decide.confidence import CALIBRATION, Refusal
 from urquhart.decide.verdict import Recognition, Verdict, unsearched
 from urquhart.features.describe import Features
 from urquhart.pose_covariance import PoseUncertainty
+from urquhart.prior.confidence import window_chance_logit, window_logit, window_rival_logit
 from urquhart.prior.window import Window, WindowSearch
 from urquhart.propose.query import Proposal, Query
 from urquhart.se2 import SE2
@@ -34,14 +33,6 @@ class DecisionNumbers(NamedTuple):
     """Metres: poses whose middles are closer are one place."""
     same_turn: float = math.radians(12.0)
     """Radians: poses whose rotations differ by more are different places."""
-    even: float = -2.9
-    """Logarithm of posterior over chance at which right and wrong are equally likely. Measured: in windows that do not
-    hold the plot, the mean of posterior over chance is 0.05, the exponential of this."""
-    repeats: float = 2.5
-    """Logarithm of posterior over chance of the third of seven decoys above which a forest repeats itself. Measured: in
-    natural forests it is below zero."""
-    sure_lead: float = 26.0
-    """Least lead over what repeats itself: `Config.gate` divided by the slope of the line for rivals."""
     fine: float = 0.125
     """Metres between the shifts from which the pose and its covariance are computed."""
     fine_steps: int = 8
@@ -79,20 +70,17 @@ class WindowMatch:
     @property
     def chance_logit(self) -> float:
         """Log-odds that this place is right, and not a coincidence."""
-        return max(self.near - DECISION.even, CONFIDENCE.unknown)
+        return window_chance_logit(self.near)
 
     @property
     def rival_logit(self) -> float:
-        """Log-odds that this place is right, and no rival in the window."""
-        if self.repeated > DECISION.repeats and self.near - max(self.repeated, self.apart) < DECISION.sure_lead:
-            return 0.0
-        # A coincidence is in the log-odds against chance already.
-        return self.near - self.apart + float(np.logaddexp(0.0, -self.apart))
+        """Log-odds that this place is right, and neither a rival in the window nor a repetition of the forest."""
+        return window_rival_logit(self.near, max(self.apart, self.repeated))
 
     @property
     def logit(self) -> float:
         """Log-odds that this place is right."""
-        return combine(self.chance_logit, self.rival_logit)
+        return window_logit(self.near, self.apart, self.repeated)
 
     def refusal(self, gate: float) -> Refusal | None:
         """Why the place must not be reported as matched; `gate`: see `Options.gate`."""
@@ -114,7 +102,7 @@ def match_window(search: WindowSearch) -> WindowMatch:
     if not here.all():
         other = int(np.where(here, -math.inf, posterior).argmax())
         rival = (_pose(window.poses[other]), float(window.evidence[other]))
-    fine = _around(search, window, best)
+    fine = _around(search, best)
     weights = np.exp(fine.posterior - fine.posterior.max())
     weights /= weights.sum()
     mean = weights @ fine.poses
@@ -128,11 +116,11 @@ def match_window(search: WindowSearch) -> WindowMatch:
 def repetition(search: WindowSearch) -> float:
     """Logarithm of posterior over chance of a window that surely does not hold the observation.
 
-    It is that of the third of the decoys: a single one may fit by chance, because the trees near the axis of a mirror
+    It is that of the second of the decoys: a single one may fit by chance, because the trees near the axis of a mirror
     image stay where they are. Raises DeadlinePassed.
     """
     sums = sorted((float(np.logaddexp.reduce(decoy.posterior)) for decoy in search.decoys()), reverse=True)
-    return sums[min(2, len(sums) - 1)]
+    return sums[1]
 
 
 def _is_same(poses: NDArray[np.float64], best: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -141,15 +129,12 @@ def _is_same(poses: NDArray[np.float64], best: NDArray[np.float64]) -> NDArray[n
     return np.asarray((np.hypot(*(poses[:, :2] - best[:2]).T) < DECISION.same) & (turn <= DECISION.same_turn))
 
 
-def _around(search: WindowSearch, window: Window, best: NDArray[np.float64]) -> Window:
-    """A fine grid about the best pose; the prior of its poses is that of the rotations, interpolated."""
+def _around(search: WindowSearch, best: NDArray[np.float64]) -> Window:
+    """A fine grid about the best pose, as far as it lies in the window."""
     line = DECISION.fine * np.arange(-DECISION.fine_steps, DECISION.fine_steps + 1)
     turns = DECISION.fine_turn * np.arange(-DECISION.fine_turns, DECISION.fine_turns + 1)
     grid = np.stack(np.meshgrid(line, line, turns, indexing="ij"), axis=-1).reshape(-1, 3)
-    yaws = window.poses[:, 2]
-    by_yaw = {float(yaw): float(window.log_prior[yaws == yaw].max()) for yaw in np.unique(yaws)}
-    log_prior = np.interp(best[2] + grid[:, 2], list(by_yaw), list(by_yaw.values()))
-    return search.around(best + grid, log_prior)
+    return search.around(best + grid)
 
 
 def _pose(row: NDArray[np.float64]) -> SE2:
@@ -193,7 +178,7 @@ def decide_within(query: Query, submap: Features, places: Mapping[int, SE2], mat
             there = places[key].inverse() @ SE2.shift(submap.origin) @ pose @ SE2.shift(query.features.origin).inverse()
             pairs = _paired(query, key, places[key], places[key] @ there)
             rivals = (Rival(key, there, evidence, len(pairs.residuals)),)
-    stages, end = query.trace.done(), query.trace.end("exhausted" if refused else "decided")
+    stages, end = query.trace.done(), query.trace.end("window")
     return Recognition(verdict, refused or "verified", (candidate,), rivals, lead, stages, (_finding(candidate),), end)
 
 

@@ -12,31 +12,24 @@ from scipy.spatial import cKDTree
 from urquhart.budget import UNBOUNDED, Budget
 from urquhart.features.describe import Features
 from urquhart.prior.prior import Prior
-from urquhart.prior.superposition import Stems, diameter_ratios, rim, superpose, visibility
-from urquhart.se2 import SE2, wrap
+from urquhart.prior.region import Region, window_extent
+from urquhart.prior.superposition import SUPERPOSITION, Stems, diameter_ratios, rim, superpose, trial_noise, visibility
+from urquhart.se2 import SE2
 from urquhart.verify.landmark_grid import LandmarkGrid
 
 
 class WindowNumbers(NamedTuple):
-    """How a window is searched. Chosen by hand, not fitted."""
+    """How the trees about a window are gathered. Chosen by hand, not fitted."""
 
-    wide: float = 3.5
-    """Half the side of a window, in standard deviations of the prior."""
-    step: float = 0.5
-    """Metres between the shifts that are tried, and between trees at the rim of the observation from turn to turn."""
     around: float = 15.0
     """Metres of map about a window from which the density of its trees is measured."""
     one_tree: float = 0.3
     """Metres: trees of several submaps that are closer are one tree."""
-    most_poses: int = 3_000_000
-    """Most poses of a window: about a minute."""
 
 
 WINDOW: Final = WindowNumbers()
-
-
-class WindowTooLarge(ValueError):
-    """A prior so vague that its window cannot be searched pose by pose."""
+_STEPS: Final = 5_000.0
+"""Steps of a budget that one pose takes: about as much work as reading so many landmarks."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,9 +61,11 @@ class WindowSearch:
         trees: (T, 2) float64, metres, centred map frame.
         density: (T,) float64, trees per square metre around each.
         ratios: likelihood ratios of diameters, as `diameter_ratios` returns them.
+        region: what the prior says of poses.
         poses: (P, 3), of the window.
         log_prior: (P,), of the poses.
-        turned: rotations of the window, radians, under which the prior says that the observation is not.
+        moves: what takes the window to where the prior says that the observation is not: x, y and yaw of each, metres
+            and radians.
         budget: when the search must end.
     """
 
@@ -78,34 +73,42 @@ class WindowSearch:
     trees: NDArray[np.float64]
     density: NDArray[np.float64]
     ratios: NDArray[np.float64]
+    region: Region
     poses: NDArray[np.float64]
     log_prior: NDArray[np.float64]
-    turned: tuple[float, ...]
+    moves: tuple[tuple[float, float, float], ...]
     budget: Budget
 
     def here(self) -> Window:
         """The window that the prior gives."""
         return Window(self.poses, self.log_prior, self._score(self.stems, self.poses))
 
-    def around(self, poses: NDArray[np.float64], log_prior: NDArray[np.float64]) -> Window:
-        """Other poses (P, 3), such as those of a finer grid."""
-        return Window(poses, log_prior, self._score(self.stems, poses))
+    def around(self, poses: NDArray[np.float64]) -> Window:
+        """Other poses (P, 3), such as those of a finer grid; the prior of those outside of the window is zero, and no
+        constant is added to that of the others."""
+        inside = poses[np.isfinite(self.region.log_density(poses))]
+        return Window(inside, self.region.log_density(inside), self._score(self.stems, inside))
 
     def decoys(self) -> Iterator[Window]:
-        """Windows that surely do not hold the observation: it is mirrored, or turned to where the prior says it is not.
-
-        In a forest that repeats itself, it fits there as well.
+        """Windows that surely do not hold the observation: its mirror image in the window that the prior gives, and
+        windows beside that one, or turned away from it. In a forest that repeats itself, the observation fits there as
+        well.
         """
-        image = self.stems.mirrored()
-        for turn in (0.0, *self.turned):
-            poses = self.poses + np.array([0.0, 0.0, turn])
-            yield Window(poses, self.log_prior, self._score(image, poses))
-            if turn:
-                yield Window(poses, self.log_prior, self._score(self.stems, poses))
+        yield Window(self.poses, self.log_prior, self._score(self.stems.mirrored(), self.poses))
+        for move in self.moves:
+            poses = self.poses + np.array(move)
+            yield Window(poses, self.log_prior, self._score(self.stems, poses))
 
     def _score(self, stems: Stems, poses: NDArray[np.float64]) -> NDArray[np.float64]:
-        portions = self.budget.portions(len(poses), 60.0 * len(self.trees))
-        return np.concatenate([superpose(stems, self.trees, self.density, self.ratios, poses[p]) for p in portions])
+        reach = float(np.hypot(*stems.hull.T).max()) + stems.margin + SUPERPOSITION.far * float(stems.noise[0])
+        usual, scored = float(self.density.mean()), [np.empty(0)]
+        for portion in self.budget.portions(len(poses), _STEPS):
+            some = poses[portion]
+            low, high = some[:, :2].min(axis=0) - reach, some[:, :2].max(axis=0) + reach
+            near = ((self.trees >= low) & (self.trees <= high)).all(axis=1)
+            ratios = self.ratios[:, near] if len(self.ratios) else self.ratios
+            scored.append(superpose(stems, self.trees[near], self.density[near], usual, ratios, some))
+        return np.concatenate(scored)
 
 
 def search_window(
@@ -122,25 +125,21 @@ def search_window(
         prior: of `map_T_query`, in the frames as posted.
 
     Raises:
-        WindowTooLarge: the window has more than `WINDOW.most_poses` poses.
+        WindowTooLarge: the window has too many poses.
     """
     features, grid = query
     visible = visibility(len(features.landmarks), features.diameters)
-    stems = Stems(grid.landmarks, grid.hull, *rim(len(grid.landmarks), grid.hull, grid.area), visible)
-    turns, log_turns = _turns(prior, float(np.hypot(*features.landmarks.T).max()))
-    shifts, log_shifts = _shifts(prior.sigma, len(turns))
-    poses = []
-    for yaw in turns.tolist():
-        there = SE2(prior.x, prior.y, yaw).apply(features.origin[None])[0] - submap.origin
-        poses.append(np.column_stack([shifts + there, np.full(len(shifts), yaw)]))
-    log_prior = (log_turns[:, None] + log_shifts[None, :]).ravel()
-    span = math.inf if prior.yaw is None else WINDOW.wide * prior.yaw_sigma
-    quarters = (0.5 * math.pi, math.pi, 1.5 * math.pi)
-    turned = tuple(turn for turn in quarters if abs(wrap(turn)) > 2.0 * span)
+    margin, area = rim(len(grid.landmarks), grid.hull, grid.area)
+    stems = Stems(grid.landmarks, grid.hull, margin, area, visible, trial_noise(prior.noise))
+    region = Region.of(prior, features, submap.origin)
+    poses, log_prior = region.grid(float(np.hypot(*features.landmarks.T).max()))
+    turns = [(0.0, 0.0, turn) for turn in (0.5 * math.pi, math.pi) if turn > 2.0 * region.half_turn]
+    x, y = region.beside.tolist()
+    moves = ((x, y, 0.0), (-x, -y, 0.0), *turns)
     number = (len(features.landmarks), len(submap.landmarks))
     ratios = diameter_ratios(features.diameters, submap.diameters, number)
     density = np.maximum(submap.density.astype(np.float64), 1e-6)
-    return WindowSearch(stems, submap.landmarks, density, ratios, np.concatenate(poses), log_prior, turned, budget)
+    return WindowSearch(stems, submap.landmarks, density, ratios, region, poses, log_prior, moves, budget)
 
 
 def trees_about(
@@ -156,11 +155,8 @@ def trees_about(
     Returns:
         Positions (T, 2) float64, metres, map frame; and diameters (T,) float64, NaN where not known, or None.
     """
-    middle, span = np.array([prior.x, prior.y]), float(np.hypot(*query.origin))
-    if prior.yaw is not None:
-        middle = SE2(prior.x, prior.y, prior.yaw).apply(query.origin[None])[0]
-        span *= min(WINDOW.wide * prior.yaw_sigma, math.pi)
-    radius = WINDOW.wide * prior.sigma + span + float(np.hypot(*query.landmarks.T).max()) + WINDOW.around
+    middle, radius = window_extent(prior, query)
+    radius += WINDOW.around
     xy, thick = np.empty((0, 2)), np.empty(0)
     for key, place in places.items():
         one = submaps[key]
@@ -174,34 +170,3 @@ def trees_about(
             new &= ~(mutual & (away <= WINDOW.one_tree))
         xy, thick = np.concatenate([xy, there[new]]), np.concatenate([thick, measured[new].astype(np.float64)])
     return xy, None if np.isnan(thick).all() else thick
-
-
-def _shifts(sigma: float, turns: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Shifts (S, 2), metres, of a window, and the logarithms (S,) of their probabilities."""
-    radius = WINDOW.wide * sigma
-    if turns * (2.0 * radius / WINDOW.step + 1.0) ** 2 > WINDOW.most_poses:
-        raise WindowTooLarge(
-            f"a position known to {sigma:g} m leaves too many poses to try each: give a smaller sigma or a heading, "
-            "or search without a prior"
-        )
-    line = WINDOW.step * np.arange(-math.ceil(radius / WINDOW.step), math.ceil(radius / WINDOW.step) + 1)
-    x, y = np.meshgrid(line, line)
-    kept = x * x + y * y <= radius * radius
-    shifts = np.column_stack([x[kept], y[kept]])
-    log = -0.5 * (shifts**2).sum(axis=1) / sigma**2
-    return shifts, log - np.logaddexp.reduce(log)
-
-
-def _turns(prior: Prior, radius: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Rotations (R,), radians, of a window, and the logarithms (R,) of their probabilities.
-
-    `radius`: metres from the middle of the observation to its farthest tree.
-    """
-    step = 2.0 * WINDOW.step / max(radius, 2.0 * WINDOW.step)
-    if prior.yaw is None or WINDOW.wide * prior.yaw_sigma >= math.pi:
-        count = math.ceil(2.0 * math.pi / step)
-        return 2.0 * math.pi * np.arange(count) / count, np.full(count, -math.log(count))
-    steps = math.ceil(WINDOW.wide * prior.yaw_sigma / step)
-    offsets = np.linspace(-WINDOW.wide * prior.yaw_sigma, WINDOW.wide * prior.yaw_sigma, 2 * steps + 1)
-    log = -0.5 * (offsets / prior.yaw_sigma) ** 2
-    return prior.yaw + offsets, log - np.logaddexp.reduce(log)

@@ -40,6 +40,7 @@ STOPS: Final[Mapping[StoppedBy, str]] = {
     "evidence_bound": "a stored place would have shown more evidence by now, if the query is as good as promised",
     "effort": "the effort fast ends here, which says nothing about so few trees; search with the effort full",
     "exhausted": "no step of this method is left to try",
+    "window": "every pose of the prior's window was tried, and none outside of it",
     "deadline": "the time ran out: what was not searched by then may hold the place",
     "not_started": "there was nothing to search for, or nothing to search in",
 }
@@ -71,7 +72,6 @@ _COLOURS: Final = {
     "quads": "#3f6fb0",
     "exhaustive": "#8a5aa8",
     "paper": "#8b6b3d",
-    "given": "#5b6b62",
 }
 _OTHER: Final = "#5b6b62"
 _STYLE: Final = """

@@ -52,6 +52,21 @@ class MapFrameReader:
             return None
         return low_x, low_y, high_x, high_y
 
+    def in_use(self, most: int) -> list[str]:
+        """Names of up to `most` frames that submaps have a pose in, in order."""
+        found: list[str] = []
+        while len(found) < most:
+            # Each is looked up in an index, so that the submaps of a frame are not read.
+            after = [SubmapRow.map_frame_id > found[-1]] if found else []
+            query = select(func.min(SubmapRow.map_frame_id)).where(
+                SubmapRow.collection_key == self._collection.key, SubmapRow.map_frame_id.is_not(None), *after
+            )
+            name = self._connection.scalar(query)
+            if name is None:
+                break
+            found.append(name)
+        return found
+
     def centres(self, frame_id: str) -> Iterator[tuple[str, float, float]]:
         """Id and middle of the footprint, metres, of every submap in a frame."""
         query = select(

@@ -34,6 +34,7 @@ class QueryCalls(Connection):
         frame_id: str | None = None,
         stamp: datetime | str | None = None,
         near: Mapping[str, Any] | None = None,
+        prior: Mapping[str, Any] | None = None,
         exclude: Mapping[str, Any] | None = None,
         pairs: bool = True,
         timeout_ms: int | None = None,
@@ -56,6 +57,9 @@ class QueryCalls(Connection):
             explain: answer what each level found in each submap, too (`result.findings`).
             per_session: who has been here, and when: the best candidate of every session.
             near: about where in a map it was made, `{"x": ..., "y": ..., "radius": ..., "frame_id": "map"}`, metres.
+            prior: the rough pose, `{"x": ..., "y": ..., "covariance": [9 numbers], "frame_id": "map"}`, metres and
+                radians, with `"yaw"` if the heading is known: every pose within 3.5 standard deviations is tried, and
+                none outside, so less evidence is enough and trees may be off by up to 1 m.
             exclude: what must not be found, e.g. `{"submap_ids": [...]}`, `{"session": "monday"}`, or
                 `{"within_seconds": 60}` of `stamp`.
             pairs: answer the pairs of landmarks of each candidate; without them an answer is much smaller.
@@ -75,6 +79,7 @@ class QueryCalls(Connection):
             frame_id=frame_id,
             stamp=stamp,
             near=near,
+            prior=prior,
             exclude=exclude,
             pairs=pairs,
             timeout_ms=timeout_ms,
