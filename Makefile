@@ -18,7 +18,7 @@ UV_COMPILE = $(UV) pip compile --quiet --universal --python-version 3.11 --gener
 PYTEST = PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest --numprocesses auto --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help demo serve test test-unit coverage kernels lint bench bench-paper bench-robust bench-levels bench-scale bench-reliability lock clean
+.PHONY: help demo serve test test-unit coverage kernels lint bench bench-check bench-library bench-paper bench-robust bench-levels bench-scale bench-reliability lock clean
 .DELETE_ON_ERROR:
 
 help: ## print the commands
@@ -48,7 +48,13 @@ lint: $(VENV)/dev.stamp ## check format, style and types
 	@$(BIN)/ruff check .
 	@$(BIN)/mypy
 
-bench: $(VENV)/dev.stamp ## measure describe, query and ingest on this machine
+bench: $(VENV)/dev.stamp ## measure the service beside an older commit: query, crowd, writes, start, memory
+	@$(BIN)/python -m benchmarks.service $(ARGS)
+
+bench-check: $(VENV)/dev.stamp ## fail if an operation takes 1.3 times the work of the last release
+	@$(BIN)/python -m benchmarks.service --check
+
+bench-library: $(VENV)/dev.stamp ## measure describe, query and ingest in the library
 	@$(BIN)/python -m benchmarks $(ARGS)
 
 bench-paper: $(VENV)/dev.stamp ## rerun the paper's experiments: tables, plots, docs/results.md

@@ -1,4 +1,4 @@
-"""`make bench`: what describing, asking and storing cost on this machine."""
+"""`make bench-library`: what describing, asking and storing cost on this machine."""
 
 import json
 from dataclasses import asdict

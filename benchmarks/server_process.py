@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import httpx
 
@@ -63,15 +63,26 @@ class BenchmarkServer:
         return told + [line[:300] for line in lines if told and _ERROR.match(line)]
 
 
-def start(database: Path, log: Path, program: Sequence[str] = _PROGRAM, **settings: str) -> BenchmarkServer:
+class OtherCode(NamedTuple):
+    """A folder with the code of another version, and what Python runs of it as the command line."""
+
+    folder: Path
+    program: Sequence[str] = _PROGRAM
+
+
+def start(database: Path, log: Path, program: Sequence[str] | OtherCode = _PROGRAM, **settings: str) -> BenchmarkServer:
     """Start a server over `database` and wait until it is ready; `settings` are URQUHART_... by their full names.
 
-    `program`: what Python runs as the command line.
+    `program`: what Python runs as the command line, of this checkout or of another version.
 
     Raises:
         RuntimeError: it ended, or was not ready in time.
     """
     environment = {name: value for name, value in os.environ.items() if not name.startswith("URQUHART_")}
+    folder = None
+    if isinstance(program, OtherCode):
+        folder, program = program
+        environment["PYTHONPATH"] = str(folder)
     command = [sys.executable, *program, "serve", "--port", "0", "--database", str(database)]
     began = time.perf_counter()
     with log.open("wb") as output:
@@ -80,6 +91,7 @@ def start(database: Path, log: Path, program: Sequence[str] = _PROGRAM, **settin
             stdin=subprocess.DEVNULL,
             stdout=output,
             stderr=subprocess.STDOUT,
+            cwd=folder,
             env=environment | settings | {"PYTHONUNBUFFERED": "1"},
             start_new_session=True,
         )
@@ -97,7 +109,9 @@ def start(database: Path, log: Path, program: Sequence[str] = _PROGRAM, **settin
 
 
 @contextmanager
-def served(database: Path, log: Path, program: Sequence[str] = _PROGRAM, **settings: str) -> Iterator[BenchmarkServer]:
+def served(
+    database: Path, log: Path, program: Sequence[str] | OtherCode = _PROGRAM, **settings: str
+) -> Iterator[BenchmarkServer]:
     """A server for the block, ended after it, however that ends."""
     server = start(database, log, program, **settings)
     try:

@@ -38,6 +38,7 @@ from server.observability.metrics import Metrics
 from server.observability.metrics_exchange import MetricsExchange
 from server.parsing import strict_json
 from server.platform.precedence import Precedence
+from server.platform.request_threads import RequestThreads
 from server.platform.thread_limits import pin_threads
 from server.platform.version import service_version
 from server.routes import (
@@ -121,6 +122,8 @@ def create_app(settings: Settings, exchange: MetricsExchange | None = None, *, c
     app.state.service = service
     app.state.authenticator = Authenticator(settings, service.database)
     app.state.routers = _ROUTERS
+    # A few more than there are places, so that probes and metrics always find a thread.
+    app.state.threads = RequestThreads(settings.limits.concurrent_requests + _SPARE_THREADS)
     for router in _ROUTERS:
         app.include_router(router)
     problems.install(app)
@@ -206,7 +209,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     with kernel_progress.reports(_log.info):
         await anyio.to_thread.run_sync(strict_json.warm_up)
     service.readiness.passed("migrations")
-    # A few more than there are places, so that probes and metrics always find a thread.
+    # Those of other work: keys, uploads, compression.
     threads = anyio.to_thread.current_default_thread_limiter()
     threads.total_tokens = service.settings.limits.concurrent_requests + _SPARE_THREADS
     if service.exchange is not None:
@@ -228,6 +231,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         await anyio.to_thread.run_sync(service.maintenance.stop)
         await anyio.to_thread.run_sync(service.jobs.runner.stop)
         await anyio.to_thread.run_sync(warm_up.join, _WARMING)
+        app.state.threads.stop()
         await anyio.to_thread.run_sync(service.database.dispose)
         if service.exchange is not None:
             await anyio.to_thread.run_sync(service.exchange.stop)

@@ -31,6 +31,8 @@ VERBS = {
     "kernels",
     "lint",
     "bench",
+    "bench-check",
+    "bench-library",
     "bench-paper",
     "bench-robust",
     "bench-levels",

@@ -21,6 +21,8 @@ Matrix = NDArray[np.float64]
 
 _ROUNDING: Final = 4.0 * np.finfo(np.float64).eps
 """Share of the sum of a covariance's eigenvalues that rounding may have taken from one of them."""
+_CLEAR: Final = 16.0 * _ROUNDING
+"""Share of the cubed trace that a determinant must have to be surely not a result of rounding."""
 _LEAST_SPREAD: Final = 1e-6
 """Square metres: least sum of squared distances of the trees from their centroid, so that no matrix is singular."""
 
@@ -76,11 +78,15 @@ class PoseUncertainty:
 
         It includes the second moment of the second-order term of the rotation, which matters for far points.
         """
-        arm = self._arm(target_T_source, point)
-        swing = _swing(arm)
-        moved = swing @ self.covariance @ swing.T
-        moved[:2, :2] += 0.75 * self.covariance[2, 2] ** 2 * np.outer(arm, arm)
-        return positive(moved)
+        x, y = self._arm(target_T_source, point).tolist()
+        (xx, xy, xt), (_, yy, yt), (_, _, tt) = self.covariance.tolist()
+        # S C S^T with the Jacobian S of `_swing`, term by term: numpy takes five times as long for a 3 x 3 matrix.
+        moved_xt, moved_yt, second = xt - y * tt, yt + x * tt, 0.75 * tt * tt
+        moved_xx = xx - y * xt - y * moved_xt + second * x * x
+        moved_xy = xy + x * xt - y * moved_yt + second * x * y
+        moved_yy = yy + x * yt + x * moved_yt + second * y * y
+        moved = ((moved_xx, moved_xy, moved_xt), (moved_xy, moved_yy, moved_yt), (moved_xt, moved_yt, tt))
+        return positive(np.array(moved))
 
     def origin_covariance(self, target_T_source: SE2) -> Matrix:
         """The covariance (3, 3) of the transform's own x, y and yaw: about the source's origin, target axes."""
@@ -147,9 +153,23 @@ def compose(a_T_b: SE2, covariance: Matrix, b_T_c: SE2, uncertainty: PoseUncerta
 def positive(covariance: Matrix) -> Matrix:
     """The symmetric part of a matrix (3, 3), plus just enough of the identity to make every eigenvalue positive."""
     even = np.asarray(0.5 * (covariance + covariance.T), dtype=np.float64)
+    if _is_clearly_positive(even):
+        return even
     eigenvalues = np.linalg.eigvalsh(even)
     least, rounding = float(eigenvalues[0]), _ROUNDING * float(np.abs(eigenvalues).sum())
     return np.asarray(even + (rounding - min(least, 0.0)) * np.eye(3)) if least < rounding else even
+
+
+def _is_clearly_positive(matrix: Matrix) -> bool:
+    """Whether the least eigenvalue of a symmetric matrix (3, 3) is surely above rounding.
+
+    The product of the two larger eigenvalues is at most a quarter of the squared trace, so the determinant bounds the
+    least one. This takes a fifth of the time that the eigenvalues take, and is the case unless the origin is far away.
+    """
+    (a, b, c), (_, d, e), (_, _, f) = matrix.tolist()
+    trace = a + d + f
+    determinant = a * (d * f - e * e) - b * (b * f - c * e) + c * (b * e - c * d)
+    return bool(a > 0.0 and a * d > b * b and determinant > _CLEAR * trace**3)
 
 
 def _swing(arm: NDArray[np.float64]) -> Matrix:

@@ -11,7 +11,7 @@ import typer
 
 from benchmarks import record
 from benchmarks.machine import commit, machine
-from benchmarks.markdown import FOLDER
+from benchmarks.markdown import FOLDER, page
 from benchmarks.paper.charts import save
 from benchmarks.scale.charts import PICTURES
 from benchmarks.scale.measurement import Figures, Measurement
@@ -19,6 +19,7 @@ from benchmarks.scale.measurement_plan import PARTS, SIZES, asked
 from benchmarks.scale.other_load import watched
 from benchmarks.scale.report import write_report
 from benchmarks.scale.worker import run_alone
+from benchmarks.service import report as service_report
 
 FULL: Final = Path("docs")
 QUICK: Final = Path("benchmark-output/scale-quick")
@@ -131,7 +132,11 @@ def write_page(folder: Path) -> Path:
     for name, picture in PICTURES.items():
         save(picture, figures, path.with_name(f"{name}.svg"))
     target = folder / PAGE
-    target.write_text(write_report(figures), encoding="utf-8")
+    costs = path.with_name(f"{service_report.NAME}.json")
+    parts = [write_report(figures)]
+    if costs.exists():
+        parts.append(service_report.section(record.read(costs)))
+    target.write_text(page(*parts), encoding="utf-8")
     return target
 
 

@@ -91,7 +91,7 @@ def from_look(row: SubmapMetadata, look: LookupResult, body: ConstraintsInput) -
 
 def measured(found: Candidate) -> dict[str, Any]:
     """The pose of `to` in the frame of `from`, with its uncertainty, from a candidate."""
-    answer = transform_answer(found.transform, found.uncertainty).model_dump()
+    answer = transform_answer(found.transform, found.uncertainty)
     return {
         "transform": answer | {"covariance_frame": "from", "about": "to_origin"},
         "information": flat(found.uncertainty.source_information(found.transform)),

@@ -9,6 +9,7 @@ from fastapi.routing import APIRoute
 
 from server.errors import InvalidField, NotFound, TooManyRequests, Unauthorized
 from server.http.body_limit import is_streamed
+from server.http.direct_call import DirectCall
 from server.security.authenticator import Authenticator
 from server.security.operation_scopes import ALSO, SCOPES
 from server.security.principal import ANONYMOUS, Principal
@@ -52,12 +53,19 @@ class GuardedRoute(APIRoute):
 
     def make_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
         """The handler for requests of admitted callers."""
-        return super().get_route_handler()
+        handle, direct = super().get_route_handler(), DirectCall.of(self)
+        if direct is None or self.body_field is not None:
+            return handle
+
+        async def handle_directly(request: Request) -> Response:
+            return await direct(request) or await handle(request)
+
+        return handle_directly
 
 
 def _check_parameters(request: Request, known: Set[str]) -> None:
     """Refuse unknown and repeated query parameters, because ignoring one would answer another question."""
-    if not request.url.query:
+    if not request.scope["query_string"]:
         return
     names = [name for name, _ in request.query_params.multi_items()]
     for name in names:

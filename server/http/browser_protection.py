@@ -9,12 +9,12 @@ import hashlib
 import ipaddress
 import re
 from base64 import b64encode
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Final
 from urllib.parse import SplitResult, urlsplit
 
 import anyio.to_thread
-from starlette.datastructures import Headers, MutableHeaders
+from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from server.errors import StorageError, UnknownHost
@@ -57,6 +57,12 @@ def safe_headers(media_type: str) -> dict[str, str]:
     }
 
 
+_SAFE, _SAFE_DRAWING = (
+    [(name.lower().encode(), value.encode()) for name, value in safe_headers(media_type).items()]
+    for media_type in ("application/json", "image/svg+xml")
+)
+
+
 class SafeAnswers:
     """Adds security headers to every answer: the browser must not guess its type, frame it, or run scripts in it.
 
@@ -71,12 +77,17 @@ class SafeAnswers:
 
         async def marked(message: Message) -> None:
             if message["type"] == "http.response.start":
-                headers = MutableHeaders(scope=message)
-                for name, value in safe_headers(headers.get("content-type", "")).items():
-                    headers.setdefault(name, value)
+                message["headers"] = _with_safe(message.get("headers", ()))
             await send(message)
 
         await self._app(scope, receive, marked)
+
+
+def _with_safe(headers: Iterable[tuple[bytes, bytes]]) -> list[tuple[bytes, bytes]]:
+    """Headers of an answer with the security headers that are not among them."""
+    there = {name.lower(): value for name, value in headers}
+    is_drawing = there.get(b"content-type", b"").startswith(b"image/svg")
+    return [*headers, *(one for one in (_SAFE_DRAWING if is_drawing else _SAFE) if one[0] not in there)]
 
 
 class KnownHosts:

@@ -9,6 +9,7 @@ from fastapi import Request, Response
 
 from server.errors import DomainError, InvalidField, MalformedBody, TooLarge, UnsupportedMediaType
 from server.http.authorization import GuardedRoute
+from server.http.direct_call import DirectCall
 from server.parsing.strict_json import read_json
 
 _LONG: Final = 1 << 14
@@ -60,12 +61,12 @@ class JsonRoute(GuardedRoute):
 
     def make_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
         """Wrap the framework's handler."""
-        handle = super().make_handler()
+        handle, direct = super().make_handler(), DirectCall.of(self)
         field = self.body_field
+        if field is None:
+            return handle
 
         async def handle_json(plain: Request) -> Response:
-            if field is None:
-                return await handle(plain)
             request = _JsonRequest(plain.scope, plain.receive)
             body = await request.body()  # Read here, because the framework would hide errors of the body limit.
             if body:
@@ -73,7 +74,8 @@ class JsonRoute(GuardedRoute):
             try:
                 if len(body) > _LONG:
                     await request.prepare(body, field.validate)
-                return await handle(request)
+                answer = await direct(request, await request.json()) if body and direct is not None else None
+                return answer or await handle(request)
             except _Refused as refused:
                 raise refused.error from refused
             except Exception as error:

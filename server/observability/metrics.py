@@ -66,6 +66,7 @@ class Metrics:
             "maintenance_failures", "Those that failed and are tried again.", "task"
         )
         self.maintenance_seconds = self._counter("maintenance_seconds", "Time that they took.", "task")
+        self._stages: dict[str, Histogram] = {}
         self._indexes: dict[str, IndexState] = {}
         self._guard = threading.Lock()
         self.registry.register(_Indexes(self.index_states))
@@ -85,7 +86,10 @@ class Metrics:
 
     def observe_stage(self, name: str, milliseconds: float) -> None:
         """Record one stage of a query."""
-        self.stage_seconds.labels(name).observe(milliseconds / 1000.0)
+        stage = self._stages.get(name)
+        if stage is None:
+            stage = self._stages[name] = self.stage_seconds.labels(name)
+        stage.observe(milliseconds / 1000.0)
 
     def observe_index(self, collection: str, *, revision: int, submaps: int) -> None:
         """Record the state of a live index after it was caught up."""

@@ -1,5 +1,6 @@
 """Several queries in one request, each answered as if it were alone."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,11 +11,12 @@ from server.errors import DeadlineExceeded, DomainError, KeyReused, TooLarge
 from server.parsing.field_errors import invalid_body
 from server.problem_types import document
 from server.queries.answers import Shares, carried
-from server.queries.lookup import QueryContext, answer_query, shown
+from server.queries.lookup import QueryContext, answer_as_json, answer_query, shown
 from server.queries.query import PlaceQuery
 from server.queries.stored_queries import AnswerKey, kept_answer
 from server.resources.idempotency import IdempotencyKey
-from server.schemas.queries import BatchAnswer, BatchInput, BatchProblem, QueryAnswer, QueryInput
+from server.schemas.common import to_json
+from server.schemas.queries import BatchInput, BatchProblem, QueryInput
 from server.security.principal import Principal, Scope
 from urquhart import Budget
 
@@ -26,8 +28,8 @@ def answer_batch(
     body: BatchInput,
     budget: Budget,
     idempotency_key: IdempotencyKey | None = None,
-) -> BatchAnswer:
-    """Answer queries one after the other. The result of an invalid query is its problem.
+) -> list[bytes]:
+    """Answer queries one after the other. Each result is JSON: an answer, or the problem of an invalid query.
 
     Each query has its own deadline, and the batch has one: `limits.batch_seconds` or `timeout_ms` after the budget
     began. A query that has not begun by then has the problem `DeadlineExceeded`.
@@ -46,19 +48,23 @@ def answer_batch(
     seconds = limits.batch_seconds if body.timeout_ms is None else min(limits.batch_seconds, body.timeout_ms / 1000.0)
     whole = budget.within(seconds - budget.elapsed)
     late = document(DeadlineExceeded("batch_seconds", seconds, "Send fewer queries at a time."))
-    results: list[QueryAnswer | BatchProblem] = []
+    results: list[bytes] = []
     pairs = Shares(limits.answer_pairs, len(body.queries))
     for position, members in enumerate(body.queries, start=1):
         own = whole.within(limits.query_seconds)
         if own.is_spent():
             pairs.used(0)
-            results.append(BatchProblem(problem=late))
+            results.append(_problem(late))
             continue
         member = _Member(context, caller, collection_id, AnswerKey(idempotency_key, position), own)
-        result = member.answer(members, pairs.next())
-        pairs.used(carried(result) if isinstance(result, QueryAnswer) else 0)
+        result, used = member.answer(members, pairs.next())
+        pairs.used(used)
         results.append(result)
-    return BatchAnswer(results=results)
+    return results
+
+
+def _problem(problem: Mapping[str, Any]) -> bytes:
+    return to_json(BatchProblem(problem=dict(problem)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,25 +77,30 @@ class _Member:
     key: AnswerKey
     budget: Budget
 
-    def answer(self, members: dict[str, Any], pairs: int) -> QueryAnswer | BatchProblem:
-        """The answer with at most so many pairs of landmarks, or the query's problem.
+    def answer(self, members: dict[str, Any], pairs: int) -> tuple[bytes, int]:
+        """The answer with at most so many pairs of landmarks, or the query's problem: JSON, and the number of pairs.
 
         Raises KeyReused, and errors of the service, which concern the whole batch.
         """
         try:
             query = PlaceQuery.of(QueryInput.model_validate(members), self.context.limits)
-            if query.store:
-                self.caller.require(Scope.WRITE)
-                stored = kept_answer(self.context.database, self.collection_id, self.key)
-                if stored is not None:
-                    return shown(stored, query, pairs)
-            return answer_query(self.context, self.collection_id, query, key=self.key, pairs=pairs, budget=self.budget)
+            if not query.store:
+                return answer_as_json(self.context, self.collection_id, query, pairs=pairs, budget=self.budget)
+            self.caller.require(Scope.WRITE)
+            answer = kept_answer(self.context.database, self.collection_id, self.key)
+            if answer is not None:
+                answer = shown(answer, query, pairs)
+            else:
+                answer = answer_query(
+                    self.context, self.collection_id, query, key=self.key, pairs=pairs, budget=self.budget
+                )
+            return to_json(answer), carried(answer)
         except KeyReused:
             raise
         except ValidationError as error:
-            return BatchProblem(problem=document(invalid_body(error)))
+            return _problem(document(invalid_body(error))), 0
         except DomainError as error:
             problem = document(error)
             if problem["status"] >= 500:
                 raise
-            return BatchProblem(problem=problem)
+            return _problem(problem), 0

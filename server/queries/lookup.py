@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import wraps
+from functools import cached_property, wraps
 from typing import Concatenate, Final, ParamSpec
 
 import numpy as np
@@ -11,28 +11,26 @@ from numpy.typing import NDArray
 import urquhart
 from server.config.settings import Limits
 from server.errors import NotFound
-from server.index.live_indexes import LiveIndexes, View
+from server.index.live_indexes import LiveIndexes
 from server.observability.metrics import Metrics
 from server.observability.request_notes import note_query
 from server.platform.thread_limits import pin_threads
 from server.queries.answers import (
-    candidate_answers,
-    finding_answers,
-    gates_answer,
-    rival_answers,
-    search_answer,
-    stage_answers,
-    strongest,
+    SearchOutcome,
+    answer_json,
+    carried,
+    drawn_keys,
+    listed,
+    named_keys,
+    query_answer,
     within,
 )
 from server.queries.explanations import QueryExplanation, sentences
-from server.queries.poses import with_survey_poses
 from server.queries.query import PlaceQuery, QueryLandmarks
 from server.queries.search import SubmapSearch, describe_query
 from server.queries.stored_queries import NO_KEY, AnswerKey, NewAnswer, keep
-from server.resources import links
-from server.schemas.candidates import CandidateAnswer
-from server.schemas.queries import QueryAnswer, QueryLinks
+from server.schemas.common import Members, to_json
+from server.schemas.queries import QueryAnswer
 from server.store.codec import unpack_diameters, unpack_ids, unpack_positions
 from server.store.records import CollectionRecord
 from server.store.repositories.submaps import SubmapReader
@@ -73,10 +71,11 @@ class PendingSubmap:
     description: Description
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class LookupResult:
     """The result of a query, and what a drawing of it needs.
 
+    `members` are those of the answer, `answer` is the same as a model, made when it is asked for.
     `submaps` are the landmarks of the candidates and the strongest rival, (N, 2) float64, metres, submap frame, by
     submap id, if they were read. `content_revisions` are the revisions at which the landmarks of the candidates, and of
     the submap in the query if it names one, were stored, by submap id.
@@ -84,10 +83,16 @@ class LookupResult:
 
     asked: QueryLandmarks
     collection: CollectionRecord
-    answer: QueryAnswer
+    members: Members
     candidates: tuple[Candidate, ...]
     submaps: dict[str, NDArray[np.float64]]
     content_revisions: dict[str, int]
+
+    @cached_property
+    def answer(self) -> QueryAnswer:
+        """The answer as a model."""
+        answer = QueryAnswer.model_validate(self.members)
+        return answer if answer.findings is None else answer.model_copy(update={"sentences": sentences(answer)})
 
     def draw(self, rank: int, title: str) -> str:
         """The candidate at `rank` (from 1) as SVG."""
@@ -115,13 +120,37 @@ def answer_query(
     `pairs`: most pairs of landmarks in the answer, by default `limits.answer_pairs`. With a `budget`, the search ends
     `limits.query_seconds` or `timeout_ms` after the budget began; without one it takes as long as it needs.
     """
-    budget = None if budget is None else share_of(budget, query, context.limits)
-    look = look_up(context, collection_id, query, budget=budget)
+    look = _look_up_in_time(context, collection_id, query, budget)
     answer = look.answer
     if query.store:
         new = NewAnswer(look.collection, look.asked.xy, look.asked.ids, look.candidates, answer)
         answer = keep(context.database, context.limits, new, key)
     return shown(answer, query, pairs)
+
+
+def answer_as_json(
+    context: QueryContext,
+    collection_id: str,
+    query: PlaceQuery,
+    *,
+    pairs: int | None = None,
+    budget: Budget | None = None,
+) -> tuple[bytes, int]:
+    """Answer a query that is not stored, as `answer_query` does: JSON, and the number of pairs in it."""
+    if query.explain:
+        answer = answer_query(context, collection_id, query, pairs=pairs, budget=budget)
+        return to_json(answer), carried(answer)
+    if pairs is not None:
+        context = replace(context, limits=context.limits.model_copy(update={"answer_pairs": pairs}))
+    members = _look_up_in_time(context, collection_id, query, budget).members
+    return answer_json(members), listed(members)
+
+
+def _look_up_in_time(
+    context: QueryContext, collection_id: str, query: PlaceQuery, budget: Budget | None
+) -> LookupResult:
+    budget = None if budget is None else share_of(budget, query, context.limits)
+    return look_up(context, collection_id, query, budget=budget)
 
 
 def shown(answer: QueryAnswer, query: PlaceQuery, pairs: int | None = None) -> QueryAnswer:
@@ -130,8 +159,9 @@ def shown(answer: QueryAnswer, query: PlaceQuery, pairs: int | None = None) -> Q
         pairs = 0
     if pairs is not None:
         answer = within(answer, pairs)
-    unasked = {"findings": None, "findings_total": None, "sentences": None}
-    return answer if query.explain else answer.model_copy(update=unasked)
+    if query.explain or answer.findings is None:
+        return answer
+    return answer.model_copy(update={"findings": None, "findings_total": None, "sentences": None})
 
 
 def _retry_without_damaged_segments(
@@ -181,25 +211,23 @@ def look_up(
         else:
             own_key = None if own is None else own.key
             observation = describe_query(view, asked, query.pointer, own_key, budget)
+        rows = view.tx.candidates(view.collection.key)
         if isinstance(observation.result, Features):
             only = None if query.near is None else query.near.keys(submaps)
-            search = SubmapSearch(view, query, observation.result, query.limit, only, budget)
+            search = SubmapSearch(view, query, observation.result, query.limit, only, budget, rows)
             found, warnings = search.find(excluded)
         else:
             found, warnings = unsearched(observation.result), ()
         found = replace(found, stages=observation.stages + found.stages)
-        keys = {candidate.key for candidate in found.candidates} | {rival.key for rival in found.rivals[:1]}
-        rows = view.tx.candidates(view.collection.key).read(keys, landmarks=to_draw)
-        pairs = limits.answer_pairs if query.pairs or query.store else 0
-        candidates = candidate_answers(view.collection.id, found.candidates, rows, asked.names(), pairs)
-        candidates = with_survey_poses(view.tx, view.collection, candidates, found.candidates, rows, asked.xy)
-        answer = _answer(view, query, asked, found, candidates, warnings)
-        landmarks = {one.id: unpack_positions(one.landmarks) for one in rows.values()} if to_draw else {}
-        revisions = {one.id: one.content_revision for one in rows.values()}
+        drawn = rows.read(drawn_keys(found), landmarks=True) if to_draw else {}
+        outcome = SearchOutcome(found, warnings, rows.read(named_keys(found), landmarks=False))
+        members = query_answer(view, query, asked, outcome, limits.answer_pairs)
+        landmarks = {one.id: unpack_positions(one.landmarks) for one in drawn.values()}
+        revisions = {one.id: one.content_revision for one in outcome.rows.values()}
         if own is not None:
             revisions[own.id] = own.content_revision
-    _observe(context.metrics, answer)
-    return LookupResult(asked, view.collection, answer, found.candidates, landmarks, revisions)
+    _observe(context.metrics, found)
+    return LookupResult(asked, view.collection, members, found.candidates, landmarks, revisions)
 
 
 def _asked(submaps: SubmapReader, query: PlaceQuery) -> tuple[QueryLandmarks, SubmapContent | None]:
@@ -214,51 +242,14 @@ def _asked(submaps: SubmapReader, query: PlaceQuery) -> tuple[QueryLandmarks, Su
     return QueryLandmarks(xy, unpack_diameters(row.attributes), ids), row
 
 
-def _observe(metrics: Metrics, answer: QueryAnswer) -> None:
-    metrics.verdicts.labels(answer.verdict).inc()
-    for stage in answer.stages:
+def _observe(metrics: Metrics, found: Recognition) -> None:
+    metrics.verdicts.labels(found.verdict).inc()
+    for stage in found.stages:
         metrics.observe_stage(stage.name, stage.milliseconds)
-    note_query(answer.verdict, ((stage.name, stage.milliseconds) for stage in answer.stages))
+    note_query(found.verdict, ((stage.name, stage.milliseconds) for stage in found.stages))
 
 
 def share_of(budget: Budget, query: PlaceQuery, limits: Limits) -> Budget:
     """The part of a request's budget that the search may use, so that the answer is ready at the deadline."""
     seconds = limits.query_seconds if query.seconds is None else min(limits.query_seconds, query.seconds)
     return budget.within(seconds - min(_TO_ANSWER, _ANSWER_SHARE * seconds) - budget.elapsed)
-
-
-def _answer(
-    view: View,
-    query: PlaceQuery,
-    asked: QueryLandmarks,
-    found: Recognition,
-    candidates: list[CandidateAnswer],
-    warnings: tuple[str, ...],
-) -> QueryAnswer:
-    collection_id, submaps = view.collection.id, view.tx.submaps(view.collection.key)
-    # Stored answers are complete, so that they can always be explained.
-    findings = strongest(found.findings) if query.explain or query.store else None
-    ids = submaps.ids({known.key for known in (*found.rivals, *(findings or ()))})
-    answer = QueryAnswer(
-        id=None,
-        collection=collection_id,
-        verdict=found.verdict,
-        reason=found.reason,
-        frame_id=query.frame_id,
-        stamp=query.stamp,
-        method=query.method,
-        effort=query.effort,
-        revision=view.revision,
-        landmark_count=len(asked.xy),
-        lead=found.lead,
-        warnings=list(warnings),
-        gates=gates_answer(view.recognizer.config, query.min_confidence),
-        candidates=candidates,
-        rivals=rival_answers(collection_id, found.rivals, ids),
-        search=search_answer(found.search),
-        stages=stage_answers(found.stages),
-        findings=None if findings is None else finding_answers(findings, ids),
-        findings_total=None if findings is None else len(found.findings),
-        links=QueryLinks(self=None, collection=links.collection(collection_id), explanation=None),
-    )
-    return answer if findings is None else answer.model_copy(update={"sentences": sentences(answer)})

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from server.collections.frame_systems import FrameSystem, frame_systems
-from server.schemas.candidates import CandidateAnswer
-from server.schemas.poses import CandidateTransform, MapPoseAnswer, SurveyPose, TreesMiddle
+from server.schemas.common import Members
 from server.store.records import CollectionRecord
 from server.store.storage import ReadTransaction
 from server.store.submap_records import FoundSubmap, Place
@@ -21,16 +20,23 @@ from urquhart import SE2, Candidate
 from urquhart.pose_covariance import PoseUncertainty, compose
 
 
-def transform_answer(submap_T_query: SE2, uncertainty: PoseUncertainty) -> CandidateTransform:
-    """The pose of a query in a submap's frame."""
+def transform_answer(submap_T_query: SE2, uncertainty: PoseUncertainty) -> Members:
+    """The pose of a query in a submap's frame: members of a `CandidateTransform`."""
     pose = submap_T_query
-    covariance = uncertainty.origin_covariance(pose)
-    middle = middle_answer(uncertainty)
-    return CandidateTransform(x=pose.x, y=pose.y, yaw=pose.yaw, covariance=flat(covariance), middle=middle)
+    return {
+        "x": pose.x,
+        "y": pose.y,
+        "yaw": pose.yaw,
+        "covariance": flat(uncertainty.origin_covariance(pose)),
+        "covariance_frame": "submap",
+        "about": "query_origin",
+        "middle": middle_answer(uncertainty),
+    }
 
 
-def query_in_map(place: Place, submap_T_query: SE2, uncertainty: PoseUncertainty) -> MapPoseAnswer:
-    """map_T_query = map_T_submap @ submap_T_query, with its uncertainty if the submap's pose has a covariance.
+def query_in_map(place: Place, submap_T_query: SE2, uncertainty: PoseUncertainty) -> Members:
+    """map_T_query = map_T_submap @ submap_T_query, with its uncertainty if the submap's pose has a covariance: members
+    of a `MapPoseAnswer`.
 
     If the covariance of the submap's pose is unknown, so is the query's: the match's alone would claim too much.
     """
@@ -41,32 +47,38 @@ def query_in_map(place: Place, submap_T_query: SE2, uncertainty: PoseUncertainty
         given = np.asarray(place.map_covariance, dtype=np.float64).reshape(3, 3)
         composed = compose(map_T_submap, given, submap_T_query, uncertainty)
         covariance, middle = flat(composed.origin_covariance(pose)), middle_answer(composed)
-    return MapPoseAnswer(
-        frame_id=place.map_frame_id, x=pose.x, y=pose.y, yaw=pose.yaw, covariance=covariance, middle=middle
-    )
+    return {
+        "x": pose.x,
+        "y": pose.y,
+        "yaw": pose.yaw,
+        "covariance": covariance,
+        "frame_id": place.map_frame_id,
+        "covariance_frame": "map",
+        "about": "query_origin",
+        "middle": middle,
+    }
 
 
-def with_survey_poses(
+def survey_poses(
     tx: ReadTransaction,
     collection: CollectionRecord,
-    answers: Sequence[CandidateAnswer],
     candidates: Sequence[Candidate],
     rows: Mapping[int, FoundSubmap],
     query_xy: NDArray[np.float64],
-) -> list[CandidateAnswer]:
-    """The answers with `survey`. `query_xy`: (N, 2) float64, metres, the query's landmarks, at least one."""
+) -> list[Members]:
+    """The poses as surveyors give them: members of a `SurveyPose` each. `query_xy`: (N, 2) float64, metres, the query's
+    landmarks, at least one.
+    """
     places = [rows[candidate.key].place for candidate in candidates]
-    systems = frame_systems(tx, collection, {place.map_frame_id for place in places if place is not None})
+    frames = {place.map_frame_id for place in places if place is not None}
+    systems = frame_systems(tx, collection, frames) if frames else {}
     centre = query_xy.mean(axis=0) if len(query_xy) else np.zeros(2)
-    return [
-        answer.model_copy(update={"survey": survey_pose(candidate, place, systems, centre)})
-        for answer, candidate, place in zip(answers, candidates, places, strict=True)
-    ]
+    return [survey_pose(candidate, place, systems, centre) for candidate, place in zip(candidates, places, strict=True)]
 
 
 def survey_pose(
     candidate: Candidate, place: Place | None, systems: Mapping[str, FrameSystem], centre: NDArray[np.float64]
-) -> SurveyPose:
+) -> Members:
     """The pose about `centre` (2,), metres, query frame: in the submap's map frame, or in its own if it has no pose.
 
     The covariance is None if that of the submap's pose is unknown.
@@ -84,27 +96,28 @@ def survey_pose(
 
 def _about(
     centre: NDArray[np.float64], pose: SE2, uncertainty: PoseUncertainty, system: FrameSystem, *, is_known: bool
-) -> SurveyPose:
+) -> Members:
     position = uncertainty.position_of(pose, centre)
-    shift = uncertainty.shift_of(pose, centre)
     covariance = uncertainty.covariance_about(pose, centre)
-    sigmas = np.sqrt(np.diag(covariance)).tolist()
-    return SurveyPose(
-        frame_id=system.frame_id or None,
-        crs=system.name,
-        crs_unit=None if system.crs is None else system.unit,
-        metres_per_unit=None if system.crs is None else system.metres_per_unit,
-        crs_position=None if system.crs is None else _point(system.full(position[None])[0]),
-        axes=system.axes,
-        centre=_point(centre),
-        position=_point(position),
-        shift=_point(shift),
-        turn_degrees=math.degrees(math.remainder(pose.yaw, 2.0 * math.pi)),
-        covariance=flat(covariance) if is_known else None,
-        covariance_frame="map" if system.frame_id else "submap",
-        shift_sigma=(sigmas[0], sigmas[1]) if is_known else None,
-        turn_sigma_degrees=math.degrees(sigmas[2]) if is_known else None,
-    )
+    x, y, yaw = (math.sqrt(float(covariance[axis, axis])) for axis in range(3))
+    return {
+        "frame_id": system.frame_id or None,
+        "crs": system.name,
+        "crs_unit": None if system.crs is None else system.unit,
+        "metres_per_unit": None if system.crs is None else system.metres_per_unit,
+        "crs_position": None if system.crs is None else system.full(position[None])[0].tolist(),
+        "axes": system.axes,
+        "centre": centre.tolist(),
+        "position": position.tolist(),
+        "shift": uncertainty.shift_of(pose, centre).tolist(),
+        "turn_degrees": math.degrees(math.remainder(pose.yaw, 2.0 * math.pi)),
+        "turn_positive": "counter_clockwise",
+        "covariance": flat(covariance) if is_known else None,
+        "covariance_frame": "map" if system.frame_id else "submap",
+        "about": "query_centre",
+        "shift_sigma": (x, y) if is_known else None,
+        "turn_sigma_degrees": math.degrees(yaw) if is_known else None,
+    }
 
 
 def place_pose(place: Place) -> SE2:
@@ -112,20 +125,17 @@ def place_pose(place: Place) -> SE2:
     return SE2(place.map_x, place.map_y, place.map_yaw)
 
 
-def middle_answer(uncertainty: PoseUncertainty) -> TreesMiddle:
-    """The uncertainty of a transform about the middle of the trees."""
-    return TreesMiddle(
-        source=_point(uncertainty.source),
-        target=_point(uncertainty.target),
-        covariance=flat(uncertainty.covariance),
-        information=flat(uncertainty.information),
-    )
+def middle_answer(uncertainty: PoseUncertainty) -> Members:
+    """The uncertainty of a transform about the middle of the trees: members of a `TreesMiddle`."""
+    return {
+        "source": uncertainty.source.tolist(),
+        "target": uncertainty.target.tolist(),
+        "covariance": flat(uncertainty.covariance),
+        "information": flat(uncertainty.information),
+    }
 
 
 def flat(matrix: NDArray[np.float64]) -> list[float]:
     """A matrix as a list, row by row."""
-    return [float(value) for value in matrix.ravel()]
-
-
-def _point(xy: NDArray[np.float64]) -> tuple[float, float]:
-    return float(xy[0]), float(xy[1])
+    values: list[float] = matrix.ravel().tolist()
+    return values

@@ -112,6 +112,7 @@ class PlaceQuery:
         seed: of random choices.
         explain: whether the answer tells the findings, too.
         pairs: whether the answer lists the landmark pairs.
+        columns: whether it lists them as columns of positions.
         per_session: whether to search for the best candidate of each session.
         store: whether to store the answer.
         seconds: within which the caller needs the answer.
@@ -135,6 +136,7 @@ class PlaceQuery:
     per_session: bool = False
     store: bool = False
     seconds: float | None = None
+    columns: bool = False
 
     @classmethod
     def of(cls, body: QueryInput, limits: Limits) -> "PlaceQuery":
@@ -173,6 +175,7 @@ class PlaceQuery:
             body.per_session,
             body.store,
             None if body.timeout_ms is None else body.timeout_ms / 1000.0,
+            body.pair_format == "columns",
         )
 
 

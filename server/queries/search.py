@@ -13,6 +13,7 @@ from server.queries.contradicting_maps import COMPARED, without_contradictions
 from server.queries.per_session import by_session
 from server.queries.poses import place_pose
 from server.queries.query import KnownPlace, PlaceQuery, QueryLandmarks, Surroundings
+from server.store.repositories.candidate_rows import CandidateRows
 from server.submaps.preparation import invalid_landmarks
 from urquhart import (
     SE2,
@@ -62,6 +63,7 @@ class SubmapSearch:
         most: candidates to find.
         only: keys of the submaps to search; None for all.
         budget: what the search may take; None for as long as it takes.
+        rows: of the submaps that were found; the answer needs them again.
     """
 
     view: View
@@ -70,6 +72,7 @@ class SubmapSearch:
     most: int
     only: set[int] | None
     budget: Budget | None
+    rows: CandidateRows
 
     def find(self, excluded: set[int]) -> tuple[Recognition, tuple[str, ...]]:
         """The answer, and warnings."""
@@ -100,8 +103,10 @@ class SubmapSearch:
         accepted = [one.key for one in found.candidates if one.refused is None]
         places = {}
         if len(accepted) > 1:
-            rows = self.view.tx.candidates(self.view.collection.key).read(accepted, landmarks=False)
-            places = {key: row.place for key, row in rows.items() if row.place is not None}
+            # Of all that the answer names, so that it needs no statement of its own.
+            named = {one.key for one in found.candidates} | {one.key for one in found.rivals}
+            rows = self.rows.read(named, landmarks=False)
+            places = {key: row.place for key, row in rows.items() if key in accepted and row.place is not None}
         map_frames = {place.map_frame_id for place in places.values()}
         frames = self.view.tx.map_frames(self.view.collection).some(map_frames) if len(map_frames) > 1 else {}
         return without_contradictions(found, places, frames, self.most)

@@ -17,7 +17,12 @@ def submaps(collection_id: str) -> str:
 
 def submap(collection_id: str, submap_id: str) -> str:
     """Path of a submap."""
-    return f"{submaps(collection_id)}/{quote(submap_id, safe='')}"
+    return f"{submaps(collection_id)}/{segment(submap_id)}"
+
+
+def segment(name: str) -> str:
+    """An id as the last part of a path."""
+    return quote(name, safe="")
 
 
 def sessions(collection_id: str) -> str:

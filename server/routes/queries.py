@@ -13,7 +13,6 @@ from server.queries.batch import answer_batch
 from server.queries.query import PlaceQuery
 from server.routes.dependencies import Accept, CollectionId, IdempotencyKeyDep, PrincipalDep, ServiceDep, in_time
 from server.schemas import examples
-from server.schemas.common import to_json
 from server.schemas.queries import BatchAnswer, BatchInput, ExplanationAnswer, MatchAnswer, QueryAnswer, QueryInput
 from server.security.principal import Scope
 
@@ -54,11 +53,14 @@ def query(
     The search covers every submap stored before the request. A query with `store` is a write: repeated with the same
     `Idempotency-Key`, it returns the first answer. Other queries change nothing and are searched again.
     """
-    headers = {}
     if body.store:
         caller.require(Scope.WRITE)
-    asked, key = PlaceQuery.of(body, service.limits), stored_queries.AnswerKey(idempotency_key)
-    answer = stored_queries.kept_answer(service.database, collection, key) if asked.store else None
+    asked, headers = PlaceQuery.of(body, service.limits), {}
+    if not asked.store:
+        answered, _ = lookup.answer_as_json(service.queries, collection, asked, budget=budget)
+        return json_response(answered)
+    key = stored_queries.AnswerKey(idempotency_key)
+    answer = stored_queries.kept_answer(service.database, collection, key)
     if answer is not None:
         answer, headers = lookup.shown(answer, asked), {"Idempotency-Replayed": "true"}
     else:
@@ -92,9 +94,8 @@ def query_batch(
     If you repeat the batch with the same `Idempotency-Key`, queries with `store` return their first answer, and the
     others are searched again.
     """
-    answer = answer_batch(service.queries, caller, collection, body, budget, idempotency_key)
-    # One result after the other, because writing JSON holds the interpreter, and all other requests wait.
-    return json_response(b'{"results":[' + b",".join(to_json(result) for result in answer.results) + b"]}")
+    results = answer_batch(service.queries, caller, collection, body, budget, idempotency_key)
+    return json_response(b'{"results":[' + b",".join(results) + b"]}")
 
 
 @router.get(

@@ -1,4 +1,4 @@
-"""Examples of answers for the OpenAPI document."""
+"""Examples of answers and queries for the OpenAPI document."""
 
 from typing import Any
 
@@ -205,3 +205,24 @@ EXPLANATION: dict[str, Any] = {
         "query": "/v1/collections/plots/queries/17",
     },
 }
+
+_XY: Any = [[0.4, 2.9], [5.1, -1.7], [-2.6, 1.3], [1.8, -6.0], [-6.2, -3.8], [7.0, 5.9]]
+_DBH_CM: Any = [31.0, 22.0, 45.0, 28.0, 19.0, 37.0]
+QUERY_INPUTS: Any = [
+    {"xy": _XY, "limit": 5},
+    {
+        "landmarks": [{"x": x, "y": y, "dbh_cm": d} for (x, y), d in zip(_XY, _DBH_CM, strict=True)],
+        "explain": True,
+    },
+    {
+        "xy": _XY,
+        "stamp": "2026-05-04T10:00:00Z",
+        "near": {"x": 120.0, "y": -40.0, "radius": 50.0},
+        "exclude": {"session": "monday", "within_seconds": 60.0},
+    },
+    {
+        "xy": _XY,
+        "prior": {"x": 412.0, "y": -7.5, "yaw": 0.0, "covariance": [25, 0, 0, 0, 25, 0, 0, 0, 0.002]},
+    },
+    {"submap_id": "p7", "exclude": {"submap_ids": ["p6", "p8"]}, "store": True, "seed": 1},
+]

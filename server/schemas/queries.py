@@ -1,7 +1,7 @@
 """Bodies of the query routes: single queries, batches, stored answers and explanations."""
 
 from datetime import datetime
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, PlainSerializer, model_validator
 from pydantic_core import PydanticCustomError
@@ -29,6 +29,7 @@ from server.schemas.common import (
     Stamp,
     write_stamp,
 )
+from server.schemas.examples import QUERY_INPUTS
 from server.schemas.landmarks import LandmarkBody
 from server.schemas.poses import Near, PriorPose
 from urquhart import Effort, Method, Verdict
@@ -40,8 +41,6 @@ _Written = Annotated[datetime, PlainSerializer(write_stamp, return_type=str, whe
 _REASON = f"Why this verdict, as a stable word. {glossed(REASONS)}"
 FINDINGS = 64
 """Most findings in an answer. The default configuration produces no more."""
-_XY: Any = [[0.4, 2.9], [5.1, -1.7], [-2.6, 1.3], [1.8, -6.0], [-6.2, -3.8], [7.0, 5.9]]
-_DBH_CM: Any = [31.0, 22.0, 45.0, 28.0, 19.0, 37.0]
 
 
 class Exclude(DefaultedBody):
@@ -88,6 +87,12 @@ class QueryOptions(DefaultedBody):
         description="Whether to list the landmark pairs of each candidate in `inliers`. Without them the answer is "
         "much smaller; verdict, poses and `inlier_count` are the same.",
     )
+    pair_format: Literal["objects", "columns"] = Field(
+        "objects",
+        description="How the pairs are listed: as `objects` with ids in `inliers`, or as `columns` of positions in "
+        "`inlier_columns`, which take a quarter of the bytes. Stored answers list objects, so `columns` does not go "
+        "with `store`.",
+    )
     per_session: Annotated[bool, Field(strict=True)] = Field(
         False,
         description="Whether to return the best candidate of every session, to learn who was here and when. Each is "
@@ -115,28 +120,7 @@ class QueryOptions(DefaultedBody):
 class QueryInput(LandmarkBody, QueryOptions):
     """Trees that were observed, or the id of a stored submap, to be found among the stored submaps."""
 
-    model_config = ConfigDict(
-        json_schema_extra={
-            "examples": [
-                {"xy": _XY, "limit": 5},
-                {
-                    "landmarks": [{"x": x, "y": y, "dbh_cm": d} for (x, y), d in zip(_XY, _DBH_CM, strict=True)],
-                    "explain": True,
-                },
-                {
-                    "xy": _XY,
-                    "stamp": "2026-05-04T10:00:00Z",
-                    "near": {"x": 120.0, "y": -40.0, "radius": 50.0},
-                    "exclude": {"session": "monday", "within_seconds": 60.0},
-                },
-                {
-                    "xy": _XY,
-                    "prior": {"x": 412.0, "y": -7.5, "yaw": 0.0, "covariance": [25, 0, 0, 0, 25, 0, 0, 0, 0.002]},
-                },
-                {"submap_id": "p7", "exclude": {"submap_ids": ["p6", "p8"]}, "store": True, "seed": 1},
-            ]
-        }
-    )
+    model_config = ConfigDict(json_schema_extra={"examples": QUERY_INPUTS})
 
     submap_id: ResourceId | None = Field(
         None,
@@ -156,6 +140,10 @@ class QueryInput(LandmarkBody, QueryOptions):
             raise PydanticCustomError("no_landmarks", "give the trees as `xy` or `landmarks`, or a `submap_id`")
         if self.submap_id is not None and (self.xy is not None or self.landmarks is not None):
             raise PydanticCustomError("two_sources", "give either landmarks or a `submap_id`, not both")
+        if self.store and self.pair_format != "objects":
+            raise PydanticCustomError(
+                "stored_columns", "a stored answer lists its pairs as objects: leave out `pair_format`, or `store`"
+            )
         return self
 
 
@@ -263,13 +251,10 @@ class ExplanationAnswer(Answer):
     links: ExplanationLinks = Field(description="Paths that belong to the explanation.")
 
 
-_EXAMPLE: Any = QueryInput.model_config["json_schema_extra"]["examples"][0]  # type: ignore[index]
-
-
 class BatchInput(Body):
     """Several queries in one request."""
 
-    model_config = ConfigDict(json_schema_extra={"examples": [{"queries": [_EXAMPLE, {"submap_id": "p7"}]}]})
+    model_config = ConfigDict(json_schema_extra={"examples": [{"queries": [QUERY_INPUTS[0], {"submap_id": "p7"}]}]})
 
     # Each is validated by itself, so that an invalid query does not affect the others.
     queries: list[dict[str, Any]] = Field(

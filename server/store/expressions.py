@@ -74,12 +74,12 @@ class DirectStatement:
         self._statement = statement
         self._compiled: dict[str, tuple[str, list[str]]] = {}
 
-    def rows(self, connection: Connection, **values: int | Collection[int]) -> list[tuple[Any, ...]]:
+    def rows(self, connection: Connection, **values: int | str | Collection[int]) -> list[tuple[Any, ...]]:
         """The rows, in the transaction of the connection; a collection is bound as a JSON array, for `listed`."""
         text, order = self._compiled.get(connection.dialect.name) or self._compile(connection.dialect)
         bound = [values[name] for name in order]
         cursor = connection.connection.cursor()
-        cursor.execute(text, [one if isinstance(one, int) else orjson.dumps([*one]).decode() for one in bound])
+        cursor.execute(text, [one if isinstance(one, int | str) else orjson.dumps([*one]).decode() for one in bound])
         return list(cursor.fetchall())
 
     def _compile(self, dialect: Dialect) -> tuple[str, list[str]]:

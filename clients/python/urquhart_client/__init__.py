@@ -17,7 +17,6 @@ from urquhart_client.models import (
     Extent,
     Finding,
     Gates,
-    Inlier,
     Landmark,
     Limits,
     Page,
@@ -30,7 +29,7 @@ from urquhart_client.models import (
     SubmapReceipt,
     Tessellation,
 )
-from urquhart_client.poses import MapPose, SurveyPose, Transform, TreesMiddle
+from urquhart_client.poses import Inlier, InlierColumns, MapPose, SurveyPose, Transform, TreesMiddle
 from urquhart_client.stand_models import Stand
 
 __all__ = [
@@ -45,6 +44,7 @@ __all__ = [
     "Finding",
     "Gates",
     "Inlier",
+    "InlierColumns",
     "Job",
     "JobLine",
     "Landmark",

@@ -9,11 +9,12 @@ from typing import Any, Generic, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from urquhart_client.poses import MapPose, Model, SurveyPose, Transform
+from urquhart_client.poses import Inlier, InlierColumns, MapPose, Model, SurveyPose, Transform
 
 Verdict = Literal["matched", "ambiguous", "no_match"]
 Method = Literal["robust", "paper"]
 Effort = Literal["fast", "full"]
+PairFormat = Literal["objects", "columns"]
 
 Item = TypeVar("Item", bound=BaseModel)
 
@@ -30,14 +31,6 @@ class Landmark(BaseModel):
     dbh_cm: float | None = None
     height_m: float | None = None
     species: str | None = None
-
-
-class Inlier(Model):
-    """A landmark of the query and one of the submap that are the same tree; `residual` in metres."""
-
-    query: str
-    submap: str
-    residual: float
 
 
 class Candidate(Model):
@@ -61,6 +54,7 @@ class Candidate(Model):
     map_pose: MapPose | None = None
     survey: SurveyPose | None = None
     inliers: tuple[Inlier, ...] = ()
+    inlier_columns: InlierColumns | None = None
     inlier_count: int
     inlier_ratio: float
     rms: float

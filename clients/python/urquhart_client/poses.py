@@ -1,4 +1,4 @@
-"""Transforms and poses with their uncertainty. Metres and radians, counter-clockwise."""
+"""Transforms and poses with their uncertainty, and pairs of trees. Metres and radians, counter-clockwise."""
 
 from collections.abc import Collection, Iterable, Mapping
 from datetime import datetime
@@ -151,3 +151,19 @@ class SurveyPose(Model):
 
 def _pose(x: float, y: float, yaw: float) -> str:
     return f"x {x:.3f} m, y {y:.3f} m, yaw {degrees(yaw):.2f} deg"
+
+
+class Inlier(Model):
+    """A landmark of the query and one of the submap that are the same tree; `residual` in metres."""
+
+    query: str
+    submap: str
+    residual: float
+
+
+class InlierColumns(Model):
+    """Pairs of landmarks as columns: positions in the query's list and in the submap's, counted from 0; metres."""
+
+    query: tuple[int, ...]
+    submap: tuple[int, ...]
+    residual: tuple[float, ...]

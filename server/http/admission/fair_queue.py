@@ -89,6 +89,8 @@ class FairQueue:
         caller = self._arrive(name)
         caller.waiting.append(place)
         self._fill()
+        if place.done() and place.exception() is None:
+            return
         if not place.done() and self.waiting > self._most_waiting:
             self._refuse_one()
         try:

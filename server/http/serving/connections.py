@@ -42,6 +42,23 @@ class ServerConfig(Config):
         super().__init__(app, http=TimedConnection, timeout_keep_alive=limits.idle_seconds, **options)  # type: ignore[arg-type]
 
 
+class _HeadWithBody(h11.Connection):
+    """Writes the head of an answer together with what follows it, so that both leave in one system call."""
+
+    _head = b""
+
+    def send(self, event: h11.Event) -> bytes | None:  # type: ignore[override]
+        """The bytes of an event; none yet of the head of an answer."""
+        data = super().send(event)
+        if data is None:
+            return None
+        if isinstance(event, h11.Response):
+            self._head = data
+            return b""
+        data, self._head = self._head + data, b""
+        return data
+
+
 class TimedConnection(H11Protocol):
     """A connection whose caller has `header_seconds` for the head of each request.
 
@@ -59,6 +76,7 @@ class TimedConnection(H11Protocol):
         _loop: asyncio.AbstractEventLoop | None = None,
     ) -> None:
         super().__init__(config, server_state, {**app_state, ABORT: self.abort}, _loop)
+        self.conn = _HeadWithBody(h11.SERVER)
         self._head_timer: asyncio.TimerHandle | None = None
         self._leaving = False
         self._unread_timer: asyncio.TimerHandle | None = None

@@ -13,17 +13,26 @@ from server.store.tables import SubmapRow
 
 
 class CandidateRows:
-    """Reads what answers tell of one collection's submaps, in a transaction of the caller."""
+    """Reads what answers tell of one collection's submaps, in a read transaction of the caller.
+
+    What was read once is remembered, because the search and the answer need the same rows and the read view does not
+    change.
+    """
 
     def __init__(self, connection: Connection, collection_key: int) -> None:
         self._connection = connection
         self._collection_key = collection_key
+        self._brief: dict[int, FoundSubmap] = {}
+        self._whole: dict[int, FoundSubmap] = {}
 
     def read(self, keys: Collection[int], *, landmarks: bool) -> dict[int, FoundSubmap]:
         """Those of the keys that are submaps of the collection, with their landmarks if asked, by key."""
-        statement = _WHOLE if landmarks else _BRIEF
-        rows = statement.rows(self._connection, collection_key=self._collection_key, keys=keys)
-        return {row[0]: _found(row) for row in rows}
+        statement, known = (_WHOLE, self._whole) if landmarks else (_BRIEF, self._brief)
+        missing = [key for key in keys if key not in known]
+        if missing:
+            rows = statement.rows(self._connection, collection_key=self._collection_key, keys=missing)
+            known.update((row[0], _found(row)) for row in rows)
+        return {key: known[key] for key in keys if key in known}
 
 
 _HEAD = tuple(name for name in FoundSubmap.__slots__ if name not in ("place", "landmarks"))

@@ -1,20 +1,30 @@
 """Rows of collections. The revision only moves here, in the transaction of the write that moves it."""
 
 from collections.abc import Sequence
+from dataclasses import fields
 from datetime import UTC, datetime
 from typing import Any
 
+import orjson
 from sqlalchemy import Connection, bindparam, delete, func, insert, select, update
 
-from server.store.columns import columns_of
-from server.store.expressions import matches
+from server.store.columns import columns_of, read_instant
+from server.store.expressions import DirectStatement, matches
 from server.store.records import CollectionRecord, CollectionSize, FrameExtent
 from server.store.tables import CollectionRow, SubmapRow
 
 # Every request begins with it: put together once.
 _COLUMNS = columns_of(CollectionRecord, CollectionRow)
 _ALL = select(*_COLUMNS)
-_BY_ID = _ALL.where(CollectionRow.id == bindparam("id"))
+_BY_ID = DirectStatement(
+    select(*(CollectionRow.__table__.c[one.name] for one in fields(CollectionRecord))).where(
+        CollectionRow.__table__.c.id == bindparam("id")
+    )
+)
+_CONFIG, _MOMENTS = (
+    [number for number, one in enumerate(fields(CollectionRecord)) if one.name in names]
+    for names in (("config",), ("created", "updated"))
+)
 
 
 class CollectionReader:
@@ -25,8 +35,9 @@ class CollectionReader:
 
     def get(self, collection_id: str) -> CollectionRecord | None:
         """The collection of that id, or None."""
-        row = self._connection.execute(_BY_ID, {"id": collection_id}).one_or_none()
-        return None if row is None else CollectionRecord(*row)
+        for row in _BY_ID.rows(self._connection, id=collection_id):
+            return _record(row)
+        return None
 
     def all(self) -> list[CollectionRecord]:
         """All collections, in the order they were made."""
@@ -163,3 +174,13 @@ class Collections(CollectionReader):
     def delete(self, key: int) -> None:
         """Remove a collection with everything in it."""
         self._connection.execute(delete(CollectionRow).where(CollectionRow.key == key))
+
+
+def _record(row: Sequence[Any]) -> CollectionRecord:
+    """The record of a row as the driver has it."""
+    values = list(row)
+    for number in _CONFIG:
+        values[number] = orjson.loads(values[number])
+    for number in _MOMENTS:
+        values[number] = read_instant(values[number])
+    return CollectionRecord(*values)

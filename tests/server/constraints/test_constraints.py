@@ -201,7 +201,7 @@ def constraint(first: str, second: str, pose: SE2, inliers: int, trees: tuple[fl
     return {
         "from": first,
         "to": second,
-        "transform": transform_answer(pose, uncertainty).model_dump(),
+        "transform": transform_answer(pose, uncertainty),
         "inlier_count": inliers,
         "stale": False,
     }

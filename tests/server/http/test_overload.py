@@ -40,13 +40,13 @@ def start(tmp_path: Path) -> Iterator[Start]:
 @pytest.fixture
 def held(monkeypatch: pytest.MonkeyPatch) -> Iterator[threading.Event]:
     """Queries are answered when this is set, and not before."""
-    go, answer = threading.Event(), lookup.answer_query
+    go, answer = threading.Event(), lookup.answer_as_json
 
-    def slowly(*arguments: object, **options: object) -> QueryAnswer:
+    def slowly(*arguments: object, **options: object) -> tuple[bytes, int]:
         assert go.wait(PATIENCE)
         return answer(*arguments, **options)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(lookup, "answer_query", slowly)
+    monkeypatch.setattr(lookup, "answer_as_json", slowly)
     yield go
     go.set()
 
@@ -111,7 +111,7 @@ def test_failures_give_their_places_back(start: Start, monkeypatch: pytest.Monke
     def fail(*arguments: object) -> QueryAnswer:
         raise RuntimeError("a defect")
 
-    monkeypatch.setattr(lookup, "answer_query", fail)
+    monkeypatch.setattr(lookup, "answer_as_json", fail)
     for _ in range(3):
         assert ask(server).status_code == 500
     assert server.client.post(ASK, content=b"{", headers={"Content-Type": "application/json"}).status_code == 400

@@ -1,5 +1,6 @@
 """An answer is not much larger than it has to be: pairs of landmarks are limited, and what is left out is told."""
 
+import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ import pytest
 
 from server.app import create_app
 from server.config.settings import Limits, Settings
+from server.schemas.queries import QueryAnswer
 from tests.server.factories import TestClient, forest, observed, points
 from urquhart.propose import by_correlation, levels
 from urquhart.report.explanation import SKIPS, STOPS
@@ -156,3 +158,42 @@ def test_a_fast_search_says_what_it_promises(client: httpx.Client) -> None:
     assert many["search"]["stopped_by"] == "evidence_bound"
     assert many["search"]["promised"] == {"sigma": 0.4, "detection": 0.8, "landmarks": 60}
     assert answer["gates"]["confidence"] == 0.99
+
+
+def test_pairs_as_columns_are_the_same_pairs(client: httpx.Client) -> None:
+    objects, columns = ask(client), ask(client, pair_format="columns")
+    for one, other in zip(objects["candidates"], columns["candidates"], strict=True):
+        assert other["inliers"] == []
+        assert one["inliers_omitted"] == other["inliers_omitted"]
+        if one["inliers_omitted"]:
+            assert other["inlier_columns"] is None
+            continue
+        given = other["inlier_columns"]
+        pairs = [(str(q), str(s)) for q, s in zip(given["query"], given["submap"], strict=True)]
+        assert pairs == [(pair["query"], pair["submap"]) for pair in one["inliers"]]
+        assert given["residual"] == pytest.approx([pair["residual"] for pair in one["inliers"]], abs=6e-5)
+
+
+def test_columns_count_in_a_batch_and_are_not_stored(client: httpx.Client) -> None:
+    query = {"xy": SEEN, "limit": 1, "pair_format": "columns"}
+    sent = {"queries": [query | {"explain": True}, *[query] * 6]}
+    results = client.post(f"{QUERIES}/batch", json=sent).raise_for_status().json()["results"]
+    columns = [one["candidates"][0]["inlier_columns"] for one in results]
+    assert 0 < sum(len(one["query"]) for one in columns if one is not None) <= MOST
+    refused = client.post(QUERIES, json=query | {"store": True})
+    assert refused.status_code == 422
+    assert "pair_format" in refused.json()["detail"]
+
+
+@pytest.mark.parametrize(
+    "members",
+    [{}, {"pairs": False}, {"pair_format": "columns"}, {"explain": True}, {"stamp": "2026-05-04T10:00:00.25+02:00"}],
+)
+def test_answers_are_what_their_model_says(client: httpx.Client, members: dict[str, Any]) -> None:
+    pose = {"frame_id": "map", "x": 1.5, "y": -2.0, "yaw": 0.3, "covariance": [0.1, 0, 0, 0, 0.1, 0, 0, 0, 0.01]}
+    mapped = {"xy": points(TREES), "map_pose": pose, "session": "monday", "stamp": "2026-05-04T10:00:00Z"}
+    client.put("/v1/collections/plots/submaps/mapped", json=mapped).raise_for_status()
+    raw = client.post(QUERIES, json={"xy": SEEN} | members).raise_for_status().content
+    modelled = QueryAnswer.model_validate_json(raw).model_dump_json()
+    # As text, because the order of the members counts, too.
+    assert json.dumps(json.loads(raw)) == json.dumps(json.loads(modelled))

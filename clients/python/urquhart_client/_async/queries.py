@@ -8,7 +8,7 @@ from urquhart_client._async.connection import AsyncConnection
 from urquhart_client._protocol import bodies, requests
 from urquhart_client._protocol.bodies import Diameters, Landmarks, Points
 from urquhart_client.errors import ProblemError
-from urquhart_client.models import Effort, Explanation, Method, QueryResult
+from urquhart_client.models import Effort, Explanation, Method, PairFormat, QueryResult
 
 
 class AsyncQueryCalls(AsyncConnection):
@@ -37,6 +37,7 @@ class AsyncQueryCalls(AsyncConnection):
         prior: Mapping[str, Any] | None = None,
         exclude: Mapping[str, Any] | None = None,
         pairs: bool = True,
+        pair_format: PairFormat | None = None,
         timeout_ms: int | None = None,
     ) -> QueryResult:
         """Ask where an observation was made.
@@ -63,6 +64,8 @@ class AsyncQueryCalls(AsyncConnection):
             exclude: what must not be found, e.g. `{"submap_ids": [...]}`, `{"session": "monday"}`, or
                 `{"within_seconds": 60}` of `stamp`.
             pairs: answer the pairs of landmarks of each candidate; without them an answer is much smaller.
+            pair_format: "objects" (the default of the service: `inliers`, with ids), or "columns": positions in
+                `inlier_columns`, a quarter of the bytes.
             timeout_ms: milliseconds after which the service answers with what it found so far (`no_match`, reason
                 `deadline`); less than the client's own `timeout`, so that there is an answer.
         """
@@ -82,6 +85,7 @@ class AsyncQueryCalls(AsyncConnection):
             prior=prior,
             exclude=exclude,
             pairs=pairs,
+            pair_format=pair_format,
             timeout_ms=timeout_ms,
         )
         return await self._send(requests.post_query(collection, body))

@@ -125,6 +125,7 @@ def query_body(
     prior: Mapping[str, Any] | None,
     exclude: Mapping[str, Any] | None,
     pairs: bool,
+    pair_format: str | None,
     timeout_ms: int | None,
 ) -> dict[str, Any]:
     """The body of a query: its landmarks and all other members."""
@@ -143,6 +144,7 @@ def query_body(
         prior=None if prior is None else dict(prior),
         exclude=None if exclude is None else dict(exclude),
         pairs=None if pairs else False,
+        pair_format=pair_format,
         timeout_ms=timeout_ms,
     )
 

@@ -1,0 +1,70 @@
+"""Starting, and being there: seconds to start, memory without a request, and what an installation takes on the disk."""
+
+import re
+import subprocess
+import sys
+import tempfile
+import time
+import tomllib
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
+from typing import Final
+
+from benchmarks.experiments import Figures
+from benchmarks.server_process import OtherCode, served
+from benchmarks.service.versions import Version
+
+_TRIES: Final = 3
+_NAME: Final = re.compile(r"[A-Za-z0-9._-]+")
+_CACHE: Final = "NUMBA_CACHE_DIR"
+
+
+def measure(version: Version, *, first: bool) -> Figures:
+    """Seconds and megabytes of a version, the least of three tries. `first`: also with an empty cache of kernels."""
+    shown = min(_seconds_of(version, "-m", "server.cli", "--version") for _ in range(_TRIES))
+    starts, memory = zip(*(_start(version) for _ in range(_TRIES)), strict=True)
+    found: Figures = {"version_seconds": shown, "start_seconds": min(starts), "idle": min(memory)}
+    found["installed_mb"] = _installed(version)
+    if first:
+        with tempfile.TemporaryDirectory() as cache:
+            found["first_start_seconds"] = _start(version, **{_CACHE: cache})[0]
+    return found
+
+
+def _seconds_of(version: Version, *arguments: str) -> float:
+    began = time.perf_counter()
+    command = [sys.executable, *arguments]
+    subprocess.run(command, cwd=version.folder, env=version.environment, check=True, stdout=subprocess.DEVNULL)
+    return time.perf_counter() - began
+
+
+def _start(version: Version, **settings: str) -> tuple[float, float]:
+    """Seconds until a service on an empty database is ready, and its resident megabytes then."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        with served(folder / "empty.db", folder / "log", OtherCode(version.folder), **settings) as server:
+            status = Path(f"/proc/{server.process.pid}/status").read_text(encoding="utf-8")
+            resident = re.search(r"VmRSS:\s*(\d+)", status)
+            if resident is None:
+                raise RuntimeError("the kernel does not tell the memory of the service")
+            return server.ready_seconds, int(resident[1]) * 1024 / 1e6
+
+
+def _installed(version: Version) -> float:
+    """Megabytes of the packages that the service needs, with those that they need."""
+    with (version.folder / "pyproject.toml").open("rb") as file:
+        wanted = [*tomllib.load(file)["project"]["dependencies"]]
+    seen = dict[str, int]()
+    while wanted:
+        requirement = wanted.pop()
+        match = _NAME.match(requirement)
+        if match is None or "extra ==" in requirement or match[0].lower() in seen:
+            continue
+        try:
+            package = distribution(match[0])
+        except PackageNotFoundError:
+            continue  # for another Python or system
+        paths = [Path(str(path.locate())) for path in package.files or []]
+        seen[match[0].lower()] = sum(path.stat().st_size for path in paths if path.is_file())
+        wanted += package.requires or []
+    return sum(seen.values()) / 1e6

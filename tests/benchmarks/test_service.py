@@ -1,0 +1,67 @@
+"""What `make bench` relies on: its client, its history, and what counts as slower."""
+
+from itertools import pairwise
+
+import pytest
+
+from benchmarks.service.calibration import CalibrationLoop
+from benchmarks.service.connection import HttpAnswer, address_of, request_bytes, take_answer
+from benchmarks.service.history import LIMIT, read, slower, write
+from benchmarks.service.report import section
+from benchmarks.service.waterfall import STAGES, lines
+
+ROWS = {"0.1.0": {"library": 1.5, "query": 2.25, "PUT": 1.0, "empty": 0.125}, "0.2.0": {"library": 1.25, "query": 2.0}}
+HEAD = {"against": "95bf473", "machine": {"processor": "a", "cores": 2, "python": "3.11"}}
+
+
+def test_an_answer_is_taken_when_all_of_it_has_arrived() -> None:
+    raw = b"HTTP/1.1 200 OK\r\nContent-Length: 2\r\nX-A: b\r\n\r\n{}"
+    received = bytearray()
+    for position in range(len(raw)):
+        assert take_answer(received) is None
+        received += raw[position : position + 1]
+    received += b"HTTP/1.1 204 No Content\r\n\r\n"
+    assert take_answer(received) == HttpAnswer(200, b"{}")
+    assert take_answer(received) == HttpAnswer(204, b"")
+    assert received == b""
+    with pytest.raises(ValueError, match="without Content-Length"):
+        take_answer(bytearray(b"HTTP/1.1 200 OK\r\n\r\n{}"))
+
+
+def test_a_request_has_the_length_of_its_body() -> None:
+    assert request_bytes("PUT", "/v1", b"{}").endswith(b"Content-Length: 2\r\n\r\n{}")
+    assert b"Content-" not in request_bytes("GET", "/livez")
+    assert address_of("http://127.0.0.1:80") == ("127.0.0.1", 80)
+    with pytest.raises(ValueError, match="no host and port"):
+        address_of("http://127.0.0.1")
+
+
+def test_the_history_is_read_as_it_was_written() -> None:
+    assert read(write(ROWS)) == ROWS
+    assert read("") == {}
+
+
+def test_only_what_is_slower_each_time_is_slower() -> None:
+    reference = {"query": 1.0, "PUT": 1.0}
+    much = 1.5 * LIMIT
+    noisy = iter([{"query": much, "PUT": much}, {"query": much, "PUT": 1.0}, {"query": 1.1 * LIMIT, "PUT": much}])
+    assert slower(lambda: next(noisy), reference) == {"query": pytest.approx(1.1 * LIMIT)}
+    quiet = iter([{"query": much, "PUT": 1.0}, {"query": 1.0, "PUT": much}])
+    assert slower(lambda: next(quiet), reference) == {}
+    assert slower(lambda: {"query": 1.0, "new": 9.0}, reference) == {}, "what has no reference is not judged"
+
+
+def test_the_calibration_loop_takes_processor_time() -> None:
+    assert CalibrationLoop().cpu_milliseconds() > 0.0
+
+
+def test_stages_follow_each_other_and_the_page_shows_them() -> None:
+    assert all(before.end == after.begin for before, after in pairwise(STAGES))
+    stages = {stage.name: {"wall": 0.25, "cpu": 0.2} for stage in STAGES}
+    figures = {"stages": stages, "whole": 2.25, "asked": 3, "submaps": 1000}
+    assert len(lines(figures)) == len(STAGES)
+    single = {"library": {"p50": 2.0}, "http": {"p50": 3.0}, "added": {"p50": 1.0, "cpu": 1.0}, "empty": {"p50": 0.5}}
+    measured = HEAD | {"submaps": 1000, "trees": 90.0, "versions": {"95bf473": single, "now": single}}
+    page = section({"single": measured, "waterfall": HEAD | figures})
+    assert "| over HTTP: the same, p50, ms | 3.00 | 3.00 | 1.00 |  |" in page
+    assert "| search | the library: describe, propose, verify, decide | 0.250 | 0.200 |" in page
