@@ -59,7 +59,9 @@ class PlotPlacer:
         """Digest of everything that the plot's result depends on."""
         trees = plot.trees
         dbh = None if trees.dbh_cm is None else trees.dbh_cm.tobytes()
-        names = "\n".join((self._common, str(plot.path), plot.name, str(trees.crs), repr(plot.centre), *trees.ids))
+        names = "\n".join(
+            (self._common, str(plot.path), plot.name, str(trees.crs), repr((plot.centre, plot.is_local)), *trees.ids)
+        )
         return digest(names.encode(), pack_positions(trees.xy), dbh)
 
     def place(self, plot: SeasonPlot) -> PlotResult:
@@ -93,6 +95,7 @@ class PlotPlacer:
             sentence="",
             system=trees.crs,
             centre=plot.centre,
+            is_local=plot.is_local,
             radius=float(np.hypot(*(trees.xy - centre).T).max(initial=0.0)),
             trees=[
                 PlotTree(tree_id, x, y, dbh)

@@ -91,6 +91,7 @@ class PlotResult:
         key: digest of everything that the result depends on.
         outcome, reason: the verdict, and why, as stable words; `sentence` says it for people.
         centre: x and y of the plot's centre in its own coordinates, metres; None if the plot was not read.
+        is_local: whether the plot's coordinates are about a point of its own, so that a shift says nothing.
         radius: metres from there to the farthest tree.
         pose: where the plot is, only if it is matched.
         inliers: trees with a partner in the map.
@@ -112,6 +113,7 @@ class PlotResult:
     sentence: str
     system: str | None = None
     centre: tuple[float, float] | None = None
+    is_local: bool = False
     radius: float = 0.0
     pose: PlotPose | None = None
     inliers: int = 0

@@ -33,6 +33,7 @@ class SeasonPlot:
         trees: its trees, stems within 1 cm merged, ids without the plot's name.
         centre: metres, frame of the trees: what they were measured from if they all were measured from one point, else
             the middle of the box around them.
+        is_local: whether its coordinates are about a point of its own, so that they say nothing of where it is.
         measured: whether `centre` is what the trees were measured from.
         merged: trees that were merged with a thicker neighbour within 1 cm.
     """
@@ -41,6 +42,7 @@ class SeasonPlot:
     path: Path
     trees: StemMap
     centre: tuple[float, float]
+    is_local: bool
     measured: bool
     merged: int
 
@@ -139,7 +141,8 @@ def _plots_of(rows: TreeRows, leave_out: set[str]) -> list[SeasonPlot]:
             one = replace(one, ids=tuple(tree.removeprefix(f"{name}-") for tree in one.ids))
         trees = without_twins(one)
         centre, measured = _centre(trees)
-        plots.append(SeasonPlot(name, rows.path, trees, centre, measured, len(one) - len(trees)))
+        is_local = rows.own_frames or (measured and centre == (0.0, 0.0))
+        plots.append(SeasonPlot(name, rows.path, trees, centre, is_local, measured, len(one) - len(trees)))
     return plots
 
 

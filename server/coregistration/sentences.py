@@ -15,17 +15,21 @@ def matched_sentence(result: PlotResult) -> str:
     assert pose is not None and result.rms is not None
     known = f"{result.inliers} of {len(result.trees)} trees are in the map, typically {result.rms:.2f} m apart"
     warned = "".join(f"; {WARNINGS[word]}" for word in result.warnings)
-    return f"{shift_text(pose)}; {known}{warned}"
+    return f"{pose_text(pose, is_local=result.is_local)}; {known}{warned}"
 
 
-def shift_text(pose: PlotPose) -> str:
-    """Shift and turn about the plot's centre."""
+def pose_text(pose: PlotPose, *, is_local: bool) -> str:
+    """Where a plot is: shift and turn about its centre, or its place and turn if its own coordinates are local."""
+    side = "clockwise" if pose.turn_cw >= 0.0 else "counter-clockwise"
+    turn = f"turn {abs(pose.turn_cw):.2f} deg {side}"
+    if is_local:
+        return f"at {pose.e:.2f} E, {pose.n:.2f} N, {turn}"
     if pose.shift_e is None or pose.shift_n is None:
         return (
-            f"its coordinates are not in {pose.crs}, the map's system, so no shift is told: convert them with --project"
+            f"at {pose.e:.2f} E, {pose.n:.2f} N; its own coordinates are not in {pose.crs}, the map's system, so no "
+            "shift is told: convert them with --project"
         )
-    side = "clockwise" if pose.turn_cw >= 0.0 else "counter-clockwise"
-    return f"shift {pose.shift_e:+.2f} m east, {pose.shift_n:+.2f} m north, turn {abs(pose.turn_cw):.2f} deg {side}"
+    return f"shift {pose.shift_e:+.2f} m east, {pose.shift_n:+.2f} m north, {turn}"
 
 
 def ambiguous_sentence(answer: QueryAnswer, places: list[PossiblePlace]) -> str:

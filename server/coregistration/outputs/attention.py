@@ -98,7 +98,11 @@ def _same_place(results: Sequence[PlotResult]) -> list[list[int]]:
 def _unusual_shifts(results: Sequence[PlotResult]) -> list[str]:
     """For each result a sentence if its shift differs from that of the others; else empty."""
     told = [""] * len(results)
-    placed = [(at, one.pose.shift_e, one.pose.shift_n) for at, one in enumerate(results) if one.pose is not None]
+    placed = [
+        (at, one.pose.shift_e, one.pose.shift_n)
+        for at, one in enumerate(results)
+        if one.pose is not None and not one.is_local
+    ]
     known = [(at, e, n) for at, e, n in placed if e is not None and n is not None]
     if len(known) < _FEW:
         return told

@@ -32,7 +32,7 @@ def draw_overview(results: Sequence[PlotResult]) -> str:
     others = [
         one
         for one in results
-        if one.pose is None and one.centre is not None
+        if one.pose is None and one.centre is not None and not one.is_local
         and bool(((np.array(one.centre) > low - reach) & (np.array(one.centre) < high + reach)).all())
     ]  # fmt: skip
     for one in others:
@@ -77,7 +77,7 @@ class _View:
         e, n = (pose.e, pose.n) if pose is not None else result.centre or (0.0, 0.0)
         x, y = self.at(e, n)
         r = max(result.radius * self._scale, 4.0)
-        if pose is not None and pose.shift_e is not None and pose.shift_n is not None:
+        if pose is not None and pose.shift_e is not None and pose.shift_n is not None and not result.is_local:
             x0, y0 = self.at(e - pose.shift_e, n - pose.shift_n)
             inside = 0 <= x0 <= self.width and 0 <= y0 <= self.height
             if inside and math.hypot(x - x0, y - y0) > 3.0:

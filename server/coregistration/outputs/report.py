@@ -138,7 +138,7 @@ def _histograms(results: Sequence[PlotResult]) -> str:
     shifts = [
         math.hypot(one.pose.shift_e, one.pose.shift_n)
         for one in placed
-        if one.pose is not None and one.pose.shift_e is not None and one.pose.shift_n is not None
+        if one.pose is not None and one.pose.shift_e is not None and one.pose.shift_n is not None and not one.is_local
     ]
     drawn = (
         draw_histogram("Shift of the centre", "m", shifts),
