@@ -58,6 +58,7 @@ from server.security.authenticator import Authenticator, check_exposure
 from server.security.rate_limit import RateLimiter
 from server.service_parts import JobRuntime, Service
 from server.snapshots.snapshot_folder import SnapshotFolder
+from server.stem_maps.uploads import UploadReader
 from server.store.sqlite.database import Database
 from server.store.sqlite.upgrade.feature_backfill import bring_up_to_date
 
@@ -163,6 +164,7 @@ def _build_service(settings: Settings, exchange: MetricsExchange | None, *, crea
         SnapshotFolder(database.path),
         AttemptsInProgress(),
         waits,
+        UploadReader(),
     )
 
 
@@ -230,6 +232,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         # Maintenance first, which also stops the job that rewrites an index.
         await anyio.to_thread.run_sync(service.maintenance.stop)
         await anyio.to_thread.run_sync(service.jobs.runner.stop)
+        await anyio.to_thread.run_sync(service.uploads.close)
         await anyio.to_thread.run_sync(warm_up.join, _WARMING)
         app.state.threads.stop()
         await anyio.to_thread.run_sync(service.database.dispose)

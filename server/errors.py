@@ -146,6 +146,14 @@ class InvalidLandmarks(DomainError):
         self.indices = tuple(indices)
 
 
+class InvalidFile(DomainError):
+    """A file of trees cannot be read. `entries` are its rows at fault, each as in `errors` of a problem document."""
+
+    def __init__(self, message: str, entries: Sequence[Mapping[str, Any]] = ()) -> None:
+        super().__init__(message)
+        self.entries = tuple(entries)
+
+
 class NotReady(DomainError):
     """The service is starting or stopping, or cannot use its database. `check` says which."""
 

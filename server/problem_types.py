@@ -143,6 +143,13 @@ TABLE: Mapping[type[errors.DomainError], ProblemType] = {
         "A submap needs at least 3 landmarks that are not all on one line. Each must be given once, with finite "
         "coordinates.",
     ),
+    errors.InvalidFile: ProblemType(
+        422,
+        "invalid-file",
+        "Invalid file",
+        "The file of trees cannot be read or used. `detail` says why, and `errors` names each row at fault. Nothing "
+        "was stored.",
+    ),
     errors.NotReady: ProblemType(
         503,
         "not-ready",
@@ -262,6 +269,8 @@ def _members(error: errors.DomainError) -> dict[str, Any]:
             members = {"errors": [{name: value for name, value in entry.items() if value is not None}]}
         case errors.InvalidBody():
             members = {"errors": list(error.entries)}
+        case errors.InvalidFile():
+            members = {"errors": list(error.entries) or None}
         case errors.InvalidLandmarks():
             entry = {"pointer": error.pointer, "code": error.code, "detail": str(error)}
             members = {"errors": [entry | ({"indices": list(error.indices)} if error.indices else {})]}

@@ -18,6 +18,7 @@ from server.platform.precedence import Precedence
 from server.queries.lookup import QueryContext
 from server.security.rate_limit import RateLimiter
 from server.snapshots.snapshot_folder import SnapshotFolder
+from server.stem_maps.uploads import UploadReader
 from server.store.sqlite.database import Database
 
 
@@ -47,6 +48,7 @@ class Service:
     snapshots: SnapshotFolder
     repetitions: AttemptsInProgress
     waits: JobWaits
+    uploads: UploadReader
 
     def hand_back(self) -> None:
         """Let jobs and the maintenance of the index end soon; what they did not finish is resumed at the next start."""

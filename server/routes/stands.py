@@ -1,8 +1,11 @@
-"""Routes of stands: what stem maps were stored in a collection."""
+"""Routes of stands, what stem maps were stored in a collection, and of the files of trees that are stored so."""
 
+import inspect
+from collections.abc import Callable
+from functools import wraps
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Path, Request, Response
+from fastapi import APIRouter, Depends, Path, Query, Request, Response
 
 from server.http.json_body import JsonRoute
 from server.http.negotiation import JSON
@@ -19,7 +22,11 @@ from server.routes.dependencies import (
 )
 from server.schemas.collections import STAND_EXAMPLE, Stand, StandPage
 from server.schemas.common import ResourceId
+from server.schemas.landmarks import FileName, StemMapAnswer, StemMapOptions
 from server.stem_maps import stored_stands
+from server.stem_maps.reading.options import ReadOptions
+from server.stem_maps.sent_stands import Cutting, named, put_stand, stem_map_json
+from server.stem_maps.uploads import UploadedFile
 
 router = APIRouter(route_class=JsonRoute, tags=["stands"])
 _ALL = "/v1/collections/{collection}/stands"
@@ -93,3 +100,120 @@ def delete_stand(
     return stored_response(
         stored_stands.delete(service.database, collection, stand, preconditions, idempotency_key=idempotency_key)
     )
+
+
+_TYPE = "application/octet-stream"
+_FILE: dict[str, Any] = {
+    "requestBody": {
+        "required": True,
+        "description": "The bytes of the file. gzip is accepted.",
+        "content": {_TYPE: {"schema": {"type": "string", "format": "binary"}, "example": "tag,x,y\n1,2.0,3.0\n"}},
+    }
+}
+_ANSWER = {
+    "name": "plot",
+    "understood": "read tree_id from 'tag', x_m from 'x', y_m from 'y'",
+    "crs": None,
+    "own_frames": False,
+    "plots": [{"name": None, "landmarks": [{"id": "1", "x": 2.0, "y": 3.0}]}],
+}
+FileNameQuery = Annotated[
+    FileName,
+    Query(alias="file", description="Name of the file. Its suffix says the format.", examples=["plots.csv"]),
+]
+
+
+async def get_body(request: Request) -> bytes:
+    """The bytes that were sent."""
+    return await request.body()
+
+
+BodyDep = Annotated[bytes, Depends(get_body)]
+
+
+def reads_files(route: Callable[..., Response]) -> Callable[..., Response]:
+    """Give a route all members of `StemMapOptions` as query parameters; it gets them as `options`, a `ReadOptions`."""
+    signature = inspect.signature(route, eval_str=True)
+    own = [one for one in signature.parameters.values() if one.name != "options"]
+    members = {
+        name: inspect.Parameter(
+            f"read_{name}",
+            inspect.Parameter.KEYWORD_ONLY,
+            default=member.default,
+            annotation=Annotated[
+                member.annotation, *member.metadata, Query(alias=name, description=member.description)
+            ],
+        )
+        for name, member in StemMapOptions.model_fields.items()
+    }
+
+    @wraps(route)
+    def run(**given: Any) -> Response:
+        known = {name: given.pop(parameter.name) for name, parameter in members.items()}
+        for name in ("keep", "ignore"):
+            known[name] = tuple(one.strip() for one in (known[name] or "").split(",") if one.strip())
+        return route(**given, options=ReadOptions(**known))
+
+    del run.__wrapped__
+    run.__signature__ = signature.replace(parameters=[*own, *members.values()])  # type: ignore[attr-defined]
+    return run
+
+
+@router.post(
+    "/v1/stem-maps",
+    operation_id="readStemMap",
+    summary="Read a file of trees",
+    response_model=StemMapAnswer,
+    responses={200: {"content": {JSON: {"example": _ANSWER}}}, **problems(413, 415, 422, 503)},
+    openapi_extra=_FILE,
+)
+@reads_files
+def read_stem_map(*, service: ServiceDep, body: BodyDep, file: FileNameQuery, options: ReadOptions) -> Response:
+    """Reads a file as `urquhart index` does, and returns its trees. Nothing is stored.
+
+    CSV, xlsx, GeoPackage, FlatGeobuf, GeoJSON, KML, GPX, LAS and LAZ. `understood` says what was read as what. A file
+    that cannot be used is refused, with each row at fault in `errors`.
+    """
+    return json_response(stem_map_json(service.uploads.read(UploadedFile(file, body, options))))
+
+
+@router.put(
+    "/v1/collections/{collection}/stands/{stand}",
+    operation_id="putStand",
+    summary="Store a file of trees as a stand",
+    response_model=Stand,
+    responses={
+        200: {"content": {JSON: {"example": STAND_EXAMPLE}}},
+        201: {"description": "The stand is new.", "model": Stand, "content": {JSON: {"example": STAND_EXAMPLE}}},
+        **problems(404, 412, 413, 415, 422, 503, 507),
+    },
+    openapi_extra=_FILE,
+)
+@reads_files
+def store_stem_map(
+    *,
+    collection: CollectionId,
+    stand: StandName,
+    service: ServiceDep,
+    body: BodyDep,
+    preconditions: PreconditionsDep,
+    file: FileNameQuery,
+    radius: Annotated[float | None, Query(gt=0, le=1e6, description="Radius of a submap, in metres.")] = None,
+    spacing: Annotated[
+        float | None, Query(gt=0, le=1e6, description="Distance between neighbouring submaps, in metres.")
+    ] = None,
+    one_submap: Annotated[bool, Query(description="Whether each file, or each of its plots, is one submap.")] = False,
+    options: ReadOptions,
+) -> Response:
+    """Reads a file, cuts it into overlapping submaps, and stores them as the stand of this name, in one transaction.
+
+    Everything that the stand had before is replaced. Queries find the stand as it was or as it is, and nothing between.
+    """
+    cutting = Cutting(radius, spacing, one_submap)
+    cutting.check()
+    stem_map = named(service.uploads.read(UploadedFile(file, body, options)), stand)
+    stored, is_new = put_stand(service.database, service.limits, collection, stem_map, cutting, preconditions)
+    headers = etag_header(stored.etag)
+    if is_new:
+        headers["Location"] = links.stand(collection, stand)
+    return json_response(stored, 201 if is_new else 200, headers=headers)

@@ -1,14 +1,14 @@
-"""Landmarks in the bodies of submaps and queries."""
+"""Landmarks in the bodies of submaps and queries, and in files of trees that callers send."""
 
 from itertools import chain
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from server.schemas.common import Body, Label, Number, Points
+from server.schemas.common import Answer, Body, Label, Number, Points
 
 _XY: Any = [[1.2, 3.4], [4.9, -2.2], [-3.1, 0.7], [2.2, -6.5], [-5.8, -4.1], [7.4, 5.3]]
 
@@ -146,3 +146,71 @@ class LandmarkBody(Body):
             name: [getattr(tree, name) for tree in self.landmarks or []] for name in ("dbh_cm", "height_m", "species")
         }
         return {name: values for name, values in columns.items() if any(v is not None for v in values)} or None
+
+
+_LENGTHS = Literal["m", "ft", "us-ft", "cm", "km"]
+
+
+def _check_file_name(value: str) -> str:
+    if "/" in value or "\\" in value or "\0" in value or value.startswith("."):
+        raise PydanticCustomError("file_name", "must be the name of a file, without folders, such as plots.xlsx")
+    return value
+
+
+FileName = Annotated[str, Field(min_length=1, max_length=200), AfterValidator(_check_file_name)]
+
+
+def _column(what: str) -> Any:
+    return Field(None, max_length=200, description=f"Name of the column of {what}, if it has no well-known name.")
+
+
+class StemMapOptions(Body):
+    """What is known of a file beforehand: the options of `urquhart index`, which docs/files.md explains."""
+
+    x: str | None = _column("x, or easting")
+    y: str | None = _column("y, or northing")
+    id: str | None = _column("the trees' ids or tags; of a point cloud, the dimension that numbers the trees")
+    plot: str | None = _column("plots; each plot is a place of its own")
+    only: str | None = Field(None, max_length=200, description="Read only this plot.")
+    dbh: str | None = _column("diameters at breast height")
+    dbh_unit: Literal["cm", "mm", "m", "in"] | None = Field(None, description="Unit of the diameters.")
+    height: str | None = _column("heights")
+    height_unit: _LENGTHS | None = Field(None, description="Unit of the heights.")
+    species: str | None = _column("species")
+    unit: _LENGTHS | None = Field(None, description="Unit of the positions. Also says that odd positions are right.")
+    crs: str | None = Field(
+        None, max_length=2000, description="Coordinate reference system of the positions, such as EPSG:25832."
+    )
+    project: str | None = Field(None, max_length=2000, description="Convert positions to this projected system.")
+    layer: str | None = Field(None, max_length=200, description="Layer of a GIS file, or sheet of a workbook.")
+    decimal: Literal["point", "comma"] | None = Field(None, description="The decimal mark.")
+    status: str | None = _column("whether a tree is alive")
+    keep: str | None = Field(None, max_length=1000, description="Values of `status` of trees to read, with commas.")
+    azimuth: str | None = _column("azimuths from the plot's centre, clockwise from north")
+    distance: str | None = _column("distances from the plot's centre")
+    angle: Literal["deg", "gon", "rad"] | None = Field(None, description="Unit of the azimuths.")
+    declination: float | None = Field(None, ge=-360, le=360, description="Degrees to add to azimuths.")
+    slope: str | None = _column("slopes of the sight lines")
+    slope_unit: Literal["deg", "gon", "rad", "percent"] | None = Field(None, description="Unit of the slopes.")
+    centre_x: str | None = _column("x of the plot's centre")
+    centre_y: str | None = _column("y of the plot's centre")
+    quadrat_size: float | None = Field(None, gt=0, description="Side of the quadrats that lx and ly are measured in.")
+    ignore: str | None = Field(None, max_length=1000, description="Names of columns that are not used, with commas.")
+    skip_bad: bool = Field(False, description="Whether to leave out rows that cannot be used, and count them.")
+
+
+class StemMapPlot(Answer):
+    """The trees of one plot, or of a file without plots."""
+
+    name: str | None = Field(description="Name of the plot. Null if the file has no column of plots.")
+    landmarks: list[Landmark] = Field(description="The trees, stems within 1 cm merged. Positions in metres.")
+
+
+class StemMapAnswer(Answer):
+    """What a file of trees holds, and how it was understood."""
+
+    name: str = Field(description="Name of the file, without its suffix.")
+    understood: str = Field(description="What was read as what, what is not used, and what was passed over.")
+    crs: str | None = Field(description="Coordinate reference system of the positions. Null if it is not known.")
+    own_frames: bool = Field(description="Whether each plot has coordinates of its own, because they overlap.")
+    plots: list[StemMapPlot] = Field(description="The trees, by plots.")

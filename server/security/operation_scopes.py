@@ -25,6 +25,8 @@ SCOPES: Final[Mapping[str, Scope | None]] = {
     "listStands": Scope.READ,
     "getStand": Scope.READ,
     "deleteStand": Scope.WRITE,
+    "putStand": Scope.WRITE,
+    "readStemMap": Scope.READ,
     "putSubmap": Scope.WRITE,
     "postSubmap": Scope.WRITE,
     "patchSubmap": Scope.WRITE,

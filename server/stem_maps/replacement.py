@@ -2,7 +2,7 @@
 
 import pickle
 import tempfile
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -10,8 +10,8 @@ from typing import Final
 
 from server.collections.crud import get_collection
 from server.platform.disk_errors import disk_errors
-from server.store.records import StandRecord
-from server.store.storage import Storage
+from server.store.records import CollectionRecord, StandRecord
+from server.store.storage import Storage, WriteTransaction
 from server.submaps.bulk_ingest import BatchResult, write_in
 from server.submaps.described_batches import DescribedBatch, Refusal
 
@@ -69,10 +69,22 @@ def keep_on_disk(batches: Iterable[DescribedBatch], folder: Path) -> Iterator[It
         yield (pickle.load(file) for _ in range(count))
 
 
+@dataclass(frozen=True, slots=True)
+class DescribedStand:
+    """A stand that is ready to be stored: its row, and the submaps of `batches`, whose ids are among `ids`."""
+
+    record: StandRecord
+    ids: Collection[str]
+    batches: Iterable[DescribedBatch]
+
+
 def replace_stand(
-    database: Storage, collection_id: str, record: StandRecord, ids: Collection[str], batches: Iterable[DescribedBatch]
+    database: Storage,
+    collection_id: str,
+    described: DescribedStand,
+    check: Callable[[WriteTransaction, CollectionRecord], object] = lambda tx, collection: None,
 ) -> ReplacementReport:
-    """Store a stand with the submaps of `batches`, whose ids are among `ids`, and delete its other submaps.
+    """Store a stand with its described submaps, and delete its other ones; `check` may refuse it in the transaction.
 
     Readers see the stand as it was or as it is now, and nothing in between; so does whoever opens the database after a
     kill. A stand owns what it stored before, and submaps that look exactly like its discs and belong to no stand.
@@ -82,8 +94,11 @@ def replace_stand(
         NotFound, Conflict, StorageError: as `write_in` and the database do. Nothing is changed.
     """
     done = ReplacementReport()
+    record, ids = described.record, described.ids
     with database.write() as tx:
-        collection_key = get_collection(tx, collection_id).key
+        collection = get_collection(tx, collection_id)
+        check(tx, collection)
+        collection_key = collection.key
         stands = tx.stands(collection_key)
         there = stands.get(record.name)
         done.before = None if there is None else (there.radius, there.spacing)
@@ -92,7 +107,7 @@ def replace_stand(
         had = stands.members(stand_key) | strays
         _check_ids(tx.submaps(collection_key).keys(ids), had, record.name)
         stored: set[str] = set()
-        for batch in batches:
+        for batch in described.batches:
             batch.records = [(position, replace(one, stand_key=stand_key)) for position, one in batch.records]
             done.count(write_in(tx, collection_id, batch, "replace"))
             stored.update(one.id for _, one in batch.records)

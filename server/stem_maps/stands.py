@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import closing
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,7 +18,7 @@ from server.schemas.landmarks import Landmark
 from server.schemas.poses import MapPose
 from server.stem_maps.plots import cut_plots, keep_whole
 from server.stem_maps.reader import StemMap
-from server.stem_maps.replacement import ReplacementReport, StandError, keep_on_disk, replace_stand
+from server.stem_maps.replacement import DescribedStand, ReplacementReport, StandError, keep_on_disk, replace_stand
 from server.stem_maps.tiling import Cut, cut
 from server.store.codec import digest, pack_positions
 from server.store.records import StandRecord
@@ -65,12 +65,26 @@ def store_stand(
         DomainError: what `describe_lines` and `replace_stand` raise. Nothing is stored.
     """
     began = time.perf_counter()
-    lines = lines_of(stem_map, stand)
-    describing = describe_lines(database, collection, lines, replace(options, batch_size=BATCH))
+    with describe_stand(database, collection, stem_map, stand, options, advance=advance) as described:
+        outcome = replace_stand(database, collection, described)
+    return StandReport(stem_map.name, stand, outcome, time.perf_counter() - began)
+
+
+@contextmanager
+def describe_stand(
+    database: Storage,
+    collection: str,
+    stem_map: StemMap,
+    stand: Cut,
+    options: LineOptions = USUAL,
+    *,
+    advance: Callable[[int], None] | None = None,
+) -> Iterator[DescribedStand]:
+    """The described submaps of a stand, for `replace_stand` within the block. Arguments and errors as `store_stand`."""
+    describing = describe_lines(database, collection, lines_of(stem_map, stand), replace(options, batch_size=BATCH))
     with closing(describing), keep_on_disk(_counted(describing, advance), database.path.parent) as batches:
         ids = [disc.submap_id for disc in stand.discs]
-        outcome = replace_stand(database, collection, _record(stem_map, stand), ids, batches)
-    return StandReport(stem_map.name, stand, outcome, time.perf_counter() - began)
+        yield DescribedStand(_record(stem_map, stand), ids, batches)
 
 
 def _counted(batches: Iterable[DescribedBatch], advance: Callable[[int], None] | None) -> Iterator[DescribedBatch]:

@@ -8,7 +8,6 @@ import pytest
 
 from tests.server.factories import forest, observed, points
 from urquhart_client import Client, ProblemError, Progress
-from urquhart_client._protocol.landmark_files import read_csv
 from urquhart_client.cli import run
 
 
@@ -108,10 +107,6 @@ def test_an_address_that_is_none_is_one_line(capsys: pytest.CaptureFixture[str],
 @pytest.mark.parametrize(
     ("content", "told"),
     [
-        (b"a,b\n1,2\n", "columns x and y"),
-        (b"", "columns x and y"),
-        (b"x,y\n1\n", "line 2"),
-        (b"\xff\xfe\x00", "utf-8"),
         (b'{"xy": ', "Expecting value"),
         (b'{"xy": [[1, "a"]]}', "'a'"),
         (b"[]", "not a JSON object"),
@@ -120,7 +115,7 @@ def test_an_address_that_is_none_is_one_line(capsys: pytest.CaptureFixture[str],
 def test_a_file_that_cannot_be_is_one_line_with_its_name(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, content: bytes, told: str
 ) -> None:
-    file = tmp_path / ("seen.json" if content[:1] in (b"{", b"[") else "seen.csv")
+    file = tmp_path / "seen.json"
     file.write_bytes(content)
     assert run(["--url", "http://127.0.0.1:1", "query", "plots", str(file)]) == 2
     out, err = capsys.readouterr()
@@ -135,8 +130,3 @@ def test_arguments_that_cannot_be_are_one_line(capsys: pytest.CaptureFixture[str
     out, err = capsys.readouterr()
     assert (ended.value.code, out, err.count("\n")) == (2, "", 1)
     assert err.startswith("urquhart-client: ")
-
-
-def test_a_spreadsheet_writes_a_mark_in_front(tmp_path: Path) -> None:
-    (tmp_path / "seen.csv").write_bytes(b"\xef\xbb\xbfx,y\n1,2\n")
-    assert read_csv(tmp_path / "seen.csv") == {"landmarks": [{"id": "1", "x": 1.0, "y": 2.0}]}

@@ -44,6 +44,23 @@ def test_they_are_listed_read_and_deleted(client: Client, tmp_path: Path) -> Non
         asyncio.run(_awaited(client.base_url))
 
 
+def test_a_file_is_read_and_stored_by_the_service(client: Client, tmp_path: Path) -> None:
+    client.put_collection("plots")
+    xy = np.random.default_rng(9).uniform(0.0, 50.0, (90, 2)).round(2)
+    file = tmp_path / "north.csv"
+    file.write_text("baum;e;n\n" + "".join(f"{n};{x};{y}\n" for n, (x, y) in enumerate(xy.tolist())))
+    read = client.read_stem_map(file, x="e", y="n")
+    assert [(tree["x"], tree["y"]) for tree in read.plots[0].landmarks] == [tuple(row) for row in xy.tolist()]
+    stored = client.put_stand("plots", "north", file, cut={"radius": 20, "spacing": 15}, x="e", y="n")
+    assert (stored.trees, stored.submaps) == (90, len(list(client.submaps("plots"))))
+    near = [tree for tree in read.plots[0].landmarks if abs(tree["x"] - 25.0) < 12.0 and abs(tree["y"] - 25.0) < 12.0]
+    assert client.query("plots", landmarks=near).verdict == "matched"
+    file.write_text("x;y\n1;2\n3;b\n")
+    with pytest.raises(ProblemError) as refused:
+        client.put_stand("plots", "north", file, cut={"one_submap": True}, if_match=stored.etag)
+    assert (refused.value.status, "north.csv:3" in str(refused.value)) == (422, True)
+
+
 async def _awaited(url: str) -> None:
     async with AsyncClient(url) as client:
         assert [one.name async for one in client.stands("plots")] == ["south"]

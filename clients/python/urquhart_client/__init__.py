@@ -31,6 +31,7 @@ from urquhart_client.models import (
 )
 from urquhart_client.poses import Inlier, InlierColumns, MapPose, SurveyPose, Transform, TreesMiddle
 from urquhart_client.stand_models import Stand
+from urquhart_client.stem_maps import FilePlot, FileTrees
 
 __all__ = [
     "UNSET",
@@ -41,6 +42,8 @@ __all__ = [
     "ConnectionFailed",
     "Explanation",
     "Extent",
+    "FilePlot",
+    "FileTrees",
     "Finding",
     "Gates",
     "Inlier",

@@ -11,11 +11,12 @@ from typing import Any, Final, NoReturn
 import httpx
 from pydantic import BaseModel
 
-from urquhart_client._protocol.landmark_files import FileError, read_body, read_csv
+from urquhart_client._protocol.landmark_files import FileError, read_body
 from urquhart_client._protocol.retry import Retry
 from urquhart_client.client import Client
 from urquhart_client.errors import ProblemError, UrquhartError
 from urquhart_client.job_models import Job, Progress
+from urquhart_client.stem_maps import FileCutting, FileOptions
 
 _OBSERVED: Final = frozenset({"xy", "ids", "landmarks", "frame_id", "stamp"})
 _SUBMAP: Final = _OBSERVED | {"session", "map_pose", "properties", "query"}
@@ -64,7 +65,7 @@ def _collections(client: Client, options: argparse.Namespace) -> int:
 
 
 def _put(client: Client, options: argparse.Namespace) -> int:
-    body = _read(options.file, _SUBMAP)
+    body = _read(client, options, _SUBMAP)
     if options.session is not None and "session" in body:
         raise FileError(f"{options.file}: it has a session, but --session is given, too: drop one")
     if options.session is not None:
@@ -89,7 +90,7 @@ def _ensure_collection(client: Client, name: str) -> None:
 
 
 def _query(client: Client, options: argparse.Namespace) -> int:
-    result = client.query(options.collection, limit=options.limit, **_read(options.file, _QUERY))
+    result = client.query(options.collection, limit=options.limit, **_read(client, options, _QUERY))
     lines = [f"{result.verdict} ({result.reason})"]
     for one in result.candidates:
         at = one.transform
@@ -133,9 +134,61 @@ def _snapshot(client: Client, options: argparse.Namespace) -> int:
     return 0
 
 
-def _read(path: Path, members: Collection[str]) -> dict[str, Any]:
-    """The arguments in a file: CSV, or a JSON body with some of these members. Raises FileError."""
-    return read_body(path, members) if path.suffix == ".json" else read_csv(path)
+def _put_stand(client: Client, options: argparse.Namespace) -> int:
+    _ensure_collection(client, options.collection)
+    stand = client.put_stand(
+        options.collection,
+        options.name,
+        options.file,
+        cut=_cutting(options),
+        **_read_options(options),
+    )
+    _tell(options, stand, f"{stand.name}: {stand.trees} trees, {stand.submaps} submaps")
+    return 0
+
+
+def _cutting(options: argparse.Namespace) -> FileCutting:
+    """How a file is cut; the service says what is missing."""
+    if options.one_submap:
+        return {"one_submap": True}
+    cut: FileCutting = {}
+    if options.radius is not None:
+        cut["radius"] = options.radius
+    if options.spacing is not None:
+        cut["spacing"] = options.spacing
+    return cut
+
+
+def _read(client: Client, options: argparse.Namespace, members: Collection[str]) -> dict[str, Any]:
+    """The arguments in a file: a JSON body with some of these members, or trees that the service reads.
+
+    Raises FileError and UrquhartError.
+    """
+    path = options.file
+    if path.suffix == ".json":
+        return read_body(path, members)
+    read = client.read_stem_map(path, **_read_options(options))
+    if len(read.plots) > 1:
+        raise FileError(f"{path}: has {len(read.plots)} plots: choose one with --only, such as {read.plots[0].name!r}")
+    sys.stderr.write(f"{path.name}: {read.understood}\n")
+    return {"landmarks": read.plots[0].landmarks if read.plots else []}
+
+
+def _read_options(options: argparse.Namespace) -> Any:
+    """What the caller says about a file."""
+    known = {name: getattr(options, f"read_{name}") for name in FileOptions.__annotations__}
+    return {name: value for name, value in known.items() if value}
+
+
+def _add_read_options(parser: argparse.ArgumentParser) -> None:
+    """The options that say what is in a file of trees; `urquhart index --help` and docs/files.md explain each."""
+    group = parser.add_argument_group("what is in the file, as for urquhart index")
+    for name in FileOptions.__annotations__:
+        flag, to = f"--{name.replace('_', '-')}", f"read_{name}"
+        if name == "skip_bad":
+            group.add_argument(flag, dest=to, action="store_true", help="leave out rows that cannot be used")
+        else:
+            group.add_argument(flag, dest=to, metavar="VALUE")
 
 
 def _show(progress: Progress) -> None:
@@ -175,15 +228,25 @@ def _parser() -> argparse.ArgumentParser:
         return made
 
     command("collections", _collections, "List the collections.")
-    put = command("put", _put, "Store a submap from a CSV or JSON file.")
+    put = command("put", _put, "Store a submap from a file of trees, or from JSON.")
     put.add_argument("collection", help="id of the collection; it is created if it does not exist")
     put.add_argument("submap", help="id of the submap; a submap with this id is replaced")
-    put.add_argument("file", type=Path, help="CSV with the columns x and y (metres), or the JSON body of a PUT")
+    put.add_argument("file", type=Path, help="trees, in any format that the service reads, or the JSON body of a PUT")
     put.add_argument("--session", help="the drive, flight or survey that the submap belongs to")
-    query = command("query", _query, "Find where the trees in a CSV or JSON file were observed.")
+    _add_read_options(put)
+    stand = command("put-stand", _put_stand, "Store a file of trees as a stand, in the place of what that had.")
+    stand.add_argument("collection", help="id of the collection; it is created if it does not exist")
+    stand.add_argument("name", help="name of the stand")
+    stand.add_argument("file", type=Path, help="trees, in any format that the service reads")
+    stand.add_argument("--radius", type=float, help="radius of a submap, in metres")
+    stand.add_argument("--spacing", type=float, help="distance between neighbouring submaps, in metres")
+    stand.add_argument("--one-submap", action="store_true", help="make each file, or each of its plots, one submap")
+    _add_read_options(stand)
+    query = command("query", _query, "Find where the trees in a file were observed.")
     query.add_argument("collection", help="id of the collection to search")
-    query.add_argument("file", type=Path, help="CSV with the columns x and y (metres), or the JSON body of a query")
+    query.add_argument("file", type=Path, help="trees, in any format the service reads, or the JSON body of a query")
     query.add_argument("--limit", type=int, default=5, help="most candidates to print (default: 5)")
+    _add_read_options(query)
     upload = command(
         "import",
         _import,

@@ -1,13 +1,15 @@
 """Calls for the service and its collections."""
 
 from collections.abc import AsyncIterator, Mapping, Sequence
-from typing import Any
+from pathlib import Path
+from typing import Any, Unpack
 
 from urquhart_client._async.connection import AsyncConnection
 from urquhart_client._protocol import bodies, requests, stand_requests
 from urquhart_client._protocol.bodies import UNSET, Unset
 from urquhart_client.models import Collection, Limits
 from urquhart_client.stand_models import Stand
+from urquhart_client.stem_maps import FileCutting, FileOptions, FileTrees
 
 
 class AsyncServiceCalls(AsyncConnection):
@@ -80,6 +82,43 @@ class AsyncServiceCalls(AsyncConnection):
     async def get_stand(self, collection: str, name: str) -> Stand:
         """One stand: what was stored from one stem map."""
         return await self._send(stand_requests.get_stand(collection, name))
+
+    async def read_stem_map(self, path: Path, **options: Unpack[FileOptions]) -> FileTrees:
+        """Let the service read a file of trees as `urquhart index` does. Nothing is stored.
+
+        Args:
+            path: CSV, xlsx, GeoPackage, FlatGeobuf, GeoJSON, KML, GPX, LAS or LAZ.
+            options: what is known of the file beforehand.
+
+        Raises:
+            ProblemError: the file cannot be used (422, `invalid-file`); `errors` names each row at fault.
+            OSError: the file cannot be read here.
+        """
+        return await self._send(stand_requests.read_stem_map(path, options))
+
+    async def put_stand(
+        self,
+        collection: str,
+        name: str,
+        path: Path,
+        *,
+        cut: FileCutting,
+        if_match: str | None = None,
+        **options: Unpack[FileOptions],
+    ) -> Stand:
+        """Store a file of trees as a stand, in the place of all that the stand of this name had.
+
+        Args:
+            path: the file, as for `read_stem_map`.
+            cut: `{"radius": 30, "spacing": 20}`: submaps are circles of that radius, that far apart, in metres; or
+                `{"one_submap": True}`: each file, or each of its plots, is one submap.
+            if_match: the `etag` that must be stored, or `*` for any; otherwise the service refuses (412).
+            options: what is known of the file beforehand.
+
+        Raises:
+            ProblemError: as `read_stem_map`; nothing is stored.
+        """
+        return await self._send(stand_requests.put_stand(collection, name, path, if_match, {**cut, **options}))
 
     async def delete_stand(self, collection: str, name: str, *, if_match: str | None = None) -> None:
         """Delete a stand with all its submaps. The next query no longer finds them.

@@ -1,0 +1,135 @@
+"""Stands that callers send as files: read, cut and stored like those that `urquhart index` stores."""
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+import orjson
+
+from server.collections.crud import get_collection
+from server.config.settings import Limits
+from server.errors import InvalidField, InvalidFile
+from server.resources.preconditions import Preconditions
+from server.schemas.collections import Stand
+from server.stem_maps.reader import StemMap
+from server.stem_maps.replacement import replace_stand
+from server.stem_maps.stands import StandError, cut_stand, describe_stand, whole_stand
+from server.stem_maps.stored_stands import read, tag_of
+from server.stem_maps.tiling import Cut, CuttingError, without_twins
+from server.store.records import CollectionRecord
+from server.store.storage import ReadTransaction, Storage
+from server.submaps.bulk_ingest import LineOptions
+
+MOST_SUBMAPS: Final = 5_000
+"""Submaps that one request may store: described one after the other they take half a minute."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cutting:
+    """How a stem map becomes submaps: circles of `radius` metres, `spacing` metres apart; or whole files or plots."""
+
+    radius: float | None = None
+    spacing: float | None = None
+    one_submap: bool = False
+
+    def check(self) -> None:
+        """Raise InvalidField unless it says one way to cut."""
+        sizes = (self.radius, self.spacing)
+        if self.one_submap and sizes != (None, None):
+            raise InvalidField(
+                "makes whole files or plots submaps; leave out radius and spacing",
+                code="cutting",
+                parameter="one_submap",
+            )
+        if not self.one_submap and None in sizes:
+            detail = "is missing; give radius and spacing in metres, or one_submap=true"
+            raise InvalidField(detail, code="cutting", parameter="radius" if self.radius is None else "spacing")
+
+    def cut(self, stem_map: StemMap, limits: Limits) -> Cut:
+        """The submaps of a stem map. Raises InvalidFile."""
+        try:
+            if self.radius is None or self.spacing is None:
+                return whole_stand(stem_map, limits)
+            self._check_count(stem_map, self.spacing)
+            return cut_stand(stem_map, self.radius, self.spacing, limits)
+        except (CuttingError, StandError) as error:
+            raise InvalidFile(f"{stem_map.name}: {error}") from error
+
+    def _check_count(self, stem_map: StemMap, spacing: float) -> None:
+        if not len(stem_map) or not (np.isfinite(spacing) and spacing > 0):
+            return  # what follows says it
+        wide, tall = (np.ptp(stem_map.xy, axis=0) // spacing + 1).tolist()
+        if stem_map.plots is None and wide * tall > MOST_SUBMAPS:
+            raise InvalidFile(
+                f"{stem_map.name}: a spacing of {spacing:g} m makes up to {wide * tall:.0f} submaps, more than the "
+                f"{MOST_SUBMAPS} that one request may store: make it larger, or use `urquhart index` on the host"
+            )
+
+
+def put_stand(
+    database: Storage,
+    limits: Limits,
+    collection_id: str,
+    stem_map: StemMap,
+    cutting: Cutting,
+    preconditions: Preconditions,
+) -> tuple[Stand, bool]:
+    """Store a stem map as the stand of its name, in the place of what that had before, in one transaction.
+
+    Returns the stand, and whether it is new. Raises NotFound (the collection), PreconditionFailed, InvalidFile, and
+    what storing submaps raises. Nothing is stored then.
+    """
+    before: list[str | None] = []
+
+    def check(tx: ReadTransaction, collection: CollectionRecord) -> None:
+        before.append(tag_of(tx, collection, stem_map.name))
+        preconditions.check(before[0])
+
+    cut = cutting.cut(stem_map, limits)
+    with database.read() as tx:
+        check(tx, get_collection(tx, collection_id))  # before the work, and again when it is stored
+    before.clear()
+    try:
+        with describe_stand(database, collection_id, stem_map, cut, LineOptions(limits=limits)) as described:
+            replace_stand(database, collection_id, described, check)
+    except StandError as error:
+        raise InvalidFile(f"{stem_map.name}: {error}") from error
+    return read(database, collection_id, stem_map.name), before[0] is None
+
+
+def stem_map_json(stem_map: StemMap) -> bytes:
+    """What a file holds, as the JSON of a `StemMapAnswer`."""
+    names = [None] if stem_map.plots is None else list(dict.fromkeys(stem_map.plots))
+    of_tree = np.asarray(stem_map.plots if stem_map.plots is not None else [None] * len(stem_map), dtype=object)
+    plots = []
+    for name in names:
+        chosen = stem_map if name is None else stem_map.chosen(np.flatnonzero(of_tree == name))
+        plots.append({"name": name, "landmarks": _landmarks(without_twins(chosen))})
+    answer = {
+        "name": stem_map.name,
+        "understood": stem_map.understood,
+        "crs": stem_map.crs,
+        "own_frames": stem_map.own_frames,
+        "plots": plots,
+    }
+    return orjson.dumps(answer)
+
+
+def _landmarks(trees: StemMap) -> list[dict[str, object]]:
+    """The trees, with only those members that are known."""
+    found: list[dict[str, object]] = [
+        {"id": tree_id, "x": x, "y": y} for tree_id, (x, y) in zip(trees.ids, trees.xy.tolist(), strict=True)
+    ]
+    for name, values in (("dbh_cm", trees.dbh_cm), ("height_m", trees.height_m)):
+        if values is not None:
+            for tree in np.flatnonzero(np.isfinite(values)).tolist():
+                found[tree][name] = float(values[tree])
+    for tree, species in enumerate(trees.species or ()):
+        if species:
+            found[tree]["species"] = species
+    return found
+
+
+def named(stem_map: StemMap, name: str) -> StemMap:
+    """The stem map as the stand `name`."""
+    return replace(stem_map, name=name)
