@@ -24,7 +24,10 @@ from urquhart import (
 from urquhart.evaluation.simulation import Sensor, bridson, observe, paper_forest, plantation
 from urquhart.index.collection_index import CollectionIndex
 from urquhart.options import FAST_PROMISE, SearchOptions
+from urquhart.propose.by_quads import QUADS as LENGTHS
+from urquhart.propose.by_quads import QuadChoice, propose_by_quads
 from urquhart.propose.quad_consensus import QuadConsensus
+from urquhart.propose.query import Proposal, Query
 from urquhart.report.explanation import SKIPS, STOPS, search_sentence
 from urquhart.trace import Skipped, StoppedBy
 
@@ -122,6 +125,26 @@ def test_for_a_place_that_is_not_there_every_level_is_tried_once_and_none_withou
     assert total["verify exhaustive: candidates"] <= 16
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_large_collection_is_searched_once_more_with_looser_lengths(seed: int) -> None:
+    large = recognizer(Config(survey=1), 72)
+    found = large.locate(nowhere(seed))
+    assert names(found) == ["describe", *QUADS, *QUADS, *POLYGONS, *QUADS]
+    assert (found.verdict, found.search.skipped) == ("no_match", ("exhaustive",))
+    assert names(large.locate(nowhere(seed), effort="fast")) == ["describe", *QUADS, *QUADS]
+
+
+def test_looser_lengths_find_a_place_that_is_seen_badly(monkeypatch: pytest.MonkeyPatch) -> None:
+    def search_only(query: Query, index: CollectionIndex, search: QuadConsensus, choice: QuadChoice) -> list[Proposal]:
+        looser = search._wanted.tolerance == pytest.approx(LENGTHS.looser * CONFIG.sigma)
+        return propose_by_quads(query, index, search, choice) if looser else []
+
+    monkeypatch.setattr("urquhart.propose.levels.propose_by_quads", search_only)
+    monkeypatch.setattr("urquhart.propose.levels.propose_by_polygons", lambda *_: [])
+    found = recognizer(Config(survey=1), 72).locate(here(sigma=0.3, detection=0.85))
+    assert (found.verdict, found.candidates[0].level) == ("matched", "quads")
+
+
 def test_where_every_submap_can_be_tried_quads_are_not_measured_loosely() -> None:
     found = recognizer(count=20).locate(nowhere(0))
     assert names(found) == ["describe", *QUADS, *POLYGONS, *EXHAUSTIVE]
@@ -187,12 +210,6 @@ def test_the_least_confidence_of_a_query_is_its_gate() -> None:
     for wrong in (0.5, 1.0, 0.0, float("nan")):
         with pytest.raises(ValueError, match=r"above 0\.5 and below 1"):
             recognizer().locate(seen, min_confidence=wrong)
-
-
-def test_in_a_collection_that_a_survey_hardly_reaches_there_is_none() -> None:
-    found = recognizer(Config(survey=1), 72).locate(nowhere(0))
-    assert names(found) == ["describe", *QUADS, *QUADS, *POLYGONS]
-    assert found.verdict == "no_match"
 
 
 def test_each_keyword_of_a_search_is_an_option() -> None:
