@@ -43,7 +43,6 @@ from server.platform.thread_limits import pin_threads
 from server.platform.version import service_version
 from server.routes import (
     collections,
-    exports,
     html_pages,
     imports,
     jobs,
@@ -54,6 +53,7 @@ from server.routes import (
     submaps,
     system,
 )
+from server.routes.gis import exports, features
 from server.security.authenticator import Authenticator, check_exposure
 from server.security.rate_limit import RateLimiter
 from server.service_parts import JobRuntime, Service
@@ -72,6 +72,7 @@ _ROUTERS = (
     submap_writes.router,
     submaps.router,
     exports.router,
+    features.router,
     stands.router,
     collections.router,
     jobs.router,
@@ -84,6 +85,7 @@ _TAGS = [
     {"name": "collections", "description": "Submaps that share a configuration."},
     {"name": "submaps", "description": "Tree positions in one rigid frame: what is stored and found."},
     {"name": "exports", "description": "What a collection holds, as files for GIS."},
+    {"name": "features", "description": "OGC API - Features: what QGIS and GDAL read from a running service."},
     {"name": "stands", "description": "What stem maps were stored: listed, read and deleted as a whole."},
     {"name": "queries", "description": "Where is this? A verdict, candidates, and the evidence for each."},
     {

@@ -128,6 +128,10 @@ class InvalidField(DomainError):
         return InvalidField(str(self), code=self.code, pointer=inner, parameter=self.parameter)
 
 
+class InvalidParameter(InvalidField):
+    """A parameter cannot be used, on a path whose standard says 400 for that."""
+
+
 class InvalidBody(DomainError):
     """The body is not valid. `entries` are its faults, each as in `errors` of a problem document."""
 

@@ -135,6 +135,13 @@ TABLE: Mapping[type[errors.DomainError], ProblemType] = {
         "An import with mode=all stores all lines or none. Its results say which lines were refused, and why.",
     ),
     errors.InvalidField: VALIDATION,
+    errors.InvalidParameter: ProblemType(
+        400,
+        "invalid-parameter",
+        "Invalid parameter",
+        "A parameter is unknown, given more than once, or cannot be used. OGC API - Features, the standard of the "
+        "paths under /ogc, asks for status 400; other paths answer invalid-request with 422.",
+    ),
     errors.InvalidBody: VALIDATION,
     errors.InvalidLandmarks: ProblemType(
         422,

@@ -40,6 +40,7 @@ SERVICE = (
         "submaps",
         "queries",
         "exports",
+        "ogc",
         "constraints",
         "maps",
         "jobs",
