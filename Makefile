@@ -18,7 +18,7 @@ UV_COMPILE = $(UV) pip compile --quiet --universal --python-version 3.11 --gener
 PYTEST = PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest --numprocesses auto --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help demo serve test test-unit coverage kernels lint bench bench-check bench-library bench-paper bench-robust bench-levels bench-scale bench-reliability lock clean
+.PHONY: help demo serve test test-unit coverage kernels lint bench bench-check bench-library bench-paper bench-robust bench-levels bench-maps bench-scale bench-reliability lock clean
 .DELETE_ON_ERROR:
 
 help: ## print the commands
@@ -65,6 +65,9 @@ bench-robust: $(VENV)/dev.stamp ## measure the default method: noise, plantation
 
 bench-levels: $(VENV)/dev.stamp ## measure what each level of the search adds in right answers and costs in time
 	@$(BIN)/python -m benchmarks.levels $(ARGS)
+
+bench-maps: $(VENV)/dev.stamp ## measure maps: drift, false loops, plantations, the paper's Table II: docs/maps.md
+	@$(BIN)/python -m benchmarks.maps $(ARGS)
 
 bench-scale: $(VENV)/dev.stamp ## measure up to 100,000 submaps; ARGS="--max-n 1000000" for a million
 	@$(BIN)/python -m benchmarks.scale $(ARGS)

@@ -54,6 +54,7 @@ from server.routes import (
     system,
 )
 from server.routes.gis import exports, features
+from server.routes.maps import map_routes
 from server.security.authenticator import Authenticator, check_exposure
 from server.security.rate_limit import RateLimiter
 from server.service_parts import JobRuntime, Service
@@ -76,6 +77,7 @@ _ROUTERS = (
     stands.router,
     collections.router,
     jobs.router,
+    map_routes.router,
     imports.router,
     snapshots.router,
     system.router,
@@ -92,6 +94,7 @@ _TAGS = [
         "name": "jobs",
         "description": "Long work: imports, constraints, rebuilding an index. Jobs survive restarts of the service.",
     },
+    {"name": "maps", "description": "Submaps of several drives as one consistent map of trees."},
     {"name": "snapshots", "description": "Copies of the whole database, made while the service runs."},
     {"name": "system", "description": "Probes, metrics, limits."},
     {"name": "pages", "description": "Pages for people, also available as JSON."},

@@ -36,6 +36,7 @@ VERBS = {
     "bench-paper",
     "bench-robust",
     "bench-levels",
+    "bench-maps",
     "bench-scale",
     "bench-reliability",
     "lock",

@@ -72,6 +72,7 @@ def from_look(row: SubmapMetadata, look: LookupResult, body: ConstraintsInput) -
             "from": one.submap_id,
             "to": row.id,
             **measured(found),
+            "rank": one.rank,
             "inlier_count": one.inlier_count,
             "rms": one.rms,
             "confidence": one.confidence,
@@ -108,8 +109,9 @@ def read_found(line: bytes) -> Found:
 
 
 def agree(found: Iterable[Found]) -> tuple[list[Found], int]:
-    """One constraint for each pair, the one with more inliers, and the number of pairs that contradict themselves and
-    are left out.
+    """One constraint for each pair, and the number of pairs that contradict themselves and are left out.
+
+    Of two that agree, the one that was the best match of its search is kept, or else the one with more inliers.
     """
     pairs: dict[tuple[str, str], Found | None] = {}
     contradictions = 0
@@ -121,9 +123,18 @@ def agree(found: Iterable[Found]) -> tuple[list[Found], int]:
         elif other is not None:
             if _contradict(one, other):
                 pairs[pair], contradictions = None, contradictions + 1
-            elif one["inlier_count"] > other["inlier_count"]:
+            elif _worth(one) > _worth(other):
                 pairs[pair] = one
     return [one for one in pairs.values() if one is not None], contradictions
+
+
+def _worth(one: Found) -> tuple[bool, int]:
+    return is_best(one), one["inlier_count"]
+
+
+def is_best(one: Found) -> bool:
+    """Whether a constraint was the best match of its search, which was compared with all rivals."""
+    return bool(one.get("rank", 1) == 1)  # results of older versions do not say
 
 
 def _contradict(one: Found, other: Found) -> bool:

@@ -82,6 +82,7 @@ def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
         422: "The request is not valid.",
         429: "This key, or address, asks too often.",
         500: "Internal error.",
+        501: "A package that this needs is not installed where the service runs.",
         503: "Not ready, overloaded, or the database is busy or cannot be written.",
         507: "The disk is full.",
     }

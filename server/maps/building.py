@@ -7,7 +7,7 @@ from typing import Final, Literal
 
 import numpy as np
 
-from server.constraints.extraction import Found, pose_of
+from server.constraints.extraction import Found, is_best, pose_of
 from server.constraints.formats import uncertainty_of
 from server.errors import InvalidField, OptimiserMissing
 from server.maps.selection import ChosenSubmap, numbers_of
@@ -124,7 +124,8 @@ def _matches(found: Sequence[Found], numbers: dict[str, int]) -> list[tuple[Grap
     for one in found:
         if one["from"] in numbers and one["to"] in numbers:
             pose = pose_of(one)
-            constraint = PoseConstraint(numbers[one["from"]], numbers[one["to"]], pose, uncertainty_of(one, pose))
+            ends = numbers[one["from"]], numbers[one["to"]]
+            constraint = PoseConstraint(*ends, pose, uncertainty_of(one, pose), secondary=not is_best(one))
             made.append((GraphEdge("match", one["from"], one["to"]), constraint))
     return made
 

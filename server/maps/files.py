@@ -1,5 +1,6 @@
 """The trees of a map as files: one for each part, because parts that nothing connects have no common frame."""
 
+from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import Any, Final
@@ -7,12 +8,13 @@ from typing import Any, Final
 import numpy as np
 
 from server.collections.crud import get_collection
-from server.collections.frame_systems import FrameSystem, frame_systems
+from server.collections.frame_systems import frame_systems
 from server.maps.building import BuiltMap
 from server.maps.documents import trees_of
 from server.outputs.files import write_table
 from server.outputs.tables import OutputColumn, OutputLayer, OutputRows
 from server.schemas.maps.answers import LandmarkEntry
+from server.store.records import CollectionRecord
 from server.store.storage import ReadTransaction
 
 _COLUMNS: Final = (
@@ -33,26 +35,26 @@ def write_trees(tx: ReadTransaction, collection_id: str, built: BuiltMap, path: 
     Submaps that nothing connects have no frame in the map, and are left out. Returns each file with its number of
     trees. Raises NotFound, NotAcceptable and OSError.
     """
-    frame_of = {
-        number: frame for number, frame in zip(built.part_numbers, built.frames, strict=True) if frame is not None
-    }
-    systems = frame_systems(tx, get_collection(tx, collection_id), sorted(frame_of.values()))
-    by_part: dict[int, list[LandmarkEntry]] = {number: [] for number in sorted(frame_of)}
-    for tree in trees_of(built):
-        if tree.part in by_part:
-            by_part[tree.part].append(tree)
-    written = []
-    for number, trees in by_part.items():
-        system = systems[frame_of[number]]
-        file = path if number == min(by_part) else path.with_stem(f"{path.stem}-{number}")
-        layer = OutputLayer("trees", _COLUMNS, system)
-        written.append((file, write_table(file, layer, [_rows(trees, system)])))
+    collection, trees = get_collection(tx, collection_id), list(trees_of(built))
+    written: list[tuple[Path, int]] = []
+    frame_of = dict(zip(built.part_numbers, built.frames, strict=True))
+    for number in sorted(frame_of):
+        frame = frame_of[number]
+        if frame is not None:
+            layer, rows = tree_layer(tx, collection, frame, [tree for tree in trees if tree.part == number])
+            file = path.with_stem(f"{path.stem}-{number}") if written else path
+            written.append((file, write_table(file, layer, [rows])))
     return written
 
 
-def _rows(trees: list[LandmarkEntry], system: FrameSystem) -> OutputRows:
+def tree_layer(
+    tx: ReadTransaction, collection: CollectionRecord, frame: str, trees: Sequence[LandmarkEntry]
+) -> tuple[OutputLayer, OutputRows]:
+    """The table of the trees of one part, in the coordinate reference system of its map frame."""
+    system = frame_systems(tx, collection, [frame])[frame]
     xy = np.array([(tree.x, tree.y) for tree in trees], np.float64).reshape(-1, 2)
-    return OutputRows([[_value(tree, column.name) for tree in trees] for column in _COLUMNS], system.full(xy))
+    values = [[_value(tree, column.name) for tree in trees] for column in _COLUMNS]
+    return OutputLayer("trees", _COLUMNS, system), OutputRows(values, system.full(xy))
 
 
 def _value(tree: LandmarkEntry, name: str) -> Any:

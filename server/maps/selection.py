@@ -67,6 +67,11 @@ def chosen_keys(tx: ReadTransaction, collection_id: str, body: MapInput) -> list
     return sorted(keys)
 
 
+def names_of(tx: ReadTransaction, collection_key: int, keys: Sequence[int]) -> list[str]:
+    """The ids of submaps by key, in order."""
+    return [row.id for row in tx.submaps(collection_key).some(keys, SubmapMetadata)]
+
+
 def numbers_of(chosen: Sequence[ChosenSubmap], body: MapInput) -> dict[str, int]:
     """The number of each submap by its id. Raises InvalidField for odometry between submaps that were not chosen."""
     numbers = {one.id: number for number, one in enumerate(chosen)}

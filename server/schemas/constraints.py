@@ -101,6 +101,11 @@ class Constraint(Answer):
     information_frame: Literal["to"] = Field(
         "to", description="Axes of `information`: those of the frame of the submap `to`."
     )
+    rank: int | None = Field(
+        None,
+        description="Rank of the match in its search. Only the match of rank 1 was compared with all rivals; in rows "
+        "of trees, others are often off by a row. Null in older results.",
+    )
     inlier_count: int = Field(description="Number of pairs of landmarks that agree.")
     rms: float = Field(description="Root mean square of the inliers' residuals, in metres.")
     confidence: float = Field(description="Calibrated probability that `transform` is right.")
@@ -144,6 +149,7 @@ CONSTRAINT_EXAMPLE: dict[str, Any] = {
     },
     "information": [1000, 0, 0, 0, 1000, 0, 0, 0, 1e6],
     "information_frame": "to",
+    "rank": 1,
     "inlier_count": 41,
     "rms": 0.12,
     "confidence": 0.9999,

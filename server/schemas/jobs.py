@@ -24,7 +24,7 @@ class JobAnswer(Answer):
     """A job: long work that goes on after the request that asked for it."""
 
     id: str = Field(description="Id of the job.")
-    type: str = Field(description="What the job does: `import`, `reindex` or `constraints`.")
+    type: str = Field(description="What the job does: `import`, `reindex`, `constraints` or `map`.")
     collection: str = Field(description="Id of the collection that the job works on.")
     state: str = Field(
         description="How far the job is. `accepted`: it waits for a turn, its first or its next one. `running`: it "

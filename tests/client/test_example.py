@@ -51,3 +51,21 @@ def test_the_robot_closes_its_loops(tmp_path: Path) -> None:
     assert all(line.startswith("stop ") and "trees agree" in line for line in closed)
     assert (put.returncode, put.stderr) == (0, "")
     assert put.stdout.startswith("extra: created")
+
+
+def test_three_drives_become_one_map(tmp_path: Path) -> None:
+    server = Server(tmp_path / "urquhart.db", tmp_path / "log")
+    try:
+        ran = subprocess.run(
+            [sys.executable, ROOT / "examples/drives_to_map.py", str(server.client.base_url), tmp_path / "trees.csv"],
+            capture_output=True,
+            text=True,
+            timeout=120,
+        )
+    finally:
+        server.close()
+    assert (ran.returncode, ran.stderr) == (0, "")
+    assert ran.stdout.startswith("18 submaps in 1 part: ")
+    count = int(ran.stdout.split()[5])
+    assert 325 < count < 345  # 335 of longleaf's 584 trees are seen; the others stand at the edges, out of sight
+    assert len((tmp_path / "trees.csv").read_text().splitlines()) == 1 + count

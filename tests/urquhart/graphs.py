@@ -54,5 +54,5 @@ def measured(
     second[false] = (first[false] + rng.integers(1, len(truth), count)) % len(truth)
     poses[false] = np.column_stack([rng.uniform(-20.0, 20.0, (count, 2)), rng.uniform(-np.pi, np.pi, count)])
     covariances = congruent(rotations(poses[:, 2]), sigma[:, :, None] ** 2 * np.eye(3))
-    given = PoseConstraints(first, second, poses, np.zeros((len(pairs), 2)), covariances, trusted)
+    given = PoseConstraints(first, second, poses, np.zeros((len(pairs), 2)), covariances, trusted, trusted & ~trusted)
     return TrueGraph(given, truth, false)

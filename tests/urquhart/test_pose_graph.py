@@ -118,7 +118,7 @@ def test_a_wrong_prior_is_refused() -> None:
     graph = drive(np.random.default_rng(2), 30)
     given = [constraint(MAP, i, SE2(*graph.truth[i].tolist())) for i in (0, 7, 8, 15, 29)]
     priors = PoseConstraints.of([*given, constraint(MAP, 12, SE2(0.0, 0.0, 0.0))])
-    names = ("first", "second", "poses", "about", "covariances", "trusted")
+    names = ("first", "second", "poses", "about", "covariances", "trusted", "secondary")
     both = PoseConstraints(*(np.concatenate([getattr(one, n) for one in (graph.constraints, priors)]) for n in names))
     found = optimise(30, both)
     assert found.in_map.tolist() == [True]

@@ -13,6 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
+from scipy.spatial import cKDTree
 
 from urquhart.mapping.map_merging import dbscan, keep_apart, renumber
 
@@ -34,6 +35,11 @@ class AssociationNumbers(NamedTuple):
     """Times that submaps are moved and landmarks grouped again."""
     noise: float = 0.1
     """Metres: noise of one coordinate that is assumed where no tree was observed twice."""
+    again: float = 2.0
+    """Groups this many times as far apart are one tree if no submap has both: two trees would have been seen together
+    somewhere. Submaps are not rigid, and their far trees are off by more than noise."""
+    several: int = 3
+    """Fewest landmarks that two such groups must have: with fewer, each submap may have missed one of two trees."""
     swaps: int = 5
     """Most times that the landmarks of close trees are dealt out to them again."""
 
@@ -85,7 +91,7 @@ def associate(given: MapLandmarks, middles: Points, covariances: NDArray[np.floa
         noise = _noise(moved, labels)
         distance = float(np.clip(ASSOCIATION.reach * noise, ASSOCIATION.least, ASSOCIATION.first))
         labels = _grouped(moved, given.owner, distance)
-    return Associated(labels, moved, noise)
+    return Associated(_rejoined(moved, given.owner, labels, ASSOCIATION.again * distance), moved, noise)
 
 
 def _grouped(xy: Points, owner: Labels, distance: float) -> Labels:
@@ -97,6 +103,28 @@ def _grouped(xy: Points, owner: Labels, distance: float) -> Labels:
         members = np.flatnonzero(chained == group)
         apart[members] = _dealt_out(xy[members], owner[members], apart[members])
     return renumber(apart)
+
+
+def _rejoined(xy: Points, owner: Labels, labels: Labels, distance: float) -> Labels:
+    """Groups (N,) whose means are within `distance`, metres, joined if no owner has both; nearest first."""
+    if not len(labels):
+        return labels
+    counts = np.bincount(labels)
+    means = np.column_stack([np.bincount(labels, xy[:, k]) for k in range(2)]) / counts[:, None]
+    pairs = cKDTree(means).query_pairs(distance, output_type="ndarray")
+    pairs = pairs[counts[pairs].sum(axis=1) >= ASSOCIATION.several]
+    gaps = np.hypot(*(means[pairs[:, 0]] - means[pairs[:, 1]]).T)
+    order, ends = np.argsort(labels, kind="stable"), np.cumsum(counts)
+    owners = {g: set(owner[order[ends[g] - counts[g] : ends[g]]].tolist()) for g in np.unique(pairs).tolist()}
+    members = {group: [group] for group in owners}
+    joined = np.arange(len(counts))
+    for a, b in pairs[np.argsort(gaps, kind="stable")].tolist():
+        first, second = int(joined[a]), int(joined[b])
+        if first != second and owners[first].isdisjoint(owners[second]):
+            owners[first] |= owners[second]
+            members[first] += members[second]
+            joined[members[second]] = first
+    return renumber(joined[labels])
 
 
 def _sizes_of_largest(chained: Labels, apart: Labels) -> NDArray[np.int64]:

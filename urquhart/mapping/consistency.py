@@ -51,8 +51,8 @@ def consistent_groups(
     poses = start_poses(graph, kept, support)
     solver = None
     while pending:
-        size = len(pending[0])
-        count = sum(len(group) >= GROUPS.together * size for group in pending)
+        size = _size(graph, pending[0])
+        count = sum(_size(graph, group) >= GROUPS.together * size for group in pending)
         some, pending = pending[:count], pending[count:]
         part = parts(graph, kept)
         accepted = []
@@ -64,7 +64,7 @@ def consistent_groups(
                 accepted.append(group)
         # Those that were compared with the same poses may contradict each other: the largest corrects the poses first.
         if len(accepted) > 1:
-            pending = sorted(accepted[1:] + pending, key=_order)
+            pending = sorted(accepted[1:] + pending, key=lambda group: _order(graph, group))
             accepted = accepted[:1]
         if accepted:
             kept[accepted[0]] = True
@@ -81,11 +81,18 @@ def _groups(graph: CentredGraph, cycles: Agreements, support: NDArray[np.int64],
     chosen = np.flatnonzero(~graph.trusted & (support >= least))
     order = chosen[np.lexsort((chosen, -support[chosen], labels[chosen]))]
     begins = np.flatnonzero(np.diff(labels[order], prepend=-1))
-    return sorted(np.split(order, begins[1:]), key=_order) if len(order) else []
+    groups = np.split(order, begins[1:]) if len(order) else []
+    # Secondary matches in rows of trees are off by one row together, and confirm each other.
+    return sorted((group for group in groups if _size(graph, group)), key=lambda group: _order(graph, group))
 
 
-def _order(group: NDArray[np.int64]) -> tuple[int, int]:
-    return -len(group), int(group.min())
+def _size(graph: CentredGraph, group: NDArray[np.int64]) -> int:
+    """The number of constraints of a group that are not secondary."""
+    return int((~graph.secondary[group]).sum())
+
+
+def _order(graph: CentredGraph, group: NDArray[np.int64]) -> tuple[int, int]:
+    return -_size(graph, group), int(group.min())
 
 
 def _solved(graph: CentredGraph, kept: NDArray[np.bool_], support: NDArray[np.int64]) -> tuple[GraphSolver, Poses]:

@@ -123,7 +123,7 @@ def optimise(count: int, constraints: PoseConstraints, numbers: MappingNumbers =
     false |= believed & ~kept
     share = false.sum() / max(int((false | (kept & ~graph.trusted)).sum()), 1)
     judge = Judge(gate, numbers.sharp, numbers.agreeing == 1 or bool(share <= numbers.false_share))
-    joined, poses = join(graph, kept, ~kept & ~false, poses, judge)
+    joined, poses = join(graph, kept, ~kept & ~false & ~graph.secondary, poses, judge)
     kept |= joined
     solver, poses = _solve(graph, kept, poses)
     more = _confirmed(graph, solver, poses, ~kept, judge)

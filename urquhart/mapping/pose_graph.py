@@ -32,6 +32,8 @@ class PoseConstraint:
         second: number of a submap.
         uncertainty: of `pose`.
         trusted: whether it is right within its uncertainty (odometry). A match between places may be a false one.
+        secondary: whether it counts only where others confirm it: a match that was not the best of its search, and so
+            was not compared with all rivals. In rows of trees, such matches are often off by a row.
     """
 
     first: int
@@ -39,6 +41,7 @@ class PoseConstraint:
     pose: SE2
     uncertainty: PoseUncertainty
     trusted: bool = False
+    secondary: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,6 +55,7 @@ class PoseConstraints:
         covariances: (E, 3, 3) float64 over (x, y, yaw): of the transformed point `about` along the axes of `first`,
             square metres, and of the yaw, square radians.
         trusted: (E,) bool, whether a constraint is right within its uncertainty; others may be false.
+        secondary: (E,) bool, whether it counts only where others confirm it.
     """
 
     first: NDArray[np.int64]
@@ -60,6 +64,7 @@ class PoseConstraints:
     about: NDArray[np.float64]
     covariances: Covariances
     trusted: NDArray[np.bool_]
+    secondary: NDArray[np.bool_]
 
     def __len__(self) -> int:
         return len(self.first)
@@ -75,6 +80,7 @@ class PoseConstraints:
             np.array([one.uncertainty.source for one in constraints], np.float64).reshape(size, 2),
             np.array([one.uncertainty.covariance for one in constraints], np.float64).reshape(size, 3, 3),
             np.array([one.trusted for one in constraints], np.bool_),
+            np.array([one.secondary for one in constraints], np.bool_),
         )
 
     def check(self, count: int) -> None:
@@ -109,7 +115,7 @@ class CentredGraph:
         first, second: (E,) int64, vertices.
         poses: (E, 3) float64, of the frame about the centre of `second` in the one about the centre of `first`.
         covariances: (E, 3, 3) float64, of an error in the frame about the centre of `second` (`pose_arrays`).
-        trusted: (E,) bool.
+        trusted, secondary: (E,) bool.
     """
 
     count: int
@@ -119,6 +125,7 @@ class CentredGraph:
     poses: Poses
     covariances: Covariances
     trusted: NDArray[np.bool_]
+    secondary: NDArray[np.bool_]
 
     @property
     def map_vertex(self) -> int:
@@ -145,7 +152,7 @@ def centred(count: int, given: PoseConstraints) -> CentredGraph:
     poses = np.column_stack([offset - centres[first], given.poses[:, 2]])
     back = rotations(-given.poses[:, 2])
     covariances = congruent(back, swung(given.covariances, offset - there))
-    return CentredGraph(count + 1, centres, first, given.second, poses, covariances, given.trusted)
+    return CentredGraph(count + 1, centres, first, given.second, poses, covariances, given.trusted, given.secondary)
 
 
 def _numbers(pose: SE2) -> tuple[float, float, float]:

@@ -7,7 +7,7 @@ from typing import Final
 import orjson
 from pydantic import ValidationError
 
-from server.constraints.extraction import agree, chosen_submaps, from_look, question, read_found
+from server.constraints.extraction import Found, agree, chosen_submaps, from_look, question, read_found
 from server.errors import Conflict, NotFound
 from server.jobs.folder import cut
 from server.jobs.running_job import JobContext, RunningJob
@@ -40,42 +40,48 @@ def run_constraints(job: RunningJob, context: JobContext) -> None:
             "Another version of the service accepted this job, and this version cannot read its parameters. Post it "
             "again."
         ) from error
-    found_file, results_file = context.folder.found(job.id), context.folder.results(job.id)
-    if job.total is None:
-        with context.database.read() as tx:
-            job.total = len(_matching(job, tx, body))
+    kept, counts = find_all(job, context, body)
+    results_file = context.folder.results(job.id)
     with disk_errors(context.folder.path):
-        with found_file.open("a+b") as found:
-            context.folder.sync()
-            cut(found, job.progress.get("found", 0))
-            contradicting = int(job.progress.get(CONTRADICTING, 0))
-            for row, is_last in _rows(job, context, body):
-                look = _look_up(job, context, row, body)
-                if look is not None:
-                    contradicting += look.answer.reason == REASON
-                    found.writelines(orjson.dumps(one) + b"\n" for one in from_look(row, look, body))
-                job.done += 1
-                # A search may take seconds, and somebody may wait for the end of the job, or for a turn.
-                if is_last or job.since_report > _SILENCE:
-                    found.flush()
-                    os.fsync(found.fileno())
-                    job.report(after=row.key, found=found.tell(), contradicting_maps=contradicting)
-                    job.yield_turn()
-            found.seek(0)
-            kept, contradictions = agree(read_found(line) for line in found)
         with results_file.open("wb") as results:
             context.folder.sync()
             results.writelines(orjson.dumps(one) + b"\n" for one in kept)
             results.flush()
             os.fsync(results.fileno())
             size = results.tell()
-        job.total = job.done  # submaps may have been stored or deleted in the meantime
-        job.counts = {
-            "constraints": len(kept),
-            "inconsistent": contradictions,
-            CONTRADICTING: contradicting,
-        }
+        job.counts = counts
         job.report(written=size)
+
+
+def find_all(job: RunningJob, context: JobContext, body: ConstraintsInput) -> tuple[list[Found], dict[str, int]]:
+    """Look submaps up one by one, from where the job stands. One constraint for each pair, and the job's counts.
+
+    Raises NotFound, StorageError, and what `RunningJob.report` raises.
+    """
+    found_file = context.folder.found(job.id)
+    if job.total is None:
+        with context.database.read() as tx:
+            job.total = len(_matching(job, tx, body))
+    with disk_errors(context.folder.path), found_file.open("a+b") as found:
+        context.folder.sync()
+        cut(found, job.progress.get("found", 0))
+        contradicting = int(job.progress.get(CONTRADICTING, 0))
+        for row, is_last in _rows(job, context, body):
+            look = _look_up(job, context, row, body)
+            if look is not None:
+                contradicting += look.answer.reason == REASON
+                found.writelines(orjson.dumps(one) + b"\n" for one in from_look(row, look, body))
+            job.done += 1
+            # A search may take seconds, and somebody may wait for the end of the job, or for a turn.
+            if is_last or job.since_report > _SILENCE:
+                found.flush()
+                os.fsync(found.fileno())
+                job.report(after=row.key, found=found.tell(), contradicting_maps=contradicting)
+                job.yield_turn()
+        found.seek(0)
+        kept, contradictions = agree(read_found(line) for line in found)
+    job.total = job.done  # submaps may have been stored or deleted in the meantime
+    return kept, {"constraints": len(kept), "inconsistent": contradictions, CONTRADICTING: contradicting}
 
 
 def _rows(job: RunningJob, context: JobContext, body: ConstraintsInput) -> Iterator[tuple[SubmapMetadata, bool]]:

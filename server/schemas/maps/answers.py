@@ -1,6 +1,6 @@
 """What came of a map: its poses, constraints and trees."""
 
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import Field
 
@@ -53,8 +53,8 @@ class LandmarkEntry(Answer):
     height_m: float | None = Field(description="Median of the heights, in metres.")
     observed: int = Field(description="Number of submaps that have the tree.")
     missed: int = Field(description="Number of submaps that have other trees all around it, but not this one.")
-    first_seen: str | None = Field(description="The earliest stamp of those that have it, in RFC 3339 form.")
-    last_seen: str | None = Field(description="The latest stamp.")
+    first_seen: str | None = Field(description="The earliest stamp of the submaps that have it, in RFC 3339 form.")
+    last_seen: str | None = Field(description="The latest stamp of the submaps that have it, in RFC 3339 form.")
 
 
 class MapSummary(Answer):
@@ -70,3 +70,74 @@ class MapSummary(Answer):
     )
     trees: int = Field(description="Number of trees.")
     noise: float = Field(description="Metres: standard deviation of one coordinate of one observed tree.")
+
+
+class MapAnswer(Answer):
+    """A map that a job built."""
+
+    id: str = Field(description="Id of the map: that of the job that built it.")
+    summary: MapSummary = Field(description="The map in numbers.")
+    map_version: int | None = Field(
+        description="Revision of the collection under which all poses were written. Null if they were not."
+    )
+    poses: list[MapSubmapPose] = Field(description="The pose of each submap.")
+    constraints: list[MapEdge] = Field(description="What became of each constraint.")
+
+
+class PartTrees(Answer):
+    """The trees of one part of a map."""
+
+    part: int = Field(description="Number of the part, from 1.")
+    frame_id: str = Field(description="Map frame of the positions.")
+    trees: list[LandmarkEntry] = Field(description="The trees.")
+
+
+MAP_EXAMPLE: dict[str, Any] = {
+    "id": "0198f3b2c4d57e60",
+    "summary": {
+        "submaps": 2,
+        "parts": [2],
+        "constraints": 1,
+        "contradicted": 0,
+        "unconfirmed": 0,
+        "covariance_scale": 1.0,
+        "trees": 61,
+        "noise": 0.07,
+    },
+    "map_version": None,
+    "poses": [
+        {
+            "id": "p7",
+            "session": "monday",
+            "part": 1,
+            "map_pose": {
+                "frame_id": "map",
+                "x": 0.0,
+                "y": 0.0,
+                "yaw": 0.0,
+                "covariance": [0, 0, 0, 0, 0, 0, 0, 0, 0],
+                "covariance_frame": "map",
+                "about": "submap_origin",
+            },
+        }
+    ],
+    "constraints": [
+        {
+            "kind": "match",
+            "from": "p7",
+            "to": "q3",
+            "refused": None,
+            "shift": 0.01,
+            "turn": 0.0002,
+            "distance": 0.6,
+            "support": 2,
+        }
+    ],
+}
+
+
+class PosesAnswer(Answer):
+    """Poses that were written together."""
+
+    map_version: int = Field(description="Revision of the collection under which the poses were written.")
+    changed: int = Field(description="Number of submaps whose pose is another one now.")

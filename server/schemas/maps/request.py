@@ -6,7 +6,7 @@ from pydantic import ConfigDict, Field
 
 from server.schemas.common import Body, Label, Metres, ResourceId
 from server.schemas.constraints import ConstraintsInput
-from server.schemas.poses import CheckedCovariance, Yaw
+from server.schemas.poses import CheckedCovariance, MapPose, Yaw
 
 
 class OdometryEdge(Body):
@@ -62,4 +62,28 @@ class MapInput(ConstraintsInput):
         description="Map frame of the poses. Parts of the map that nothing connects get frames of their own: the "
         "largest one this name, others this name with `.2`, `.3` and so on. With `use_map_poses`, the part with the "
         "priors is in their frame.",
+    )
+
+
+class PoseMove(Body):
+    """A submap and its new pose."""
+
+    id: ResourceId = Field(description="Id of the submap.")
+    map_pose: MapPose | None = Field(description="The pose to write; null removes the pose that the submap has.")
+    if_match: Annotated[str, Field(min_length=1, max_length=200)] | None = Field(
+        None, description="ETag that the submap must have, without quotation marks. Null for any."
+    )
+
+
+class PosesInput(Body):
+    """Poses of many submaps, which are all written or none."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [{"poses": [{"id": "p7", "map_pose": {"frame_id": "site", "x": 1.0, "y": 2.0, "yaw": 0.5}}]}]
+        }
+    )
+
+    poses: Annotated[list[PoseMove], Field(min_length=1, max_length=20_000)] = Field(
+        description="The submaps and their poses; each submap once."
     )

@@ -248,6 +248,8 @@ BODIES: dict[str, Any] = {
     "postImport": {},
     "postReindex": {},
     "postConstraints": {},
+    "postMap": {},
+    "postPoses": {"poses": [{"id": "p", "map_pose": None}]},
     "queryBatch": {"queries": [{"xy": points(forest(1))}]},
     "query": {"xy": points(forest(1))},
 }
@@ -288,7 +290,7 @@ def test_what_is_anothers_is_not_there(guarded: httpx.Client, app: FastAPI) -> N
         if "{collection}" not in path:
             assert operation in OWN_RULES, f"{operation} names no collection: say in a test of its own what it shows"
             continue
-        url = path.format(collection="plots", submap="p", stand="s", query="1", rank="1", **GIS)
+        url = path.format(collection="plots", submap="p", stand="s", query="1", rank="1", map="1", **GIS)
         body = {"json": BODIES[operation]} if method in {"PUT", "PATCH", "POST"} else {}
         there = guarded.request(method, url, headers=foreign, **body)
         not_there = guarded.request(method, url.replace("plots", "nothing"), headers=foreign, **body)

@@ -16,6 +16,9 @@ _NDJSON = "application/x-ndjson"
 ConstraintFormat = Literal["json", "g2o", "g2o_middle", "matrices"]
 """Formats of a job's constraints. `g2o_middle` has each vertex among the trees of its submap."""
 
+TreeFormat = Literal["csv", "geojson", "gpkg", "parquet"]
+"""Formats of the trees of a map."""
+
 
 def post_import(
     collection: str, source: Path, on_conflict: str, mode: str, key: str | None, sent: Callable[[int], None]
@@ -41,6 +44,39 @@ def post_reindex(collection: str) -> Request[Job]:
 def post_constraints(collection: str, body: Mapping[str, Any]) -> Request[Job]:
     """Find constraints."""
     return with_body("POST", f"{collection_path(collection)}/constraints", body, model(Job), once())
+
+
+def post_map(collection: str, body: Mapping[str, Any]) -> Request[Job]:
+    """Build a map."""
+    return with_body("POST", f"{collection_path(collection)}/maps", body, model(Job), once())
+
+
+def post_poses(collection: str, body: Mapping[str, Any]) -> Request[int]:
+    """Write the poses of many submaps."""
+
+    def parse(response: httpx.Response) -> int:
+        return int(response.json()["map_version"])
+
+    return with_body("POST", f"{collection_path(collection)}/poses", body, parse, once())
+
+
+def get_map(collection: str, map_id: str) -> Request[dict[str, Any]]:
+    """A map: numbers, poses and constraints."""
+
+    def parse(response: httpx.Response) -> dict[str, Any]:
+        return dict(response.json())
+
+    return Request("GET", f"{collection_path(collection)}/maps/{segment(map_id, 'map')}", parse)
+
+
+def get_map_trees(collection: str, map_id: str, wanted: TreeFormat, part: int) -> Request[bytes]:
+    """The trees of a part of a map as a file."""
+
+    def parse(response: httpx.Response) -> bytes:
+        return response.content
+
+    where = f"{collection_path(collection)}/maps/{segment(map_id, 'map')}/landmarks"
+    return Request("GET", where, parse, params={"format": wanted, "part": part})
 
 
 def get_jobs(state: str | None, collection: str | None, limit: int | None, cursor: str | None) -> Request[Page[Job]]:

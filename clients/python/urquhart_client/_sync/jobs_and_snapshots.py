@@ -109,6 +109,28 @@ class JobCalls(Connection):
         """
         return self._send(job_requests.get_constraints(job_id, wanted))
 
+    def build_map(self, collection: str, body: Mapping[str, Any] | None = None) -> Job:
+        """Make one map of submaps. Returns the job. `body`: which submaps, gates, odometry, `apply`; see the API."""
+        return self._send(job_requests.post_map(collection, dict(body or {})))
+
+    def get_map(self, collection: str, map_id: str) -> dict[str, Any]:
+        """A map that a job has built: its numbers, the pose of each submap, and what became of each constraint.
+
+        `map_id` is the id of the job.
+        """
+        return self._send(job_requests.get_map(collection, map_id))
+
+    def map_trees(
+        self, collection: str, map_id: str, wanted: job_requests.TreeFormat = "csv", *, part: int = 1
+    ) -> bytes:
+        """The trees of one part of a map as a file; part 1 is the largest one."""
+        return self._send(job_requests.get_map_trees(collection, map_id, wanted, part))
+
+    def move_submaps(self, collection: str, poses: Mapping[str, Mapping[str, Any] | None]) -> int:
+        """Write the map poses of many submaps by id, all or none; None removes one. Returns the new revision."""
+        moves = [{"id": name, "map_pose": pose} for name, pose in poses.items()]
+        return self._send(job_requests.post_poses(collection, {"poses": moves}))
+
     # ------------------------------------------------------------ snapshots
 
     def create_snapshot(self, name: str | None = None) -> Snapshot:

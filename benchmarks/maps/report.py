@@ -1,0 +1,134 @@
+"""docs/maps.md, written from the figures beside it."""
+
+from typing import Any, Final
+
+from benchmarks.experiments import provenance
+from benchmarks.maps.graphs import LANE, LOOP, REACH, SPACING, TOGETHER
+from benchmarks.maps.matching import WRONG
+from benchmarks.maps.stands import SENSOR
+from benchmarks.markdown import number, page, picture, prose, table
+
+Figures = dict[str, Any]
+GUIDE: Final = """# Maps: many drives, one stem map
+
+A map is made from submaps and the constraints between them: matches that the search finds, odometry, priors. Each
+submap gets a pose in one frame, and each tree one entry.
+
+    urquhart map build drives --session monday --session tuesday --trees site.gpkg --apply
+
+or over HTTP: `POST /v1/collections/drives/maps` starts a job, `GET .../maps/{id}` has the poses, and
+`GET .../maps/{id}/landmarks?format=gpkg` the trees. `examples/drives_to_map.py` is a whole example in 30 lines. Maps
+need GTSAM: `pip install 'urquhart[maps]'` (Linux and macOS).
+
+- **False loops are left out.** Matches that close short cycles confirm each other and form groups. Groups are added
+  one after the other, the largest first, as long as they agree with what is there. Each constraint that is left out is
+  named with the reason: `contradicted` by others, or `unconfirmed` by any.
+- **Nothing is guessed.** Parts that no constraint connects stay frames of their own, each in a map frame and a file of
+  its own. A single match joins two parts only if at least 99 % of the matches that can be checked are right.
+- **Applying is one transaction.** All poses are written under one new revision of the collection, or none: if a submap
+  got other landmarks meanwhile, or if other submaps are in the map frame and would no longer fit.
+- **Trees.** Two trees of one submap never become one. The position has a covariance, diameter and height are medians,
+  and `missed` counts the submaps that have other trees all around this one.
+- **Do not use applied poses as priors.** They follow from the same matches and would count twice."""
+
+
+def report(results: dict[str, Figures]) -> str:
+    """The page."""
+    parts = [GUIDE]
+    if "maps_graphs" in results:
+        parts.append(_graphs(results["maps_graphs"]))
+    if "maps_stands" in results:
+        parts.append(_stands(results["maps_stands"]))
+    if "maps_tracks" in results:
+        parts.append(_tracks(results["maps_tracks"]))
+    return page(*parts, "## Where these figures come from", provenance(results))
+
+
+def _graphs(figures: Figures) -> str:
+    head = ["submaps", "drift", "false", "groups", "drives", "false kept", "right refused", "by odometry, m", "map, m"]
+    rows = [
+        [
+            str(row["submaps"]),
+            f"{100 * row['drift']:.0f} %",
+            f"{100 * row['share']:.0f} %",
+            "yes" if row["grouped"] else "",
+            str(row["drives"]),
+            f"{row['false_kept']:.0f} of {row['false']:.0f}",
+            f"{row['right_refused']:.0f} of {row['loops'] - row['false']:.0f}",
+            number(row["before"]),
+            f"{number(row['after'])} ({number(row['worst'])})",
+            number(row["nees"]),
+            number(row["seconds"], 1),
+        ]
+        for row in figures["rows"]
+    ]
+    return page(
+        "## Drift and false loops",
+        picture("maps_drive", "A drive by odometry and as a map, with the false loops that were left out"),
+        prose(
+            f"""Simulated pose graphs: lanes {LANE:g} m apart, a submap each {SPACING:g} m, matches within {REACH:g} m
+            that are off by {100 * LOOP[0]:g} cm. *Drift* is the error of each step of odometry as a share of its
+            length. False matches join random submaps at random poses; in groups, {TOGETHER} neighbours agree on one
+            wrong place. The error is the mean distance of submaps from their true positions, in the frame of the first
+            one; in brackets that of the worst drive. The last columns are the NEES of the poses (3 if covariances are
+            honest) and the seconds to optimise."""
+        ),
+        table([*head, "NEES", "s"], rows, words=0),
+    )
+
+
+def _stands(figures: Figures) -> str:
+    rows = [
+        [
+            name,
+            f"{row['drives']:.0f}",
+            f"{row['false']:.0f} of {row['matches']:.0f}",
+            f"{row['false_kept']:.0f}",
+            f"{row['folded']:.0f}",
+            f"{row['largest']:.0f} of {row['submaps']:.0f}",
+            f"{number(row['error'])} ({number(row['worst'])})",
+            f"{row['doubled']:.0f}, {row['lost']:.0f}, {row['mixed']:.0f} of {row['trees']:.0f}",
+        ]
+        for name, row in figures["stands"].items()
+    ]
+    head = ["stand", "drives", "false matches", "false kept", "folded", "in the largest part", "error, m"]
+    return page(
+        "## Forests and plantations, without odometry",
+        prose(
+            f"""Lanes through a simulated stand, seen to {SENSOR.radius:g} m with {100 * SENSOR.sigma:g} cm of noise and
+            {100 * SENSOR.detection:g} % of the trees, matched by the search itself, and nothing but these matches. A
+            match is false if it is off by more than {WRONG[0]:g} m. A map is folded if it keeps a false match. The
+            last column has trees with two entries, trees without one, and entries with landmarks of two trees."""
+        ),
+        table([*head, "doubled, lost, mixed trees"], rows),
+    )
+
+
+def _tracks(figures: Figures) -> str:
+    rows = [
+        [
+            row["map"],
+            row["level"],
+            f"{row['right']:.0f} of {row['steps']:.0f}",
+            f"{number(row['errors'], 3)} ({number(row['reference'], 3)})",
+            f"{row['false_kept']:.0f} of {row['false']:.0f}",
+            f"{row['doubled']:.0f}, {row['lost']:.0f}, {row['mixed']:.0f}",
+            f"{row['dbscan_doubled']:.0f}, {row['dbscan_mixed']:.0f}",
+            f"{row['trees']:.0f}",
+        ]
+        for row in figures["tracks"]
+    ]
+    head = ["map", "noise, seen", "steps right", "mean (true pairs), m", "false kept", "doubled, lost, mixed"]
+    missing = [f"Not run: {name} ({reason})." for name, reason in figures["missing"].items()]
+    return page(
+        "## Table II: tracks through real stem maps",
+        prose(
+            """The tracks of [Table II](results.md#table-ii-map-merging-on-real-stem-maps): the same submaps, with their
+            noise and drift, but all matched with each other and optimised together. Errors are the distances of true
+            pairs in submaps in a row; in brackets what these pairs themselves give. Then trees with two entries,
+            without one, and entries of two trees; beside them, the first and the last of these with the paper's DBSCAN
+            under the same poses."""
+        ),
+        table([*head, "DBSCAN", "trees"], rows, words=2),
+        *missing,
+    )
