@@ -87,7 +87,7 @@ def _recording(inner: Callable[..., Awaitable[None]], path: Path) -> Callable[..
         await inner(self, scope, receive, send)
         mark("done")
         with path.open("ab") as file:
-            file.write(orjson.dumps(_marks) + b"\n")
+            file.write(orjson.dumps([tuple(one) for one in _marks]) + b"\n")
         _marks.clear()
 
     return handled

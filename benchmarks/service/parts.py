@@ -28,14 +28,14 @@ def measure_single(versions: Sequence[Version], *, quick: bool) -> Figures:
             server = stack.enter_context(version.service(Path(name)))
             workload.fill(server.url)
             subjects[version.name] = single.Subject(server, stack.enter_context(version.library(submaps)))
-        found = single.measure(subjects, workload, asked=40 if quick else 400)
+        found = single.measure(subjects, workload, asked=40 if quick else 300)
     return {"submaps": len(workload.submaps), "trees": workload.trees, "versions": found}
 
 
 def measure_crowd(versions: Sequence[Version], *, quick: bool) -> Figures:
     """A fleet: 32 clients, nine of ten requests queries, among ten thousand submaps."""
     workload = Workload.make(300 if quick else 10_000, 0)
-    seconds = 2.0 if quick else 20.0
+    seconds = 2.0 if quick else 10.0
     with _services(versions, workload) as servers:
         found = _in_turn(servers, lambda turn: crowd.fleet(workload, turn), clients=_CLIENTS, seconds=seconds)
     return {"submaps": len(workload.submaps), "versions": found}
@@ -44,7 +44,7 @@ def measure_crowd(versions: Sequence[Version], *, quick: bool) -> Figures:
 def measure_puts(versions: Sequence[Version], *, quick: bool) -> Figures:
     """Eight clients that store, each submap durable before it is acknowledged."""
     workload = Workload.make(200, 0)
-    seconds = 2.0 if quick else 10.0
+    seconds = 2.0 if quick else 5.0
     with _services(versions, workload) as servers:
         found = _in_turn(servers, lambda turn: crowd.writers(workload, turn), clients=_WRITERS, seconds=seconds)
     return {"trees": workload.trees, "versions": found}

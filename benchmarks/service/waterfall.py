@@ -63,7 +63,7 @@ def _ask(connection: Connection, workload: Workload, number: int, path: Path) ->
     arrived = perf_counter_ns()
     while not (line := path.read_bytes()).endswith(b"\n"):
         continue  # the marks are written when the answer is on its way
-    marks = [Mark(*values) for values in orjson.loads(line)]
+    marks = [Mark(*values) for values in orjson.loads(line.splitlines()[-1])]
     # What the service does before its first mark and after its last one is the kernel's work and the client's.
     return [Mark("sent", sent, marks[0].cpu), *marks, Mark("arrived", arrived, marks[-1].cpu)]
 

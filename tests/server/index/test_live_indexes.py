@@ -290,6 +290,28 @@ def test_a_reader_that_is_always_overtaken_gets_its_turn(
     assert overtaken
 
 
+def test_a_reader_that_was_overtaken_has_the_version_of_its_read_view(
+    pair: tuple[CatalogProcess, CatalogProcess], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one, two = pair
+    one.put("a", 1)
+    assert two.found(1) == "a"
+    catch_up, calls = LiveIndex.catch_up, list[int]()
+
+    def late(self: LiveIndex, tx: ReadTransaction, collection: CollectionRecord, *rest: Any) -> IndexVersion:
+        calls.append(collection.revision)
+        if len(calls) == 1:
+            one.put("b", 2)
+            assert two.found(2) == "b"
+        return catch_up(self, tx, collection, *rest)
+
+    monkeypatch.setattr(LiveIndex, "catch_up", late)
+    with two.indexes.view("plots") as view:
+        assert (view.revision, len(view.recognizer)) == (1, 1)
+    assert calls == [1, 2], "the reader did not begin again"
+    assert two.found(2) == "b", "and nobody else is set back"
+
+
 def test_a_database_that_was_put_back_and_written_to(pair: tuple[CatalogProcess, CatalogProcess]) -> None:
     """It comes to the same revision again, but not in the same way."""
     one, two = pair
