@@ -1,8 +1,6 @@
 """One plot looked up in a collection and, if it is matched, fitted to all trees of the map around it."""
 
-import math
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -12,8 +10,10 @@ from numpy.typing import NDArray
 from server.collections.crud import get_collection
 from server.coregistration.map_systems import MapSystem, map_system
 from server.coregistration.map_trees import MapTrees, trees_around, trees_of_submap
+from server.coregistration.nominal import NominalPlaces
 from server.coregistration.places import distinct_places
-from server.coregistration.results import MapTree, PlotPose, PlotResult, PlotTree
+from server.coregistration.plot_poses import PlotFrame, listed, map_trees_of, plot_pose, plot_trees, pose_of, sigmas_of
+from server.coregistration.results import PlotResult, PlotTree
 from server.coregistration.season import SeasonPlot
 from server.coregistration.sentences import ambiguous_sentence, matched_sentence, unmatched_sentence
 from server.errors import InvalidLandmarks
@@ -23,9 +23,7 @@ from server.queries.query import PlaceQuery, QueryLandmarks
 from server.store.codec import digest, pack_positions
 from server.store.records import CollectionRecord
 from server.store.storage import ReadTransaction
-from server.store.submap_records import Place
-from urquhart import SE2, Candidate, Config, Effort, LandmarkError, describe
-from urquhart.pose_covariance import compose
+from urquhart import SE2, Config, Effort, LandmarkError, describe
 from urquhart.verify.map_fit import MapFit, fit_to_map
 
 _MARGIN: Final = 15.0
@@ -41,6 +39,7 @@ class SearchChoices:
     effort: Effort = "full"
     min_confidence: float | None = None
     seed: int | None = None
+    nominal: NominalPlaces | None = None
 
 
 class PlotPlacer:
@@ -52,7 +51,7 @@ class PlotPlacer:
         with context.database.read() as tx:
             collection = get_collection(tx, collection_id)
         # A collection that changed may hold plots elsewhere, so its revision is part of every key.
-        self._common = f"1 {collection_id} {collection.key} {collection.revision} {choices!r}"
+        self._common = f"2 {collection_id} {collection.key} {collection.revision} {choices!r}"
         self._systems: dict[str, MapSystem] = {}
 
     def key(self, plot: SeasonPlot) -> str:
@@ -77,15 +76,18 @@ class PlotPlacer:
             what = f"the plot has {len(plot.trees)} trees, more than the {limit} that a query may have: cut it"
             return replace(result, outcome="failed", reason="too_many_trees", sentence=what)
         try:
-            look = look_up(self._context, self._collection_id, self._query(plot))
-            result = self._answered(plot, result, look)
+            near = self._near(plot)
+            look = near if near is not None and near.answer.verdict == "matched" else self._everywhere(plot)
+            if near is not None and near.answer.verdict == "ambiguous" and look.answer.verdict != "matched":
+                look = near
+            result = self._answered(plot, replace(result, searched="near" if look is near else "everywhere"), look)
         except InvalidLandmarks as error:
             result = replace(result, outcome="failed", reason="invalid_trees", sentence=str(error))
         return replace(result, seconds=round(time.perf_counter() - began, 3))
 
     def _unplaced(self, plot: SeasonPlot) -> PlotResult:
         """The result of a plot as far as it is known without a search."""
-        trees, centre = plot.trees, np.array(plot.centre)
+        trees, centre, nominal = plot.trees, np.array(plot.centre), self._choices.nominal
         return PlotResult(
             name=plot.name,
             file=str(plot.path),
@@ -95,15 +97,30 @@ class PlotPlacer:
             sentence="",
             system=trees.crs,
             centre=plot.centre,
-            is_local=plot.is_local,
+            is_local=plot.is_local and (nominal is None or nominal.position(plot) is None),
             radius=float(np.hypot(*(trees.xy - centre).T).max(initial=0.0)),
             trees=[
                 PlotTree(tree_id, x, y, dbh)
                 for tree_id, (x, y), dbh in zip(
-                    trees.ids, trees.xy.tolist(), _listed(trees.dbh_cm, len(trees)), strict=True
+                    trees.ids, trees.xy.tolist(), listed(trees.dbh_cm, len(trees)), strict=True
                 )
             ],
         )
+
+    def _everywhere(self, plot: SeasonPlot) -> LookupResult:
+        return look_up(self._context, self._collection_id, self._query(plot))
+
+    def _near(self, plot: SeasonPlot) -> LookupResult | None:
+        """The answer where the plot ought to be; None if nothing says where, or the map does not reach there."""
+        nominal = self._choices.nominal
+        if nominal is None:
+            return None
+        with self._context.database.read() as tx:
+            system = self._system(tx, get_collection(tx, self._collection_id), nominal.frame_id)
+        prior = nominal.prior(plot, system.origin)
+        if prior is None:
+            return None
+        return look_up(self._context, self._collection_id, replace(self._query(plot), prior=prior))
 
     def _query(self, plot: SeasonPlot) -> PlaceQuery:
         """The query of a plot. Its frame has its origin at the plot's centre, which poses are then about."""
@@ -146,7 +163,7 @@ class PlotPlacer:
         if row is None:
             return gone
         place = row.place
-        start = candidate.transform if place is None else _pose_of(place) @ candidate.transform
+        start = candidate.transform if place is None else pose_of(place) @ candidate.transform
         middle, radius = start.apply(np.zeros((1, 2)))[0], result.radius + _MARGIN
         if place is None:
             frame_id, system = row.frame_id or row.id, MapSystem()
@@ -160,8 +177,10 @@ class PlotPlacer:
             fit = _fit(plot, there, start, config_of(collection), keep=candidate.level == "given")
         except (LandmarkError, ValueError):
             return gone
-        sigmas = _sigmas(fit, candidate, place)
-        pose = _placed_pose(plot, fit.transform, sigmas, frame_id, system)
+        sigmas = sigmas_of(fit, candidate, place)
+        nominal = self._choices.nominal
+        known = None if nominal is None else nominal.position(plot)
+        pose = plot_pose(plot, fit.transform, sigmas, PlotFrame(frame_id, system, known))
         result = replace(
             result,
             pose=pose,
@@ -171,8 +190,8 @@ class PlotPlacer:
             scale=fit.scale,
             confidence=answer.confidence,
             warnings=[word for word in fit.warnings if word != "far_origin"],
-            trees=_plot_trees(plot, fit, there, system),
-            map_trees=_map_trees(fit, there, system),
+            trees=plot_trees(plot, fit, there, system),
+            map_trees=map_trees_of(fit, there, system),
         )
         return replace(result, sentence=matched_sentence(result))
 
@@ -180,18 +199,6 @@ class PlotPlacer:
         if frame_id not in self._systems:
             self._systems[frame_id] = map_system(tx, collection, frame_id)
         return self._systems[frame_id]
-
-
-def _pose_of(place: Place) -> SE2:
-    """map_T_submap."""
-    return SE2(place.map_x, place.map_y, place.map_yaw)
-
-
-def _listed(values: NDArray[np.float64] | None, count: int) -> Sequence[float | None]:
-    """Values (N,) with None for NaN."""
-    if values is None:
-        return [None] * count
-    return [None if math.isnan(value) else value for value in values.tolist()]
 
 
 def _nearest_trees(there: MapTrees, middle: NDArray[np.float64]) -> MapTrees:
@@ -209,70 +216,3 @@ def _fit(plot: SeasonPlot, there: MapTrees, start: SE2, config: Config, *, keep:
     measured = None if dbh is None or np.isnan(dbh).all() else dbh / 100.0
     observation = describe(plot.trees.xy - np.array(plot.centre), config, measured)
     return fit_to_map(observation, describe(there.xy, config, there.diameters), start, config, keep=keep)
-
-
-def _sigmas(fit: MapFit, candidate: Candidate, place: Place | None) -> NDArray[np.float64] | None:
-    """Standard deviations (3,) of the plot's centre and rotation: metres, metres, radians; None if not known."""
-    uncertainty, pose = fit.uncertainty, fit.transform
-    if place is not None and place.map_covariance is None:
-        return None
-    if candidate.level == "given" or (place is not None and any(place.map_covariance or ())):
-        # Of the search, and of the submap's own pose in the map, which all partners share.
-        given = np.zeros((3, 3)) if place is None else np.asarray(place.map_covariance, dtype=np.float64).reshape(3, 3)
-        there = SE2.identity() if place is None else _pose_of(place)
-        uncertainty, pose = (
-            compose(there, given, candidate.transform, candidate.uncertainty),
-            there @ candidate.transform,
-        )
-    return np.sqrt(np.diag(uncertainty.covariance_about(pose, np.zeros(2))))
-
-
-def _placed_pose(
-    plot: SeasonPlot, map_T_plot: SE2, sigmas: NDArray[np.float64] | None, frame_id: str, system: MapSystem
-) -> PlotPose:
-    """The pose for people, from that of the plot about its centre."""
-    (x, y), (e0, n0) = plot.centre, system.origin
-    e, n = map_T_plot.x + e0, map_T_plot.y + n0
-    c, s = math.cos(map_T_plot.yaw), math.sin(map_T_plot.yaw)
-    matrix = [
-        [c, -s, 0.0, e - c * x + s * y],
-        [s, c, 0.0, n - s * x - c * y],
-        [0.0, 0.0, 1.0, 0.0],
-        [0.0, 0.0, 0.0, 1.0],
-    ]
-    sigma_e = sigma_n = sigma_turn = None
-    if sigmas is not None:
-        sigma_e, sigma_n, sigma_turn = float(sigmas[0]), float(sigmas[1]), math.degrees(float(sigmas[2]))
-    turn = -math.degrees(map_T_plot.yaw)
-    is_same = not (plot.trees.crs and system.crs) or plot.trees.crs == system.crs
-    shift = (e - x, n - y) if is_same else (None, None)
-    return PlotPose(frame_id, system.crs, e, n, shift[0], shift[1], turn, sigma_e, sigma_n, sigma_turn, matrix)
-
-
-def _plot_trees(plot: SeasonPlot, fit: MapFit, there: MapTrees, system: MapSystem) -> list[PlotTree]:
-    """The plot's trees in the map, with their partners."""
-    placed = fit.transform.apply(plot.trees.xy - np.array(plot.centre)) + np.array(system.origin)
-    partner = dict(
-        zip(fit.query_indices.tolist(), zip(fit.map_indices.tolist(), fit.residuals.tolist(), strict=True), strict=True)
-    )
-    dbh, of_map = _listed(plot.trees.dbh_cm, len(plot.trees)), _listed(there.dbh_cm, len(there.ids))
-    trees = []
-    for tree, (tree_id, (x, y), (e, n)) in enumerate(
-        zip(plot.trees.ids, plot.trees.xy.tolist(), placed.tolist(), strict=True)
-    ):
-        one = PlotTree(tree_id, x, y, dbh[tree], e, n)
-        if tree in partner:
-            other, residual = partner[tree]
-            one = replace(one, partner=there.ids[other], partner_dbh_cm=of_map[other], residual=residual)
-        trees.append(one)
-    return trees
-
-
-def _map_trees(fit: MapFit, there: MapTrees, system: MapSystem) -> list[MapTree]:
-    """The trees of the map around the plot."""
-    paired, inside = set(fit.map_indices.tolist()), set(fit.missing.tolist())
-    dbh, xy = _listed(there.dbh_cm, len(there.ids)), there.xy + np.array(system.origin)
-    return [
-        MapTree(there.ids[tree], e, n, dbh[tree], tree in paired, tree in paired or tree in inside)
-        for tree, (e, n) in enumerate(xy.tolist())
-    ]

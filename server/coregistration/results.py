@@ -17,8 +17,10 @@ class PlotPose:
         frame_id: of the map.
         crs: the map's coordinate reference system; None if it is not known.
         e, n: the plot's centre in the map.
-        shift_e, shift_n: that, less the centre in the plot's own coordinates; None if those are of another system.
+        shift_e, shift_n: that, less where the plot ought to be, or the centre in its own coordinates; None if those are
+            of another system.
         turn_cw: rotation from the plot's axes to the map's, clockwise.
+        nominal_e, nominal_n: where that centre ought to be by what is known of the plot; None if nothing is.
         sigma_e, sigma_n, sigma_turn: one standard deviation of centre and rotation; None if not known.
         matrix: (4, 4), row by row: homogeneous coordinates of the plot to those of the map; heights stay.
     """
@@ -30,6 +32,8 @@ class PlotPose:
     shift_e: float | None
     shift_n: float | None
     turn_cw: float
+    nominal_e: float | None
+    nominal_n: float | None
     sigma_e: float | None
     sigma_n: float | None
     sigma_turn: float | None
@@ -102,6 +106,7 @@ class PlotResult:
         places: the places that fit, if the plot is ambiguous: the best one first.
         warnings: what is wrong with coordinates, as stable words.
         trees, map_trees: of the plot, and of the map around it if it is matched.
+        searched: `near` if it was found where it ought to be, `everywhere` if not; empty if nothing was searched.
         seconds: that the search took.
     """
 
@@ -125,6 +130,7 @@ class PlotResult:
     warnings: list[str] = field(default_factory=list)
     trees: list[PlotTree] = field(default_factory=list)
     map_trees: list[MapTree] = field(default_factory=list)
+    searched: Literal["", "near", "everywhere"] = ""
     seconds: float = 0.0
 
     def to_json(self) -> bytes:

@@ -106,14 +106,16 @@ def read_trees(path: Path, options: ReadOptions) -> TreeRows:
     if SYSTEM_COLUMN not in (name.strip().lower() for name in options.ignore):
         take_system_column(table)
     columns = find_columns(table, options)
-    return read_rows(table, columns, options, _centres(options))
+    centres = None if options.centres is None else read_centres(options.centres, options)
+    return read_rows(table, columns, options, centres)
 
 
-def _centres(options: ReadOptions) -> dict[str, tuple[float, float]] | None:
-    """The plots' centres in the file that `--centres` names, metres. Raises StemMapError."""
-    path = options.centres
-    if path is None:
-        return None
+def read_centres(path: Path, options: ReadOptions) -> dict[str, tuple[float, float]]:
+    """The plots' centres, metres, in a file with the columns plot, x and y; their unit and system are in `options`.
+
+    Raises:
+        StemMapError: the file cannot be used, or a plot has two centres.
+    """
     wanted = ReadOptions(unit=options.unit, crs=options.crs, project=options.project)
     table = read_table(path, FilePart(None, None, is_header_of(wanted)))
     columns = find_columns(table, wanted)

@@ -61,7 +61,7 @@ class PlaceOptions:
         x, y = _pair("--at", self.at)
         turned = math.radians(self.heading_sigma)
         place = {
-            "frame_id": self.frame or _only_frame(storage, collection),
+            "frame_id": self.frame or only_frame(storage, collection),
             "x": x,
             "y": y,
             "about": about,
@@ -158,7 +158,7 @@ def _check_near(about: tuple[float, float], xy: NDArray[np.float64]) -> None:
         )
 
 
-def _only_frame(storage: Storage, collection: str) -> str:
+def only_frame(storage: Storage, collection: str) -> str:
     """The one map frame of a collection; `map` if it has none. Raises CommandError if it has several."""
     with storage.read() as tx:
         row = tx.collections.get(collection)

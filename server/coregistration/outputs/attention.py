@@ -56,6 +56,8 @@ def _reasons(results: Sequence[PlotResult]) -> list[list[str]]:
             names = _named([results[other].name for other in overlaid[at]])
             why.append(f"is placed where {names} is, too: only one of them can be there")
         why += [WARNINGS[word] for word in result.warnings]
+        if result.searched == "everywhere" and result.pose is not None and result.pose.nominal_e is not None:
+            why.append("is not near where it ought to be, and was found elsewhere in the map: check its position")
         if unusual[at]:
             why.append(unusual[at])
         if result.outcome == "matched" and result.share is not None and result.share < _LOW_SHARE:

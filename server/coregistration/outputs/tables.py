@@ -53,7 +53,7 @@ def _pose_cells(result: PlotResult) -> tuple[Cell, ...]:
 
 PLOT_COLUMNS: Final = (
     *("plot", "verdict", "reason", "map", "crs", "E", "N", "dE", "dN", "turn_cw_deg"),
-    *("sigma_E", "sigma_N", "sigma_turn_deg", "trees", "inliers", "share", "rms", "scale", "confidence"),
+    *("sigma_E", "sigma_N", "sigma_turn_deg", "trees", "inliers", "share", "rms", "scale", "confidence", "searched"),
     *("places", "rival", "rival_E", "rival_N", "rival_turn_cw_deg", "look_at", "sentence", "x", "y", "file"),
 )
 """Columns of the plots' table. Lengths in metres; E and N are the plot's centre in the map, x and y in its file."""
@@ -70,7 +70,7 @@ def plots_table(results: Sequence[PlotResult], attention: Sequence[Attention]) -
             (
                 *(one.name, one.outcome, one.reason, *_pose_cells(one), len(one.trees)),
                 *(one.inliers if one.pose else None, _rounded(one.share, 3), _rounded(one.rms, 3)),
-                *(_rounded(one.scale, 5), _rounded(one.confidence, 6), len(one.places) or None),
+                *(_rounded(one.scale, 5), _rounded(one.confidence, 6), one.searched, len(one.places) or None),
                 *(
                     (None,) * 4
                     if rival is None

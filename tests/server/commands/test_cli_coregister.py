@@ -165,6 +165,29 @@ def test_a_plot_that_fits_two_places_is_ambiguous_and_says_where(urquhart: Urquh
     assert float(found["C"]["x"]) == 448800.0  # what its trees were measured from
 
 
+def test_plots_are_searched_where_they_ought_to_be_first(place: Urquhart, tmp_path: Path) -> None:
+    positions, plots = ["plot,x,y"], tmp_path / "plots"
+    plots.mkdir()
+    for name, centre in CENTRES.items():
+        ids, xy = seen_from(centre)
+        text = "".join(f"{tag},{x:.3f},{y:.3f}\n" for tag, (x, y) in zip(ids, (xy - centre).tolist(), strict=True))
+        (plots / f"{name}.csv").write_text(f"tag,x,y\n{text}")  # about the point 0, 0 of each plot
+        there = np.array(centre) + (MOVED.inverse().x + 1.5, MOVED.inverse().y - 1.0)
+        positions.append(f"{name},{there[0]},{there[1]}")
+    (plots / "gnss.csv").write_text("\n".join(positions) + "\n")
+    refused(place(plots, "--positions", plots / "gnss.csv"), "--at-sigma")
+    assert place(plots, "--positions", plots / "gnss.csv", "--at-sigma", 3, "--heading-sigma", 3).code == 0
+    found = {row["plot"]: row for row in table(tmp_path / "out" / "plots.csv")}
+    assert found.keys() == CENTRES.keys()
+    for name, centre in CENTRES.items():
+        assert (found[name]["verdict"], found[name]["searched"]) == ("matched", "near")
+        matrix = np.loadtxt(tmp_path / "out" / "transforms" / f"{name}.txt")
+        truth = np.array(centre) + (MOVED.inverse().x, MOVED.inverse().y)
+        np.testing.assert_allclose(matrix[:2, 3], truth, atol=0.5)
+        shift = np.array([float(found[name]["dE"]), float(found[name]["dN"])])
+        np.testing.assert_allclose(matrix[:2, 3] - shift, truth + (1.5, -1.0), atol=0.01)
+
+
 def test_what_cannot_be_done_is_said_first(urquhart: Urquhart, place: Urquhart, indexed: Path, tmp_path: Path) -> None:
     path = season_csv(tmp_path / "season.csv")
     refused(urquhart("coregister", path, "--collection", "other", "--database", indexed, "--out", "out"), "'other'")

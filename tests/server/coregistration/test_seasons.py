@@ -67,7 +67,7 @@ def result_at(name: str, e: float, n: float, shift: float = 0.0, trees: int = 10
     xy = np.random.default_rng(trees).uniform(0.0, 20.0, (trees, 2))
     c, s = np.cos(turn), np.sin(turn)
     turned = xy @ np.array([[c, s], [-s, c]]) + (e, n)
-    pose = PlotPose("m", None, e, n, shift, 0.0, 0.0, 0.01, 0.01, 0.1, np.eye(4).tolist())
+    pose = PlotPose("m", None, e, n, shift, 0.0, 0.0, None, None, 0.01, 0.01, 0.1, np.eye(4).tolist())
     return PlotResult(
         name, "f.csv", name, "matched", "verified", "found", centre=(e, n), radius=10.0, pose=pose, inliers=trees,
         share=1.0, rms=0.1, scale=1.0, trees=[PlotTree(str(i), x, y, None) for i, (x, y) in enumerate(turned.tolist())],
