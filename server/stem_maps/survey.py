@@ -5,9 +5,8 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
-from server.stem_maps.reading.plausibility import spread, stems_per_hectare
+from server.stem_maps.reading.plausibility import neighbour_tree, spread, stems_per_hectare
 from server.stem_maps.reading.trees import TreeRows
 from server.stem_maps.tiling import MERGE_DISTANCE
 from urquhart.report.svg import MOST, Canvas
@@ -54,7 +53,7 @@ class FileSurvey:
         wide, tall = high - low
         found.append(("box", f"x {low[0]:.2f} to {high[0]:.2f} m, y {low[1]:.2f} to {high[1]:.2f} m: "
                              f"{wide:.1f} x {tall:.1f} m"))  # fmt: skip
-        density = stems_per_hectare(self.xy)
+        density = stems_per_hectare(neighbour_tree(trees))
         if density is not None:
             found.append(("density", f"{density:.0f} trees on a hectare, by the distances between neighbours"))
         if count > 1:
@@ -108,7 +107,7 @@ def survey(trees: TreeRows) -> FileSurvey:
     xy = spread(trees)
     nearest = np.full(len(xy), np.inf)
     if len(xy) > 1:
-        distances, _ = cKDTree(xy).query(xy, 2)
+        distances, _ = neighbour_tree(trees).query(xy, 2)
         nearest = np.asarray(distances, dtype=np.float64)[:, 1]
     usual = float(np.quantile(nearest, 0.95)) if len(xy) > 1 else np.inf
     return FileSurvey(

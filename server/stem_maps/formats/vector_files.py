@@ -1,5 +1,6 @@
 """GIS files through GDAL: GeoPackage, Shapefile, FlatGeobuf, GeoJSON, KML and GPX."""
 
+import json
 import struct
 import warnings
 from collections.abc import Sequence
@@ -60,9 +61,7 @@ def read_vector(path: Path, layer: str | None) -> FileTable:
         except StemMapError:
             raise
         except (RuntimeError, ValueError, OSError) as error:
-            raise StemMapError(
-                path, f"is no {kind.name} file that can be read: {' '.join(str(error).split())}"
-            ) from error
+            raise StemMapError(path, _damaged(path, kind)) from error
     table = _table(path, meta, values, {"id"} if kind.driver == "KML" else set())
     if geometry is not None and meta.get("geometry_type") is not None:
         table.xy = points_of(path, geometry, table)
@@ -72,6 +71,25 @@ def read_vector(path: Path, layer: str | None) -> FileTable:
             table.notes.append("positions are no degrees, so the system of the file is not known")
     table.notes.append(f"{kind.name}{f', layer {chosen!r}' if layer else ''}")
     return table
+
+
+def _damaged(path: Path, kind: VectorFormat) -> str:
+    """Why GDAL cannot read a file, in one sentence without its own words, which name neither the place nor a remedy."""
+    if kind.driver == "GeoJSON":
+        try:
+            json.loads(path.read_bytes().decode("utf-8-sig"))
+        except UnicodeDecodeError:
+            return "is not GeoJSON, because it is not text in UTF-8: write it again in UTF-8"
+        except (json.JSONDecodeError, RecursionError) as error:
+            where = f" from line {error.lineno}, column {error.colno} on" if isinstance(error, ValueError) else ""
+            return f"is not JSON{where}: it is cut off or was changed by hand; write it again"
+        return "is JSON, but not a collection of features as GeoJSON has: write it again, for instance as a GeoPackage"
+    if kind.driver == "ESRI Shapefile":
+        beside = [path.with_suffix(end) for end in (".shx", ".dbf")]
+        missing = [one.name for one in beside if not one.exists() and not one.with_suffix(one.suffix.upper()).exists()]
+        if missing:
+            return f"a Shapefile needs {' and '.join(missing)} beside it: copy all files of that name"
+    return f"is damaged or cut off, and cannot be read as {kind.name}: copy it again, or write it again"
 
 
 def check_beginning(path: Path) -> VectorFormat:

@@ -216,6 +216,8 @@ class _ColumnSearch:
             )
         separated = "" if len(self.names) > 1 or not self.table.separator else (
             ", separated by commas, semicolons, tabs or spaces")  # fmt: skip
+        if len(self.names) == 1 and "|" in self.table.names[0]:
+            return f"{needed}: its columns seem to be separated by |, so write a first line sep=| above the header"
         return (
             f"{needed}: the header must name x_m and y_m{separated}, or --x and --y must name the columns, and "
             f"{self.there_are()}"

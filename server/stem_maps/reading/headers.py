@@ -29,7 +29,7 @@ NAMES: Final[Mapping[str, Sequence[str]]] = {
     "height": ("height", "tree_height", "treeheight", "höhe", "hoehe", "hauteur", "ht", "hgt", "th", "h"),
     "species": ("species", "sp", "spp", "species_code", "baumart", "essence"),
     "azimuth": ("azimuth", "azimut", "azi", "azim", "bearing"),
-    "distance": ("distance", "dist", "horizontal_distance", "hdist"),
+    "distance": ("distance", "dist", "horizontal_distance", "hdist", "distanz", "entfernung"),
     "quadrat": ("quadrat",),
     "lx": ("lx",),
     "ly": ("ly",),

@@ -57,7 +57,7 @@ def check_plausible(trees: TreeRows) -> None:
         _check_diameters(trees, trees.dbh_cm)
     if trees.height_m is not None:
         _check_heights(trees, trees.height_m)
-    _check_density(trees, xy)
+    _check_density(trees)
 
 
 def spread(trees: TreeRows) -> NDArray[np.float64]:
@@ -71,15 +71,23 @@ def spread(trees: TreeRows) -> NDArray[np.float64]:
     return trees.xy + step * np.column_stack([of_plot % width, -(of_plot // width)])
 
 
-def stems_per_hectare(xy: NDArray[np.float64]) -> float | None:
-    """The density of trees (N, 2), metres, from the distance to their sixth neighbour; None for fewer than 20 trees.
+def neighbour_tree(trees: TreeRows) -> cKDTree:
+    """The positions of `spread` for the search of neighbours, built once. Plots must have been checked before."""
+    if trees.neighbours is None:
+        trees.neighbours = cKDTree(spread(trees))
+    return trees.neighbours
+
+
+def stems_per_hectare(tree: cKDTree) -> float | None:
+    """The density of trees, metres, from the distance to their sixth neighbour; None for fewer than 20 trees.
 
     Gaps between plots do not count, because only trees have neighbours.
     """
+    xy = np.asarray(tree.data)
     if len(xy) < _FEW:
         return None
     sample = xy[:: max(1, len(xy) // _SAMPLE)]
-    distance, _ = cKDTree(xy).query(sample, _NEIGHBOURS + 1)
+    distance, _ = tree.query(sample, _NEIGHBOURS + 1)
     middle = float(np.median(np.asarray(distance)[:, -1]))
     # The median of the sixth distance squared, of trees that stand at random: 5.67 / (pi density).
     return 1e4 * (_NEIGHBOURS - 1 / 3) / (np.pi * middle**2) if middle > 0 else np.inf
@@ -218,10 +226,12 @@ def _check_values(path: Path, xy: NDArray[np.float64]) -> None:
         )
 
 
-def _check_density(trees: TreeRows, xy: NDArray[np.float64]) -> None:
+def _check_density(trees: TreeRows) -> None:
     """Raise StemMapError if trees stand closer, or further apart, than in any forest, and nobody named the unit."""
-    density = stems_per_hectare(xy)
-    if density is None or trees.options.unit is not None:
+    if trees.options.unit is not None:
+        return
+    density = stems_per_hectare(neighbour_tree(trees))
+    if density is None:
         return
     if density > _DENSEST:
         raise StemMapError(

@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from server.stem_maps.formats.table import BadRow
 from server.stem_maps.reading.columns import Columns
@@ -38,6 +39,7 @@ class TreeRows:
         centres: (N, 2) float64, metres, the centre that each tree was measured from; None if there is none.
         plot_of_line: the plots of `bad_rows`, as far as they are known, by line.
         ids_have_plots: whether the plot's name was put before each id, because ids repeat between plots.
+        neighbours: a tree for the search of neighbours, built once and kept; see `plausibility.neighbour_tree`.
         whole: whether all positions were written without decimals, in text whose columns commas separate.
     """
 
@@ -60,6 +62,7 @@ class TreeRows:
     centres: NDArray[np.float64] | None = None
     plot_of_line: dict[int, str] = field(default_factory=dict)
     ids_have_plots: bool = False
+    neighbours: cKDTree | None = field(default=None, repr=False)
     whole: bool = False
 
     def __len__(self) -> int:

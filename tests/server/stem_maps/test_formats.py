@@ -336,3 +336,19 @@ def test_files_that_hold_no_trees(tmp_path: Path, name: str, content: bytes, tol
         assert read(path, unit="m").xy.tolist() == [[1.0, 2.0]]
     else:
         assert told in error_of(path)
+
+
+def test_broken_gis_files_are_refused_in_plain_words(tmp_path: Path) -> None:
+    path = tmp_path / "trees.geojson"
+    path.write_text('{"type": "FeatureCollection",\n "features": [{"type": "Feature", ')
+    assert "is not JSON from line 2, column" in error_of(path)
+    path.write_text('{"type": "nothing"}')
+    assert "not a collection of features" in error_of(path)
+    (tmp_path / "trees.shp").write_bytes(b"\x00\x00\x27\x0a" + bytes(96))
+    assert "needs trees.shx and trees.dbf beside it" in error_of(tmp_path / "trees.shp")
+    (tmp_path / "trees.gpkg").write_bytes(b"SQLite format 3\0" + bytes(3000))
+    assert "is damaged or cut off" in error_of(tmp_path / "trees.gpkg")
+    (tmp_path / "trees.csv").write_text("tag|x|y\n1|2|3\n")
+    assert "sep=|" in error_of(tmp_path / "trees.csv")
+    (tmp_path / "trees.csv").write_text("sep=|\ntag|x|y\n1|2|3\n2|5|9\n")
+    assert "columns separated by '|'" in read_stem_map(tmp_path / "trees.csv").understood
