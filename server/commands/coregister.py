@@ -120,10 +120,10 @@ def coregister(
     Each plot is looked up as `urquhart locate` does, then fitted to all trees of the map around it. DIR gets
     plots.gpkg and plots.csv (verdict, shift and turn about the plot's centre, their standard deviations, paired trees,
     typical distance, scale), trees.gpkg and trees.csv (each tree corrected and as surveyed), pairs.csv, transforms
-    (4x4), a picture of each plot, and report.html, which opens without a network.
+    (4x4), pictures, and report.html, which opens without a network.
 
-    With --at-sigma, each plot is searched where its own coordinates, or --positions, put it, and everywhere only if it
-    is not there. That also finds plots among tree tops seen from the air.
+    With --at-sigma, each plot is searched where its own coordinates, or --positions, put it, and elsewhere only if it
+    is not there.
 
     A plot that cannot be read or found is a row, and the others are placed. If the command is stopped, running it again
     goes on where it was; plots whose trees or map changed are looked up again. The exit code is 2 if a plot could not
@@ -144,8 +144,7 @@ def coregister(
         place = None if at_sigma is None else (frame or only_frame(store, collection), at_sigma)
         nominal = _nominal(place, there, (heading, heading_sigma), noise)
         placer = PlotPlacer(context, collection, SearchChoices(effort, min_confidence, seed, nominal))
-        files = _files(plots, positions)
-        journal = stack.enter_context(_journal(out))
+        files, journal = _files(plots, positions), stack.enter_context(_journal(out))
         season = _read(files, columns)
         progress = stack.enter_context(ProgressReport(Console(stderr=True), "plots"))
         results, known = _place(season, placer, journal, progress)
