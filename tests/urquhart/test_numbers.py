@@ -26,13 +26,21 @@ FIXED: Final = {
     *("propose.correlation._FINE", "propose.correlation._LOOK", "paper.glarot._UNIT", "index.polygon_merge._SEED"),
     # What is read, kept or looked at together: time and memory, never an answer.
     *("index.segment_file._AT_ONCE", "index.segment_file._SMALL", "index.polygon_scan._BLOCK"),
-    "verify.cell_sorting.CROWD",
+    *(
+        "verify.cell_sorting.CROWD",
+        "prior.superposition.AT_ONCE",
+        "prior.window._STEPS",
+        "mapping.graph_solver._SOLVED",
+    ),
     *("propose.hit_buffer._FIRST", "propose.hit_buffer._MANY", "propose.query.READ_TOGETHER"),
     # What callers may hand in, arithmetic, and the paper's own bounds.
     *("features.landmark_checks.MINIMUM", "features.landmark_checks.MAXIMUM"),
     *("features.landmark_checks.COORDINATE_LIMIT", "features.landmark_checks.RESOLUTION"),
     *("pose_covariance._LEAST_SPREAD", "config._REACH"),
     *("decide.confidence.QUARTERS", "evaluation.scores.TRANSLATION"),
+    *("prior.prior.LEAST_NOISE", "prior.prior.MOST_NOISE", "mapping.landmark_map.PAPER_DISTANCE"),
+    *("mapping.landmark_map._SPREAD", "mapping.start_poses._LEAST", "mapping.graph_solver._FIXED"),
+    *("mapping.graph_solver._LOOSE", "mapping.agreement.NOBODY", "mapping.pose_graph.MAP"),
 }
 """Numbers that are no tuning, by module: they may stand alone."""
 

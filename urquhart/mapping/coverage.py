@@ -10,9 +10,16 @@ from scipy.spatial import ConvexHull, QhullError, cKDTree
 from urquhart.mapping.optimisation import OptimisedPoses
 from urquhart.mapping.pose_arrays import inverse, moved
 
-_INSIDE: Final = 1.0
-"""Metres that a tree must lie inside the hull of a submap's landmarks before it counts as missed: the sensor's range
-ends somewhere about the hull."""
+
+class CoverageNumbers(NamedTuple):
+    """When a submap should have observed a tree. Chosen by hand, not fitted."""
+
+    inside: float = 1.0
+    """Metres that a tree must lie inside the hull of a submap's landmarks before it counts as missed: the sensor's
+    range ends somewhere about the hull."""
+
+
+COVERAGE: Final = CoverageNumbers()
 
 
 def missed_trees(
@@ -43,7 +50,7 @@ def missed_trees(
         there = moved(poses.poses[number : number + 1], middle[None])[0]
         near = numbers[np.array(tree.query_ball_point(there, reach), np.int64)]
         local = moved(np.repeat(back[number : number + 1], len(near), axis=0), xy[near])
-        inside = (local @ hull[:, :2].T + hull[:, 2] <= -_INSIDE).all(axis=1)
+        inside = (local @ hull[:, :2].T + hull[:, 2] <= -COVERAGE.inside).all(axis=1)
         found.append(np.column_stack([near[inside], np.full(int(inside.sum()), number)]))
     covered = np.concatenate(found)
     size = max(len(submaps), 1)

@@ -21,8 +21,15 @@ from urquhart.mapping.pose_arrays import (
 from urquhart.mapping.pose_graph import CentredGraph
 from urquhart.mapping.start_poses import parts
 
-_COMPARED: Final = 100
-"""Constraints between two parts that are compared with each other, the most precise ones."""
+
+class JoiningNumbers(NamedTuple):
+    """How two parts are joined. Chosen by hand, not fitted."""
+
+    compared: int = 100
+    """Constraints between two parts that are compared with each other, the most precise ones."""
+
+
+JOINING: Final = JoiningNumbers()
 
 
 class Judge(NamedTuple):
@@ -81,7 +88,7 @@ def _agreed(graph: CentredGraph, edges: list[int], part: NDArray[np.int64], pose
     """The largest set of constraints between two parts that agree with one of them; empty if it is too small."""
     if len(edges) == 1:
         return edges
-    some = np.array(sorted(edges, key=lambda e: float(np.linalg.det(graph.covariances[e])))[:_COMPARED])
+    some = np.array(sorted(edges, key=lambda e: float(np.linalg.det(graph.covariances[e])))[: JOINING.compared])
     size = len(some)
     one, other = (grid.ravel() for grid in np.meshgrid(some, some, indexing="ij"))
     # Constraints may lead from either part to the other.

@@ -1,6 +1,6 @@
 """Parts of a pose graph that constraints connect, and poses to begin an optimisation from."""
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +10,15 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from urquhart.mapping.pose_arrays import Poses, compose, inverse
 from urquhart.mapping.pose_graph import CentredGraph
 
-_RISK: Final = 4.0
-"""A way along a constraint that may be false costs (1 + this / its support) times as much."""
+
+class StartNumbers(NamedTuple):
+    """Which way through a graph the first poses follow. Chosen by hand, not fitted."""
+
+    risk: float = 4.0
+    """A way along a constraint that may be false costs (1 + this / its support) times as much."""
+
+
+START: Final = StartNumbers()
 _LEAST: Final = 1e-9
 """Square metres: least cost of a way, because the graph search takes 0 for no way at all."""
 
@@ -47,7 +54,7 @@ def start_poses(graph: CentredGraph, used: NDArray[np.bool_], support: NDArray[n
     # The area of an error at the position, and what the yaw does to the next 10 m.
     spread = graph.covariances[edges]
     cost = spread[:, 0, 0] + spread[:, 1, 1] + 100.0 * spread[:, 2, 2] + _LEAST
-    cost = cost * np.where(graph.trusted[edges], 1.0, 1.0 + _RISK / np.maximum(support[edges], 1))
+    cost = cost * np.where(graph.trusted[edges], 1.0, 1.0 + START.risk / np.maximum(support[edges], 1))
     low, high = np.sort(np.column_stack([graph.first, graph.second])[edges], axis=1).T
     order = np.lexsort((cost, high, low))
     pair = low[order] * graph.count + high[order]
