@@ -10,12 +10,15 @@ from benchmarks.paper.report import SECTIONS as PAPER
 from benchmarks.paper.report import write_report as write_paper
 from benchmarks.robust.report import SECTIONS as ROBUST
 from benchmarks.robust.report import write_report as write_robust
+from benchmarks.windows.report import SECTIONS as WINDOWS
+from benchmarks.windows.report import write_report as write_windows
 
 
 def compose(folder: Path) -> str:
     """The page, from the JSON files under `folder`."""
     parts = []
-    for sections, write in ((ROBUST, write_robust), (LEVELS, write_levels), (PAPER, write_paper)):
+    written = ((ROBUST, write_robust), (WINDOWS, write_windows), (LEVELS, write_levels), (PAPER, write_paper))
+    for sections, write in written:
         paths = {name: folder / FOLDER / f"{name}.json" for name in sections}
         results = {name: record.read(path) for name, path in paths.items() if path.exists()}
         parts.append(write(results) if results else "")

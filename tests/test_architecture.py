@@ -20,7 +20,7 @@ FLOORS = (
     {"propose"},
     {"decide"},
     {"prior"},
-    {"report", "recognizer", "warming"},
+    {"report", "recognizer", "warming", "hints"},
 )
 """Rooms of the method (folders, and modules that stand alone) from the ground up: each may import from lower floors."""
 MOST_FLOORS = 8

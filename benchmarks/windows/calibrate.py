@@ -32,8 +32,11 @@ from urquhart.prior.confidence import WINDOW_CALIBRATION, window_logit
 SEED: Final = 2000
 COMMAND: Final = "python -m benchmarks.windows.calibrate"
 FILE: Final = Path(urquhart.prior.__file__).with_name("calibration.json")
-COUNTS: Final = (8, 16)
+COUNTS: Final = (5, 10)
 """Windows of each forest, noise and heading that hold the plot, and that do not."""
+WRONG: Final = 0.1
+"""Share of priors that are taken to be wrong (another plot's file, another zone): so much count the windows without the
+plot, whatever their number. The confidence of an answer is meant for priors of this kind."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,12 +68,14 @@ def jobs(part: str, seed: int, counts: tuple[int, int]) -> list[Job]:
 
 
 def fit(found: NDArray[Any]) -> Calibration:
-    """The two lines of maximum likelihood for rows (Q,) of `searching.FOUND`."""
-    right = found["right"].astype(np.float64)
+    """The two lines of maximum likelihood for rows (Q,) of `searching.FOUND`, weighted so that `WRONG` of them are
+    windows without the plot."""
+    right, inside = found["right"].astype(np.float64), found["inside"]
+    weight = np.where(inside, (1.0 - WRONG) / inside.sum(), WRONG / (~inside).sum()) * len(found)
 
     def loss(guess: NDArray[np.float64]) -> float:
         total = logits(found, _lines(guess))
-        return float((np.logaddexp(0.0, total) - right * total).sum())
+        return float((weight * (np.logaddexp(0.0, total) - right * total)).sum())
 
     best = minimize(loss, [0.0, -1.0, -1.0, 0.0], method="Nelder-Mead", options={"maxiter": 4000}).x
     return _lines(best)
@@ -98,8 +103,7 @@ def accepted(found: NDArray[Any], lines: Calibration) -> dict[str, int]:
 
 def dependencies() -> dict[str, str]:
     """A digest of everything that the fit takes as given, by name: the tuning numbers of the search in a window, the
-    bounds around the lines, and what two searches find, which changes with the formulas.
-    """
+    bounds around the lines, and what two searches find, which changes with the formulas."""
     found: dict[str, object] = {"config": Config().reach, "bounds": tuple(CONFIDENCE), "worth": _worth()}
     for module in iter_modules(urquhart.prior.__path__):
         name = f"urquhart.prior.{module.name}"
@@ -174,6 +178,7 @@ def write(fitted: Calibration, found: NDArray[Any], seed: int) -> None:
             "forests": scenes.names("fitted"),
             "windows": len(found),
             "with_the_plot": int(found["inside"].sum()),
+            "wrong_priors": WRONG,
             "result": accepted(found, fitted),
         },
         "depends_on": dependencies(),

@@ -145,6 +145,11 @@ class Georeference:
         ring = self.lonlat(place, hull)
         return polygon(ring) if ring else None
 
+    def latitude(self, x: float, y: float) -> float | None:
+        """Latitude in degrees of a point of the map frame, metres; None if it has none."""
+        degrees = float(self._degrees(np.array([[x, y]]))[0, 1])
+        return degrees if np.isfinite(degrees) else None
+
     def fault(self, x: float, y: float) -> str | None:
         """What is wrong with a point of the map frame, metres; None if it is inside of the system's area."""
         map_xy = np.array([[x, y]])

@@ -85,6 +85,10 @@ class PlotPlacer:
             result = replace(result, outcome="failed", reason="invalid_trees", sentence=str(error))
         return replace(result, seconds=round(time.perf_counter() - began, 3))
 
+    def answered(self, plot: SeasonPlot, look: LookupResult) -> PlotResult:
+        """The result of a plot that was looked up in a frame with its origin at the plot's centre."""
+        return self._answered(plot, self._unplaced(plot), look)
+
     def _unplaced(self, plot: SeasonPlot) -> PlotResult:
         """The result of a plot as far as it is known without a search."""
         trees, centre, nominal = plot.trees, np.array(plot.centre), self._choices.nominal

@@ -116,6 +116,12 @@ def read_season(
     return Season(tuple(_named_apart(plots)), tuple(unread), tuple(told))
 
 
+def plot_of(path: Path, trees: StemMap) -> SeasonPlot:
+    """A file that was read as one plot; its stems within 1 cm are merged already."""
+    centre, measured = _centre(trees)
+    return SeasonPlot(trees.name, path, trees, centre, measured and centre == (0.0, 0.0), measured, 0)
+
+
 def _plots_at_fault(rows: TreeRows) -> dict[str, str]:
     """By the names of plots, why they cannot be used; rows of no plot go by the file's name."""
     if rows.options.skip_bad:

@@ -6,6 +6,7 @@ from server.errors import NotAcceptable
 
 JSON = "application/json"
 GEOJSON = "application/geo+json"
+CSV = "text/csv"
 SVG = "image/svg+xml"
 NDJSON = "application/x-ndjson"
 HTML = "text/html"

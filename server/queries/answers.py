@@ -13,6 +13,7 @@ import orjson
 import urquhart
 from server.index.live_indexes import View
 from server.platform.precedence import give_way
+from server.queries.explanations import hint_answers
 from server.queries.poses import query_in_map, survey_poses, transform_answer
 from server.queries.query import PlaceQuery, QueryLandmarks
 from server.resources import links
@@ -22,6 +23,7 @@ from server.schemas.queries import FINDINGS, QueryAnswer
 from server.store.codec import unpack_ids
 from server.store.submap_records import FoundSubmap
 from urquhart import Candidate, Config, Finding, Recognition, Rival, Stage
+from urquhart.hints import Hint
 from urquhart.options import Options
 from urquhart.report.explanation import search_sentence
 from urquhart.trace import SearchEnd
@@ -82,22 +84,6 @@ def listed(answer: Members) -> int:
     return sum(one["inlier_count"] - one["inliers_omitted"] for one in answer["candidates"])
 
 
-class Shares:
-    """Landmark pairs for several answers: each gets an equal share of the rest, so that none uses up all of it."""
-
-    def __init__(self, most: int, answers: int) -> None:
-        self._left, self._answers = most, answers
-
-    def next(self) -> int:
-        """The share of the next answer."""
-        return self._left // max(self._answers, 1)
-
-    def used(self, pairs: int) -> None:
-        """Record the number of pairs in that answer."""
-        self._left -= pairs
-        self._answers -= 1
-
-
 @lru_cache(maxsize=64)
 def gates_answer(config: Config, min_confidence: float | None = None) -> GatesAnswer:
     """The gates of a query of a collection with this configuration.
@@ -113,10 +99,10 @@ def gates_answer(config: Config, min_confidence: float | None = None) -> GatesAn
 
 @dataclass(frozen=True, slots=True)
 class SearchOutcome:
-    """What a search found, its warnings, and the rows of the submaps that the answer names, by key."""
+    """What a search found, what would make it match, and the rows of the submaps that the answer names, by key."""
 
     found: Recognition
-    warnings: tuple[str, ...]
+    hint: Hint | None
     rows: dict[int, FoundSubmap]
 
 
@@ -136,8 +122,9 @@ def query_answer(view: View, query: PlaceQuery, asked: QueryLandmarks, outcome: 
     # Stored answers are complete, so that they can always be explained.
     findings = strongest(found.findings) if query.explain or query.store else None
     ids = {key: row.id for key, row in outcome.rows.items()}
-    if findings is not None:
-        ids |= view.tx.submaps(view.collection.key).ids({one.key for one in findings} - ids.keys())
+    others = {one.key for one in (*(findings or ()), *filter(None, [outcome.hint]))} - ids.keys()
+    if others:
+        ids |= view.tx.submaps(view.collection.key).ids(others)
     names, most = None if query.columns else asked.names(), pairs if query.pairs or query.store else 0
     candidates = candidate_answers(collection_id, found.candidates, outcome.rows, names, most)
     surveys = survey_poses(view.tx, view.collection, found.candidates, outcome.rows, asked.xy)
@@ -155,7 +142,8 @@ def query_answer(view: View, query: PlaceQuery, asked: QueryLandmarks, outcome: 
         "revision": view.revision,
         "landmark_count": len(asked.xy),
         "lead": found.lead,
-        "warnings": list(outcome.warnings),
+        "warnings": ["mirrored"] if outcome.hint is not None and outcome.hint.word == "mirrored" else [],
+        "hints": hint_answers(outcome.hint, ids),
         "gates": gates_answer(view.recognizer.config, query.min_confidence).model_dump(),
         "candidates": candidates,
         "rivals": rival_answers(collection_id, found.rivals, ids),

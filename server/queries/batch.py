@@ -10,7 +10,7 @@ from server.collections.crud import get_collection
 from server.errors import DeadlineExceeded, DomainError, KeyReused, TooLarge
 from server.parsing.field_errors import invalid_body
 from server.problem_types import document
-from server.queries.answers import Shares, carried
+from server.queries.answers import carried
 from server.queries.lookup import QueryContext, answer_as_json, answer_query, shown
 from server.queries.query import PlaceQuery
 from server.queries.stored_queries import AnswerKey, kept_answer
@@ -19,6 +19,22 @@ from server.schemas.common import to_json
 from server.schemas.queries import BatchInput, BatchProblem, QueryInput
 from server.security.principal import Principal, Scope
 from urquhart import Budget
+
+
+class Shares:
+    """Landmark pairs for several answers: each gets an equal share of the rest, so that none uses up all of it."""
+
+    def __init__(self, most: int, answers: int) -> None:
+        self._left, self._answers = most, answers
+
+    def next(self) -> int:
+        """The share of the next answer."""
+        return self._left // max(self._answers, 1)
+
+    def used(self, pairs: int) -> None:
+        """Record the number of pairs in that answer."""
+        self._left -= pairs
+        self._answers -= 1
 
 
 def answer_batch(

@@ -8,10 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from server.resources import links
+from server.schemas.common import Members
 from server.schemas.poses import Transform
 from server.schemas.queries import ExplanationAnswer, ExplanationLinks, QueryAnswer
 from urquhart import SE2, Stage
 from urquhart.budget import UNBOUNDED, Budget
+from urquhart.hints import Hint
 from urquhart.report.explanation import ExplainedFinding, Explanation, PoseDrawing, draw_explanation, sentence
 from urquhart.verify.distortion import WARNINGS
 
@@ -129,6 +131,21 @@ def sentences(answer: QueryAnswer) -> dict[str, str]:
     warnings = [*answer.warnings, *(word for one in answer.candidates for word in one.warnings)]
     meant = {reason: sentence(reason) for reason in dict.fromkeys([answer.reason, *refused])}
     return meant | {word: WARNINGS.get(word, word) for word in dict.fromkeys(warnings)}
+
+
+def hint_answers(hint: Hint | None, ids: Mapping[int, str]) -> list[Members]:
+    """The hint, if there is one: members of a `HintAnswer`. `ids`: submap ids by key."""
+    if hint is None:
+        return []
+    return [
+        {
+            "word": hint.word,
+            "factor": hint.factor,
+            "submap_id": ids[hint.key],
+            "inlier_count": hint.inliers,
+            "sentence": hint.sentence,
+        }
+    ]
 
 
 def _se2(pose: Transform) -> SE2:

@@ -215,12 +215,12 @@ def look_up(
         if isinstance(observation.result, Features):
             only = None if query.near is None else query.near.keys(submaps)
             search = SubmapSearch(view, query, observation.result, query.limit, only, budget, rows)
-            found, warnings = search.find(excluded)
+            found, hint = search.find(excluded)
         else:
-            found, warnings = unsearched(observation.result), ()
+            found, hint = unsearched(observation.result), None
         found = replace(found, stages=observation.stages + found.stages)
         drawn = rows.read(drawn_keys(found), landmarks=True) if to_draw else {}
-        outcome = SearchOutcome(found, warnings, rows.read(named_keys(found), landmarks=False))
+        outcome = SearchOutcome(found, hint, rows.read(named_keys(found), landmarks=False))
         members = query_answer(view, query, asked, outcome, limits.answer_pairs)
         landmarks = {one.id: unpack_positions(one.landmarks) for one in drawn.values()}
         revisions = {one.id: one.content_revision for one in outcome.rows.values()}

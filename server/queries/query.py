@@ -111,6 +111,7 @@ class PlaceQuery:
         min_confidence: that is `matched`; that of the collection if None.
         seed: of random choices.
         explain: whether the answer tells the findings, too.
+        hints: whether to search for what would make the query match if nothing is found.
         pairs: whether the answer lists the landmark pairs.
         columns: whether it lists them as columns of positions.
         per_session: whether to search for the best candidate of each session.
@@ -132,6 +133,7 @@ class PlaceQuery:
     min_confidence: float | None = None
     seed: int | None = None
     explain: bool = False
+    hints: bool = False
     pairs: bool = True
     per_session: bool = False
     store: bool = False
@@ -170,6 +172,7 @@ class PlaceQuery:
             body.effort,
             body.min_confidence,
             body.seed,
+            body.explain,
             body.explain,
             body.pairs,
             body.per_session,

@@ -1,4 +1,4 @@
-"""The search of one query in a view of a collection, and the search for its mirror image if it finds nothing."""
+"""The search of one query in a view of a collection, and what would make it match if it finds nothing."""
 
 import time
 from collections.abc import Collection
@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from server.collections.georeference import Georeference
 from server.errors import InvalidField
 from server.index.live_indexes import View
 from server.queries.contradicting_maps import COMPARED, without_contradictions
@@ -24,13 +25,13 @@ from urquhart import (
     Recognition,
     Stage,
     WindowTooLarge,
-    describe,
     describe_observation,
 )
+from urquhart.hints import HINT_SECONDS, Change, Hint, changed_prior, changes, find_hint
 from urquhart.prior.region import window_extent
 
 _UNFOUND = frozenset({"below_gate", "verification_failed", "no_proposal"})
-"""Reasons that the mirror image of a stored place has as well."""
+"""Reasons that a stored place with wrong coordinates has as well."""
 MOST_SUBMAPS: Final = 1_000
 """Most submaps that are searched together about a prior: their features take about 50 MB."""
 NAMED_FRAMES: Final = 5
@@ -74,15 +75,15 @@ class SubmapSearch:
     budget: Budget | None
     rows: CandidateRows
 
-    def find(self, excluded: set[int]) -> tuple[Recognition, tuple[str, ...]]:
-        """The answer, and warnings."""
+    def find(self, excluded: set[int]) -> tuple[Recognition, Hint | None]:
+        """The answer, and what would make it match."""
         if self.query.per_session:
             sessions = self.view.tx.sessions(self.view.collection.key)
             found = by_session(self, sessions, excluded, self.most)
         else:
             found = self(excluded)
-        # A search for the mirror image takes as long again.
-        return self._try_mirrored(found, excluded) if self.query.explain else (found, ())
+        # The searches for a hint take several times as long again.
+        return self._hinted(found, excluded) if self.query.hints else (found, None)
 
     def __call__(self, excluded: set[int]) -> Recognition:
         """The best candidates in all submaps except those with these keys. Raises InvalidField for a prior that cannot
@@ -125,26 +126,38 @@ class SubmapSearch:
         except WindowTooLarge as error:
             raise InvalidField(str(error), code="window_too_large", pointer="/prior/covariance") from error
 
-    def _try_mirrored(self, found: Recognition, excluded: set[int]) -> tuple[Recognition, tuple[str, ...]]:
-        """If the query found nothing, search for its mirror image as well. Returns `found` and warnings.
+    def _hinted(self, found: Recognition, excluded: set[int]) -> tuple[Recognition, Hint | None]:
+        """If the query found nothing, search for it with changed coordinates as well. Returns `found` and a hint.
 
-        The verdict is unchanged; the time of this search is added to the stages.
+        The verdict is unchanged; the time of these searches is added to the stages.
         """
         if found.verdict != "no_match" or found.reason not in _UNFOUND:
-            return found, ()
-        if self.budget is not None and self.budget.is_spent():
-            return found, ()
+            return found, None
         began = time.perf_counter()
-        image = replace(self, observation=self._mirrored(), most=1)(excluded)
-        spent = 1000.0 * (time.perf_counter() - began)
-        stage = Stage("mirror image", spent, {"matched": int(image.verdict == "matched")})
-        return replace(found, stages=(*found.stages, stage)), ("mirrored",) if image.verdict == "matched" else ()
+        tried = list(changes(self._latitude(), turned=self.query.prior is not None))
+        budget = (self.budget or Budget()).within(HINT_SECONDS)
 
-    def _mirrored(self) -> Features:
-        """The features of the query's mirror image."""
-        here = self.observation
-        diameters = here.diameters if len(here.diameters) else None
-        return describe(here.landmarks * (1.0, -1.0), self.view.recognizer.config, diameters)
+        def search(changed: Features, change: Change) -> Recognition:
+            query, known = self.query, self.query.prior
+            if known is not None:
+                query = replace(query, prior=replace(known, prior=changed_prior(known.prior, change)))
+            return replace(self, query=query, observation=changed, most=1, budget=budget)(excluded)
+
+        recognizer = self.view.recognizer
+        hint = find_hint(self.observation, search, tried, recognizer.config, recognizer.features, budget)
+        spent = 1000.0 * (time.perf_counter() - began)
+        stage = Stage("changed coordinates", spent, {"found": int(hint is not None)})
+        return replace(found, stages=(*found.stages, stage)), hint
+
+    def _latitude(self) -> float | None:
+        """Latitude of the map in degrees, if its first map frame has a coordinate reference system."""
+        frames = self.view.tx.map_frames(self.view.collection)
+        names = frames.in_use(1) if self.query.prior is None else [self.query.prior.frame_id]
+        references, extent = frames.some(names), frames.extent(names[0]) if names else None
+        if extent is None or not references:
+            return None
+        x, y = 0.5 * (extent[0] + extent[2]), 0.5 * (extent[1] + extent[3])
+        return Georeference(references[names[0]]).latitude(x, y)
 
 
 def submaps_about(

@@ -20,7 +20,7 @@ from server.resources import idempotency, links
 from server.resources.idempotency import IdempotencyKey, StoredResponse, find_response
 from server.schemas.candidates import CandidateAnswer, CandidateLinks, GatesAnswer
 from server.schemas.queries import MatchAnswer, QueryAnswer, QueryLinks
-from server.store.codec import pack_json, pack_positions, unpack_positions
+from server.store.codec import pack_json, pack_positions, unpack_ids, unpack_positions
 from server.store.records import CollectionRecord, QueryRecord
 from server.store.storage import ReadTransaction, Storage
 from server.store.submap_records import SubmapContent
@@ -192,6 +192,13 @@ def stored_answers(tx: ReadTransaction, collection: CollectionRecord, *, after: 
     """Up to `limit` stored answers in the order of their numbers, beginning after one, whichever version wrote them."""
     rows = tx.queries(collection.key).page(after=after, limit=limit)
     return [read_older(QueryAnswer, _answer_of(row, collection), f"Query {row.number}") for row in rows]
+
+
+def stored_landmark_ids(tx: ReadTransaction, collection: CollectionRecord, query_id: str) -> list[str]:
+    """Ids of the landmarks of a stored query, or their positions in the list as text. Raises NotFound and Gone."""
+    stored = _stored(tx, collection, query_id)
+    count = len(stored.landmarks) // 16
+    return unpack_ids(stored.landmark_ids, count)
 
 
 def stored_explanation(database: Storage, collection_id: str, query_id: str) -> QueryExplanation:

@@ -4,10 +4,13 @@ from typing import Annotated
 
 from fastapi import APIRouter, Path, Response
 
+from server.coregistration.outputs.match_trees import match_trees
 from server.http.admission.request_admission import BudgetDep
 from server.http.json_body import JsonRoute
-from server.http.negotiation import JSON, SVG, choose
+from server.http.negotiation import CSV, GEOJSON, JSON, SVG, choose
 from server.http.responses import json_response, problems
+from server.outputs.csv_text import csv_pieces
+from server.outputs.geojson_text import geojson_pieces
 from server.queries import lookup, stored_queries
 from server.queries.batch import answer_batch
 from server.queries.query import PlaceQuery
@@ -27,6 +30,9 @@ _MATCH = {
     "submap_landmarks": [[1.2, 3.4], [4.9, -2.2]],
 }
 
+_TREES = (
+    "seen,tag,partner,x,y,partner_dbh_cm,residual_m,frame_id,crs\nboth,7,t31,448125.0190,5411179.4430,21.1,0.08,als,\n"
+)
 _SVG = {"schema": {"type": "string"}, "example": "<svg xmlns='http://www.w3.org/2000/svg'></svg>"}
 
 QueryId = Annotated[str, Path(description="`id` of the stored answer.", examples=["17"], alias="query", max_length=128)]
@@ -120,6 +126,8 @@ def get_query(collection: CollectionId, query: QueryId, service: ServiceDep) -> 
             "content": {
                 JSON: {"example": _MATCH},
                 SVG: _SVG,
+                CSV: {"schema": {"type": "string"}, "example": _TREES},
+                GEOJSON: {"schema": {"type": "object"}, "example": {"type": "FeatureCollection", "features": []}},
             }
         },
         **problems(404, 406, 410, 422, 503),
@@ -136,14 +144,22 @@ def get_match(
     """Describes a candidate of a stored query as JSON, or draws it with `Accept: image/svg+xml`: both sets of trees
     overlaid, with lines between inliers.
 
+    With `Accept: text/csv` or `application/geo+json` it lists every tree of the query with its partner among all trees
+    of the map there (`seen`: `both`), or without (`query`), and the trees of the map amid them that have none (`map`).
+    Positions are full coordinates of the map frame, in GeoJSON longitude and latitude.
+
     The drawing shows at most 5,000 landmarks of each side, those in the overlap first, and says if there are more. 503
     if drawing takes longer than `query_seconds`. 410 if the submap's landmarks have changed since.
     """
-    media_type = choose(accept, [JSON, SVG])
+    media_type = choose(accept, [JSON, SVG, CSV, GEOJSON])
     with in_time(service, budget) as own:
         match = stored_queries.stored_match(service.database, collection, query, rank)
         if media_type == SVG:
             return Response(match.to_svg(own), media_type=SVG, headers={"Vary": "Accept"})
+        if media_type != JSON:
+            layer, rows = match_trees(service.database, collection, match)
+            pieces = csv_pieces(layer, [rows]) if media_type == CSV else geojson_pieces(layer, [rows])
+            return Response(b"".join(pieces), media_type=media_type, headers={"Vary": "Accept"})
     return json_response(match.to_answer(), headers={"Vary": "Accept"})
 
 

@@ -8,6 +8,7 @@ from pydantic import Field, PlainSerializer
 
 from server.schemas.common import RENAMED_REASONS, Answer, Formerly, write_stamp
 from server.schemas.poses import CandidateTransform, MapPoseAnswer, SurveyPose, Transform
+from urquhart.hints import HintWord
 from urquhart.propose.query import LevelName
 from urquhart.report.explanation import SKIPS, STOPS
 from urquhart.trace import Skipped, StoppedBy
@@ -174,6 +175,29 @@ class FindingAnswer(Answer):
         description="Why this finding is not accepted, as a stable word: one of those of `reason`. Null if only a "
         "rival could refuse it."
     )
+
+
+HINTED = (
+    "What is probably wrong with the query's coordinates, if nothing was found and `explain` was set. Empty if nothing "
+    "that was tried makes the query match."
+)
+"""Description of the hints of an answer."""
+
+
+class HintAnswer(Answer):
+    """What is probably wrong with the query's coordinates: it would be `matched` without it."""
+
+    word: HintWord = Field(
+        description="What is wrong, as a stable word. `mirrored`: an axis or the direction of angles is reversed; "
+        "`feet`: the query is in feet; `metres`: the map is in feet; `mercator`: one side is in Web Mercator; "
+        "`scaled`: one side is larger."
+    )
+    factor: float = Field(
+        description="Number by which the query's coordinates must be multiplied; 1 if only an axis is reversed."
+    )
+    submap_id: str = Field(description="Id of the submap that it then matches.")
+    inlier_count: int = Field(description="Number of pairs of landmarks that then agree.")
+    sentence: str = Field(description="The hint in words.")
 
 
 class GatesAnswer(Answer):

@@ -7,9 +7,11 @@ from pydantic import ConfigDict, Field, PlainSerializer, model_validator
 from pydantic_core import PydanticCustomError
 
 from server.schemas.candidates import (
+    HINTED,
     CandidateAnswer,
     FindingAnswer,
     GatesAnswer,
+    HintAnswer,
     RivalAnswer,
     SearchAnswer,
     StageAnswer,
@@ -186,6 +188,7 @@ class QueryAnswer(Answer):
         description="What is wrong with the query as a whole, as stable words. Always empty without `explain`. "
         f"`mirrored`: {WARNINGS['mirrored']}.",
     )
+    hints: list[HintAnswer] = Field(default_factory=list, description=HINTED)
     gates: GatesAnswer = Field(description=_GATES)
     candidates: list[CandidateAnswer] = Field(description="Submaps that may be the query's place, best first.")
     rivals: list[RivalAnswer] = Field(description=_RIVALS)

@@ -55,6 +55,7 @@ def test_a_mirror_image_is_told_where_it_is_asked_for(client: httpx.Client) -> N
     assert (plain["verdict"], plain["warnings"]) == ("no_match", [])
     assert (explained["verdict"], explained["warnings"]) == ("no_match", ["mirrored"])
     assert explained["reason"] == plain["reason"]
+    assert (plain["hints"], [one["word"] for one in explained["hints"]]) == ([], ["mirrored"])
     assert explained["sentences"]["mirrored"] == WARNINGS["mirrored"]
     assert ask(client, points(forest(99)), explain=True)["warnings"] == []
     assert ask(client, [], explain=True)["warnings"] == []
@@ -70,3 +71,29 @@ def test_a_collection_has_a_floor_of_what_can_be_known(client: httpx.Client) -> 
         answer = client.post(f"/v1/collections/{collection}/queries", json={"xy": seen}).json()
         told[collection] = np.reshape(answer["candidates"][0]["transform"]["middle"]["covariance"], (3, 3))
     np.testing.assert_allclose(told["wary"], 2.0 * told["plots"] + np.diag([0.09, 0.09, 4e-4]), rtol=1e-9)
+
+
+def test_wrong_units_and_scales_are_told_where_it_is_asked_for(client: httpx.Client) -> None:
+    client.patch("/v1/collections/plots", json={"crs": "EPSG:25832"}).raise_for_status()
+    pose = {"x": 448_000.0, "y": 5_411_000.0, "yaw": 0.0}
+    for seed in range(3):
+        put_submap(client, "plots", f"p{seed}", seed, map_pose=pose).raise_for_status()
+    seen, _ = observed(forest(1), 2)
+    for factor, word in ((1.0 / 0.3048, "feet"), (0.3048, "metres"), (1.0 / np.cos(np.radians(48.85)), "mercator")):
+        answer = ask(client, points(np.array(seen) * factor), explain=True)
+        (hint,) = answer["hints"]
+        assert (answer["verdict"], hint["word"], hint["submap_id"]) == ("no_match", word, "p1")
+        assert abs(hint["factor"] * factor - 1.0) < 0.01
+        assert "changed coordinates" in {stage["name"] for stage in answer["stages"]}
+    (hint,) = ask(client, points(np.array(seen) * 1.065), explain=True)["hints"]
+    assert hint["word"] == "scaled"
+    assert abs(hint["factor"] * 1.065 - 1.0) < 0.01
+
+
+def test_a_hint_is_for_the_window_of_a_prior_too(client: httpx.Client) -> None:
+    put_submap(client, "plots", "p", 1, map_pose={"x": 0.0, "y": 0.0, "yaw": 0.0}).raise_for_status()
+    swapped = points(forest(1)[:, ::-1])
+    prior = {"x": 1.0, "y": 0.0, "yaw": 0.0, "covariance": [1, 0, 0, 0, 1, 0, 0, 0, 0.001]}
+    answer = ask(client, swapped, prior=prior, explain=True)
+    assert (answer["verdict"], [one["word"] for one in answer["hints"]]) == ("no_match", ["mirrored"])
+    assert ask(client, points(forest(7)), prior=prior, explain=True)["hints"] == []
