@@ -7,7 +7,7 @@ for it, and only after a search without a match.
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,11 +25,19 @@ HintWord = Literal["mirrored", "feet", "metres", "mercator", "scaled"]
 """What is wrong with the coordinates. The words are part of the API."""
 FOOT: Final = 0.3048
 """Metres of an international foot. That of the US survey differs by 2 millionths."""
-SCALES: Final = (0.97, 1.03, 0.94, 1.06)
-"""Factors that are tried, beside those of units and of projections. Smaller ones match anyway, with a warning; between
-two of these, no tree within 30 m of the middle is off by more than 0.5 m."""
-HINT_SECONDS: Final = 10.0
-"""Longest time of all searches for changed observations."""
+
+
+class HintNumbers(NamedTuple):
+    """What is tried for a hint. Chosen by hand, not fitted."""
+
+    scales: tuple[float, ...] = (0.97, 1.03, 0.94, 1.06)
+    """Factors beside those of units and of projections. Smaller ones match anyway, with a warning; between two of
+    these, no tree within 30 m of the middle is off by more than 0.5 m."""
+    seconds: float = 10.0
+    """Longest time of all searches for changed observations."""
+
+
+HINTS: Final = HintNumbers()
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +98,7 @@ def changes(latitude: float | None, *, turned: bool) -> Iterator[Change]:
     if latitude is not None and 5.0 < abs(latitude) < 80.0:
         yield _scaled("mercator", math.cos(math.radians(latitude)))
         yield _scaled("mercator", 1.0 / math.cos(math.radians(latitude)))
-    for factor in SCALES:
+    for factor in HINTS.scales:
         yield _scaled("scaled", factor)
 
 

@@ -25,7 +25,7 @@ Points = NDArray[np.float64]
 
 FITTED: Final = ("scbi", "longleaf", "lansing", "boreas_sp", "ab08", "ag05", "ao03", "av02", "hauersteig_1925")
 """Forests that the confidence is fitted on, beside `PLANTED["fitted"]`."""
-HELD_OUT: Final = ("bei", "fennoscandia_spruce", "quesnel_treetops", "av14", "to11")
+HELD_OUT: Final = ("bei", "fennoscandia_spruce", "quesnel_treetops", "av14")
 """Forests of the published figures, beside `PLANTED["held out"]` and the plots of `TOPS`."""
 PLANTED: Final = {
     "fitted": {"rows 3 x 3": ((3.0, 3.0), 0.25), "rows 4 x 2": ((4.0, 2.0), 0.5), "rows 5 x 5": ((5.0, 5.0), 0.15)},

@@ -27,7 +27,7 @@ from urquhart import (
     WindowTooLarge,
     describe_observation,
 )
-from urquhart.hints import HINT_SECONDS, Change, Hint, changed_prior, changes, find_hint
+from urquhart.hints import HINTS, Change, Hint, changed_prior, changes, find_hint
 from urquhart.prior.region import window_extent
 
 _UNFOUND = frozenset({"below_gate", "verification_failed", "no_proposal"})
@@ -135,7 +135,7 @@ class SubmapSearch:
             return found, None
         began = time.perf_counter()
         tried = list(changes(self._latitude(), turned=self.query.prior is not None))
-        budget = (self.budget or Budget()).within(HINT_SECONDS)
+        budget = (self.budget or Budget()).within(HINTS.seconds)
 
         def search(changed: Features, change: Change) -> Recognition:
             query, known = self.query, self.query.prior

@@ -1,16 +1,22 @@
 """Searches within a prior: where their confidence comes from, and a few windows of the benchmark."""
 
 from datetime import date
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from benchmarks import record
+from benchmarks.markdown import FOLDER
 from benchmarks.windows import calibrate, scenes
-from benchmarks.windows.__main__ import figures_of, summarize
+from benchmarks.windows.__main__ import NAME, figures_of, summarize
+from benchmarks.windows.report import write_report
 from benchmarks.windows.searching import FOUND, MATCHED
 from urquhart.decide.confidence import Calibration, Line
 from urquhart.prior.confidence import WINDOW_CALIBRATION
 from urquhart.prior.region import REGION
+
+RESULTS = Path(__file__).parents[2] / "docs" / FOLDER
 
 
 def test_nothing_that_the_fit_depends_on_has_changed_since() -> None:
@@ -59,3 +65,10 @@ def test_a_plot_is_found_in_its_window_and_not_elsewhere() -> None:
     found = calibrate.run(calibrate.Job("lansing", 0.3, True, 5, (1, 2)))
     assert (found["right"] == found["inside"]).all()
     assert not (found["verdict"][~found["inside"]] == MATCHED).any()
+
+
+def test_the_published_figures_have_no_wrong_match() -> None:
+    figures = record.read(RESULTS / f"{NAME}.json")
+    assert sum(part["outside"] for part in figures["parts"]) >= 1_000
+    assert sum(part["wrong"] + part["false"] for part in figures["parts"]) == 0
+    assert "searches within a prior" in write_report({NAME: figures})
