@@ -36,8 +36,8 @@ def windows_section(figures: Figures) -> str:
             to 90 % of the stems, each off by the noise along each axis, and up to 15 % false trees. The position is
             known to 2, 4 or 6 m (one standard deviation), the heading to 2 degrees or not at all. Forests:
             {", ".join(figures["forests"])}; none of them is among those of the fit. The
-            share of wrong priors, 10 %, was chosen among four values when a part of these figures was known, so it is not
-            held out. *Tree tops*: 12 plots and simulated
+            share of wrong priors, 10 %, was chosen among four values when a part of these figures was known, so it is
+            not held out. *Tree tops*: 12 plots and simulated
             tops that others made. {sums["wrong"]} wrong matches, and {sums["false"]} in {sums["outside"]} windows that
             do not hold the plot. *First*: the best pose is right, reported or not (within 1.5 m and 6 degrees). Seconds
             are medians of a whole search, one thread, on a machine that had other work to do."""
