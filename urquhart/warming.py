@@ -40,8 +40,10 @@ def warm_up(config: Config) -> None:
     alone = Recognizer(config)
     alone.add([(0, describe(places[0], config))])
     alone.locate(places[0])
-    # A search within a prior scores poses by a kernel of its own.
-    recognizer.recognize_within(describe(places[0], config), Prior.with_sigma(0.0, 0.0, 0.5, 0.0), {0: SE2.identity()})
+    # A search within a prior scores poses by a kernel of its own, and compares diameters by another.
+    for diameters in (None, np.linspace(10.0, 50.0, len(places[0]))):
+        observed = describe(places[0], config, diameters)
+        recognizer.recognize_within(observed, Prior.with_sigma(0.0, 0.0, 0.5, 0.0), {0: SE2.identity()})
     # Large observations are processed in portions, by kernels that small ones do not use.
     for xy in (places[0], *places[2:]):
         recognizer.locate(xy, budget=Budget(steps=1_000.0))

@@ -2,7 +2,8 @@
 
 A slowdown is judged by processor time, and relative to the loop on the same machine in the same minute: so it depends
 neither on how fast a machine is nor on what else it does. What is left of noise is a few per cent, and a slowdown that
-is noise is not there again when it is measured again.
+is noise is not there again when it is measured again. Processors of another kind have another ratio of memory to
+arithmetic, so they are not compared.
 """
 
 import tempfile
@@ -10,12 +11,12 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from statistics import median
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from benchmarks.experiments import Figures
-from benchmarks.machine import ROOT
+from benchmarks.machine import ROOT, machine
 from benchmarks.markdown import page, prose, table
 from benchmarks.service.calibration import CalibrationLoop
 from benchmarks.service.connection import Connection, request_bytes
@@ -34,6 +35,7 @@ _TURN: Final = 10
 """Requests of a kind in a turn."""
 _SUBMAPS: Final = 200
 _GOOD: Final = (200, 201)
+_PROCESSOR: Final = "processor"
 _KINDS: Final = {
     "library": "a query in the library",
     "query": "a query over HTTP",
@@ -41,6 +43,13 @@ _KINDS: Final = {
     "PUT": "a submap stored",
     "empty": "GET /livez",
 }
+
+
+class Release(NamedTuple):
+    """A line of the page: what operations of each kind cost, and the kind of processor that says so."""
+
+    processor: str
+    costs: dict[str, float]
 
 
 def costs(version: Version) -> dict[str, float]:
@@ -110,7 +119,11 @@ def slower(measure: Callable[[], Mapping[str, float]], reference: Mapping[str, f
 def check() -> int:
     """Compare this checkout with the last line of the page; 1 and the waterfall if an operation is slower, else 0."""
     rows = read((ROOT / PAGE).read_text(encoding="utf-8"))
-    name, reference = list(rows.items())[-1]
+    name, (processor, reference) = list(rows.items())[-1]
+    here = machine()["processor"]
+    if here != processor:
+        print(f"not compared with {name}: that was measured on {processor}, and this is {here}")
+        return 0
     beyond = slower(lambda: _told(costs(Version.current()), name, reference), reference)
     if not beyond:
         print(f"no operation takes more than {LIMIT:g} times the work that it took in {name}")
@@ -132,24 +145,26 @@ def add(release: str, version: Version) -> None:
     """Measure a version, and write its line."""
     path = ROOT / PAGE
     rows = read(path.read_text(encoding="utf-8")) if path.exists() else {}
-    rows[release] = costs(version)
+    rows[release] = Release(machine()["processor"], costs(version))
     path.write_text(write(rows), encoding="utf-8")
     print(write(rows))
 
 
-def read(text: str) -> dict[str, dict[str, float]]:
-    """The lines of the page: costs by kind, by release."""
+def read(text: str) -> dict[str, Release]:
+    """The lines of the page by release."""
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line[:1] == "|"]
-    head = rows[0][1:] if rows else []
+    head = rows[0][2:] if rows else []
     return {
-        row[0]: {kind: float(cell) for kind, cell in zip(head, row[1:], strict=True) if cell != "-"} for row in rows[2:]
+        name: Release(processor, {kind: float(cell) for kind, cell in zip(head, cells, strict=True) if cell != "-"})
+        for name, processor, *cells in rows[2:]
     }
 
 
-def write(rows: Mapping[str, Mapping[str, float]]) -> str:
+def write(rows: Mapping[str, Release]) -> str:
     """The page."""
     told = [
-        [name, *(f"{costs[kind]:.3f}" if kind in costs else "-" for kind in _KINDS)] for name, costs in rows.items()
+        [name, processor, *(f"{costs[kind]:.3f}" if kind in costs else "-" for kind in _KINDS)]
+        for name, (processor, costs) in rows.items()
     ]
     kinds = ", ".join(f"*{kind}*: {what}" for kind, what in _KINDS.items())
     return page(
@@ -160,10 +175,11 @@ def write(rows: Mapping[str, Mapping[str, float]]) -> str:
             triangulation, about 2 ms (`benchmarks/service/calibration.py`). So the figures of different machines can
             be compared, roughly. {kinds}. {_SUBMAPS} submaps of about 90 trees, one request at a time."""
         ),
-        table(["release", *_KINDS], told),
+        table(["release", _PROCESSOR, *_KINDS], told, words=2),
         prose(
             f"""`make bench-check` measures this checkout and fails if an operation takes more than {LIMIT:g} times the
-            work of the last line, {_TRIES} times in a row; then it prints where a query spends its time.
+            work of the last line, {_TRIES} times in a row; then it prints where a query spends its time. On a processor
+            of another kind it compares nothing.
             `python -m benchmarks.service --release NAME` adds a line, or replaces the one of that name. Milliseconds,
             beside an older commit, are in [scaling.md](scaling.md)."""
         ),

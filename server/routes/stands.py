@@ -25,7 +25,7 @@ from server.schemas.common import ResourceId
 from server.schemas.landmarks import FileName, StemMapAnswer, StemMapOptions
 from server.stem_maps import stored_stands
 from server.stem_maps.reading.options import ReadOptions
-from server.stem_maps.sent_stands import Cutting, named, put_stand, stem_map_json
+from server.stem_maps.sent_stands import Cutting, StandTerms, named, put_stand, stem_map_json
 from server.stem_maps.uploads import UploadedFile
 
 router = APIRouter(route_class=JsonRoute, tags=["stands"])
@@ -168,8 +168,16 @@ def reads_files(route: Callable[..., Response]) -> Callable[..., Response]:
     openapi_extra=_FILE,
 )
 @reads_files
-def read_stem_map(*, service: ServiceDep, body: BodyDep, file: FileNameQuery, options: ReadOptions) -> Response:
-    """Reads a file as `urquhart index` does, and returns its trees. Nothing is stored.
+def read_stem_map(
+    *,
+    service: ServiceDep,
+    body: BodyDep,
+    file: FileNameQuery,
+    idempotency_key: IdempotencyKeyDep,
+    options: ReadOptions,
+) -> Response:
+    """Reads a file as `urquhart index` does, and returns its trees. Nothing is stored, so a repeated request with the
+    same `Idempotency-Key` reads the file again.
 
     CSV, xlsx, GeoPackage, FlatGeobuf, GeoJSON, KML, GPX, LAS and LAZ. `understood` says what was read as what. A file
     that cannot be used is refused, with each row at fault in `errors`.
@@ -197,6 +205,7 @@ def store_stem_map(
     service: ServiceDep,
     body: BodyDep,
     preconditions: PreconditionsDep,
+    idempotency_key: IdempotencyKeyDep,
     file: FileNameQuery,
     radius: Annotated[float | None, Query(gt=0, le=1e6, description="Radius of a submap, in metres.")] = None,
     spacing: Annotated[
@@ -212,8 +221,5 @@ def store_stem_map(
     cutting = Cutting(radius, spacing, one_submap)
     cutting.check()
     stem_map = named(service.uploads.read(UploadedFile(file, body, options)), stand)
-    stored, is_new = put_stand(service.database, service.limits, collection, stem_map, cutting, preconditions)
-    headers = etag_header(stored.etag)
-    if is_new:
-        headers["Location"] = links.stand(collection, stand)
-    return json_response(stored, 201 if is_new else 200, headers=headers)
+    terms = StandTerms(preconditions, idempotency_key)
+    return stored_response(put_stand(service.database, service.limits, collection, stem_map, cutting, terms))

@@ -83,8 +83,11 @@ def replace_stand(
     collection_id: str,
     described: DescribedStand,
     check: Callable[[WriteTransaction, CollectionRecord], object] = lambda tx, collection: None,
+    finish: Callable[[WriteTransaction, CollectionRecord], object] = lambda tx, collection: None,
 ) -> ReplacementReport:
-    """Store a stand with its described submaps, and delete its other ones; `check` may refuse it in the transaction.
+    """Store a stand with its described submaps, and delete its other ones.
+
+    In the transaction, `check` may refuse it before anything is stored, and `finish` sees the stand as it is then.
 
     Readers see the stand as it was or as it is now, and nothing in between; so does whoever opens the database after a
     kill. A stand owns what it stored before, and submaps that look exactly like its discs and belong to no stand.
@@ -121,6 +124,7 @@ def replace_stand(
         stands.remove(gone)
         done.removed, done.adopted = len(gone), len(strays)
         done.alike = [name for name in stands.with_trees(record.trees_hash) if name != record.name]
+        finish(tx, collection)
     return done
 
 

@@ -1,7 +1,7 @@
 """Stands that callers send as files: read, cut and stored like those that `urquhart index` stores."""
 
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 import orjson
@@ -9,15 +9,17 @@ import orjson
 from server.collections.crud import get_collection
 from server.config.settings import Limits
 from server.errors import InvalidField, InvalidFile
+from server.resources import links
+from server.resources.idempotency import IdempotencyKey, StoredResponse, find_response, store_response
 from server.resources.preconditions import Preconditions
-from server.schemas.collections import Stand
+from server.schemas.common import to_json
 from server.stem_maps.reader import StemMap
 from server.stem_maps.replacement import replace_stand
 from server.stem_maps.stands import StandError, cut_stand, describe_stand, whole_stand
-from server.stem_maps.stored_stands import read, tag_of
+from server.stem_maps.stored_stands import find
 from server.stem_maps.tiling import Cut, CuttingError, without_twins
 from server.store.records import CollectionRecord
-from server.store.storage import ReadTransaction, Storage
+from server.store.storage import ReadTransaction, Storage, WriteTransaction
 from server.submaps.bulk_ingest import LineOptions
 
 MOST_SUBMAPS: Final = 5_000
@@ -66,35 +68,66 @@ class Cutting:
             )
 
 
+class StandTerms(NamedTuple):
+    """The conditions of a PUT: what must be true of the stand that is there, and the key of a repeated request."""
+
+    preconditions: Preconditions
+    idempotency_key: IdempotencyKey | None
+
+
+class _Answered(Exception):
+    """Another attempt of the same request was carried out meanwhile."""
+
+    def __init__(self, response: StoredResponse) -> None:
+        super().__init__("answered before")
+        self.response = response
+
+
 def put_stand(
-    database: Storage,
-    limits: Limits,
-    collection_id: str,
-    stem_map: StemMap,
-    cutting: Cutting,
-    preconditions: Preconditions,
-) -> tuple[Stand, bool]:
+    database: Storage, limits: Limits, collection_id: str, stem_map: StemMap, cutting: Cutting, terms: StandTerms
+) -> StoredResponse:
     """Store a stem map as the stand of its name, in the place of what that had before, in one transaction.
 
-    Returns the stand, and whether it is new. Raises NotFound (the collection), PreconditionFailed, InvalidFile, and
-    what storing submaps raises. Nothing is stored then.
+    Returns the answer: the stand, 201 if it is new. Raises NotFound (the collection), PreconditionFailed, KeyReused,
+    InvalidFile, and what storing submaps raises. Nothing is stored then.
     """
-    before: list[str | None] = []
+    answers: list[StoredResponse] = []
 
-    def check(tx: ReadTransaction, collection: CollectionRecord) -> None:
-        before.append(tag_of(tx, collection, stem_map.name))
-        preconditions.check(before[0])
+    def operation(collection: CollectionRecord) -> str:
+        return f"putStand {collection.key} {stem_map.name}"
 
-    cut = cutting.cut(stem_map, limits)
-    with database.read() as tx:
-        check(tx, get_collection(tx, collection_id))  # before the work, and again when it is stored
-    before.clear()
+    def check(tx: ReadTransaction, collection: CollectionRecord) -> bool:
+        answered = find_response(tx, terms.idempotency_key, operation(collection))
+        if answered is not None:
+            raise _Answered(answered)
+        before = find(tx, collection, stem_map.name)
+        terms.preconditions.check(None if before is None else before.etag)
+        return before is None
+
+    def check_again(tx: WriteTransaction, collection: CollectionRecord) -> None:
+        is_new.append(check(tx, collection))
+
+    def finish(tx: WriteTransaction, collection: CollectionRecord) -> None:
+        stand = find(tx, collection, stem_map.name)
+        assert stand is not None  # it was stored in this transaction
+        headers = {"ETag": f'"{stand.etag}"'}
+        if is_new[0]:
+            headers["Location"] = links.stand(collection_id, stem_map.name)
+        response = StoredResponse(201 if is_new[0] else 200, headers, to_json(stand))
+        answers.append(store_response(tx, terms.idempotency_key, operation(collection), response))
+
+    is_new: list[bool] = []
     try:
+        with database.read() as tx:
+            check(tx, get_collection(tx, collection_id))  # before the work, and again when it is stored
+        cut = cutting.cut(stem_map, limits)
         with describe_stand(database, collection_id, stem_map, cut, LineOptions(limits=limits)) as described:
-            replace_stand(database, collection_id, described, check)
+            replace_stand(database, collection_id, described, check_again, finish)
+    except _Answered as answered:
+        return answered.response
     except StandError as error:
         raise InvalidFile(f"{stem_map.name}: {error}") from error
-    return read(database, collection_id, stem_map.name), before[0] is None
+    return answers[0]
 
 
 def stem_map_json(stem_map: StemMap) -> bytes:

@@ -39,10 +39,10 @@ def read(database: Storage, collection_id: str, name: str) -> Stand:
         return _answers(tx, collection, [_get(tx, collection, name)])[0]
 
 
-def tag_of(tx: ReadTransaction, collection: CollectionRecord, name: str) -> str | None:
-    """The entity tag of a stand as it is stored now; None if there is none of this name."""
+def find(tx: ReadTransaction, collection: CollectionRecord, name: str) -> Stand | None:
+    """A stand as it is stored now; None if there is none of this name."""
     row = tx.stands(collection.key).counted(name)
-    return None if row is None else _answers(tx, collection, [row])[0].etag
+    return None if row is None else _answers(tx, collection, [row])[0]
 
 
 def remove(database: Storage, collection_id: str, name: str) -> int:

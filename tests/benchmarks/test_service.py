@@ -1,16 +1,21 @@
 """What `make bench` relies on: its client, its history, and what counts as slower."""
 
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
 
+from benchmarks.service import history
 from benchmarks.service.calibration import CalibrationLoop
 from benchmarks.service.connection import HttpAnswer, address_of, request_bytes, take_answer
-from benchmarks.service.history import LIMIT, read, slower, write
+from benchmarks.service.history import LIMIT, Release, check, read, slower, write
 from benchmarks.service.report import section
 from benchmarks.service.waterfall import STAGES, lines
 
-ROWS = {"0.1.0": {"library": 1.5, "query": 2.25, "PUT": 1.0, "empty": 0.125}, "0.2.0": {"library": 1.25, "query": 2.0}}
+ROWS = {
+    "0.1.0": Release("AMD EPYC", {"library": 1.5, "query": 2.25, "PUT": 1.0, "empty": 0.125}),
+    "0.2.0": Release("Intel(R) Xeon(R) Processor", {"library": 1.25, "query": 2.0}),
+}
 HEAD = {"against": "95bf473", "machine": {"processor": "a", "cores": 2, "python": "3.11"}}
 
 
@@ -39,6 +44,16 @@ def test_a_request_has_the_length_of_its_body() -> None:
 def test_the_history_is_read_as_it_was_written() -> None:
     assert read(write(ROWS)) == ROWS
     assert read("") == {}
+
+
+def test_another_kind_of_processor_is_not_compared(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / history.PAGE).parent.mkdir()
+    (tmp_path / history.PAGE).write_text(write({"0.3.0": Release("of another kind", {"query": 1e-9})}))
+    monkeypatch.setattr(history, "ROOT", tmp_path)
+    assert check() == 0
+    assert "not compared with 0.3.0: that was measured on of another kind" in capsys.readouterr().out
 
 
 def test_only_what_is_slower_each_time_is_slower() -> None:

@@ -53,6 +53,20 @@ def test_a_file_is_read_as_the_command_reads_it(client: Client, tmp_path: Path) 
     np.testing.assert_allclose(found, np.column_stack([alone.xy, alone.dbh_cm if alone.dbh_cm is not None else 0]))
 
 
+def test_a_repeated_put_of_a_stand_undoes_nobodys_write(collection: Client) -> None:
+    key = {"Idempotency-Key": "k"}
+    trees = stand_trees()
+    first = collection.put(STAND, content=csv_of(trees), params=CUT, headers=key)
+    assert first.status_code == 201, first.text
+    assert collection.put(STAND, content=csv_of(trees[:200]), params=CUT).status_code == 200
+    stored = collection.get(STAND).json()
+    again = collection.put(STAND, content=csv_of(trees), params=CUT, headers=key)
+    assert (again.status_code, again.content, again.headers["ETag"]) == (201, first.content, first.headers["ETag"])
+    assert again.headers["Idempotency-Replayed"] == "true"
+    assert collection.get(STAND).json() == stored
+    assert collection.put(STAND, content=csv_of(trees[:100]), params=CUT, headers=key).status_code == 422
+
+
 def test_rows_at_fault_are_named(client: Client) -> None:
     answer = client.post(READ, content=b"tag,x,y\n1,2,3\n2,b,4\n3,5\n", params={"file": "plot.csv"})
     assert answer.status_code == 422

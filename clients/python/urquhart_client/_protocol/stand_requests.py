@@ -1,6 +1,7 @@
 """Requests about stands and files of trees; see `requests`."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +37,8 @@ def put_stand(
     collection: str, name: str, path: Path, if_match: str | None, cutting: Mapping[str, Any]
 ) -> Request[Stand]:
     """Store a file of trees as a stand."""
-    return conditional(_sent("PUT", _stand(collection, name), path, Stand, cutting), if_match, None)
+    sent = _sent("PUT", _stand(collection, name), path, Stand, cutting)
+    return conditional(replace(sent, headers={**sent.headers, **once()}), if_match, None)
 
 
 def _sent(method: str, url: str, path: Path, kind: type[M], options: Mapping[str, Any]) -> Request[M]:
