@@ -5,6 +5,7 @@ wrong unit or range scales all directions, and a trajectory that drifts within a
 fitted by these displacement fields, one after the other, and F tests decide whether a field explains more than noise.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, NamedTuple
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import fdtrc
 
+from urquhart._kernel import kernel
 from urquhart.se2 import SE2
 
 
@@ -83,12 +85,15 @@ def find_distortion(source: Field, target: Field, target_T_source: SE2) -> Disto
     spread = max(float(np.sqrt((trees**2).mean())), 1e-9)
     left = (target - there - trees).T.ravel()
     size = _BENT if 2 * len(source) >= _BENT + DISTORTION.fewest else _AFFINE
-    fit = _Fit(_fields(trees / spread)[:, :size], left, DISTORTION.largest * spread)
-    strained = fit.explains(_RIGID, _AFFINE)
-    bent = size == _BENT and fit.explains(_AFFINE, _BENT)
+    fields = _fields(trees / spread)
+    parts = explained_parts(fields, left, size)
+    total = float(left @ left)
+    strained = _explains(parts, total, len(left), (_RIGID, _AFFINE))
+    bent = size == _BENT and _explains(parts, total, len(left), (_AFFINE, _BENT))
     if not (strained or bent):
         return none
-    values, spreads = fit.solve(_BENT if bent else _AFFINE)
+    size = _BENT if bent else _AFFINE
+    values, spreads = _solve(fields[:, :size], left, DISTORTION.largest * spread)
     words, covariance = list[str](), np.zeros((3, 3))
     if strained:
         words, stretch, along = _name(values, spreads)
@@ -103,48 +108,84 @@ def find_distortion(source: Field, target: Field, target_T_source: SE2) -> Disto
     return Distortion(tuple(words), covariance)
 
 
-class _Fit:
-    """Least-squares fits of the residuals by nested fields: one factorisation serves all tests."""
+@kernel
+def explained_parts(fields: Field, left: Field, size: int) -> Field:
+    """How much of the residuals each field explains beyond those before it, as a signed length, metres: (size,).
 
-    def __init__(self, fields: Field, left: Field, largest: float) -> None:
-        """Fit residuals `left` (2 K,), metres, by `fields` (2 K, C); `largest`: metres, prior standard deviation."""
-        self._largest = largest
-        self._q, self._r = np.linalg.qr(fields)
-        self._parts = self._q.T @ left
-        self._total = float(left @ left)
+    By Gram-Schmidt; a field that depends on those before it explains nothing more.
 
-    def explains(self, size: int, larger: int) -> bool:
-        """Whether a field of `larger` coefficients explains significantly more than its first `size` ones (F test)."""
-        rest = self._rest(larger)
-        degrees = len(self._q) - larger
-        gained = float((self._parts[size:larger] ** 2).sum()) / (larger - size)
-        if degrees < DISTORTION.fewest or rest <= 1e-18:
-            return False
-        return float(fdtrc(larger - size, degrees, gained / (rest / degrees))) < DISTORTION.false_alarms
-
-    def solve(self, size: int) -> tuple[Field, Field]:
-        """The first coefficients (size,), and their covariance (size, size).
-
-        Trees along two lines do not determine all coefficients; the prior bounds the others.
-        """
-        variance = self._rest(size) / (len(self._q) - size)
-        held = self._r[:size, :size]
-        known = np.full(size, self._largest**-2)
-        known[:_RIGID] = 0.0
-        covariance = np.linalg.inv(held.T @ held / variance + np.diag(known))
-        return covariance @ (held.T @ self._parts[:size]) / variance, covariance
-
-    def _rest(self, size: int) -> float:
-        return max(self._total - float((self._parts[:size] ** 2).sum()), 0.0)
+    Args:
+        fields: (2 K, C), displacements by a unit of each coefficient, as `_fields` returns them.
+        left: (2 K,), residuals, metres.
+        size: fields that are used, the first ones.
+    """
+    basis = fields.T[:size].copy()
+    parts = np.zeros(len(basis))
+    for c in range(len(basis)):
+        before = math.sqrt((basis[c] * basis[c]).sum())
+        for b in range(c):
+            basis[c] -= (basis[b] * basis[c]).sum() * basis[b]
+        length = math.sqrt((basis[c] * basis[c]).sum())
+        if length <= 1e-9 * before:
+            basis[c] = 0.0
+            continue
+        basis[c] /= length
+        parts[c] = (basis[c] * left).sum()
+    return parts
 
 
+def _explains(parts: Field, total: float, count: int, sizes: tuple[int, int]) -> bool:
+    """Whether the fields from the first to the second of `sizes` explain significantly more than noise (F test).
+
+    Args:
+        parts: of `explained_parts`.
+        total: sum of the squares of `count` residuals.
+    """
+    size, larger = sizes
+    rest = max(total - float(parts[:larger] @ parts[:larger]), 0.0)
+    degrees = count - larger
+    gained = float(parts[size:larger] @ parts[size:larger]) / (larger - size)
+    if degrees < DISTORTION.fewest or rest <= 1e-18:
+        return False
+    return float(fdtrc(larger - size, degrees, gained / (rest / degrees))) < DISTORTION.false_alarms
+
+
+def _solve(fields: Field, left: Field, largest: float) -> tuple[Field, Field]:
+    """The coefficients (C,) of the least-squares fit, and their covariance (C, C).
+
+    Trees along two lines do not determine all coefficients; the prior bounds the others.
+
+    Args:
+        fields: (2 K, C).
+        left: (2 K,), residuals, metres.
+        largest: metres, prior standard deviation of all coefficients but the rigid ones.
+    """
+    q, r = np.linalg.qr(fields)
+    parts = q.T @ left
+    variance = max(float(left @ left - parts @ parts), 0.0) / (len(left) - len(parts))
+    known = np.full(len(parts), largest**-2)
+    known[:_RIGID] = 0.0
+    covariance = np.linalg.inv(r.T @ r / variance + np.diag(known))
+    return covariance @ (r.T @ parts) / variance, covariance
+
+
+@kernel
 def _fields(at: Field) -> Field:
     """Displacements (2 N, 12) at positions (N, 2) by a unit of each coefficient: x of all positions, then y of all."""
-    x, y = at.T
-    one, none = np.ones(len(at)), np.zeros(len(at))
-    along_x = [one, none, -y, x, x, y, x * x, x * y, y * y, none, none, none]
-    along_y = [none, one, x, y, -y, x, none, none, none, x * x, x * y, y * y]
-    return np.concatenate([np.column_stack(along_x), np.column_stack(along_y)])
+    count = len(at)
+    fields = np.zeros((2 * count, _BENT))
+    for n in range(count):
+        x, y = at[n]
+        along_x, along_y = fields[n], fields[count + n]
+        along_x[0] = along_y[1] = 1.0
+        along_x[2], along_y[2] = -y, x
+        along_x[3], along_y[3] = x, y
+        along_x[4], along_y[4] = x, -y
+        along_x[5], along_y[5] = y, x
+        along_x[6] = along_y[9] = x * x
+        along_x[7] = along_y[10] = x * y
+        along_x[8] = along_y[11] = y * y
+    return fields
 
 
 def _name(values: Field, spreads: Field) -> tuple[list[str], float, float]:
