@@ -24,7 +24,7 @@ drives = {"north": (0.3, 0.7), "middle": (0.3, 0.5), "across": (0.5, None)}  # w
 with Client(url) as robot:
     robot.put_collection("drives")
     for name, (start, row) in drives.items():
-        for stop, along in enumerate(np.linspace(0.25, 0.75, 6)):
+        for stop, along in enumerate(np.linspace(0.25, 0.75, 8)):
             here = trees.min(0) + np.ptp(trees, 0) * ([along, row] if row else [start, along])
             heading = rng.uniform(-np.pi, np.pi)
             turn = np.array([[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]])
@@ -35,4 +35,4 @@ with Client(url) as robot:
     job = robot.wait_for_job(robot.build_map("drives", {"apply": True}).id)
     found = robot.get_map("drives", job.id)["summary"]
     file.write_bytes(robot.map_trees("drives", job.id, file.suffix[1:]))
-    print(f"{found['submaps']} submaps in {len(found['parts'])} part: {found['trees']} trees in {file}")
+    print(f"{found['submaps']} submaps in {len(found['parts'])} part(s): {found['trees']} trees in {file}")

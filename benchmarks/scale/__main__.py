@@ -132,12 +132,17 @@ def write_page(folder: Path) -> Path:
     for name, picture in PICTURES.items():
         save(picture, figures, path.with_name(f"{name}.svg"))
     target = folder / PAGE
-    costs = path.with_name(f"{service_report.NAME}.json")
-    parts = [write_report(figures)]
+    target.write_text(page_of(folder), encoding="utf-8")
+    return target
+
+
+def page_of(folder: Path) -> str:
+    """The page, from the JSON under `folder`, with what the service costs where that was measured."""
+    costs = folder / FOLDER / f"{service_report.NAME}.json"
+    parts = [write_report(record.read(folder / FOLDER / f"{NAME}.json"))]
     if costs.exists():
         parts.append(service_report.section(record.read(costs)))
-    target.write_text(page(*parts), encoding="utf-8")
-    return target
+    return page(*parts)
 
 
 def _record(room: Path, name: str) -> Path:

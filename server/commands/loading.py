@@ -92,7 +92,7 @@ COMMANDS: Final = {
     "locate": CommandEntry(
         "server.commands.locate",
         "locate",
-        "Find where trees were observed.",
+        "Find where trees were observed, in the whole collection or, with --at, near a place.",
         (
             "urquhart locate seen.csv --collection season-2026",
             "urquhart locate seen.csv --collection season-2026 --svg match.svg --explain",

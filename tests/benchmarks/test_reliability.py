@@ -33,7 +33,7 @@ def test_only_errors_of_the_domain_come_out_of_the_readers(name: str) -> None:
     tally = fuzz_readers.feed(name, 800, seed=5)
     assert tally.findings == {}
     assert tally.inputs == 800
-    assert tally.accepted > 8
+    assert tally.accepted > 4
     assert sum(tally.refused.values()) == tally.inputs - tally.accepted
 
 

@@ -392,8 +392,7 @@ def test_triangles_are_the_same_turned_and_not_mirrored() -> None:
 
 
 def test_the_published_page_is_written_from_the_published_figures() -> None:
-    published = record.read(ROOT / "docs" / FOLDER / "scale.json")
-    assert (ROOT / "docs" / command.PAGE).read_text(encoding="utf-8") == write_report(published)
+    assert (ROOT / "docs" / command.PAGE).read_text(encoding="utf-8") == command.page_of(ROOT / "docs")
     assert all((ROOT / "docs" / FOLDER / f"{name}.svg").exists() for name in PICTURES)
 
 

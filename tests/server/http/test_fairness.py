@@ -200,7 +200,7 @@ def test_others_are_answered_beside_many_requests_of_one_key_which_end_when_it_i
 def test_all_places_taken_is_told(start: Start, monkeypatch: pytest.MonkeyPatch) -> None:
     server = start(concurrent_requests=1, query_seconds=PATIENCE, batch_seconds=PATIENCE)
     only_of(monkeypatch, len(QUERY["xy"]))
-    _, statuses = background(lambda: server.client.post(f"{ASK}/batch", json={**BATCH, "timeout_ms": 1000}), 1)
+    _, statuses = background(lambda: server.client.post(f"{ASK}/batch", json={**BATCH, "timeout_ms": 3000}), 1)
     wait_until(lambda: server.service.fair_queue.running == 1)
     told = httpx.get(f"{server.url}/readyz")
     assert (told.status_code, told.json()["load"]["saturated"]) == (200, True)
