@@ -131,7 +131,8 @@ def _match(answer: QueryAnswer, places: ExportPlaces) -> OutputRows:
         values += [None] * 6
     else:
         sigmas = survey.shift_sigma or (None, None)
-        values += [*survey.shift, survey.turn_degrees, *sigmas, survey.turn_sigma_degrees]
+        # In the system of the row's position: the two must tell the same place.
+        values += [*(survey.crs_shift or survey.shift), survey.turn_degrees, *sigmas, survey.turn_sigma_degrees]
     values.append(" ".join(best.warnings) or None)
     there, why = nowhere, "an older version stored it"
     if survey is not None and frame_id is None:

@@ -98,6 +98,7 @@ def _about(
     centre: NDArray[np.float64], pose: SE2, uncertainty: PoseUncertainty, system: FrameSystem, *, is_known: bool
 ) -> Members:
     position = uncertainty.position_of(pose, centre)
+    shift = uncertainty.shift_of(pose, centre)
     covariance = uncertainty.covariance_about(pose, centre)
     x, y, yaw = (math.sqrt(float(covariance[axis, axis])) for axis in range(3))
     return {
@@ -106,10 +107,11 @@ def _about(
         "crs_unit": None if system.crs is None else system.unit,
         "metres_per_unit": None if system.crs is None else system.metres_per_unit,
         "crs_position": None if system.crs is None else system.full(position[None])[0].tolist(),
+        "crs_shift": None if system.crs is None else (shift + np.asarray(system.origin)).tolist(),
         "axes": system.axes,
         "centre": centre.tolist(),
         "position": position.tolist(),
-        "shift": uncertainty.shift_of(pose, centre).tolist(),
+        "shift": shift.tolist(),
         "turn_degrees": math.degrees(math.remainder(pose.yaw, 2.0 * math.pi)),
         "turn_positive": "counter_clockwise",
         "covariance": flat(covariance) if is_known else None,

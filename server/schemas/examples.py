@@ -126,6 +126,7 @@ QUERY_ANSWER: dict[str, Any] = {
                 "crs_unit": "metre",
                 "metres_per_unit": 1.0,
                 "crs_position": [500125.05, 5400087.89],
+                "crs_shift": [500125.05, 5400087.89],
                 "axes": ["east", "north"],
                 "centre": [0.0, 0.0],
                 "position": [125.05, 87.89],

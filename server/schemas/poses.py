@@ -251,6 +251,12 @@ class SurveyPose(Answer):
     crs_position: Point | None = Field(
         description="`position` in full coordinates of `crs`, east first, in its unit. Null without a projected system."
     )
+    crs_shift: Point | None = Field(
+        None,
+        description="`crs_position` minus `centre`, both in metres: what to add to the query's coordinates, if they "
+        "are meant to be those of `crs`. It differs from `shift` by the origin of the map frame. Null without a "
+        "projected system.",
+    )
     axes: tuple[Literal["east", "x"], Literal["north", "y"]] = Field(
         description="What the first and the second coordinate point to: `east` and `north` if the map frame has a "
         "coordinate reference system, else `x` and `y`."

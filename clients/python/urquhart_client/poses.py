@@ -118,8 +118,8 @@ class SurveyPose(Model):
     `frame_id` names the map frame that `position`, the place of that point, is in; None stands for the submap's frame.
     `axes` says what the coordinates point to (`("east", "north")` if the frame has a `crs`), and `crs_position` is the
     position in full coordinates of the `crs`, in `crs_unit`, which has `metres_per_unit`. `shift` is `position` minus
-    `centre`: what to add to the query's coordinates, if they are meant to be those of the frame. `turn_degrees` is
-    positive as `turn_positive` says.
+    `centre`: what to add to the query's coordinates, if they are meant to be those of the frame; `crs_shift` is the
+    same for those of the `crs`, in metres. `turn_degrees` is positive as `turn_positive` says.
     `covariance` is 3 x 3, row by row, over (x, y, yaw), about `centre`, along the axes of `covariance_frame`, in metres
     and radians; `shift_sigma` and `turn_sigma_degrees` are the standard deviations in it. All three are None if the
     covariance of the submap's pose is not known.
@@ -130,6 +130,7 @@ class SurveyPose(Model):
     crs_unit: str | None = None
     metres_per_unit: float | None = None
     crs_position: tuple[float, float] | None = None
+    crs_shift: tuple[float, float] | None = None
     axes: tuple[str, str]
     centre: tuple[float, float]
     position: tuple[float, float]

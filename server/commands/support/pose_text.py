@@ -21,7 +21,8 @@ def survey_lines(survey: SurveyPose) -> list[str]:
     """Position and shift of the middle of the trees along named axes, and the turn with its direction."""
     first, second = survey.axes
     lines = [f"middle of the trees: {_place(survey)}"]
-    east, north = survey.shift
+    # In the system of the position above: the two must tell the same place.
+    east, north = survey.crs_shift or survey.shift
     spread = _spread(survey)
     lines.append(
         f"shift there: {first} {east:+.3f} m, {second} {north:+.3f} m{_in_unit(survey)}; {_turn(survey)}{spread}"
@@ -42,7 +43,7 @@ def _in_unit(survey: SurveyPose) -> str:
     """The shift in the unit of the system, where that is not the metre."""
     if survey.crs_unit in (None, _METRE) or survey.metres_per_unit is None:
         return ""
-    east, north = (value / survey.metres_per_unit for value in survey.shift)
+    east, north = (value / survey.metres_per_unit for value in survey.crs_shift or survey.shift)
     return f" ({east:+.3f}, {north:+.3f} {survey.crs_unit})"
 
 

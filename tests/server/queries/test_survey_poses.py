@@ -33,12 +33,25 @@ def test_shift_and_turn_of_coordinates_far_from_the_origin(client: httpx.Client)
     assert survey["turn_degrees"] == pytest.approx(-1.49, abs=1e-5)
     assert survey["position"] == pytest.approx(trees.mean(axis=0) + FAR, abs=1e-6)
     assert survey["crs_position"] == survey["position"]
+    assert survey["crs_shift"] == survey["shift"]
     covariance = np.reshape(survey["covariance"], (3, 3))
     assert survey["shift_sigma"] == pytest.approx(np.sqrt(np.diag(covariance))[:2])
     assert survey["turn_sigma_degrees"] == pytest.approx(math.degrees(math.sqrt(covariance[2, 2])))
     # All trees are inliers, so their middle is that of the fit, and the errors there are independent.
     assert abs(covariance[0, 2]) < 1e-6 * math.sqrt(covariance[0, 0] * covariance[2, 2])
     assert max(survey["shift_sigma"]) < 0.1
+
+
+def test_the_origin_of_a_frame_is_in_the_shift_of_its_system(client: httpx.Client) -> None:
+    client.patch(PLOTS, json={"crs": "EPSG:25832", "origin": FAR.tolist()}).raise_for_status()
+    trees = forest(1)
+    pose = {"x": 0.0, "y": 0.0, "yaw": 0.0, "covariance": [0.0] * 9}
+    client.put(f"{PLOTS}/submaps/p", json={"xy": points(trees), "map_pose": pose}).raise_for_status()
+    survey = ask(client, xy=points(displaced(trees + FAR)))["candidates"][0]["survey"]
+    assert survey["crs_position"] == pytest.approx(trees.mean(axis=0) + FAR, abs=1e-6)
+    # Surveyed in the system, so the shift there is small; the one to the frame holds its origin.
+    assert survey["crs_shift"] == pytest.approx(SHIFT, abs=1e-6)
+    assert survey["shift"] == pytest.approx(SHIFT - FAR, abs=1e-6)
 
 
 def test_a_frame_without_a_system_has_x_and_y(client: httpx.Client) -> None:
