@@ -74,6 +74,11 @@ def frame_system(frame_id: str, name: str | None, origin: tuple[float, float] | 
     return FrameSystem(frame_id, crs, name, origin or (0.0, 0.0), unit.unit_name, unit.unit_conversion_factor)
 
 
+def metres_per_unit_of(name: str | None) -> float:
+    """Metres in one unit of the projected system `name`; 1 if there is none, or it is only a name."""
+    return frame_system("", name).metres_per_unit
+
+
 @lru_cache(maxsize=64)
 def _projected(name: str) -> CRS | None:
     """The projected system of that name; None if no such system is known."""

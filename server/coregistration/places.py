@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 
+from server.collections.frame_systems import FrameSystem
 from server.coregistration.results import PossiblePlace
 from server.queries.lookup import LookupResult
 from server.schemas.poses import Transform
@@ -23,11 +24,11 @@ def distinct_places(
     tx: ReadTransaction,
     collection: CollectionRecord,
     look: LookupResult,
-    origin_of: Callable[[str], tuple[float, float]],
+    system_of: Callable[[str], FrameSystem],
 ) -> list[PossiblePlace]:
     """The places of the first candidate and of its rivals, the best first.
 
-    The query's frame has its origin at the plot's centre. `origin_of` says what to add to coordinates of a map, metres.
+    The query's frame has its origin at the plot's centre. `system_of` says what system a map is in.
     """
     answer = look.answer
     fits: list[tuple[str, Transform, int]] = []
@@ -40,12 +41,14 @@ def distinct_places(
         row = rows.get(keys.get(submap_id, -1))
         if row is None:
             continue
-        pose, frame_id, origin = SE2(transform.x, transform.y, transform.yaw), row.frame_id or row.id, (0.0, 0.0)
+        pose, frame_id = SE2(transform.x, transform.y, transform.yaw), row.frame_id or row.id
+        system = FrameSystem(frame_id, None, None)
         if row.place is not None:
-            frame_id, origin = row.place.map_frame_id, origin_of(row.place.map_frame_id)
+            frame_id = row.place.map_frame_id
+            system = system_of(frame_id)
             pose = SE2(row.place.map_x, row.place.map_y, row.place.map_yaw) @ pose
-        e, n = float(pose.x + origin[0]), float(pose.y + origin[1])
-        place = PossiblePlace(frame_id, submap_id, e, n, -float(np.degrees(pose.yaw)), trees)
+        e, n = float(pose.x + system.origin[0]), float(pose.y + system.origin[1])
+        place = PossiblePlace(frame_id, submap_id, e, n, -float(np.degrees(pose.yaw)), trees, system.name)
         if not any(is_same_place(place, other) for other in found):
             found.append(place)
     return found

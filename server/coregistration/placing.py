@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from server.collections.crud import get_collection
-from server.coregistration.map_systems import MapSystem, map_system
+from server.collections.frame_systems import FrameSystem, frame_systems
 from server.coregistration.map_trees import MapTrees, trees_around, trees_of_submap
 from server.coregistration.nominal import NominalPlaces
 from server.coregistration.places import distinct_places
@@ -51,8 +51,8 @@ class PlotPlacer:
         with context.database.read() as tx:
             collection = get_collection(tx, collection_id)
         # A collection that changed may hold plots elsewhere, so its revision is part of every key.
-        self._common = f"2 {collection_id} {collection.key} {collection.revision} {choices!r}"
-        self._systems: dict[str, MapSystem] = {}
+        self._common = f"3 {collection_id} {collection.key} {collection.revision} {choices!r}"
+        self._systems: dict[str, FrameSystem] = {}
 
     def key(self, plot: SeasonPlot) -> str:
         """Digest of everything that the plot's result depends on."""
@@ -146,7 +146,7 @@ class PlotPlacer:
         with self._context.database.read() as tx:
             collection = get_collection(tx, self._collection_id)
             if answer.verdict == "ambiguous":
-                places = distinct_places(tx, collection, look, lambda frame: self._system(tx, collection, frame).origin)
+                places = distinct_places(tx, collection, look, lambda frame: self._system(tx, collection, frame))
                 return replace(result, places=places, sentence=ambiguous_sentence(answer, places))
             return self._fitted(plot, result, look, tx, collection)
 
@@ -170,7 +170,8 @@ class PlotPlacer:
         start = candidate.transform if place is None else pose_of(place) @ candidate.transform
         middle, radius = start.apply(np.zeros((1, 2)))[0], result.radius + _MARGIN
         if place is None:
-            frame_id, system = row.frame_id or row.id, MapSystem()
+            frame_id = row.frame_id or row.id
+            system = FrameSystem(frame_id, None, None)
             there = trees_of_submap(tx, collection, row.id, middle, radius)
         else:
             frame_id = place.map_frame_id
@@ -199,9 +200,9 @@ class PlotPlacer:
         )
         return replace(result, sentence=matched_sentence(result))
 
-    def _system(self, tx: ReadTransaction, collection: CollectionRecord, frame_id: str) -> MapSystem:
+    def _system(self, tx: ReadTransaction, collection: CollectionRecord, frame_id: str) -> FrameSystem:
         if frame_id not in self._systems:
-            self._systems[frame_id] = map_system(tx, collection, frame_id)
+            self._systems[frame_id] = frame_systems(tx, collection, [frame_id])[frame_id]
         return self._systems[frame_id]
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from server.coregistration.map_systems import MapSystem
+from server.collections.frame_systems import FrameSystem
 from server.coregistration.map_trees import MapTrees
 from server.coregistration.nominal import NominalPosition
 from server.coregistration.results import MapTree, PlotPose, PlotTree
@@ -51,13 +51,13 @@ class PlotFrame:
     """The map that a plot lies in, its system, and where the plot ought to be there; None if nothing says it."""
 
     frame_id: str
-    system: MapSystem
+    system: FrameSystem
     position: NominalPosition | None
 
 
 def plot_pose(plot: SeasonPlot, map_T_plot: SE2, sigmas: NDArray[np.float64] | None, frame: PlotFrame) -> PlotPose:
     """The pose for people, from that of the plot about its centre."""
-    (x, y), (e0, n0), crs = plot.centre, frame.system.origin, frame.system.crs
+    (x, y), (e0, n0), crs = plot.centre, frame.system.origin, frame.system.name
     e, n = map_T_plot.x + e0, map_T_plot.y + n0
     c, s = math.cos(map_T_plot.yaw), math.sin(map_T_plot.yaw)
     matrix = [
@@ -84,7 +84,7 @@ def plot_pose(plot: SeasonPlot, map_T_plot: SE2, sigmas: NDArray[np.float64] | N
     )
 
 
-def plot_trees(plot: SeasonPlot, fit: MapFit, there: MapTrees, system: MapSystem) -> list[PlotTree]:
+def plot_trees(plot: SeasonPlot, fit: MapFit, there: MapTrees, system: FrameSystem) -> list[PlotTree]:
     """The plot's trees in the map, with their partners."""
     placed = fit.transform.apply(plot.trees.xy - np.array(plot.centre)) + np.array(system.origin)
     partner = dict(
@@ -103,7 +103,7 @@ def plot_trees(plot: SeasonPlot, fit: MapFit, there: MapTrees, system: MapSystem
     return trees
 
 
-def map_trees_of(fit: MapFit, there: MapTrees, system: MapSystem) -> list[MapTree]:
+def map_trees_of(fit: MapFit, there: MapTrees, system: FrameSystem) -> list[MapTree]:
     """The trees of the map around the plot."""
     paired, inside = set(fit.map_indices.tolist()), set(fit.missing.tolist())
     dbh, xy = listed(there.dbh_cm, len(there.ids)), there.xy + np.array(system.origin)

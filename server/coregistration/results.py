@@ -5,13 +5,15 @@ from typing import Any, Literal
 
 import orjson
 
+from server.collections.frame_systems import metres_per_unit_of
+
 Outcome = Literal["matched", "ambiguous", "no_match", "not_read", "failed"]
 """The verdict of a query; or `not_read`, if the plot cannot be read, or `failed`, if it cannot be looked up."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlotPose:
-    """Where a plot lies in the map. Lengths in metres, angles in degrees.
+    """Where a plot lies in the map. Lengths in metres, also in a system of feet; angles in degrees.
 
     Attributes:
         frame_id: of the map.
@@ -39,10 +41,24 @@ class PlotPose:
     sigma_turn: float | None
     matrix: list[list[float]]
 
+    @property
+    def in_system(self) -> tuple[float, float]:
+        """`e` and `n` in the unit of the map's system, as people write them; metres without one."""
+        return in_unit((self.e, self.n), self.crs)
+
+
+def in_unit(point: tuple[float, float], crs: str | None) -> tuple[float, float]:
+    """A point, metres, in the unit of the projected system `crs`; metres without one."""
+    unit = metres_per_unit_of(crs)
+    return point[0] / unit, point[1] / unit
+
 
 @dataclass(frozen=True, slots=True)
 class PossiblePlace:
-    """One of the places that an ambiguous plot fits: its centre in the map, metres, and its turn, degrees clockwise."""
+    """One of the places that an ambiguous plot fits: its centre in the map, metres, and its turn, degrees clockwise.
+
+    `crs` is the map's coordinate reference system; None if it is not known.
+    """
 
     frame_id: str
     submap_id: str
@@ -50,6 +66,12 @@ class PossiblePlace:
     n: float
     turn_cw: float
     trees: int
+    crs: str | None = None
+
+    @property
+    def in_system(self) -> tuple[float, float]:
+        """`e` and `n` in the unit of the map's system, as people write them; metres without one."""
+        return in_unit((self.e, self.n), self.crs)
 
 
 @dataclass(frozen=True, slots=True)

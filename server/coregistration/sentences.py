@@ -21,12 +21,13 @@ def matched_sentence(result: PlotResult) -> str:
 def pose_text(pose: PlotPose, *, is_local: bool) -> str:
     """Where a plot is: shift and turn about its centre, or its place and turn if its own coordinates are local."""
     side = "clockwise" if pose.turn_cw >= 0.0 else "counter-clockwise"
+    e, n = pose.in_system
     turn = f"turn {abs(pose.turn_cw):.2f} deg {side}"
     if is_local:
-        return f"at {pose.e:.2f} E, {pose.n:.2f} N, {turn}"
+        return f"at {e:.2f} E, {n:.2f} N, {turn}"
     if pose.shift_e is None or pose.shift_n is None:
         return (
-            f"at {pose.e:.2f} E, {pose.n:.2f} N; its own coordinates are not in {pose.crs}, the map's system, so no "
+            f"at {e:.2f} E, {n:.2f} N; its own coordinates are not in {pose.crs}, the map's system, so no "
             "shift is told: convert them with --project"
         )
     return f"shift {pose.shift_e:+.2f} m east, {pose.shift_n:+.2f} m north, {turn}"
@@ -38,7 +39,9 @@ def ambiguous_sentence(answer: QueryAnswer, places: list[PossiblePlace]) -> str:
     if len(places) < 2:
         return f"{reason}: measure more trees around the plot, or their diameters"
     named = "; ".join(
-        f"{place.e:.1f} E {place.n:.1f} N in {place.submap_id}, {place.trees} trees" for place in places[:_SHOWN]
+        f"{e:.1f} E {n:.1f} N in {place.submap_id}, {place.trees} trees"
+        for place in places[:_SHOWN]
+        for e, n in (place.in_system,)
     )
     more = f"; and {len(places) - _SHOWN} more" if len(places) > _SHOWN else ""
     return (

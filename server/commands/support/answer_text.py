@@ -38,9 +38,10 @@ def answer_lines(answer: QueryAnswer, placed: PlotResult | None) -> list[str]:
     if answer.verdict == "ambiguous" and placed is not None:
         lines.append(placed.sentence)
         lines += [
-            f"possible place: {one.e:.3f} E, {one.n:.3f} N in {one.frame_id} ({one.submap_id}), turn {one.turn_cw:.2f} "
+            f"possible place: {e:.3f} E, {n:.3f} N in {one.frame_id} ({one.submap_id}), turn {one.turn_cw:.2f} "
             f"deg clockwise, {one.trees} trees"
             for one in placed.places
+            for e, n in (one.in_system,)
         ]
     return lines
 

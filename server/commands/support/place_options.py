@@ -79,7 +79,11 @@ def _option(help_text: str, metavar: str, *, least: float | None = None, most: f
 PLACE_OPTIONS: Final[dict[str, Any]] = {
     "at": Annotated[
         str | None,
-        _option("Roughly where FILE's point 0,0 is in the map, in metres. Only poses near it are searched.", "E,N"),
+        _option(
+            "Roughly where FILE's point 0,0 is in the map, in metres even if the map's system is in feet. Only poses "
+            "near it are searched.",
+            "E,N",
+        ),
     ],
     "at_sigma": Annotated[
         float,

@@ -7,12 +7,13 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
+from server.collections.frame_systems import metres_per_unit_of
 from server.coregistration.outputs.attention import Attention, needs_attention
 from server.coregistration.outputs.layers import MISSING, can_write_layers, write_layers
 from server.coregistration.outputs.picture import draw_plot
 from server.coregistration.outputs.report import ReportHead, write_report
 from server.coregistration.outputs.tables import pairs_table, plots_table, trees_table
-from server.coregistration.results import PlotResult
+from server.coregistration.results import PlotPose, PlotResult, in_unit
 
 REPORT: Final = "report.html"
 _UNFIT: Final = re.compile(r"[^\w.-]+")
@@ -47,16 +48,8 @@ def write_folder(
     notes = [] if can_write_layers() else [MISSING]
     if not notes:
         placed = trees_table(results, placed=lambda tree: tree.e is not None)
-        of_plot = [None if one.pose is None else one.pose.crs for one in results]
-        of_tree = [crs for one, crs in zip(results, of_plot, strict=True) for tree in one.trees if tree.e is not None]
-        common = next((crs for crs in of_plot if crs is not None), None)
-        # Plots without a place have no geometry, so they go with the others.
-        write_layers(
-            folder / "plots.gpkg",
-            "plots",
-            plots,
-            [common if one.pose is None else crs for one, crs in zip(results, of_plot, strict=True)],
-        )
+        of_tree = [one.pose for one in results for tree in one.trees if tree.e is not None]
+        write_layers(folder / "plots.gpkg", "plots", plots, [one.pose for one in results])
         write_layers(folder / "trees.gpkg", "trees", placed, of_tree)
     _write_transforms(folder, results)
     writing("pictures")
@@ -93,16 +86,27 @@ def _write_transforms(folder: Path, results: Sequence[PlotResult]) -> None:
         pose = one.pose
         if pose is None:
             continue
+        matrix = _in_units(pose, one.system)
+        centre = None if one.centre is None else in_unit(one.centre, one.system)
         transforms[one.name] = {
-            "matrix": pose.matrix,
+            "matrix": matrix,
             "from": {"file": one.file, "crs": one.system},
             "to": {"map": pose.frame_id, "crs": pose.crs},
-            "centre": {"from": one.centre, "to": [pose.e, pose.n], "turn_cw_deg": pose.turn_cw},
+            "centre": {"from": centre, "to": pose.in_system, "turn_cw_deg": pose.turn_cw},
         }
-        rows = (" ".join(f"{value:.17g}" for value in row) for row in pose.matrix)
+        rows = (" ".join(f"{value:.17g}" for value in row) for row in matrix)
         (inside / f"{names[one.name]}.txt").write_text("".join(f"{row}\n" for row in rows), encoding="utf-8")
     text = json.dumps({"transforms": transforms}, indent=1, ensure_ascii=False)
     (folder / "transforms.json").write_text(f"{text}\n", encoding="utf-8")
+
+
+def _in_units(pose: PlotPose, system: str | None) -> list[list[float]]:
+    """The matrix (4, 4) from the unit of the plot's `system` to that of the map's; heights stay."""
+    of_plot, of_map = metres_per_unit_of(system), metres_per_unit_of(pose.crs)
+    rows = [list(row) for row in pose.matrix]
+    for row in rows[:2]:
+        row[:] = [row[0] * of_plot / of_map, row[1] * of_plot / of_map, row[2], row[3] / of_map]
+    return rows
 
 
 def _write_pictures(folder: Path, collection: str, results: Sequence[PlotResult]) -> dict[str, str]:

@@ -150,8 +150,8 @@ def _histograms(results: Sequence[PlotResult]) -> str:
 
 
 _COLUMNS: Final[Sequence[tuple[str, Callable[[PlotResult], float | int | None], str]]] = (
-    ("E", lambda one: one.pose.e if one.pose else None, ".2f"),
-    ("N", lambda one: one.pose.n if one.pose else None, ".2f"),
+    ("E", lambda one: one.pose.in_system[0] if one.pose else None, ".2f"),
+    ("N", lambda one: one.pose.in_system[1] if one.pose else None, ".2f"),
     ("dE m", lambda one: one.pose.shift_e if one.pose else None, "+.2f"),
     ("dN m", lambda one: one.pose.shift_n if one.pose else None, "+.2f"),
     ("turn deg", lambda one: one.pose.turn_cw if one.pose else None, "+.2f"),
@@ -178,8 +178,9 @@ def _table(results: Sequence[PlotResult]) -> str:
         )
         rows.append(f"<tr><td>{_link(one)}<td>{_badge(one)}{numbers}")
     return (
-        "<h2>All plots</h2><p class=small>Click a heading to sort. E and N are the plot's centre in the map; dE, dN "
-        "and turn (clockwise) lead there from the plot's own coordinates, about that centre.</p>"
+        "<h2>All plots</h2><p class=small>Click a heading to sort. E and N are the plot's centre in the map, in the "
+        "unit of the map's system; dE, dN and turn (clockwise) lead there from the plot's own coordinates, about that "
+        "centre.</p>"
         f"<div class=wide><table class=sortable><thead><tr><th>plot<th>verdict{names}</thead>"
         f"<tbody>{''.join(rows)}</tbody></table></div>"
     )

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from server.coregistration.outputs.attention import Attention
-from server.coregistration.results import PlotResult, PlotTree
+from server.coregistration.results import PlotResult, PlotTree, in_unit
 
 Cell = str | int | float | None
 
@@ -33,6 +33,18 @@ def _rounded(value: float | None, digits: int) -> float | None:
     return None if value is None else round(value, digits)
 
 
+def _point(x: float | None, y: float | None, crs: str | None) -> tuple[float | None, float | None]:
+    """A point, metres, in the unit of its system, to the third digit; nothing if it is not known."""
+    if x is None or y is None:
+        return None, None
+    x, y = in_unit((x, y), crs)
+    return round(x, 3), round(y, 3)
+
+
+def _map_crs(result: PlotResult) -> str | None:
+    return None if result.pose is None else result.pose.crs
+
+
 def _pose_cells(result: PlotResult) -> tuple[Cell, ...]:
     pose = result.pose
     if pose is None:
@@ -40,8 +52,7 @@ def _pose_cells(result: PlotResult) -> tuple[Cell, ...]:
     return (
         pose.frame_id,
         pose.crs,
-        _rounded(pose.e, 3),
-        _rounded(pose.n, 3),
+        *_point(pose.e, pose.n, pose.crs),
         _rounded(pose.shift_e, 3),
         _rounded(pose.shift_n, 3),
         _rounded(pose.turn_cw, 4),
@@ -56,7 +67,10 @@ PLOT_COLUMNS: Final = (
     *("sigma_E", "sigma_N", "sigma_turn_deg", "trees", "inliers", "share", "rms", "scale", "confidence", "searched"),
     *("places", "rival", "rival_E", "rival_N", "rival_turn_cw_deg", "look_at", "sentence", "x", "y", "file"),
 )
-"""Columns of the plots' table. Lengths in metres; E and N are the plot's centre in the map, x and y in its file."""
+"""Columns of the plots' table. Lengths in metres, but E, N, x and y in the unit of their system.
+
+E and N are the plot's centre in the map, x and y that in its own coordinates.
+"""
 
 
 def plots_table(results: Sequence[PlotResult], attention: Sequence[Attention]) -> Table:
@@ -74,23 +88,23 @@ def plots_table(results: Sequence[PlotResult], attention: Sequence[Attention]) -
                 *(
                     (None,) * 4
                     if rival is None
-                    else (rival.submap_id, round(rival.e, 3), round(rival.n, 3), round(rival.turn_cw, 3))
+                    else (rival.submap_id, *_point(rival.e, rival.n, rival.crs), round(rival.turn_cw, 3))
                 ),
-                *(why.get(id(one), ""), one.sentence, _rounded(x, 3), _rounded(y, 3), one.file),
+                *(why.get(id(one), ""), one.sentence, *_point(x, y, one.system), one.file),
             )
         )
     return Table(PLOT_COLUMNS, rows)
 
 
 TREE_COLUMNS: Final = ("plot", "tag", "E", "N", "x", "y", "dbh_cm", "partner", "partner_dbh_cm", "residual")
-"""Columns of the trees' table: E and N are corrected, x and y as in the file; metres and centimetres."""
+"""Columns of the trees' table: E and N are corrected, x and y as surveyed, in the unit of their system, else metres."""
 
 
 def trees_table(results: Sequence[PlotResult], *, placed: Callable[[PlotTree], bool] = lambda tree: True) -> Table:
     """A row for each tree of the plots that is `placed`."""
     rows: list[tuple[Cell, ...]] = [
         (
-            *(one.name, tree.id, _rounded(tree.e, 3), _rounded(tree.n, 3), round(tree.x, 3), round(tree.y, 3)),
+            *(one.name, tree.id, *_point(tree.e, tree.n, _map_crs(one)), *_point(tree.x, tree.y, one.system)),
             *(tree.dbh_cm, tree.partner, tree.partner_dbh_cm, _rounded(tree.residual, 3)),
         )
         for one in results
@@ -114,12 +128,12 @@ def pairs_table(results: Sequence[PlotResult]) -> Table:
             seen = "both" if tree.partner is not None else "plot"
             rows.append(
                 (
-                    *(one.name, seen, tree.id, tree.partner, _rounded(tree.e, 3), _rounded(tree.n, 3)),
+                    *(one.name, seen, tree.id, tree.partner, *_point(tree.e, tree.n, one.pose.crs)),
                     *(tree.dbh_cm, tree.partner_dbh_cm, _rounded(tree.residual, 3)),
                 )
             )
         rows += [
-            (one.name, "map", None, tree.id, round(tree.e, 3), round(tree.n, 3), None, tree.dbh_cm, None)
+            (one.name, "map", None, tree.id, *_point(tree.e, tree.n, one.pose.crs), None, tree.dbh_cm, None)
             for tree in one.map_trees
             if tree.inside and not tree.paired
         ]
