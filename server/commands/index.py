@@ -28,7 +28,7 @@ from server.schemas.common import check_id
 from server.stem_maps.reader import StemMap, StemMapError, read_stem_map
 from server.stem_maps.reading.options import ReadOptions
 from server.stem_maps.stands import StandError, StandReport, cut_stand, store_stand, whole_stand
-from server.stem_maps.tiling import MINIMUM_TREES, Cut, CuttingError
+from server.stem_maps.tiling import Cut, CuttingError, left_out
 from server.store.sqlite.database import Database
 from server.submaps.bulk_ingest import LineOptions
 from server.submaps.described_batches import describers
@@ -215,16 +215,8 @@ def sentence(report: StandReport) -> str:
         f"({outcome.created} new, {outcome.replaced} replaced, {outcome.unchanged} unchanged) "
         f"in {report.seconds:.1f} s, {rate}",
         f"{outcome.removed} removed that the stand had before",
-        f"{stand.skipped} grid points skipped (fewer than {MINIMUM_TREES} trees)",
-        f"{stand.merged} trees merged with a thicker neighbour within 1 cm",
+        *left_out(stand),
     ]
-    if stand.plots:
-        parts.append(f"{stand.plots} plots, each a place of its own")
-    if stand.small_plots:
-        few = len(stand.small_plots)
-        parts.append(f"{few} plots left out with fewer than {MINIMUM_TREES} trees, the first {stand.small_plots[0]!r}")
-    if stand.uncovered:
-        parts.append(f"{stand.uncovered} trees in no submap")
     if outcome.before is not None and outcome.before != (stand.radius, stand.spacing):
         radius, spacing = outcome.before
         parts.append(f"before, the radius was {radius:g} m and the spacing {spacing:g} m")

@@ -30,7 +30,7 @@ from server.schemas.queries import QueryInput
 from server.stem_maps.reader import StemMap, read_stem_map
 from server.stem_maps.reading.options import ReadOptions
 from server.stem_maps.stands import landmarks_of
-from server.stem_maps.tiling import without_twins
+from server.stem_maps.tiling import merged_phrase, without_twins
 from server.store.sqlite.upgrade.feature_backfill import bring_up_to_date
 from urquhart import Effort
 
@@ -153,7 +153,7 @@ def _observed(file: Path, columns: ReadOptions) -> StemMap:
 
 def _left_out(seen: StemMap, used: StemMap) -> str:
     count = len(seen) - len(used)
-    return f"; {count} trees merged with a thicker neighbour within 1 cm" if count else ""
+    return f"; {merged_phrase(count)}" if count else ""
 
 
 def _query(observation: StemMap, members: Mapping[str, object], file: Path) -> QueryInput:

@@ -20,7 +20,7 @@ from server.routes.dependencies import (
     PreconditionsDep,
     ServiceDep,
 )
-from server.schemas.collections import STAND_EXAMPLE, Stand, StandPage
+from server.schemas.collections import STAND_EXAMPLE, STAND_RECEIPT_EXAMPLE, Stand, StandPage, StandReceipt
 from server.schemas.common import ResourceId
 from server.schemas.landmarks import FileName, StemMapAnswer, StemMapOptions
 from server.stem_maps import stored_stands
@@ -113,6 +113,7 @@ _FILE: dict[str, Any] = {
 _ANSWER = {
     "name": "plot",
     "understood": "read tree_id from 'tag', x_m from 'x', y_m from 'y'",
+    "rows": {"read": 1, "skipped": 0, "further_stems": 0, "merged": 0},
     "crs": None,
     "own_frames": False,
     "plots": [{"name": None, "landmarks": [{"id": "1", "x": 2.0, "y": 3.0}]}],
@@ -189,10 +190,14 @@ def read_stem_map(
     "/v1/collections/{collection}/stands/{stand}",
     operation_id="putStand",
     summary="Store a file of trees as a stand",
-    response_model=Stand,
+    response_model=StandReceipt,
     responses={
-        200: {"content": {JSON: {"example": STAND_EXAMPLE}}},
-        201: {"description": "The stand is new.", "model": Stand, "content": {JSON: {"example": STAND_EXAMPLE}}},
+        200: {"content": {JSON: {"example": STAND_RECEIPT_EXAMPLE}}},
+        201: {
+            "description": "The stand is new.",
+            "model": StandReceipt,
+            "content": {JSON: {"example": STAND_RECEIPT_EXAMPLE}},
+        },
         **problems(404, 412, 413, 415, 422, 503, 507),
     },
     openapi_extra=_FILE,
@@ -216,7 +221,8 @@ def store_stem_map(
 ) -> Response:
     """Reads a file, cuts it into overlapping submaps, and stores them as the stand of this name, in one transaction.
 
-    Everything that the stand had before is replaced. Queries find the stand as it was or as it is, and nothing between.
+    `understood` and `rows` say how the file was read, and what was left out. Everything that the stand had before is
+    replaced. Queries find the stand as it was or as it is, and nothing between.
     """
     cutting = Cutting(radius, spacing, one_submap)
     cutting.check()

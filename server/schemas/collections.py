@@ -6,6 +6,7 @@ from typing import Annotated, Any
 from pydantic import ConfigDict, Field, PlainSerializer
 
 from server.schemas.common import NEXT, Answer, Body, Counts, Free, Label, Metres, Point, write_stamp
+from server.schemas.landmarks import FileRows
 
 _Written = Annotated[datetime, PlainSerializer(write_stamp, return_type=str, when_used="json")]
 _Title = Annotated[str, Field(min_length=1, max_length=500)]
@@ -194,6 +195,15 @@ class Stand(Answer):
     links: StandLinks = Field(description="Paths of the stand and its collection.")
 
 
+class StandReceipt(Stand):
+    """A stand that was stored from a file, and how the file was understood."""
+
+    understood: str = Field(
+        description="What was read as what, such as units, what is not used, and what is in no submap and why."
+    )
+    rows: FileRows = Field(description="How many rows of the file were read, and how many were left out and why.")
+
+
 class StandPage(Answer):
     """A page of stands."""
 
@@ -217,4 +227,9 @@ STAND_EXAMPLE: dict[str, Any] = {
     "updated": "2026-05-11T08:12:45Z",
     "etag": "c81d4e2ea0b1f5d6937a2c40",
     "links": {"self": "/v1/collections/plots/stands/stand-7", "collection": "/v1/collections/plots"},
+}
+STAND_RECEIPT_EXAMPLE: dict[str, Any] = STAND_EXAMPLE | {
+    "understood": "read tree_id from 'tag', x_m from 'x', y_m from 'y'; 2 grid points skipped (fewer than 10 trees); "
+    "3 trees merged with a thicker neighbour within 1 cm",
+    "rows": {"read": 584, "skipped": 0, "further_stems": 0, "merged": 3},
 }

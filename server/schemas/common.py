@@ -260,4 +260,4 @@ _OPTIONAL = ("next", "query")
 def to_json(answer: BaseModel) -> bytes:
     """The answer as JSON. The members `next` and `query` are left out if they are None."""
     empty = {name for name in _OPTIONAL if getattr(answer, name, "") is None}
-    return answer.model_dump_json(exclude=empty or None).encode()
+    return answer.model_dump_json(exclude=empty or None, by_alias=True).encode()

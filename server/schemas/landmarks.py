@@ -199,6 +199,15 @@ class StemMapOptions(Body):
     skip_bad: bool = Field(False, description="Whether to leave out rows that cannot be used, and count them.")
 
 
+class FileRows(Answer):
+    """The rows of a file of trees: how many were read, and how many of them gave no tree."""
+
+    read: int = Field(description="Number of rows, without those that options such as `only` and `keep` exclude.")
+    skipped: int = Field(description="Number of rows left out because they cannot be used, with `skip_bad`.")
+    further_stems: int = Field(description="Number of rows left out because a thicker stem of the same tree is there.")
+    merged: int = Field(description="Number of trees left out because a thicker tree is within 1 cm.")
+
+
 class StemMapPlot(Answer):
     """The trees of one plot, or of a file without plots."""
 
@@ -211,6 +220,7 @@ class StemMapAnswer(Answer):
 
     name: str = Field(description="Name of the file, without its suffix.")
     understood: str = Field(description="What was read as what, what is not used, and what was passed over.")
+    rows: FileRows = Field(description="How many rows were read, and how many were left out and why.")
     crs: str | None = Field(description="Coordinate reference system of the positions. Null if it is not known.")
     own_frames: bool = Field(description="Whether each plot has coordinates of its own, because they overlap.")
     plots: list[StemMapPlot] = Field(description="The trees, by plots.")

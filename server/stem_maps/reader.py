@@ -44,6 +44,8 @@ class StemMap:
         crs: the coordinate reference system of `xy`, as a code or a name; None if it is not known.
         source_hash: digest of the file's bytes; empty for a map that came from no file.
         understood: one line: what was read as what, what is not used, and what was passed over.
+        further_stems: rows of the file left out because a thicker stem of the same tree is there.
+        skipped: rows of the file left out because they cannot be used.
     """
 
     name: str
@@ -58,6 +60,8 @@ class StemMap:
     crs: str | None = None
     source_hash: str = ""
     understood: str = ""
+    further_stems: int = 0
+    skipped: int = 0
 
     def __len__(self) -> int:
         return len(self.ids)
@@ -149,4 +153,6 @@ def stem_map_of(rows: TreeRows) -> StemMap:
         crs=rows.crs,
         source_hash=file_digest(rows.path),
         understood=rows.told(),
+        further_stems=rows.further_stems,
+        skipped=rows.skipped,
     )

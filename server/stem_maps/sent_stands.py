@@ -12,12 +12,14 @@ from server.errors import InvalidField, InvalidFile
 from server.resources import links
 from server.resources.idempotency import IdempotencyKey, StoredResponse, find_response, store_response
 from server.resources.preconditions import Preconditions
+from server.schemas.collections import Stand, StandReceipt
 from server.schemas.common import to_json
+from server.schemas.landmarks import FileRows
 from server.stem_maps.reader import StemMap
 from server.stem_maps.replacement import replace_stand
 from server.stem_maps.stands import StandError, cut_stand, describe_stand, whole_stand
 from server.stem_maps.stored_stands import find
-from server.stem_maps.tiling import Cut, CuttingError, without_twins
+from server.stem_maps.tiling import Cut, CuttingError, left_out, merged_phrase, without_twins
 from server.store.records import CollectionRecord
 from server.store.storage import ReadTransaction, Storage, WriteTransaction
 from server.submaps.bulk_ingest import LineOptions
@@ -88,8 +90,10 @@ def put_stand(
 ) -> StoredResponse:
     """Store a stem map as the stand of its name, in the place of what that had before, in one transaction.
 
-    Returns the answer: the stand, 201 if it is new. Raises NotFound (the collection), PreconditionFailed, KeyReused,
-    InvalidFile, and what storing submaps raises. Nothing is stored then.
+    Returns the answer: the stand and how the file was understood, 201 if it is new.
+
+    Raises NotFound (the collection), PreconditionFailed, KeyReused, InvalidFile, and what storing submaps raises.
+    Nothing is stored then.
     """
     answers: list[StoredResponse] = []
 
@@ -113,14 +117,17 @@ def put_stand(
         headers = {"ETag": f'"{stand.etag}"'}
         if is_new[0]:
             headers["Location"] = links.stand(collection_id, stem_map.name)
-        response = StoredResponse(201 if is_new[0] else 200, headers, to_json(stand))
+        answer = _stored(stand, stem_map, cuts[0])
+        response = StoredResponse(201 if is_new[0] else 200, headers, to_json(answer))
         answers.append(store_response(tx, terms.idempotency_key, operation(collection), response))
 
     is_new: list[bool] = []
+    cuts: list[Cut] = []
     try:
         with database.read() as tx:
             check(tx, get_collection(tx, collection_id))  # before the work, and again when it is stored
         cut = cutting.cut(stem_map, limits)
+        cuts.append(cut)
         with describe_stand(database, collection_id, stem_map, cut, LineOptions(limits=limits)) as described:
             replace_stand(database, collection_id, described, check_again, finish)
     except _Answered as answered:
@@ -130,17 +137,33 @@ def put_stand(
     return answers[0]
 
 
+def _stored(stand: Stand, stem_map: StemMap, cut: Cut) -> StandReceipt:
+    return StandReceipt(
+        **dict(stand),
+        understood="; ".join([stem_map.understood, *left_out(cut)]),
+        rows=_rows(stem_map, cut.merged),
+    )
+
+
+def _rows(stem_map: StemMap, merged: int) -> FileRows:
+    read = len(stem_map) + stem_map.skipped + stem_map.further_stems
+    return FileRows(read=read, skipped=stem_map.skipped, further_stems=stem_map.further_stems, merged=merged)
+
+
 def stem_map_json(stem_map: StemMap) -> bytes:
     """What a file holds, as the JSON of a `StemMapAnswer`."""
     names = [None] if stem_map.plots is None else list(dict.fromkeys(stem_map.plots))
     of_tree = np.asarray(stem_map.plots if stem_map.plots is not None else [None] * len(stem_map), dtype=object)
-    plots = []
+    plots, merged = [], len(stem_map)
     for name in names:
         chosen = stem_map if name is None else stem_map.chosen(np.flatnonzero(of_tree == name))
-        plots.append({"name": name, "landmarks": _landmarks(without_twins(chosen))})
+        trees = without_twins(chosen)
+        merged -= len(trees)
+        plots.append({"name": name, "landmarks": _landmarks(trees)})
     answer = {
         "name": stem_map.name,
-        "understood": stem_map.understood,
+        "understood": f"{stem_map.understood}; {merged_phrase(merged)}" if merged else stem_map.understood,
+        "rows": _rows(stem_map, merged).model_dump(),
         "crs": stem_map.crs,
         "own_frames": stem_map.own_frames,
         "plots": plots,

@@ -128,6 +128,27 @@ def cut(
     )
 
 
+def left_out(stand: Cut) -> list[str]:
+    """What became of the trees and grid points that are in no submap, a phrase for each kind."""
+    parts = [
+        f"{stand.skipped} grid points skipped (fewer than {MINIMUM_TREES} trees)",
+        merged_phrase(stand.merged),
+    ]
+    if stand.plots:
+        parts.append(f"{stand.plots} plots, each a place of its own")
+    if stand.small_plots:
+        few = len(stand.small_plots)
+        parts.append(f"{few} plots left out with fewer than {MINIMUM_TREES} trees, the first {stand.small_plots[0]!r}")
+    if stand.uncovered:
+        parts.append(f"{stand.uncovered} trees in no submap")
+    return parts
+
+
+def merged_phrase(count: int) -> str:
+    """How many trees were left out because a thicker one is within `MERGE_DISTANCE`."""
+    return f"{count} trees merged with a thicker neighbour within 1 cm"
+
+
 def check_sizes(radius: float, spacing: float) -> None:
     """Raise CuttingError unless both are positive numbers of metres."""
     for name, value in (("radius", radius), ("spacing", spacing)):

@@ -43,10 +43,10 @@ class UploadReader:
         self._busy = threading.Lock()
 
     def read(self, upload: UploadedFile) -> StemMap:
-        """The trees of a file; a file with a header and no trees has none.
+        """The trees of a file, at least one.
 
         Raises:
-            InvalidFile: the file cannot be read, or not within the limits.
+            InvalidFile: the file cannot be read, or not within the limits, or holds no tree.
             Overloaded: other files take too long.
             WorkerLost: no process can be started.
         """
@@ -84,7 +84,7 @@ def _read(upload: UploadedFile) -> StemMap | tuple[str, list[dict[str, Any]]]:
         path = Path(folder) / upload.name
         path.write_bytes(upload.data)
         try:
-            return read_stem_map(path, upload.options, allow_empty=True)
+            return read_stem_map(path, upload.options)
         except StemMapError as error:
             rows = [
                 {"line": row.line, "code": "bad_row", "detail": f"{row.column}: {row.what}" if row.column else row.what}

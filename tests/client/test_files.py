@@ -16,7 +16,9 @@ TREES = [{"id": "t7", "x": 1.5, "y": 2.5, "dbh_cm": 30.0, "species": "oak"}, {"i
 
 def stem_map(plots: list[dict[str, Any]]) -> dict[str, Any]:
     """What the service answers for a file."""
-    return {"name": "seen", "understood": "read it all", "crs": None, "own_frames": False, "plots": plots}
+    rows = {"read": 2, "skipped": 0, "further_stems": 0, "merged": 0}
+    told = {"name": "seen", "understood": "read it all", "rows": rows}
+    return {**told, "crs": None, "own_frames": False, "plots": plots}
 
 
 @pytest.mark.parametrize(

@@ -52,6 +52,8 @@ def test_a_file_is_read_and_stored_by_the_service(client: Client, tmp_path: Path
     read = client.read_stem_map(file, x="e", y="n")
     assert [(tree["x"], tree["y"]) for tree in read.plots[0].landmarks] == [tuple(row) for row in xy.tolist()]
     stored = client.put_stand("plots", "north", file, cut={"radius": 20, "spacing": 15}, x="e", y="n")
+    assert stored.understood.startswith(read.understood)
+    assert (stored.rows.read, stored.rows.skipped, read.rows.merged) == (90, 0, 0)
     assert (stored.trees, stored.submaps) == (90, len(list(client.submaps("plots"))))
     near = [tree for tree in read.plots[0].landmarks if abs(tree["x"] - 25.0) < 12.0 and abs(tree["y"] - 25.0) < 12.0]
     assert client.query("plots", landmarks=near).verdict == "matched"

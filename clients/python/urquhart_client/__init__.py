@@ -30,8 +30,8 @@ from urquhart_client.models import (
     Tessellation,
 )
 from urquhart_client.poses import Inlier, InlierColumns, MapPose, SurveyPose, Transform, TreesMiddle
-from urquhart_client.stand_models import Stand
-from urquhart_client.stem_maps import FilePlot, FileTrees
+from urquhart_client.stand_models import Stand, StandReceipt
+from urquhart_client.stem_maps import FilePlot, FileRows, FileTrees
 
 __all__ = [
     "UNSET",
@@ -43,6 +43,7 @@ __all__ = [
     "Explanation",
     "Extent",
     "FilePlot",
+    "FileRows",
     "FileTrees",
     "Finding",
     "Gates",
@@ -64,6 +65,7 @@ __all__ = [
     "Snapshot",
     "Stage",
     "Stand",
+    "StandReceipt",
     "Submap",
     "SubmapReceipt",
     "SurveyPose",

@@ -143,6 +143,7 @@ def _put_stand(client: Client, options: argparse.Namespace) -> int:
         cut=_cutting(options),
         **_read_options(options),
     )
+    sys.stderr.write(f"{options.file.name}: {stand.understood}\n")
     _tell(options, stand, f"{stand.name}: {stand.trees} trees, {stand.submaps} submaps")
     return 0
 

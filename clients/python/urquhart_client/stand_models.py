@@ -3,6 +3,7 @@
 from datetime import datetime
 
 from urquhart_client.poses import Model
+from urquhart_client.stem_maps import FileRows
 
 
 class Stand(Model):
@@ -31,3 +32,16 @@ class Stand(Model):
     created: datetime
     updated: datetime
     etag: str
+
+
+class StandReceipt(Stand):
+    """A stand that was stored from a file.
+
+    `understood` says in one line what was read as what, what was not used, and what is in no submap and why; `rows`
+    counts the rows of the file.
+    """
+
+    shown = ("name", "trees", "submaps", "understood", "rows", "updated")
+
+    understood: str
+    rows: FileRows

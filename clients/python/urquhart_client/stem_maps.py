@@ -52,6 +52,21 @@ class FileCutting(TypedDict, total=False):
     one_submap: bool
 
 
+class FileRows(Model):
+    """The rows of a file of trees: how many were read, and how many of them gave no tree.
+
+    `skipped` rows cannot be used (with the option `skip_bad`), `further_stems` are thinner stems of a tree, and
+    `merged` are trees within 1 cm of a thicker one.
+    """
+
+    shown = ("read", "skipped", "further_stems", "merged")
+
+    read: int
+    skipped: int
+    further_stems: int
+    merged: int
+
+
 class FilePlot(Model):
     """The trees of one plot, or of a file without plots, whose `name` is None.
 
@@ -68,14 +83,16 @@ class FilePlot(Model):
 class FileTrees(Model):
     """What a file of trees holds.
 
-    `understood` says in one line what was read as what, and what was not used. `crs` is the coordinate reference system
+    `understood` says in one line what was read as what, what was not used, and what was left out; `rows` counts the
+    rows. `crs` is the coordinate reference system
     of the positions, None if it is not known. `own_frames` says whether each plot has coordinates of its own.
     """
 
-    shown = ("name", "understood")
+    shown = ("name", "understood", "rows")
 
     name: str
     understood: str
+    rows: FileRows
     crs: str | None = None
     own_frames: bool
     plots: list[FilePlot]

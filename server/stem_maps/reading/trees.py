@@ -40,6 +40,8 @@ class TreeRows:
         plot_of_line: the plots of `bad_rows`, as far as they are known, by line.
         ids_have_plots: whether the plot's name was put before each id, because ids repeat between plots.
         neighbours: a tree for the search of neighbours, built once and kept; see `plausibility.neighbour_tree`.
+        further_stems: rows left out because a thicker stem of the same tree is there.
+        skipped: rows left out because they cannot be used.
         whole: whether all positions were written without decimals, in text whose columns commas separate.
     """
 
@@ -63,6 +65,8 @@ class TreeRows:
     plot_of_line: dict[int, str] = field(default_factory=dict)
     ids_have_plots: bool = False
     neighbours: cKDTree | None = field(default=None, repr=False)
+    further_stems: int = 0
+    skipped: int = 0
     whole: bool = False
 
     def __len__(self) -> int:
@@ -117,12 +121,13 @@ def join_stems(trees: TreeRows) -> None:
         of_rows = zip(trees.lines.tolist(), trees.plots, strict=True)
         trees.plot_of_line = {line: plot for line, plot in of_rows if line in at_fault}
     stems = len(trees.ids) - len(kept) - len({row.line for row in trees.bad_rows} & set(trees.lines.tolist()))
+    trees.further_stems = stems
     if stems:
         trees.notes.append(f"{stems} rows are further stems of a tree: the thickest stays")
     _choose(trees, list(kept), list(kept.values()))
     if trees.options.skip_bad and trees.bad_rows:
-        lines = len({row.line for row in trees.bad_rows})
-        trees.notes.append(f"left out {lines} rows that cannot be used")
+        trees.skipped = len({row.line for row in trees.bad_rows})
+        trees.notes.append(f"left out {trees.skipped} rows that cannot be used")
     if trees.plots is not None and len(set(trees.ids)) < len(trees.ids):
         trees.ids = [f"{plot}-{tree_id}" for plot, tree_id in zip(trees.plots, trees.ids, strict=True)]
         trees.ids_have_plots = True

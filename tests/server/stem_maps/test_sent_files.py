@@ -138,3 +138,39 @@ def test_what_cannot_be_stored_changes_nothing(collection: Client) -> None:
         assert said in answer.json()["detail"], answer.json()["detail"]
     assert collection.put("/v1/collections/z/stands/n", content=csv_of(stand_trees()), params=CUT).status_code == 404
     assert collection.get("/v1/collections/c/stands").json()["stands"] == []
+
+
+def test_a_file_without_trees_is_refused_as_on_the_command_line(collection: Client) -> None:
+    book, saved = openpyxl.Workbook(), io.BytesIO()
+    for row in [("tag", "x", "y"), (None, None, None)]:
+        book.active.append(row)
+    book.save(saved)
+    sent: list[tuple[bytes, dict[str, Any]]] = [
+        (b"tag,x,y\n", {"file": "h.csv"}),
+        (b"tag,x,y\n1,2,b\n", {"file": "h.csv", "skip_bad": True}),
+        (saved.getvalue(), {"file": "h.xlsx"}),
+    ]
+    for content, params in sent:
+        cuts: list[dict[str, Any]] = [{"radius": 30, "spacing": 20}, {"one_submap": True}]
+        answers = [collection.put(STAND, content=content, params={**params, **cut}) for cut in cuts]
+        for answer in [*answers, collection.post(READ, content=content, params=params)]:
+            assert (answer.status_code, answer.json()["type"]) == (422, "/problems/invalid-file"), params
+            assert answer.json()["detail"] == f"{params['file']}: the file has a header but no trees"
+
+
+def test_answers_tell_what_was_understood_and_left_out(collection: Client) -> None:
+    trees = stand_trees()
+    rows = csv_of(np.vstack([trees, trees[:3] + 0.001])) + b"bad,x,1\n"
+    counts = {"read": 144, "skipped": 1, "further_stems": 0, "merged": 3}
+    read = collection.post(READ, content=rows, params={"file": "a.csv", "skip_bad": True}).json()
+    params = {**CUT, "skip_bad": True}
+    key = {"Idempotency-Key": "understood"}
+    stored, again = (collection.put(STAND, content=rows, params=params, headers=key) for _ in range(2))
+    assert again.content == stored.content
+    assert len(read["plots"][0]["landmarks"]) == 140
+    for answer in (read, stored.json()):
+        assert answer["rows"] == counts
+        assert "left out 1 rows that cannot be used" in answer["understood"]
+        assert "3 trees merged with a thicker neighbour within 1 cm" in answer["understood"]
+    assert "grid points skipped" in stored.json()["understood"]
+    assert "understood" not in collection.get(STAND).json()

@@ -8,7 +8,7 @@ from urquhart_client._async.connection import AsyncConnection
 from urquhart_client._protocol import bodies, requests, stand_requests
 from urquhart_client._protocol.bodies import UNSET, Unset
 from urquhart_client.models import Collection, Limits
-from urquhart_client.stand_models import Stand
+from urquhart_client.stand_models import Stand, StandReceipt
 from urquhart_client.stem_maps import FileCutting, FileOptions, FileTrees
 
 
@@ -105,7 +105,7 @@ class AsyncServiceCalls(AsyncConnection):
         cut: FileCutting,
         if_match: str | None = None,
         **options: Unpack[FileOptions],
-    ) -> Stand:
+    ) -> StandReceipt:
         """Store a file of trees as a stand, in the place of all that the stand of this name had.
 
         Args:

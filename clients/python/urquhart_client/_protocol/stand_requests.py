@@ -8,7 +8,7 @@ from typing import Any
 from urquhart_client._protocol.exchange import M, Request, model, nothing, page
 from urquhart_client._protocol.requests import collection_path, conditional, once, parameters, segment
 from urquhart_client.models import Page
-from urquhart_client.stand_models import Stand
+from urquhart_client.stand_models import Stand, StandReceipt
 from urquhart_client.stem_maps import FileTrees
 
 
@@ -35,9 +35,9 @@ def read_stem_map(path: Path, options: Mapping[str, Any]) -> Request[FileTrees]:
 
 def put_stand(
     collection: str, name: str, path: Path, if_match: str | None, cutting: Mapping[str, Any]
-) -> Request[Stand]:
+) -> Request[StandReceipt]:
     """Store a file of trees as a stand."""
-    sent = _sent("PUT", _stand(collection, name), path, Stand, cutting)
+    sent = _sent("PUT", _stand(collection, name), path, StandReceipt, cutting)
     return conditional(replace(sent, headers={**sent.headers, **once()}), if_match, None)
 
 
