@@ -174,7 +174,7 @@ def _write(path: Path, rows: Iterable[BaseModel]) -> None:
 
 def _tell(told: MapSummary) -> None:
     """Print a map in numbers."""
-    connected = [size for size in told.parts if size > 1]
+    connected = [size for size in told.parts if size > 1 or told.submaps == 1]
     alone = len(told.parts) - len(connected)
     typer.echo(f"{told.submaps} submaps: {len(connected)} connected parts ({', '.join(map(str, connected)) or 'none'})")
     if alone:

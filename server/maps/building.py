@@ -46,7 +46,8 @@ class BuiltMap:
         poses: of the submaps.
         trees: of the map.
         part_numbers: for each part of `poses`, its number from 1 by size, the largest first.
-        frames: for each part of `poses`, the map frame of its poses; None for a submap that nothing connects.
+        frames: for each part of `poses`, the map frame of its poses; None for a submap that nothing connects, unless it
+            is the only one.
         prior_frame: the map frame of the priors; None without priors.
     """
 
@@ -171,7 +172,7 @@ def _frames(poses: OptimisedPoses, name: str, prior_frame: str | None) -> tuple[
         part_numbers[part] = rank
         if poses.in_map[part]:
             frames[part] = prior_frame
-        elif sizes[part] > 1:
+        elif sizes[part] > 1 or len(poses.part) == 1:
             given += 1
             frames[part] = name if given == 1 else f"{name}.{given}"
     return part_numbers, frames

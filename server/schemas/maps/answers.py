@@ -15,7 +15,7 @@ class MapSubmapPose(Answer):
     session: str | None = Field(description="Session of the submap. Null if it has none.")
     part: int = Field(description="Number of the part that the submap belongs to, from 1; 1 is the largest one.")
     map_pose: PlacedPose | None = Field(
-        description="The pose. Null for a submap that nothing connects with another one."
+        description="The pose. Null if nothing connects the submap with others that were chosen."
     )
 
 

@@ -195,7 +195,9 @@ def test_a_map_of_no_submaps_and_of_one(client: httpx.Client) -> None:
     assert built(client, {"apply": True})["summary"]["parts"] == []
     client.put(f"{URL}/submaps/a", json={"xy": forest(1).tolist()}).raise_for_status()
     told = built(client, {"apply": True})
-    assert told["summary"]["parts"] == [1] and told["poses"][0]["map_pose"] is None
+    assert told["summary"]["parts"] == [1] and told["poses"][0]["map_pose"]["frame_id"] == "map"
+    assert client.get(f"{URL}/submaps/a").json()["map_pose"]["frame_id"] == "map"
+    assert client.get(f"{URL}/maps/{told['id']}/landmarks").json()["trees"]
 
 
 def test_poses_are_written_all_or_none(client: httpx.Client) -> None:
