@@ -106,6 +106,9 @@ class Recognizer(SubmapCollection):
     ) -> Recognition:
         """Search for an observation where a prior says that it is: at every pose of its window.
 
+        The window has the poses whose position at their yaw, and whose yaw, are each within 3.5 standard deviations of
+        the prior. If the trees fit best outside of it, the answer is `no_match` with the reason `outside_prior`.
+
         All trees of the given submaps about the window are searched as one map. The one candidate is reported in the
         submap with most partners. Positions count, diameters where both sides have them; and if the observation has
         diameters and the map does not, the map may lack the thinner stems.

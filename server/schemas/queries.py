@@ -112,7 +112,8 @@ class QueryOptions(DefaultedBody):
     prior: PriorPose | None = Field(
         None,
         description="The rough pose of the query, if you know it, such as that of a GNSS receiver. Then every pose "
-        "within 3.5 standard deviations is tried, in all submaps there together, and none outside. Less evidence is "
+        "whose position (in the ellipse of the covariance) and whose heading are each within 3.5 standard deviations "
+        "is tried, in all submaps there together, and none outside; jointly that may be up to 4.9. Less evidence is "
         "enough than in the whole collection, and trees may be off by up to 1 m, as tree tops are. Needs the method "
         "`robust`; `effort` and `limit` do not matter.",
     )

@@ -172,10 +172,43 @@ def test_a_prior_about_a_far_point_is_the_same_prior() -> None:
     assert found[0].transform.distance(found[1].transform)[0] < 0.3
 
 
+@pytest.mark.parametrize("noise", [0.05, 0.4])
+@pytest.mark.parametrize("over", [0.2, 0.6, 1.2])
+@pytest.mark.parametrize("sigma", [0.1, SIGMA])
+def test_a_place_just_outside_of_the_window_is_not_matched_at_its_edge(sigma: float, over: float, noise: float) -> None:
+    away = REGION.wide * sigma + over
+    prior = Prior.with_sigma(TRUTH.x - 0.6 * away, TRUTH.y + 0.8 * away, sigma, 0.0)
+    found = STORED.recognize_within(describe(plot(TRUTH, noise), CONFIG), prior, PLACES)
+    assert found.verdict == "no_match"
+    # Farther away, the edge of the window has no evidence of its own.
+    assert found.reason == "outside_prior" or over > 1.0
+    if found.reason == "outside_prior":
+        (best,) = found.candidates
+        assert best.refused == "outside_prior"
+        assert sigma < SIGMA or (PLACES[best.key] @ best.transform).distance(TRUTH)[0] < 0.3
+
+
+@pytest.mark.parametrize("over", [0.5, 1.5, -0.5])
+def test_a_heading_just_outside_of_the_window_is_not_matched_at_its_edge(over: float) -> None:
+    turn = math.radians(2.0) * REGION.wide + math.radians(over)
+    prior = Prior.with_sigma(TRUTH.x, TRUTH.y, SIGMA, TRUTH.yaw - turn)
+    found = STORED.recognize_within(describe(plot(TRUTH, 0.05), CONFIG), prior, PLACES)
+    assert found.reason == ("outside_prior" if over > 0.0 else "verified")
+    assert (PLACES[found.candidates[0].key] @ found.candidates[0].transform).distance(TRUTH)[1] < math.radians(0.5)
+
+
+def test_a_place_just_inside_of_the_window_is_matched_where_it_is() -> None:
+    prior = Prior.with_sigma(TRUTH.x + REGION.wide * SIGMA - 0.1, TRUTH.y, SIGMA, 0.0)
+    found = STORED.recognize_within(describe(plot(TRUTH, 0.05), CONFIG), prior, PLACES)
+    assert found.verdict == "matched"
+    assert (PLACES[found.candidates[0].key] @ found.candidates[0].transform).distance(TRUTH)[0] < 0.1
+
+
 def test_nothing_outside_of_the_window_is_matched() -> None:
     away = Prior.with_sigma(TRUTH.x + 1.2, TRUTH.y, 0.3, 0.0)
     found = STORED.recognize_within(describe(PLOT, CONFIG), away, PLACES)
-    for one in found.candidates:
+    assert found.verdict == "no_match"
+    for one in (one for one in found.candidates if one.refused is None):
         pose = PLACES[one.key] @ one.transform
         assert math.hypot(pose.x - away.x, pose.y - away.y) < REGION.wide * 0.3 + 0.1
 

@@ -36,7 +36,9 @@ from urquhart.config import Config
 from urquhart.verify.evidence import PoseEvidence
 from urquhart.verify.landmark_grid import LandmarkGrid
 
-Refusal = Literal["verification_failed", "rival_too_close", "below_gate", "deadline", "contradicting_maps"]
+Refusal = Literal[
+    "verification_failed", "rival_too_close", "below_gate", "outside_prior", "deadline", "contradicting_maps"
+]
 """Why a pose is not reported as matched. The words are part of the API."""
 
 

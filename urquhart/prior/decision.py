@@ -44,6 +44,9 @@ class DecisionNumbers(NamedTuple):
 
 
 DECISION: Final = DecisionNumbers()
+_MOVES: Final = 4
+"""Most fine grids, each about the best pose of the one before, until the best pose is within the grid. One is enough
+within the window; a place 1.2 m outside of it takes two or three."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,6 +60,7 @@ class WindowMatch:
         near, apart: logarithms of posterior over chance of this place, and of all others in the window.
         repeated: the same of a window that surely does not hold the observation; see `repetition`.
         rival: the best pose of another place, with its evidence; None if the window has no other place.
+        outside: whether the trees fit best outside of the window, farther than the uncertainty of the pose explains.
     """
 
     pose: SE2
@@ -66,6 +70,7 @@ class WindowMatch:
     apart: float
     repeated: float
     rival: tuple[SE2, float] | None
+    outside: bool
 
     @property
     def chance_logit(self) -> float:
@@ -85,7 +90,7 @@ class WindowMatch:
     def refusal(self, gate: float) -> Refusal | None:
         """Why the place must not be reported as matched; `gate`: see `Options.gate`."""
         if self.logit >= gate:
-            return None
+            return "outside_prior" if self.outside else None
         if self.evidence <= 0.0:
             return "verification_failed"
         return "rival_too_close" if self.chance_logit >= gate > self.rival_logit else "below_gate"
@@ -102,15 +107,13 @@ def match_window(search: WindowSearch) -> WindowMatch:
     if not here.all():
         other = int(np.where(here, -math.inf, posterior).argmax())
         rival = (_pose(window.poses[other]), float(window.evidence[other]))
-    fine = _around(search, best)
-    weights = np.exp(fine.posterior - fine.posterior.max())
-    weights /= weights.sum()
-    mean = weights @ fine.poses
-    off = fine.poses - mean
-    steps = np.array([DECISION.fine, DECISION.fine, DECISION.fine_turn])
-    covariance = (off * weights[:, None]).T @ off + np.diag(steps**2 / 12.0)
+    fine, settled = _around(search, best)
+    mean, covariance = _moments(fine.poses, fine.posterior)
+    # The trees alone, because a narrow prior draws the pose to itself, even from many standard deviations away.
+    held = not settled or not search.region.allows(*_moments(fine.poses, fine.evidence))
+    outside = held or not np.isfinite(search.region.log_density(mean[None]))[0]
     evidence = float(window.evidence[window.posterior.argmax()])
-    return WindowMatch(_pose(mean), covariance, evidence, near, apart, repetition(search), rival)
+    return WindowMatch(_pose(mean), covariance, evidence, near, apart, repetition(search), rival, bool(outside))
 
 
 def repetition(search: WindowSearch) -> float:
@@ -129,12 +132,31 @@ def _is_same(poses: NDArray[np.float64], best: NDArray[np.float64]) -> NDArray[n
     return np.asarray((np.hypot(*(poses[:, :2] - best[:2]).T) < DECISION.same) & (turn <= DECISION.same_turn))
 
 
-def _around(search: WindowSearch, best: NDArray[np.float64]) -> Window:
-    """A fine grid about the best pose, as far as it lies in the window."""
+def _moments(poses: NDArray[np.float64], log: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Mean (3,) and covariance (3, 3) of poses (P, 3) of a fine grid; `log`: logarithms (P,) of their weights."""
+    weights = np.exp(log - log.max())
+    weights /= weights.sum()
+    mean = weights @ poses
+    off = poses - mean
+    steps = np.array([DECISION.fine, DECISION.fine, DECISION.fine_turn])
+    return mean, (off * weights[:, None]).T @ off + np.diag(steps**2 / 12.0)
+
+
+def _around(search: WindowSearch, best: NDArray[np.float64]) -> tuple[Window, bool]:
+    """A fine grid about the pose near `best` (3,) that the trees fit best, in the window or not; and whether that pose
+    is within the grid, and not at its rim."""
     line = DECISION.fine * np.arange(-DECISION.fine_steps, DECISION.fine_steps + 1)
     turns = DECISION.fine_turn * np.arange(-DECISION.fine_turns, DECISION.fine_turns + 1)
     grid = np.stack(np.meshgrid(line, line, turns, indexing="ij"), axis=-1).reshape(-1, 3)
-    return search.around(best + grid)
+    rim = (np.abs(grid) >= np.abs(grid).max(axis=0)).any(axis=1)
+    middle = best
+    for _ in range(_MOVES):
+        fine = search.around(middle + grid)
+        top = int(fine.evidence.argmax())
+        if not rim[top]:
+            return fine, True
+        middle = fine.poses[top]
+    return fine, False
 
 
 def _pose(row: NDArray[np.float64]) -> SE2:

@@ -16,7 +16,8 @@ class RegionNumbers(NamedTuple):
     """How the poses of a prior are laid out. Chosen by hand, not fitted."""
 
     wide: float = 3.5
-    """Half the extent of a window along each axis, in standard deviations: beyond lie 2 positions in 1,000."""
+    """Half the extent of a window, in standard deviations: of the position at a given yaw in every direction, and of
+    the yaw. Beyond lie 2 positions in 1,000. The bounds are separate: jointly a pose may be 4.9 off."""
     step: float = 0.5
     """Most metres between the shifts that are tried, and between trees at the rim of the observation from turn to
     turn."""
@@ -113,11 +114,29 @@ class Region:
     def log_density(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
         """Logarithm (P,) of the probability density of poses (P, 3), up to a constant; minus infinity outside of the
         window."""
+        position, turn = self._squared(poses, np.zeros((3, 3)))
+        outside = np.maximum(position, turn) > REGION.wide**2 * (1.0 + 1e-6)
+        return np.where(outside, -math.inf, -0.5 * (position + turn))
+
+    def free_density(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Logarithm (P,) of the probability density of poses (P, 3), up to the constant of `log_density`, outside of
+        the window as well."""
+        return np.asarray(-0.5 * sum(self._squared(poses, np.zeros((3, 3)))))
+
+    def allows(self, pose: NDArray[np.float64], covariance: NDArray[np.float64]) -> bool:
+        """Whether a pose (3,) estimated without the prior, with a covariance (3, 3), agrees with the window."""
+        return max(float(one[0]) for one in self._squared(pose[None], covariance)) <= REGION.wide**2 * (1.0 + 1e-6)
+
+    def _squared(
+        self, poses: NDArray[np.float64], covariance: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Squared standard deviations (P,) from the prior of poses (P, 3): of the position at their yaw, and the yaw.
+
+        `covariance`: (3, 3), of the poses themselves, which adds to the prior's.
+        """
         away = poses[:, :2] - self._middles(poses[:, 2])
-        squared = np.einsum("pi,ij,pj->p", away, np.linalg.inv(self.spread), away)
-        turn = self._turned(poses[:, 2]) / self.yaw_sigma
-        outside = (squared > REGION.wide**2 * (1.0 + 1e-6)) | (np.abs(turn) > REGION.wide * (1.0 + 1e-6))
-        return np.where(outside, -math.inf, -0.5 * (squared + turn * turn))
+        position = np.einsum("pi,ij,pj->p", away, np.linalg.inv(self.spread + covariance[:2, :2]), away)
+        return position, self._turned(poses[:, 2]) ** 2 / (self.yaw_sigma**2 + float(covariance[2, 2]))
 
     def _turned(self, yaws: NDArray[np.float64]) -> NDArray[np.float64]:
         """Radians (R,) from the prior's yaw; 0 if nothing is known of it."""

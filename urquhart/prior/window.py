@@ -84,10 +84,9 @@ class WindowSearch:
         return Window(self.poses, self.log_prior, self._score(self.stems, self.poses))
 
     def around(self, poses: NDArray[np.float64]) -> Window:
-        """Other poses (P, 3), such as those of a finer grid; the prior of those outside of the window is zero, and no
-        constant is added to that of the others."""
-        inside = poses[np.isfinite(self.region.log_density(poses))]
-        return Window(inside, self.region.log_density(inside), self._score(self.stems, inside))
+        """Other poses (P, 3), such as those of a finer grid, outside of the window as well; no constant is added to the
+        logarithm of their prior."""
+        return Window(poses, self.region.free_density(poses), self._score(self.stems, poses))
 
     def decoys(self) -> Iterator[Window]:
         """Windows that surely do not hold the observation: its mirror image in the window that the prior gives, and

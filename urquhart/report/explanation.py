@@ -24,6 +24,7 @@ REASONS: Final[Mapping[str, str]] = {
     "verified": "chance and every rival pose are ruled out",
     "below_gate": "too little to rule out chance or trees in rows",
     "rival_too_close": "another pose cannot be ruled out",
+    "outside_prior": "the place seems to lie outside of the prior",
     "contradicting_maps": "submaps that fit have contradicting map poses",
     "verification_failed": "more trees speak against the pose than for it",
     "no_proposal": "no submap has anything like these trees",
@@ -41,7 +42,8 @@ STOPS: Final[Mapping[StoppedBy, str]] = {
     "effort": "the effort fast ends here, which says nothing about so few trees; search with the effort full",
     "exhausted": "no step of this method is left to try",
     "window": "every pose of the prior's window was tried, and none outside of it",
-    "deadline": "the time ran out: what was not searched by then may hold the place",
+    "deadline": "the time ran out: what was not searched by then may hold the place; if you gave a prior, give it a "
+    "heading or a smaller standard deviation",
     "not_started": "there was nothing to search for, or nothing to search in",
 }
 """A sentence for each value of `SearchEnd.stopped_by`."""

@@ -18,6 +18,10 @@ from urquhart.prior.prior import LEAST_NOISE, MOST_NOISE
 _PANEL: Final = "Where the trees were observed"
 _FAR: Final = 1_000.0
 """Metres from the trees to the point that is known, beyond which that is hardly what was meant."""
+_AT_SIGMA: Final = 5.0
+"""Metres: standard deviation of --at if none is given."""
+_HEADING_SIGMA: Final = 2.0
+"""Degrees: standard deviation of --heading if none is given."""
 _FRAMES: Final = 5
 """Most map frames that an error names."""
 
@@ -33,9 +37,9 @@ class PlaceOptions:
     """
 
     at: str | None = None
-    at_sigma: float = 5.0
+    at_sigma: float | None = None
     heading: float | None = None
-    heading_sigma: float = 2.0
+    heading_sigma: float | None = None
     about: str | None = None
     frame: str | None = None
     noise: float | None = None
@@ -51,21 +55,26 @@ class PlaceOptions:
             CommandError: an option cannot be used, or the map frame must be named.
         """
         if self.at is None:
-            given = [name for name in ("heading", "about", "frame", "noise") if getattr(self, name) is not None]
+            given = [name for name in PLACE_OPTIONS if getattr(self, name) is not None]
             if given:
-                raise CommandError(f"--{given[0]} needs --at E,N: roughly where the trees were observed")
+                raise CommandError(
+                    f"--{given[0].replace('_', '-')} needs --at E,N: roughly where the trees were observed"
+                )
             return None
+        if self.heading is None and self.heading_sigma is not None:
+            raise CommandError("--heading-sigma needs --heading DEG: which way the y axis of the file points")
         about = (0.0, 0.0) if self.about is None else _pair("--about", self.about)
         if len(xy):
             _check_near(about, xy)
         x, y = _pair("--at", self.at)
-        turned = math.radians(self.heading_sigma)
+        sigma = _AT_SIGMA if self.at_sigma is None else self.at_sigma
+        turned = math.radians(_HEADING_SIGMA if self.heading_sigma is None else self.heading_sigma)
         place = {
             "frame_id": self.frame or only_frame(storage, collection),
             "x": x,
             "y": y,
             "about": about,
-            "covariance": [self.at_sigma**2, 0.0, 0.0, 0.0, self.at_sigma**2, 0.0, 0.0, 0.0, turned**2],
+            "covariance": [sigma**2, 0.0, 0.0, 0.0, sigma**2, 0.0, 0.0, 0.0, turned**2],
         }
         if self.heading is not None:
             place["yaw"] = math.radians(-self.heading)
@@ -86,8 +95,13 @@ PLACE_OPTIONS: Final[dict[str, Any]] = {
         ),
     ],
     "at_sigma": Annotated[
-        float,
-        _option("Standard deviation of --at in metres. Up to 3.5 times as far is searched.", "M", least=0.01, most=1e4),
+        float | None,
+        _option(
+            f"Standard deviation of --at in metres. Up to 3.5 times as far is searched. (default: {_AT_SIGMA:g})",
+            "M",
+            least=0.01,
+            most=1e4,
+        ),
     ],
     "heading": Annotated[
         float | None,
@@ -100,7 +114,10 @@ PLACE_OPTIONS: Final[dict[str, Any]] = {
         ),
     ],
     "heading_sigma": Annotated[
-        float, _option("Standard deviation of --heading in degrees.", "DEG", least=0.01, most=180.0)
+        float | None,
+        _option(
+            f"Standard deviation of --heading in degrees. (default: {_HEADING_SIGMA:g})", "DEG", least=0.01, most=180.0
+        ),
     ],
     "about": Annotated[str | None, _option("The point of FILE that --at is the place of, if that is not 0,0.", "X,Y")],
     "frame": Annotated[str | None, _option("Map frame of --at. (default: the only one)", "NAME")],

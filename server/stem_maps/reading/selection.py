@@ -16,7 +16,7 @@ _SHOWN: Final = 6
 def only_chosen(table: FileTable, columns: Columns, options: ReadOptions, notes: list[str]) -> FileTable:
     """The rows of trees whose status, and of the plot, that the caller chose. Raises StemMapError."""
     for option, key, kept in (("keep", "status", options.keep), ("only", "plot", (options.only,))):
-        chosen = {value.strip().lower() for value in kept if value is not None}
+        chosen = {value.strip() for value in kept if value is not None}
         if key not in columns.positions:
             if chosen:
                 raise StemMapError(table.path, f"--{option} is given: name the column with --{key}, too")
@@ -30,8 +30,11 @@ def only_chosen(table: FileTable, columns: Columns, options: ReadOptions, notes:
             raise StemMapError(
                 table.path, f"the column {name!r} has the values {there}: name those of trees to read with --keep"
             )
-        mask = np.array([value.lower() in chosen for value in values], dtype=bool)
-        missing = chosen - {value.lower() for value in count}
+        chosen, missing = _spelled(chosen, count, distinct=key == "plot")
+        if key == "plot" and len(chosen) > 1:
+            both = " and ".join(repr(value) for value in sorted(chosen)[:2])
+            raise StemMapError(table.path, f"--only fits the plots {both}: name one as the file writes it")
+        mask = np.array([value in chosen for value in values], dtype=bool)
         if missing and len(values):
             raise StemMapError(
                 table.path, f"no row has the {key} {sorted(missing)[0]!r}, which --{option} names: there are {there}"
@@ -39,3 +42,20 @@ def only_chosen(table: FileTable, columns: Columns, options: ReadOptions, notes:
         notes.append(f"left out {int((~mask).sum())} of {len(mask)} rows by their {name!r}")
         table = table.where(mask)
     return table
+
+
+def _spelled(chosen: set[str], count: Counter[str], *, distinct: bool) -> tuple[set[str], set[str]]:
+    """The values of a column that are meant by `chosen`, and the choices that fit none; upper and lower case are one.
+
+    Args:
+        count: rows by value.
+        distinct: whether values that differ in their case only are different things, as plots `A` and `a` are: then a
+            choice that is written like a value means that one only.
+    """
+    found, missing = set[str](), set[str]()
+    for one in chosen:
+        alike = {value for value in count if value.lower() == one.lower()}
+        found |= {one} if distinct and one in alike else alike
+        if not alike:
+            missing.add(one)
+    return found, missing

@@ -206,6 +206,15 @@ def test_dead_trees_are_left_out_by_their_status(tmp_path: Path) -> None:
     assert "name the column with --status" in error_of(tmp_path, text, keep=("A",))
 
 
+def test_plots_that_differ_in_their_case_are_two_plots(tmp_path: Path) -> None:
+    plots = ["A" if n < 17 else "a" if n < 36 else "b" for n in range(80)]
+    text = "id,x,y,plot\n" + rows("{n},{x},{y},{s}", s=plots)
+    for only, count in (("A", 17), ("a", 19), ("b", 44), ("B", 44)):
+        assert len(read(tmp_path, text, plot="plot", only=only)) == count
+    text = text.replace(",b\n", ",ab\n").replace(",a\n", ",aB\n")
+    assert "fits the plots 'aB' and 'ab'" in error_of(tmp_path, text, plot="plot", only="AB")
+
+
 def test_a_status_that_is_not_used_is_told(tmp_path: Path) -> None:
     text = "id,x,y,DFstatus,Höhe\n" + rows("{n},{x},{y},{s},12.5", s=["alive", "dead"] * 40)
     stem_map = read(tmp_path, text)

@@ -59,8 +59,9 @@ class AsyncQueryCalls(AsyncConnection):
             per_session: who has been here, and when: the best candidate of every session.
             near: about where in a map it was made, `{"x": ..., "y": ..., "radius": ..., "frame_id": "map"}`, metres.
             prior: the rough pose, `{"x": ..., "y": ..., "covariance": [9 numbers], "frame_id": "map"}`, metres and
-                radians, with `"yaw"` if the heading is known: every pose within 3.5 standard deviations is tried, and
-                none outside, so less evidence is enough and trees may be off by up to 1 m.
+                radians, with `"yaw"` if the heading is known: every pose whose position and whose heading are each
+                within 3.5 standard deviations is tried, and none outside, so less evidence is enough and trees may be
+                off by up to 1 m.
             exclude: what must not be found, e.g. `{"submap_ids": [...]}`, `{"session": "monday"}`, or
                 `{"within_seconds": 60}` of `stamp`.
             pairs: answer the pairs of landmarks of each candidate; without them an answer is much smaller.
