@@ -42,8 +42,7 @@ STOPS: Final[Mapping[StoppedBy, str]] = {
     "effort": "the effort fast ends here, which says nothing about so few trees; search with the effort full",
     "exhausted": "no step of this method is left to try",
     "window": "every pose of the prior's window was tried, and none outside of it",
-    "deadline": "the time ran out: what was not searched by then may hold the place; if you gave a prior, give it a "
-    "heading or a smaller standard deviation",
+    "deadline": "the time ran out before all was searched; with a prior, give a heading or a smaller sigma",
     "not_started": "there was nothing to search for, or nothing to search in",
 }
 """A sentence for each value of `SearchEnd.stopped_by`."""
@@ -56,7 +55,6 @@ SKIPS: Final[Mapping[Skipped, str]] = {
 """A sentence for each value of `SearchEnd.skipped`."""
 UNREFUSED: Final = "enough evidence; only a rival could refuse it"
 """The sentence for a finding that is not refused."""
-
 WIDTH: Final = 1000.0
 """Pixels: width of the picture."""
 _LEFT, _BARS, _NUMBERS, _MIDDLE, _WORDS, _RIGHT = 40.0, 204.0, 425.0, 440.0, 615.0, 960.0
