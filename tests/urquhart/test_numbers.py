@@ -33,6 +33,8 @@ FIXED: Final = {
         "mapping.graph_solver._SOLVED",
     ),
     *("propose.hit_buffer._FIRST", "propose.hit_buffer._MANY", "propose.query.READ_TOGETHER"),
+    # A bound of work: a pose that has not settled by then is refused.
+    "prior.decision._MOVES",
     # What callers may hand in, arithmetic, and the paper's own bounds.
     *("features.landmark_checks.MINIMUM", "features.landmark_checks.MAXIMUM"),
     *("features.landmark_checks.COORDINATE_LIMIT", "features.landmark_checks.RESOLUTION"),
