@@ -145,7 +145,7 @@ def coregister(
         nominal = _nominal(place, there, (heading, heading_sigma), noise)
         placer = PlotPlacer(context, collection, SearchChoices(effort, min_confidence, seed, nominal))
         files, journal = _files(plots, positions), stack.enter_context(_journal(out))
-        season = _read(files, columns)
+        season = _read(files, columns, positions, set(there))
         progress = stack.enter_context(ProgressReport(Console(stderr=True), "plots"))
         results, known = _place(season, placer, journal, progress)
         with progress.busy("writing tables, pictures and the report"):
@@ -184,14 +184,27 @@ def _nominal(
     return NominalPlaces(frame_id, sigma, bearing if turned < _ANY else None, turned, noise, known)
 
 
-def _read(files: list[Path], columns: ReadOptions) -> Season:
-    """All plots. Raises CommandError if there is none."""
+def _read(files: list[Path], columns: ReadOptions, positions: Path | None, placed: set[str]) -> Season:
+    """All plots, `placed` being those that the file of positions names. Raises CommandError if there is none."""
     season = read_season(files, columns, reading=reading)
     for line in season.told:
         typer.echo(line)
     if not season.plots:
         raise CommandError(season.unread[0].why if season.unread else "there is no plot in these files")
+    if positions is not None:
+        _tell_names(positions, {plot.name for plot in season.plots}, placed)
     return season
+
+
+def _tell_names(positions: Path, plots: set[str], placed: set[str]) -> None:
+    """Say which plots have no position, and which positions no plot: a name that is misspelt is both."""
+    for names, what in (
+        (plots - placed, "have no position and are searched everywhere"),
+        (placed - plots, "are no plot"),
+    ):
+        if names:
+            shown = ", ".join(sorted(names)[:5]) + (", ..." if len(names) > 5 else "")
+            typer.echo(f"{positions.name}: {len(names)} names {what}: {shown}", err=True)
 
 
 def _place(

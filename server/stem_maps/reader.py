@@ -115,13 +115,16 @@ def read_trees(path: Path, options: ReadOptions) -> TreeRows:
 
 
 def read_centres(path: Path, options: ReadOptions) -> dict[str, tuple[float, float]]:
-    """The plots' centres, metres, in a file with the columns plot, x and y; their unit and system are in `options`.
+    """The plots' centres, metres, in a file with the columns plot, x and y.
+
+    Their unit and system are in `options`, or the file names its system as those of trees do.
 
     Raises:
         StemMapError: the file cannot be used, or a plot has two centres.
     """
     wanted = ReadOptions(unit=options.unit, crs=options.crs, project=options.project)
     table = read_table(path, FilePart(None, None, is_header_of(wanted)))
+    take_system_column(table)
     columns = find_columns(table, wanted)
     if "plot" not in columns.positions and "id" in columns.positions:
         columns.positions["plot"] = columns.positions["id"]

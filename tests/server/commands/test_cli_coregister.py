@@ -179,6 +179,10 @@ def test_plots_are_searched_where_they_ought_to_be_first(place: Urquhart, tmp_pa
     assert place(plots, "--positions", plots / "gnss.csv", "--at-sigma", 3, "--heading-sigma", 3).code == 0
     found = {row["plot"]: row for row in table(tmp_path / "out" / "plots.csv")}
     assert found.keys() == CENTRES.keys()
+    (plots / "gnss.csv").write_text("\n".join([positions[0], "Z,1,2", *positions[2:]]) + "\n")
+    told = place(plots, "--positions", plots / "gnss.csv", "--at-sigma", 3, "--heading-sigma", 3).err
+    assert "gnss.csv: 1 names have no position and are searched everywhere: " in told
+    assert "gnss.csv: 1 names are no plot: Z" in told
     for name, centre in CENTRES.items():
         assert (found[name]["verdict"], found[name]["searched"]) == ("matched", "near")
         matrix = np.loadtxt(tmp_path / "out" / "transforms" / f"{name}.txt")

@@ -9,7 +9,7 @@ import openpyxl  # type: ignore[import-untyped]
 import pytest
 from pyproj import Transformer
 
-from server.stem_maps.reader import StemMapError, read_stem_map
+from server.stem_maps.reader import StemMapError, read_centres, read_stem_map
 from server.stem_maps.reading.options import ReadOptions
 
 RNG = np.random.default_rng(5)
@@ -129,3 +129,12 @@ def test_a_pipe_is_refused_at_once(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe.csv")
     with pytest.raises(StemMapError, match="no regular file"):
         read_stem_map(tmp_path / "pipe.csv")
+
+
+def test_centres_that_name_their_system_are_in_its_unit(tmp_path: Path) -> None:
+    path = tmp_path / "centres.csv"
+    path.write_text("plot,x,y,crs\nA,2000000.0,700000.0,EPSG:2264\nB,2000100.0,700000.0,EPSG:2264\n")
+    centres = read_centres(path, ReadOptions())
+    foot = 1200.0 / 3937.0
+    assert centres["A"] == pytest.approx((2_000_000.0 * foot, 700_000.0 * foot), abs=1e-3)
+    assert centres["B"][0] - centres["A"][0] == pytest.approx(100.0 * foot, abs=1e-6)
