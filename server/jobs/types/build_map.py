@@ -1,18 +1,11 @@
 """The job that builds a map: it finds constraints as the job of that name, optimises, and may move all submaps."""
 
-import os
-
-from pydantic import ValidationError
-
-from server.errors import Conflict
 from server.jobs.running_job import JobContext, RunningJob
-from server.jobs.types.find_constraints import find_all
+from server.jobs.types.find_constraints import find_all, parameters_of, write_results
 from server.maps.applying import apply_map
 from server.maps.building import build, check_optimiser
 from server.maps.results import lines_of_map
 from server.maps.selection import choose, chosen_keys, names_of
-from server.platform.disk_errors import disk_errors
-from server.queries.older_answers import completed
 from server.schemas.maps.request import MapInput
 
 
@@ -24,13 +17,7 @@ def run_build_map(job: RunningJob, context: JobContext) -> None:
     """
     if "written" in job.progress:
         return  # only its end could not be stored
-    try:
-        body = MapInput.model_validate(completed(MapInput, job.parameters))
-    except ValidationError as error:
-        raise Conflict(
-            "Another version of the service accepted this job, and this version cannot read its parameters. Post it "
-            "again."
-        ) from error
+    body = parameters_of(job, MapInput)
     check_optimiser()
     searched = body
     if body.sessions is not None:  # the search for constraints knows of one session only
@@ -44,12 +31,7 @@ def run_build_map(job: RunningJob, context: JobContext) -> None:
     built = build(chosen, found, body)
     refused = sum(reason is not None for reason in built.poses.refusals)
     job.counts = counts | {"refused": refused, "parts": len(built.part_sizes), "trees": len(built.trees)}
-    with disk_errors(context.folder.path), context.folder.results(job.id).open("wb") as results:
-        context.folder.sync()
-        results.writelines(lines_of_map(built))
-        results.flush()
-        os.fsync(results.fileno())
-        size = results.tell()
+    size = write_results(job, context, lines_of_map(built))
     if not body.apply:
         job.report(written=size)
         return

@@ -1,11 +1,11 @@
 """The job that looks up every submap of a collection in the others and stores the constraints that it finds."""
 
 import os
-from collections.abc import Iterator
-from typing import Final
+from collections.abc import Iterable, Iterator
+from typing import Final, TypeVar
 
 import orjson
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from server.constraints.extraction import Found, agree, chosen_submaps, from_look, question, read_found
 from server.errors import Conflict, NotFound
@@ -19,6 +19,7 @@ from server.schemas.constraints import ConstraintsInput
 from server.store.storage import ReadTransaction
 from server.store.submap_records import SubmapMetadata
 
+_Body = TypeVar("_Body", bound=BaseModel)
 _PAGE: Final = 50
 """Submaps that are looked up before the job reports progress."""
 _SILENCE: Final = 1.0
@@ -33,24 +34,33 @@ def run_constraints(job: RunningJob, context: JobContext) -> None:
     """
     if "written" in job.progress:
         return  # only its end could not be stored
+    body = parameters_of(job, ConstraintsInput)
+    kept, counts = find_all(job, context, body)
+    size = write_results(job, context, (orjson.dumps(one) + b"\n" for one in kept))
+    job.counts = counts
+    with disk_errors(context.folder.path):
+        job.report(written=size)
+
+
+def parameters_of(job: RunningJob, kind: type[_Body]) -> _Body:
+    """The parameters that a job was accepted with. Raises Conflict if this version cannot read them."""
     try:
-        body = ConstraintsInput.model_validate(completed(ConstraintsInput, job.parameters))
+        return kind.model_validate(completed(kind, job.parameters))
     except ValidationError as error:
         raise Conflict(
             "Another version of the service accepted this job, and this version cannot read its parameters. Post it "
             "again."
         ) from error
-    kept, counts = find_all(job, context, body)
-    results_file = context.folder.results(job.id)
-    with disk_errors(context.folder.path):
-        with results_file.open("wb") as results:
-            context.folder.sync()
-            results.writelines(orjson.dumps(one) + b"\n" for one in kept)
-            results.flush()
-            os.fsync(results.fileno())
-            size = results.tell()
-        job.counts = counts
-        job.report(written=size)
+
+
+def write_results(job: RunningJob, context: JobContext, lines: Iterable[bytes]) -> int:
+    """Write the lines of a job's results and wait until the disk has them. Returns their bytes. Raises StorageError."""
+    with disk_errors(context.folder.path), context.folder.results(job.id).open("wb") as results:
+        context.folder.sync()
+        results.writelines(lines)
+        results.flush()
+        os.fsync(results.fileno())
+        return results.tell()
 
 
 def find_all(job: RunningJob, context: JobContext, body: ConstraintsInput) -> tuple[list[Found], dict[str, int]]:
