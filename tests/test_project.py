@@ -20,7 +20,13 @@ ROOT = Path(__file__).parents[1]
 LOCKS = ("requirements.lock", "requirements-build.lock", "requirements-dev.lock")
 PROJECT: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text())
 CLIENT: dict[str, Any] = tomllib.loads((ROOT / "clients" / "python" / "pyproject.toml").read_text())
-PAGES = (ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "clients/python/README.md", *ROOT.glob("docs/**/*.md"))
+PAGES = (
+    ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
+    ROOT / "clients/python/README.md",
+    ROOT / "clients/typescript/README.md",
+    *ROOT.glob("docs/**/*.md"),
+)
 VERBS = {
     "help",
     "demo",
@@ -39,6 +45,7 @@ VERBS = {
     "bench-maps",
     "bench-scale",
     "bench-reliability",
+    "client-types",
     "lock",
     "clean",
 }

@@ -1,7 +1,9 @@
-"""`urquhart reference`: the API reference as a Markdown page."""
+"""`urquhart reference`: the API reference as a Markdown page, or the OpenAPI document."""
 
+import json
 import tempfile
 from pathlib import Path
+from typing import Annotated
 
 import typer
 
@@ -10,9 +12,15 @@ from server.config.settings import Settings
 from server.http.documentation.reference import reference
 
 
-def reference_page() -> None:
+def reference_page(
+    openapi: Annotated[bool, typer.Option("--openapi", help="Print the OpenAPI document as JSON instead.")] = False,
+) -> None:
     """Print the API reference as Markdown."""
     with tempfile.TemporaryDirectory() as folder:
         app = create_app(Settings(database=str(Path(folder) / "none.db")))
-        typer.echo(reference(app.openapi()), nl=False)
+        document = app.openapi()
+        if openapi:
+            typer.echo(json.dumps(document, indent=1, sort_keys=True))
+        else:
+            typer.echo(reference(document), nl=False)
         app.state.service.database.dispose()

@@ -4,6 +4,7 @@ import socket
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import httpx
@@ -26,6 +27,19 @@ def client(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Client]:
         with start_blocking_portal() as portal, portal.wrap_async_context_manager(lifespan):
             yield Client("http://service", transport=_Inside(portal, app))
         return
+    with _listening(app) as url, Client(url) as over_a_socket:
+        yield over_a_socket
+
+
+@pytest.fixture
+def service_url(tmp_path: Path) -> Iterator[str]:
+    """Where a fresh, empty service listens."""
+    with _listening(create_app(Settings(database=str(tmp_path / "client.db")))) as url:
+        yield url
+
+
+@contextmanager
+def _listening(app: FastAPI) -> Iterator[str]:
     server = uvicorn.Server(uvicorn.Config(app, log_level="warning"))
     with socket.socket() as listener:
         listener.bind(("127.0.0.1", 0))
@@ -34,8 +48,7 @@ def client(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Client]:
         try:
             while not server.started and thread.is_alive():
                 time.sleep(0.01)
-            with Client(f"http://127.0.0.1:{listener.getsockname()[1]}") as over_a_socket:
-                yield over_a_socket
+            yield f"http://127.0.0.1:{listener.getsockname()[1]}"
         finally:
             server.should_exit = True
             thread.join()
