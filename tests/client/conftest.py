@@ -15,6 +15,7 @@ from fastapi import FastAPI
 
 from server.app import create_app
 from server.config.settings import Settings
+from urquhart import Config, warm_up
 from urquhart_client import Client
 
 
@@ -33,7 +34,8 @@ def client(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Client]:
 
 @pytest.fixture
 def service_url(tmp_path: Path) -> Iterator[str]:
-    """Where a fresh, empty service listens."""
+    """Where a fresh, empty service listens, whose kernels are loaded: no first query waits for the compiler."""
+    warm_up(Config())
     with _listening(create_app(Settings(database=str(tmp_path / "client.db")))) as url:
         yield url
 
