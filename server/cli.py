@@ -62,7 +62,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
     except TyperException as error:
         return _refuse(_usage(error))
     except _refusals() as error:
-        return _refuse(str(error))
+        return _refuse(_named(error, sys.argv[1:] if arguments is None else arguments))
     except OSError as error:
         if error.filename is None:
             raise
@@ -78,6 +78,16 @@ def main() -> None:
 def _refusals() -> tuple[type[Exception], ...]:
     """The errors that say what is wrong with the input: only those whose modules are loaded can have been raised."""
     return tuple(getattr(sys.modules[module], name) for module, name in _REFUSALS if module in sys.modules)
+
+
+def _named(error: Exception, arguments: Sequence[str]) -> str:
+    """What is wrong, after the option that it is about, if a value of the request names one that was given."""
+    pointer = getattr(error, "pointer", None) or ""
+    member = getattr(error, "parameter", None) or pointer.lstrip("/").partition("/")[0]
+    option = "--" + member.replace("_", "-")
+    given = {word.partition("=")[0] for word in arguments if word.startswith("--")}
+    found = next((one for one in (option, option.removesuffix("s")) if one in given), None)
+    return str(error) if found is None else f"{found}: {error}"
 
 
 def _usage(error: TyperException) -> str:

@@ -1,5 +1,6 @@
 """Coordinates of a map frame as surveyors give them: their axes, their unit, and the full coordinates of the system."""
 
+import math
 from collections.abc import Collection
 from dataclasses import dataclass
 from functools import lru_cache
@@ -7,13 +8,15 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from pyproj import CRS
+from pyproj import CRS, Transformer
 from pyproj.exceptions import CRSError
 
 from server.store.records import CollectionRecord
 from server.store.storage import ReadTransaction
 
 _METRE: Final = "metre"
+_AHEAD: Final = 100.0
+"""Metres to a second point, which shows how two systems are rotated against each other."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,6 +50,25 @@ class FrameSystem:
         Without a system they are those of the frame, in metres.
         """
         return np.asarray((xy + np.asarray(self.origin)) / self.metres_per_unit, dtype=np.float64)
+
+    def point_of(self, name: str | None, point: tuple[float, float]) -> tuple[tuple[float, float], float] | None:
+        """A point of the system `name`, metres, in this one, metres, without taking off the origin of the frame.
+
+        With it comes the rotation from that system's axes to this one's there, radians, counter-clockwise: grids have
+        norths of their own. If either system is not known, both are taken for the same. None if they are known to
+        differ, and the point cannot be converted.
+        """
+        if name is None or self.name is None or name == self.name:
+            return point, 0.0
+        other = frame_system("", name)
+        if other.crs is None or self.crs is None:
+            return None
+        ends = np.array([point, (point[0] + _AHEAD, point[1])]) / other.metres_per_unit
+        converted = Transformer.from_crs(other.crs, self.crs, always_xy=True).transform(ends[:, 0], ends[:, 1])
+        here, ahead = np.column_stack(converted) * self.metres_per_unit
+        if not np.isfinite([here, ahead]).all():
+            return None
+        return (float(here[0]), float(here[1])), math.atan2(*(ahead - here)[::-1].tolist())
 
 
 def frame_systems(

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -16,26 +17,24 @@ from server.commands.support.options import DatabaseOption
 from server.commands.support.place_options import only_frame
 from server.commands.support.progress import ProgressReport, reading
 from server.coregistration.journal import FolderError, Journal
-from server.coregistration.nominal import NominalPlaces
 from server.coregistration.outputs.attention import Attention
 from server.coregistration.outputs.folder import REPORT, write_folder
 from server.coregistration.outputs.layers import MISSING, can_write_layers
-from server.coregistration.placing import PlotPlacer, SearchChoices
+from server.coregistration.placing import PlotPlacer
+from server.coregistration.positions import SeasonPositions
+from server.coregistration.requests.search import SeasonSearch, plan_season
 from server.coregistration.results import PlotResult
 from server.coregistration.run import coregister as coregister_season
 from server.coregistration.season import Season, plot_files, read_season
 from server.index.live_indexes import LiveIndexes
 from server.observability.metrics import Metrics
 from server.queries.lookup import QueryContext
-from server.stem_maps.reader import read_centres
 from server.stem_maps.reading.options import ReadOptions
 from server.store.sqlite.upgrade.feature_backfill import bring_up_to_date
 from urquhart import Effort
 from urquhart.prior.prior import LEAST_NOISE, MOST_NOISE
 
 _PANEL: Final = "Where the plots ought to be"
-_ANY: Final = 60.0
-"""Degrees: a heading that is known no better is not known."""
 _SHOWN: Final = 10
 """Plots that need eyes, on the terminal; the report has all."""
 
@@ -61,9 +60,23 @@ Positions = Annotated[
         rich_help_panel=_PANEL,
     ),
 ]
+PositionsCrs = Annotated[
+    str | None,
+    typer.Option(
+        metavar="CODE",
+        help="Coordinate reference system of --positions, such as EPSG:4326. (default: what the file names, then "
+        "--crs, then the map's)",
+        show_default=False,
+        rich_help_panel=_PANEL,
+    ),
+]
 Heading = Annotated[
     float,
-    typer.Option(metavar="DEG", help="Bearing of the plots' y axes in the map.", rich_help_panel=_PANEL),
+    typer.Option(
+        metavar="DEG",
+        help="Bearing of the plots' y axes: from grid north of their system, or of the map if they name none.",
+        rich_help_panel=_PANEL,
+    ),
 ]
 HeadingSigma = Annotated[
     float,
@@ -108,6 +121,7 @@ def coregister(
     ] = None,
     at_sigma: AtSigma = None,
     positions: Positions = None,
+    positions_crs: PositionsCrs = None,
     heading: Heading = 0.0,
     heading_sigma: HeadingSigma = 5.0,
     frame: Frame = None,
@@ -130,24 +144,22 @@ def coregister(
     be read.
     """
     settings = settings_with(database=database)
-    if at_sigma is None and (positions, frame, noise) != (None, None, None):
-        raise CommandError("--positions, --frame and --noise need --at-sigma: how right those positions are")
-    if min_confidence is not None and not 0.5 < min_confidence < 1.0:
-        raise CommandError(f"--min-confidence must be more than 0.5 and less than 1, not {min_confidence:g}")
+    search = SeasonSearch(effort, min_confidence, seed, at_sigma, positions_crs, heading, heading_sigma, frame, noise)
+    fault = search.fault(has_positions=positions is not None, named=lambda name: f"--{name.replace('_', '-')}")
+    if fault is not None:
+        raise CommandError(fault[1])
     store = existing_database(settings)
     with ExitStack() as stack:
         stack.callback(store.dispose)
         bring_up_to_date(store)
         metrics = Metrics()
         context = QueryContext(store, LiveIndexes(store, metrics), metrics, settings.limits)
-        there = {} if positions is None else read_centres(positions, columns)
-        place = None if at_sigma is None else (frame or only_frame(store, collection), at_sigma)
-        nominal = _nominal(place, there, (heading, heading_sigma), noise)
-        placer = PlotPlacer(context, collection, SearchChoices(effort, min_confidence, seed, nominal))
+        place = (collection, None if at_sigma is None else frame or only_frame(store, collection))
+        plan = plan_season(context, place, search, None if positions is None else (positions, columns))
         files, journal = _files(plots, positions), stack.enter_context(_journal(out))
-        season = _read(files, columns, positions, set(there))
+        season = _read(files, columns, positions, plan.positions)
         progress = stack.enter_context(ProgressReport(Console(stderr=True), "plots"))
-        results, known = _place(season, placer, journal, progress)
+        results, known = _place(season, plan.placer, journal, progress)
         with progress.busy("writing tables, pictures and the report"):
             attention = write_folder(out, collection, results, season.told)
     _tell(results, attention, known, out)
@@ -156,9 +168,11 @@ def coregister(
 
 
 def _files(plots: list[Path], positions: Path | None) -> list[Path]:
-    """The files of plots, without the one of their positions. Raises StemMapError."""
+    """The files of plots, without the one of their positions; says what is passed over. Raises StemMapError."""
     files = plot_files(plots)
-    return [one for one in files if positions is None or not one.exists() or not one.samefile(positions)]
+    for line in files.passed_over:
+        typer.echo(line, err=True)
+    return [one for one in files.paths if positions is None or not one.exists() or not one.samefile(positions)]
 
 
 def _journal(out: Path) -> Journal:
@@ -169,42 +183,19 @@ def _journal(out: Path) -> Journal:
         raise CommandError(str(error)) from error
 
 
-def _nominal(
-    place: tuple[str, float] | None,
-    positions: dict[str, tuple[float, float]],
-    heading: tuple[float, float],
-    noise: float | None,
-) -> NominalPlaces | None:
-    """What is known of where plots are: `place` is the map frame and a sigma, `heading` a bearing and a sigma."""
-    if place is None:
-        return None
-    frame_id, sigma = place
-    bearing, turned = heading
-    known = tuple((name, x, y) for name, (x, y) in positions.items())
-    return NominalPlaces(frame_id, sigma, bearing if turned < _ANY else None, turned, noise, known)
-
-
-def _read(files: list[Path], columns: ReadOptions, positions: Path | None, placed: set[str]) -> Season:
-    """All plots, `placed` being those that the file of positions names. Raises CommandError if there is none."""
+def _read(files: list[Path], columns: ReadOptions, positions: Path | None, there: SeasonPositions | None) -> Season:
+    """All plots; `there` is what the file `positions` says. Raises CommandError if there is none."""
     season = read_season(files, columns, reading=reading)
     for line in season.told:
         typer.echo(line)
     if not season.plots:
         raise CommandError(season.unread[0].why if season.unread else "there is no plot in these files")
-    if positions is not None:
-        _tell_names(positions, {plot.name for plot in season.plots}, placed)
-    return season
-
-
-def _tell_names(positions: Path, plots: set[str], placed: set[str]) -> None:
-    """Say which plots have no position, and which positions no plot: a name that is misspelt is both."""
-    for names, what in (
-        (plots - placed, "have no position and are searched everywhere"),
-        (placed - plots, "are no plot"),
-    ):
-        if names:
-            shown = ", ".join(sorted(names)[:5]) + (", ..." if len(names) > 5 else "")
-            typer.echo(f"{positions.name}: {len(names)} names {what}: {shown}", err=True)
+    if positions is None or there is None:
+        return season
+    told = there.told_of(positions.name, {plot.name for plot in season.plots})
+    for line in told:
+        typer.echo(line, err=True)
+    return replace(season, told=(*season.told, *told))
 
 
 def _place(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from server.collections.crud import get_collection
 from server.collections.frame_systems import FrameSystem, frame_systems
 from server.coregistration.map_trees import MapTrees, trees_around, trees_of_submap
-from server.coregistration.nominal import NominalPlaces
+from server.coregistration.nominal import NominalPlaces, NominalPosition
 from server.coregistration.places import distinct_places
 from server.coregistration.plot_poses import PlotFrame, listed, map_trees_of, plot_pose, plot_trees, pose_of, sigmas_of
 from server.coregistration.results import PlotResult, PlotTree
@@ -23,7 +23,7 @@ from server.queries.query import PlaceQuery, QueryLandmarks
 from server.store.codec import digest, pack_positions
 from server.store.records import CollectionRecord
 from server.store.storage import ReadTransaction
-from urquhart import SE2, Config, Effort, LandmarkError, describe
+from urquhart import SE2, Budget, Config, Effort, LandmarkError, describe
 from urquhart.verify.map_fit import MapFit, fit_to_map
 
 _MARGIN: Final = 15.0
@@ -45,13 +45,16 @@ class SearchChoices:
 class PlotPlacer:
     """Places the plots of a season in one collection. Results of plots are kept apart by their keys."""
 
-    def __init__(self, context: QueryContext, collection_id: str, choices: SearchChoices) -> None:
-        """Raises NotFound if there is no such collection."""
+    def __init__(
+        self, context: QueryContext, collection_id: str, choices: SearchChoices, budget: Budget | None = None
+    ) -> None:
+        """`budget` is abandoned if the work is to stop. Raises NotFound if there is no such collection."""
+        self._budget = budget
         self._context, self._collection_id, self._choices = context, collection_id, choices
         with context.database.read() as tx:
             collection = get_collection(tx, collection_id)
         # A collection that changed may hold plots elsewhere, so its revision is part of every key.
-        self._common = f"3 {collection_id} {collection.key} {collection.revision} {choices!r}"
+        self._common = f"4 {collection_id} {collection.key} {collection.revision} {choices!r}"
         self._systems: dict[str, FrameSystem] = {}
 
     def key(self, plot: SeasonPlot) -> str:
@@ -68,6 +71,7 @@ class PlotPlacer:
 
         Raises:
             DomainError: the database or the collection is at fault, and not the plot.
+            Abandoned: the budget was abandoned.
         """
         began = time.perf_counter()
         result = self._unplaced(plot)
@@ -91,7 +95,8 @@ class PlotPlacer:
 
     def _unplaced(self, plot: SeasonPlot) -> PlotResult:
         """The result of a plot as far as it is known without a search."""
-        trees, centre, nominal = plot.trees, np.array(plot.centre), self._choices.nominal
+        trees, centre = plot.trees, np.array(plot.centre)
+        known, unused = self._nominal(plot)
         return PlotResult(
             name=plot.name,
             file=str(plot.path),
@@ -101,7 +106,7 @@ class PlotPlacer:
             sentence="",
             system=trees.crs,
             centre=plot.centre,
-            is_local=plot.is_local and (nominal is None or nominal.position(plot) is None),
+            is_local=plot.is_local and known is None,
             radius=float(np.hypot(*(trees.xy - centre).T).max(initial=0.0)),
             trees=[
                 PlotTree(tree_id, x, y, dbh)
@@ -109,10 +114,20 @@ class PlotPlacer:
                     trees.ids, trees.xy.tolist(), listed(trees.dbh_cm, len(trees)), strict=True
                 )
             ],
+            notes=[unused] if unused else [],
         )
 
+    def _nominal(self, plot: SeasonPlot) -> tuple[NominalPosition | None, str]:
+        """Where the plot ought to be, or why what is known of that cannot be used."""
+        nominal = self._choices.nominal
+        if nominal is None:
+            return None, ""
+        with self._context.database.read() as tx:
+            system = self._system(tx, get_collection(tx, self._collection_id), nominal.frame_id)
+        return nominal.position(plot, system), nominal.unused(plot, system)
+
     def _everywhere(self, plot: SeasonPlot) -> LookupResult:
-        return look_up(self._context, self._collection_id, self._query(plot))
+        return look_up(self._context, self._collection_id, self._query(plot), budget=self._budget)
 
     def _near(self, plot: SeasonPlot) -> LookupResult | None:
         """The answer where the plot ought to be; None if nothing says where, or the map does not reach there."""
@@ -121,10 +136,11 @@ class PlotPlacer:
             return None
         with self._context.database.read() as tx:
             system = self._system(tx, get_collection(tx, self._collection_id), nominal.frame_id)
-        prior = nominal.prior(plot, system.origin)
+        prior = nominal.prior(plot, system)
         if prior is None:
             return None
-        return look_up(self._context, self._collection_id, replace(self._query(plot), prior=prior))
+        query = replace(self._query(plot), prior=prior)
+        return look_up(self._context, self._collection_id, query, budget=self._budget)
 
     def _query(self, plot: SeasonPlot) -> PlaceQuery:
         """The query of a plot. Its frame has its origin at the plot's centre, which poses are then about."""
@@ -184,7 +200,7 @@ class PlotPlacer:
             return gone
         sigmas = sigmas_of(fit, candidate, place)
         nominal = self._choices.nominal
-        known = None if nominal is None else nominal.position(plot)
+        known = nominal.position(plot, system) if nominal is not None and nominal.frame_id == frame_id else None
         pose = plot_pose(plot, fit.transform, sigmas, PlotFrame(frame_id, system, known))
         result = replace(
             result,

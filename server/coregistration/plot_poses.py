@@ -75,8 +75,8 @@ def plot_pose(plot: SeasonPlot, map_T_plot: SE2, sigmas: NDArray[np.float64] | N
         at = map_T_plot.apply(np.array([known.about]) - np.array(plot.centre))[0] + (e0, n0)
         shift_e, shift_n = float(at[0]) - known.there[0], float(at[1]) - known.there[1]
         nominal_e, nominal_n = e - shift_e, n - shift_n
-    elif not (plot.trees.crs and crs) or plot.trees.crs == crs:
-        shift_e, shift_n = e - x, n - y
+    elif (own := frame.system.point_of(plot.trees.crs, plot.centre)) is not None:
+        shift_e, shift_n = e - own[0][0], n - own[0][1]
     turn = -math.degrees(map_T_plot.yaw)
     return PlotPose(
         *(frame.frame_id, crs, e, n, shift_e, shift_n, turn, nominal_e, nominal_n),

@@ -19,8 +19,8 @@ class PlotPose:
         frame_id: of the map.
         crs: the map's coordinate reference system; None if it is not known.
         e, n: the plot's centre in the map.
-        shift_e, shift_n: that, less where the plot ought to be, or the centre in its own coordinates; None if those are
-            of another system.
+        shift_e, shift_n: that, less where the plot ought to be, or the centre in its own coordinates, converted to the
+            map's system; None if they cannot be.
         turn_cw: rotation from the plot's axes to the map's, clockwise.
         nominal_e, nominal_n: where that centre ought to be by what is known of the plot; None if nothing is.
         sigma_e, sigma_n, sigma_turn: one standard deviation of centre and rotation; None if not known.
@@ -128,6 +128,7 @@ class PlotResult:
         places: the places that fit, if the plot is ambiguous: the best one first.
         warnings: what is wrong with coordinates, as stable words.
         trees, map_trees: of the plot, and of the map around it if it is matched.
+        notes: sentences about what was known of the plot and could not be used.
         searched: `near` if it was found where it ought to be, `everywhere` if not; empty if nothing was searched.
         seconds: that the search took.
     """
@@ -152,6 +153,7 @@ class PlotResult:
     warnings: list[str] = field(default_factory=list)
     trees: list[PlotTree] = field(default_factory=list)
     map_trees: list[MapTree] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
     searched: Literal["", "near", "everywhere"] = ""
     seconds: float = 0.0
 

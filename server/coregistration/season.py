@@ -19,6 +19,9 @@ from server.stem_maps.tiling import without_twins
 
 SUFFIXES: Final = frozenset({*TEXT_SUFFIXES, *WORKBOOK_SUFFIXES, *CLOUD_SUFFIXES, *VECTOR_FORMATS})
 """Suffixes of the files that are read from a folder."""
+_BESIDE: Final = frozenset({".shx", ".dbf", ".prj", ".cpg", ".sbn", ".sbx", ".qix", ".toml", ".lax"})
+"""Suffixes of files that belong to others."""
+_SHOWN: Final = 5
 _SAME_CENTRE: Final = 0.01
 """Metres: the centres that a plot's trees were measured from may differ by this, by rounding."""
 
@@ -65,22 +68,44 @@ class Season:
     told: tuple[str, ...]
 
 
-def plot_files(paths: Iterable[Path]) -> list[Path]:
+@dataclass(frozen=True, slots=True)
+class PlotFiles:
+    """The files of a season, and sentences about what of its folders is not read."""
+
+    paths: tuple[Path, ...]
+    passed_over: tuple[str, ...]
+
+
+def plot_files(paths: Iterable[Path]) -> PlotFiles:
     """The files of a season: those named, and of a folder those whose suffixes a format has, by name.
 
     Raises:
         StemMapError: a folder has no such file.
     """
     files: list[Path] = []
+    told: list[str] = []
     for path in paths:
         if not path.is_dir():
             files.append(path)
             continue
-        inside = sorted(one for one in path.iterdir() if one.suffix.lower() in SUFFIXES and one.is_file())
-        if not inside:
+        inside = sorted(one for one in path.iterdir() if not one.name.startswith("."))
+        trees = [one for one in inside if one.suffix.lower() in SUFFIXES and one.is_file()]
+        folders = [one.name for one in inside if one.is_dir()]
+        if not trees and folders:
+            raise StemMapError(path, f"the folder has no file of trees, only folders: name them, such as {folders[0]}")
+        if not trees:
             raise StemMapError(path, f"the folder has no file of trees: none ends in {', '.join(sorted(SUFFIXES))}")
-        files += inside
-    return files
+        if folders:
+            told.append(f"{path.name}: {len(folders)} folders in it are not read: {_few(folders)}; name them, too")
+        others = [one.name for one in inside if one.is_file() and one not in trees and one.suffix not in _BESIDE]
+        if others:
+            told.append(f"{path.name}: {len(others)} files are of no format of trees and not read: {_few(others)}")
+        files += trees
+    return PlotFiles(tuple(files), tuple(told))
+
+
+def _few(names: list[str]) -> str:
+    return ", ".join(names[:_SHOWN]) + (", ..." if len(names) > _SHOWN else "")
 
 
 def read_season(

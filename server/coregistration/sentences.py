@@ -27,8 +27,8 @@ def pose_text(pose: PlotPose, *, is_local: bool) -> str:
         return f"at {e:.2f} E, {n:.2f} N, {turn}"
     if pose.shift_e is None or pose.shift_n is None:
         return (
-            f"at {e:.2f} E, {n:.2f} N; its own coordinates are not in {pose.crs}, the map's system, so no "
-            "shift is told: convert them with --project"
+            f"at {e:.2f} E, {n:.2f} N; its own coordinates cannot be converted to {pose.crs}, the map's "
+            "system, so no shift is told: convert them with --project"
         )
     return f"shift {pose.shift_e:+.2f} m east, {pose.shift_n:+.2f} m north, {turn}"
 

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 from datetime import datetime
 from typing import Any, Final
 
+from server.outputs.formulas import guarded
 from server.outputs.tables import OutputLayer, OutputRows, written_time
 
 _DECIMALS: Final = 4
@@ -13,7 +14,10 @@ _DECIMALS: Final = 4
 
 
 def csv_pieces(layer: OutputLayer, batches: Iterable[OutputRows]) -> Iterator[bytes]:
-    """UTF-8 text, RFC 4180. `crs` names the system of `x` and `y` in each row; it is empty in a local frame."""
+    """UTF-8 text, RFC 4180. `crs` names the system of `x` and `y` in each row; it is empty in a local frame.
+
+    Text that a spreadsheet would run as a formula has an apostrophe before it.
+    """
     names = [column.name for column in layer.columns]
     lead = layer.leading
     yield _lines([[*names[:lead], "x", "y", *names[lead:], "crs"]])
@@ -45,5 +49,7 @@ def _cell(value: Any) -> str:
             return "" if value != value else repr(value)
         case datetime():
             return written_time(value)
+        case str():
+            return guarded(value)
         case _:
             return str(value)

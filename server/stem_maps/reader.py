@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from server.stem_maps.formats.files import FilePart, file_digest, read_table
 from server.stem_maps.formats.table import StemMapError, refusal
+from server.stem_maps.reading.centres import Centres, check_not_degrees
 from server.stem_maps.reading.columns import find_columns, is_header_of
 from server.stem_maps.reading.options import ReadOptions, with_columns_file
 from server.stem_maps.reading.plausibility import check_plausible
@@ -114,17 +115,24 @@ def read_trees(path: Path, options: ReadOptions) -> TreeRows:
     return read_rows(table, columns, options, centres)
 
 
-def read_centres(path: Path, options: ReadOptions) -> dict[str, tuple[float, float]]:
-    """The plots' centres, metres, in a file with the columns plot, x and y.
+def read_centres(path: Path, options: ReadOptions, assumed: str | None = None) -> Centres:
+    """The positions of plots in a file with the columns plot, x and y.
 
-    Their unit and system are in `options`, or the file names its system as those of trees do.
+    Their unit and system are in `options`, or the file names its system as those of trees do. `assumed` is their system
+    if neither does.
 
     Raises:
-        StemMapError: the file cannot be used, or a plot has two centres.
+        StemMapError: the file cannot be used, its positions seem to be in degrees, or a plot has two.
     """
-    wanted = ReadOptions(unit=options.unit, crs=options.crs, project=options.project)
-    table = read_table(path, FilePart(None, None, is_header_of(wanted)))
+    table = read_table(path, FilePart(None, None, is_header_of(ReadOptions())))
     take_system_column(table)
+    crs = options.crs or (assumed if table.crs is None else None)
+    is_known, weak = crs is not None or table.crs is not None, options.from_file
+    wanted = ReadOptions(
+        unit=None if is_known and "unit" in weak else options.unit,
+        crs=crs,
+        project=None if not is_known and "project" in weak else options.project,
+    )
     columns = find_columns(table, wanted)
     if "plot" not in columns.positions and "id" in columns.positions:
         columns.positions["plot"] = columns.positions["id"]
@@ -135,10 +143,12 @@ def read_centres(path: Path, options: ReadOptions) -> dict[str, tuple[float, flo
     rows = read_rows(table, columns, wanted, None)
     if rows.bad_rows:
         raise refusal(path, rows.bad_rows)
+    if not rows.positions.unit_named:
+        check_not_degrees(path, rows.xy)
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
         raise StemMapError(path, f"the plot {twice!r} has two centres: keep one")
-    return dict(zip(names, map(tuple, rows.xy.tolist()), strict=True))
+    return Centres(path, dict(zip(names, map(tuple, rows.xy.tolist()), strict=True)), rows.crs)
 
 
 def stem_map_of(rows: TreeRows) -> StemMap:

@@ -86,7 +86,8 @@ def test_all_that_a_file_holds_is_sent(
     assert sent.bodies[-1] == {"landmarks": TREES, "session": "monday"}
     assert capsys.readouterr().err.endswith("seen.xlsx: read it all\n")
     assert cli.run(["query", "plots", str(table)]) == 0
-    assert "yaw 90.00 deg" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert "in its frame x" in out and "yaw 90.00 deg; in the map 'stand' x 5.000 m" in out
     before = len(sent.bodies)
     sent.answer = stem_map([{"name": name, "landmarks": TREES} for name in "AB"])
     assert cli.run(["put", "plots", "p7", str(table), "--plot", "plot"]) == 2

@@ -16,6 +16,7 @@ from urquhart_client._protocol.retry import Retry
 from urquhart_client.client import Client
 from urquhart_client.errors import ProblemError, UrquhartError
 from urquhart_client.job_models import Job, Progress
+from urquhart_client.poses import SurveyPose
 from urquhart_client.stem_maps import FileCutting, FileOptions
 
 _OBSERVED: Final = frozenset({"xy", "ids", "landmarks", "frame_id", "stamp"})
@@ -93,13 +94,28 @@ def _query(client: Client, options: argparse.Namespace) -> int:
     result = client.query(options.collection, limit=options.limit, **_read(client, options, _QUERY))
     lines = [f"{result.verdict} ({result.reason})"]
     for one in result.candidates:
-        at = one.transform
+        at, there = one.transform, one.map_pose
+        in_map = "" if there is None else f"; in the map {there.frame_id!r} {_pose(there.x, there.y, there.yaw)}"
         lines.append(
-            f"  {one.submap_id}: x {at.x:.3f} m, y {at.y:.3f} m, yaw {degrees(at.yaw):.2f} deg, "
+            f"  {one.submap_id}: in its frame {_pose(at.x, at.y, at.yaw)}{in_map}; "
             f"{one.inlier_count} inliers, confidence {one.confidence:.4f}"
         )
+        lines += _surveyed(one.survey)
     _tell(options, result, "\n".join(lines))
     return 0
+
+
+def _pose(x: float, y: float, yaw: float) -> str:
+    return f"x {x:.3f} m, y {y:.3f} m, yaw {degrees(yaw):.2f} deg"
+
+
+def _surveyed(survey: SurveyPose | None) -> list[str]:
+    """Where the middle of the trees is, in full coordinates of its system."""
+    if survey is None or survey.crs_position is None:
+        return []
+    (first, second), (x, y) = survey.axes, survey.crs_position
+    unit = "m" if survey.crs_unit in (None, "metre") else survey.crs_unit
+    return [f"    the middle of its trees is at {first} {x:.3f}, {second} {y:.3f} {unit} ({survey.crs})"]
 
 
 def _import(client: Client, options: argparse.Namespace) -> int:

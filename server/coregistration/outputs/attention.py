@@ -24,6 +24,13 @@ _LEAST_UNUSUAL: Final = 2.0
 _LOW_SHARE: Final = 0.5
 """Share of a plot's trees with a partner below which somebody should look at the plot."""
 
+_ELSEWHERE: Final = 100.0
+"""Metres from its own coordinates, beyond which a plot that was found there is not where they say: GNSS under trees is
+off by 1 to 20.
+"""
+_AROUND: Final = 2.0
+"""Radii of a plot within which the point 0, 0 is the plot's own, so its coordinates do not say where it is."""
+
 
 @dataclass(frozen=True, slots=True)
 class Attention:
@@ -56,14 +63,27 @@ def _reasons(results: Sequence[PlotResult]) -> list[list[str]]:
             names = _named([results[other].name for other in overlaid[at]])
             why.append(f"is placed where {names} is, too: only one of them can be there")
         why += [WARNINGS[word] for word in result.warnings]
-        if result.searched == "everywhere" and result.pose is not None and result.pose.nominal_e is not None:
-            why.append("is not near where it ought to be, and was found elsewhere in the map: check its position")
+        why += [*result.notes, *_elsewhere(result)]
         if unusual[at]:
             why.append(unusual[at])
         if result.outcome == "matched" and result.share is not None and result.share < _LOW_SHARE:
             why.append(f"only {result.inliers} of {len(result.trees)} trees are in the map")
         reasons.append(why)
     return reasons
+
+
+def _elsewhere(result: PlotResult) -> list[str]:
+    """Why a matched plot needs eyes because it was found far from where it ought to be, or says that it is."""
+    pose = result.pose
+    if pose is None or pose.shift_e is None or pose.shift_n is None:
+        return []
+    if result.searched == "everywhere" and pose.nominal_e is not None:
+        return ["is not near where it ought to be, and was found elsewhere in the map: check its position"]
+    away, around = math.hypot(pose.shift_e, pose.shift_n), math.hypot(*(result.centre or (0.0, 0.0)))
+    if pose.nominal_e is not None or result.is_local or away <= _ELSEWHERE or around <= _AROUND * result.radius:
+        return []
+    far = f"{away / 1000.0:,.1f} km" if away >= 1000.0 else f"{away:.0f} m"
+    return [f"was found {far} from its own coordinates: check them, and the system that they are in"]
 
 
 def same_trees(results: Sequence[PlotResult]) -> list[list[int]]:

@@ -8,6 +8,7 @@ from typing import Final
 
 from server.coregistration.outputs.attention import Attention
 from server.coregistration.results import PlotResult, PlotTree, in_unit
+from server.outputs.formulas import guarded
 
 Cell = str | int | float | None
 
@@ -20,12 +21,15 @@ class Table:
     rows: list[tuple[Cell, ...]]
 
     def write_csv(self, path: Path) -> None:
-        """Write the table as CSV, UTF-8, with empty cells where nothing is known. A reader never sees half of it."""
+        """Write the table as CSV, UTF-8, with empty cells where nothing is known. A reader never sees half of it.
+
+        Text that a spreadsheet would run as a formula has an apostrophe before it.
+        """
         beside = path.with_name(f"{path.name}.part")
         with beside.open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
             writer.writerow(self.columns)
-            writer.writerows(self.rows)
+            writer.writerows([guarded(one) if isinstance(one, str) else one for one in row] for row in self.rows)
         beside.replace(path)
 
 

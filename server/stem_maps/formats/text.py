@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 
+from server.outputs.formulas import unguarded
 from server.stem_maps.formats.decoding import decode
 from server.stem_maps.formats.table import BadRow, FileTable, StemMapError, check_width
 
@@ -145,6 +146,11 @@ class _Rows:
                 comment = ": a comment may only stand above the header" if row[0].lstrip().startswith("#") else ""
                 bad_rows.append(BadRow(number, "", f"{len(row)} fields where the header has {width}{comment}"))
         columns = list(zip(*kept, strict=True)) if kept else [()] * width
+        # Written so by exports, so that a spreadsheet does not take a tag for a formula.
+        columns = [
+            tuple(map(unguarded, values)) if any(one.startswith("'") for one in values) else values
+            for values in columns
+        ]
         return FileTable(
             path=path,
             names=list(names),

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from pyproj import CRS
 
 from server.stem_maps.formats.table import BadRow, FileTable, StemMapError
+from server.stem_maps.reading.centres import Centres
 from server.stem_maps.reading.columns import Columns
 from server.stem_maps.reading.options import METRES, ReadOptions
 from server.stem_maps.reading.polar import RADIANS, check_angles, horizontal, offsets, within_quadrats
@@ -35,7 +36,7 @@ class Positions:
 
     Attributes:
         table, columns, options: as read.
-        centres: centres of plots by name, metres; None if there is no such file.
+        centres: centres of plots from a file of their own; None if there is no such file.
         source: where positions come from.
         used: the columns, by meaning, that they are computed from.
         unit: their unit in the file.
@@ -49,7 +50,7 @@ class Positions:
     table: FileTable
     columns: Columns
     options: ReadOptions
-    centres: dict[str, tuple[float, float]] | None
+    centres: Centres | None
     source: Literal["geometry", "columns", "polar", "quadrats"]
     used: tuple[str, ...]
     unit: str = "m"
@@ -67,7 +68,8 @@ class Positions:
     def compute(self, numbers: dict[str, NDArray[np.float64]], bad_rows: list[BadRow]) -> NDArray[np.float64]:
         """Positions (N, 2) in metres, NaN where a row has none, from the columns `used`. Raises StemMapError."""
         system = agreed_system(self.table.path, self.table.crs, self.options.crs)
-        if system is None and self.options.project is not None and "project" not in self.options.from_file:
+        is_placed = self.centres is not None and self.centres.crs is not None
+        if system is None and not is_placed and self.options.project and "project" not in self.options.from_file:
             raise StemMapError(self.table.path, "--project is given: name the system of the positions with --crs, too")
         self._set_unit(system)
         if self.source == "geometry" and self.table.xy is not None:
@@ -89,8 +91,9 @@ class Positions:
         else:
             centre, offset = self._polar(numbers, bad_rows)
             self.centres_xy = centre
-            if system is not None and self.centres is not None and self.options.project is not None:
-                return self._around_projected(centre, offset)
+            if is_placed:
+                self._take_system_of_centres(system)
+                return centre + offset
             if system is not None and system.is_geographic:
                 # Offsets are metres, so centres in degrees are projected first.
                 self.centres_xy = self._on_earth(centre, system)
@@ -122,12 +125,18 @@ class Positions:
         elif unit is not None:
             self.factor, self.unit = METRES[unit], unit
 
-    def _around_projected(self, centre: NDArray[np.float64], offset: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Positions around centres of a file of their own, which were converted when they were read."""
-        target = system_of(self.table.path, self.options.project or "", "--project")
-        self.crs, self.unit, self.unit_named = describe_system(target), "m", True
-        self.told += f", in {self.crs}"
-        return centre + offset
+    def _take_system_of_centres(self, own: CRS | None) -> None:
+        """Positions are in the system of their centres, which were converted when read. Raises StemMapError."""
+        assert self.centres is not None
+        crs = self.centres.crs
+        if own is not None and self.options.project is None and describe_system(own) != crs:
+            raise StemMapError(
+                self.table.path,
+                f"is in {describe_system(own)}, but the centres in {self.centres.path.name} are in {crs}: convert both "
+                f"with --project {crs}",
+            )
+        self.crs, self.unit, self.unit_named = crs, "m", True
+        self.told += f", in {crs}"
 
     def _on_earth(self, xy: NDArray[np.float64], system: CRS) -> NDArray[np.float64]:
         """Positions in metres, checked against their system, or converted to the one that the caller wants."""
@@ -181,10 +190,11 @@ class Positions:
             if "plot" not in self.columns.positions:
                 raise StemMapError(self.table.path, "--centres is given: name the column of plots with --plot, too")
             plots = self.table.texts(self.columns.positions["plot"])
-            missing = sorted(set(plots) - self.centres.keys())
+            places = self.centres.places
+            missing = sorted(set(plots) - places.keys())
             if missing:
                 raise StemMapError(self.table.path, f"--centres has no centre of the plot {missing[0]!r}")
-            return np.array([self.centres[plot] for plot in plots]).reshape(-1, 2), "from the centres of --centres"
+            return np.array([places[plot] for plot in plots]).reshape(-1, 2), "from the centres of --centres"
         for x, y in (("centre_x", "centre_y"), ("x", "y")):
             if x in numbers:
                 told = f"from centres in {names[x]!r} and {names[y]!r}"
@@ -194,9 +204,7 @@ class Positions:
         return np.zeros((len(self.table), 2)), "from a centre at 0, 0"
 
 
-def find_positions(
-    table: FileTable, columns: Columns, options: ReadOptions, centres: dict[str, tuple[float, float]] | None
-) -> Positions:
+def find_positions(table: FileTable, columns: Columns, options: ReadOptions, centres: Centres | None) -> Positions:
     """How the positions of a file are found.
 
     Azimuth and distance are used if the caller names them, if there is nothing else, or if positions repeat, as those

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from server.schemas.landmarks import STEMS_CM, TALLEST_M
 from server.stem_maps.formats.numbers import is_missing, missing_rows, number_format, to_numbers
 from server.stem_maps.formats.table import BadRow, FileTable, StemMapError, refusal
+from server.stem_maps.reading.centres import Centres
 from server.stem_maps.reading.columns import Columns
 from server.stem_maps.reading.headers import STATUSES, header_name
 from server.stem_maps.reading.options import CENTIMETRES, METRES, ReadOptions
@@ -21,10 +22,8 @@ _THINNEST_MM: Final = 10.0
 """Millimetres. ForestGEO measures stems from this on, so thinner ones are in another unit."""
 
 
-def read_rows(
-    table: FileTable, columns: Columns, options: ReadOptions, centres: dict[str, tuple[float, float]] | None
-) -> TreeRows:
-    """The trees of `table`; `centres` are those of plots by name, metres. Rows at fault are in `bad_rows`.
+def read_rows(table: FileTable, columns: Columns, options: ReadOptions, centres: Centres | None) -> TreeRows:
+    """The trees of `table`; `centres` are those of its plots. Rows at fault are in `bad_rows`.
 
     Raises:
         StemMapError: the file as a whole cannot be understood.

@@ -29,7 +29,13 @@ def test_a_folder_is_a_season_and_names_are_unique(tmp_path: Path) -> None:
     write(tmp_path / "s" / "south.csv", "plot,tag,x,y", rows_of("P1", at=400.0) + rows_of("P3", at=800.0))
     write(tmp_path / "s" / "west.csv", "tag,x,y", [row.partition(",")[2] for row in rows_of("")])
     (tmp_path / "s" / "notes.md").write_text("not a file of trees", encoding="utf-8")
-    season = read_season(plot_files([tmp_path / "s"]), ReadOptions())
+    (tmp_path / "s" / "2025").mkdir()
+    files = plot_files([tmp_path / "s"])
+    assert files.passed_over == (
+        "s: 1 folders in it are not read: 2025; name them, too",
+        "s: 1 files are of no format of trees and not read: notes.md",
+    )
+    season = read_season(files.paths, ReadOptions())
     assert [plot.name for plot in season.plots] == ["north-P1", "P2", "south-P1", "P3", "west"]
     assert season.plots[0].trees.ids == tuple(map(str, range(12)))  # tags as they are, though they repeat
     assert not season.unread
@@ -54,7 +60,7 @@ def test_the_centre_is_what_a_plot_was_measured_from(tmp_path: Path) -> None:
     centres = write(tmp_path / "s" / "centres.csv", "plot,x,y", ["P1,448000,5411000"])
     write(tmp_path / "s" / "polar.csv", "plot,tag,azimuth,distance", polar)
     options = ReadOptions(centres=centres, azimuth="azimuth", distance="distance", angle="deg")
-    (plot,) = read_season(plot_files([tmp_path / "s"]), options).plots
+    (plot,) = read_season(plot_files([tmp_path / "s"]).paths, options).plots
     assert plot.centre == (448000.0, 5411000.0)
     assert plot.measured
     (cut,) = read_season([write(tmp_path / "p.csv", "plot,tag,x,y", rows_of("P1"))], ReadOptions()).plots

@@ -91,3 +91,8 @@ def test_the_trees_of_a_map_as_a_geopackage(urquhart: Urquhart, database: Databa
     info = pyogrio.read_info(tmp_path / "trees.gpkg")
     assert info["features"] > 60
     assert {"dbh_cm", "observed", "sigma_m"} <= set(info["fields"])
+
+
+def test_a_time_that_cannot_be_used_names_its_option(urquhart: Urquhart, database: Database) -> None:
+    store_drives(database)
+    refused(urquhart("map", "build", "drives", "--datetime", "yesterday"), "--datetime: must be an instant")

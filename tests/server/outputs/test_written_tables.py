@@ -209,3 +209,15 @@ def test_what_cannot_be_written_is_said(tmp_path: Path, monkeypatch: pytest.Monk
     for suffix, extra in ((".gpkg", "gis"), (".parquet", "parquet")):
         with pytest.raises(NotAcceptable, match=rf"pip install 'urquhart\[{extra}\]'"):
             write_table(tmp_path / f"a{suffix}", layer(), [rows()])
+
+
+@pytest.mark.parametrize(
+    "name", ['=HYPERLINK("http://x.example")', "+1a", "-1", "@SUM(A1)", "'=1+1", "'plain", "\uff1d1"]
+)
+def test_a_spreadsheet_runs_no_tag_as_a_formula(tmp_path: Path, name: str) -> None:
+    path = tmp_path / "trees.csv"
+    write_table(path, layer(), [rows(names=[name, *NAMES[1:]])])
+    with path.open(encoding="utf-8", newline="") as file:
+        written = next(csv.DictReader(file))["id"]
+    assert written == "-1" or written[0] == "'"
+    assert read_stem_map(path).ids[0] == name

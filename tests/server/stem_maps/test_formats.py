@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from server.stem_maps.formats import workbooks
 from server.stem_maps.reader import StemMap, StemMapError, read_stem_map
 from server.stem_maps.reading.options import ReadOptions
 
@@ -229,6 +230,18 @@ def test_a_sheet_of_a_workbook_is_a_table(tmp_path: Path) -> None:
     assert read(path, layer="b").xy.tolist() == [[3.0, 4.0]]
     assert "has no sheet 'd'" in error_of(path, layer="d")
     assert "the file is empty" in error_of(workbook(tmp_path / "e.xlsx", {"a": []}))
+
+
+def test_blank_rows_with_formats_are_not_parsed(tmp_path: Path) -> None:
+    sheet: list[list[Any]] = [["x", "y"], [1.5, 2.5], [None, None], [3.5, 4.5], [5.5, 7.5]]
+    path = workbook(tmp_path / "f.xlsx", {"a": sheet})
+    book = openpyxl.load_workbook(path)
+    for row in range(6, 3000):
+        book["a"].cell(row, 1).number_format = "0.00"
+    book.save(path)
+    parsed = openpyxl.load_workbook(path, read_only=True)["a"]
+    assert workbooks._last_row(path, parsed) == 5
+    assert read(path, unit="m").xy.tolist() == [[1.5, 2.5], [3.5, 4.5], [5.5, 7.5]]
 
 
 def test_workbooks_that_cannot_be_read_are_one_line(tmp_path: Path) -> None:

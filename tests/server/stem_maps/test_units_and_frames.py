@@ -1,6 +1,7 @@
 """Units and frames of one file that differ, or are named in unusual places: converted, or refused, and never mixed."""
 
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -134,7 +135,35 @@ def test_a_pipe_is_refused_at_once(tmp_path: Path) -> None:
 def test_centres_that_name_their_system_are_in_its_unit(tmp_path: Path) -> None:
     path = tmp_path / "centres.csv"
     path.write_text("plot,x,y,crs\nA,2000000.0,700000.0,EPSG:2264\nB,2000100.0,700000.0,EPSG:2264\n")
-    centres = read_centres(path, ReadOptions())
+    centres = read_centres(path, ReadOptions()).places
     foot = 1200.0 / 3937.0
     assert centres["A"] == pytest.approx((2_000_000.0 * foot, 700_000.0 * foot), abs=1e-3)
     assert centres["B"][0] - centres["A"][0] == pytest.approx(100.0 * foot, abs=1e-6)
+
+
+@pytest.mark.parametrize("rows", [["A,8.123456,48.123456", "B,8.223456,48.323456"], ["A,8.123456,48.123456"]])
+def test_centres_in_degrees_that_nobody_named_are_refused(tmp_path: Path, rows: list[str]) -> None:
+    path = tmp_path / "centres.csv"
+    path.write_text("\n".join(["plot,x,y", *rows]) + "\n")
+    with pytest.raises(StemMapError, match="seem to be in degrees"):
+        read_centres(path, ReadOptions())
+    assert len(read_centres(path, ReadOptions(unit="m")).places) == len(rows)
+    local = tmp_path / "local.csv"
+    local.write_text("plot,x,y\nA,10.5,20.25\nB,40.5,20.25\n")
+    assert read_centres(local, ReadOptions()).places["B"] == (40.5, 20.25)
+
+
+def test_trees_have_the_system_of_the_centres_that_they_were_measured_from(tmp_path: Path) -> None:
+    centres, path = tmp_path / "centres.csv", tmp_path / "polar.csv"
+    path.write_text("".join(["plot,azimuth,distance\n", *(f"A,{30 * i},{4 + i}\n" for i in range(6))]))
+    polar = ReadOptions(centres=centres, azimuth="azimuth", distance="distance", angle="deg")
+    centres.write_text("plot,x,y,crs\nA,448000,5411000,EPSG:25832\n")
+    there = read_stem_map(path, polar)
+    assert (there.crs, there.xy[0].tolist()) == ("EPSG:25832", [448000.0, 5411004.0])
+    centres.write_text("plot,x,y,crs\nA,8.29,48.85,EPSG:4326\n")
+    with pytest.raises(StemMapError, match="gives degrees"):
+        read_stem_map(path, polar)
+    converted = read_stem_map(path, replace(polar, project="EPSG:25832"))
+    assert converted.crs == "EPSG:25832"
+    assert np.allclose(converted.xy[0], [447900.8, 5411102.5], atol=200.0)
+    assert np.hypot(*(converted.xy[3] - converted.xy[0])) == pytest.approx(np.hypot(4.0, 7.0), abs=1e-6)
