@@ -13,7 +13,7 @@ ROOT = Path(__file__).parents[1]
 PACKAGES = ("urquhart", "server", "clients/python/urquhart_client", "benchmarks")
 
 FLOORS = (
-    {"_kernel", "budget", "config", "options", "se2", "trace", "pose_covariance"},
+    {"_kernel_loading", "_kernel", "budget", "config", "options", "se2", "trace", "pose_covariance"},
     {"features"},
     {"verify", "index", "mapping", "evaluation"},
     {"paper"},

@@ -15,6 +15,8 @@ from numba import njit, typeof
 from numba.core import caching, config
 from numba.core.dispatcher import Dispatcher
 
+from urquhart._kernel_loading import StoredKernels
+
 P = ParamSpec("P")
 R = TypeVar("R")
 _KERNELS: Final[list[Dispatcher]] = []
@@ -54,6 +56,12 @@ def are_cached() -> bool:
 
 class _KernelCache(caching.FunctionCache):
     """Also reads a folder that cannot be written, such as that of an image. What is compiled then is not kept."""
+
+    _impl_class = StoredKernels
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """A kernel from the disk, None if it has to be compiled. The compiler's tables are not filled before that."""
+        return self._load_overload(sig, target_context)  # type: ignore[no-untyped-call]
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep a compiled kernel, if that is possible."""

@@ -62,12 +62,18 @@ def measure_start(versions: Sequence[Version], *, quick: bool) -> Figures:
     return {"versions": {version.name: start_costs.measure(version, first=not quick) for version in versions}}
 
 
+def measure_kernels(versions: Sequence[Version], *, quick: bool) -> Figures:
+    """What imports and kernels cost a process."""
+    return {"versions": {version.name: start_costs.measure_kernels(version) for version in versions}}
+
+
 PARTS: Final[dict[str, Callable[..., Figures]]] = {
     "single": measure_single,
     "waterfall": measure_waterfall,
     "crowd": measure_crowd,
     "puts": measure_puts,
     "start": measure_start,
+    "kernels": measure_kernels,
 }
 
 

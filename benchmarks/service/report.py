@@ -124,6 +124,9 @@ _ROWS: Final = (
         goal=180.0,
         cause="numba and its compiler take 157 MB of it, and kernels cannot be loaded without them.",
     ),
+    _Row("kernels loaded from the cache, s", "kernels", ("kernels", "seconds")),
+    _Row("kernels loaded from the cache, MB", "kernels", ("kernels", "megabytes"), digits=0),
+    _Row("numba imported, MB", "kernels", ("compiler", "megabytes"), digits=0),
     _Row(
         "**installed size, MB**",
         "start",

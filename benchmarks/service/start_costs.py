@@ -1,5 +1,6 @@
 """Starting, and being there: seconds to start, memory without a request, and what an installation takes on the disk."""
 
+import json
 import re
 import subprocess
 import sys
@@ -17,6 +18,7 @@ from benchmarks.service.versions import Version
 _TRIES: Final = 3
 _NAME: Final = re.compile(r"[A-Za-z0-9._-]+")
 _CACHE: Final = "NUMBA_CACHE_DIR"
+_KERNELS: Final = Path(__file__).with_name("kernel_costs.py")
 
 
 def measure(version: Version, *, first: bool) -> Figures:
@@ -29,6 +31,16 @@ def measure(version: Version, *, first: bool) -> Figures:
         with tempfile.TemporaryDirectory() as cache:
             found["first_start_seconds"] = _start(version, **{_CACHE: cache})[0]
     return found
+
+
+def measure_kernels(version: Version) -> Figures:
+    """Seconds and megabytes of a process until it can search: the quickest of three tries after one that compiles."""
+    command = [sys.executable, str(_KERNELS)]
+    tries: list[Figures] = []
+    for _ in range(1 + _TRIES):
+        said = subprocess.run(command, cwd=version.folder, env=version.environment, check=True, capture_output=True)
+        tries.append(json.loads(said.stdout))
+    return min(tries[1:], key=lambda found: sum(step["seconds"] for step in found.values()))
 
 
 def _seconds_of(version: Version, *arguments: str) -> float:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-import urquhart._kernel
+import urquhart
 
 INNER = """\
 from typing import NamedTuple
@@ -38,7 +38,11 @@ from urquhart.inner import (
 def shifted(x: float) -> float:
     return scaled(x) + 1.0
 """
-ASK = "from urquhart.outer import shifted as f; print(f(1.0), sum(f.stats.cache_hits.values()))"
+ASK = """\
+from numba.core.runtime import rtsys
+from urquhart.outer import shifted as f
+print(f(1.0), sum(f.stats.cache_hits.values()), rtsys._init)
+"""
 
 
 @pytest.fixture
@@ -47,7 +51,8 @@ def package(tmp_path: Path) -> Path:
     folder = tmp_path / "urquhart"
     folder.mkdir()
     (folder / "__init__.py").touch()
-    shutil.copy(urquhart._kernel.__file__, folder / "_kernel.py")
+    for module in ("_kernel.py", "_kernel_loading.py"):
+        shutil.copy(Path(urquhart.__file__).with_name(module), folder / module)
     (folder / "inner.py").write_text(INNER.format(name="Numbers", factor="2.0"))
     (folder / "outer.py").write_text(OUTER)
     return folder
@@ -62,7 +67,8 @@ def asked(package: Path, cache: Path | None = None) -> tuple[float, int]:
     done = subprocess.run(
         [sys.executable, "-c", ASK], cwd=package.parent, env=environment, capture_output=True, text=True, check=True
     )
-    value, hits = done.stdout.split()
+    value, hits, compiler = done.stdout.split()
+    assert (compiler == "True") == (hits == "0"), "the compiler gets ready only if there is something to compile"
     return float(value), int(hits)
 
 
@@ -79,6 +85,12 @@ def test_a_kernel_is_compiled_again_when_one_that_it_calls_has_changed_and_only_
         inner.write_text(INNER.format(name=name, factor=factor))
         os.utime(inner, (0, 0))
         assert asked(package) == (value, 0)
+
+
+def test_a_kernel_is_compiled_with_one_that_was_loaded_from_the_disk(package: Path) -> None:
+    assert asked(package) == (3.0, 0)
+    (package / "outer.py").write_text(OUTER.replace("+ 1.0", "+ 2.0"))
+    assert asked(package) == (4.0, 0)
 
 
 def test_a_copied_cache_is_used_and_need_not_be_written_to(package: Path, tmp_path: Path) -> None:

@@ -12,7 +12,6 @@ from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 
 from urquhart.mapping.map_merging import dbscan, keep_apart, renumber
@@ -141,6 +140,9 @@ def _dealt_out(xy: Points, owner: Labels, labels: Labels) -> Labels:
     Nearest pairs first, as the groups were made, gives a landmark to a wrong tree that is nearer by chance, and leaves
     its own tree to another one.
     """
+    # Imported here because it loads solvers of 11 MB, which no query needs.
+    from scipy.optimize import linear_sum_assignment
+
     labels = labels.copy()
     for _ in range(ASSOCIATION.swaps):
         trees, numbers = np.unique(labels, return_inverse=True)
