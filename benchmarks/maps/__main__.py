@@ -1,4 +1,4 @@
-"""`make bench-maps`: drift and false loops, plantations, and the paper's Table II by maps."""
+"""`make bench-maps`: drift and false loops, odometry that lies, plantations, and the paper's Table II by maps."""
 
 import os
 from pathlib import Path
@@ -9,7 +9,7 @@ from rich.console import Console
 
 from benchmarks import record
 from benchmarks.experiments import Experiment, choose, measure, progress_on
-from benchmarks.maps import graphs, stands, tracks
+from benchmarks.maps import graphs, odometry, stands, tracks
 from benchmarks.maps.charts import drive
 from benchmarks.maps.report import report
 from benchmarks.markdown import FOLDER
@@ -18,6 +18,7 @@ from benchmarks.pool import Pool
 
 EXPERIMENTS: Final[dict[str, Experiment]] = {
     "maps_graphs": graphs.run,
+    "maps_odometry": odometry.run,
     "maps_stands": stands.run,
     "maps_tracks": tracks.run,
 }

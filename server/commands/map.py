@@ -18,7 +18,7 @@ from server.constraints.search import search_constraints
 from server.index.live_indexes import LiveIndexes
 from server.maps.applying import apply_map
 from server.maps.building import BuiltMap, build, check_optimiser
-from server.maps.documents import edges_of, poses_of, summary_of
+from server.maps.documents import edges_of, poses_of, sentence_of, summary_of
 from server.maps.files import write_trees
 from server.maps.selection import choose, chosen_keys
 from server.observability.metrics import Metrics
@@ -48,7 +48,8 @@ DatetimeOption = Annotated[
 OdometryOption = Annotated[
     Path | None,
     typer.Option(
-        help="NDJSON with relative poses that are believed: from, to, x, y, yaw, covariance.", show_default=False
+        help="NDJSON with relative poses, believed unless matches prove them wrong: from, to, x, y, yaw, covariance.",
+        show_default=False,
     ),
 ]
 PriorsOption = Annotated[bool, typer.Option("--use-map-poses", help="Use map poses that have a covariance as priors.")]
@@ -119,6 +120,8 @@ def build_map(
         if path is not None:
             _write(path, rows)
     _tell(summary_of(built))
+    for one in built.poses.contradictions:
+        typer.echo(f"{one.outcome}: {sentence_of(built, one)}")
     for file, count in written:
         typer.echo(f"{file}: {count} trees")
     if version is not None:
@@ -179,9 +182,9 @@ def _tell(told: MapSummary) -> None:
     typer.echo(f"{told.submaps} submaps: {len(connected)} connected parts ({', '.join(map(str, connected)) or 'none'})")
     if alone:
         typer.echo(f"{alone} submaps that nothing connects with others are left out")
-    used = told.constraints - told.contradicted - told.unconfirmed
+    used = told.constraints - told.contradicted - told.unconfirmed - told.undecided
     typer.echo(
         f"{used} of {told.constraints} constraints used; {told.contradicted} contradicted by others, "
-        f"{told.unconfirmed} unconfirmed"
+        f"{told.unconfirmed} unconfirmed" + (f", {told.undecided} undecided" if told.undecided else "")
     )
     typer.echo(f"{told.trees} trees, noise {told.noise:.3f} m")

@@ -24,7 +24,12 @@ def map_answer(database: Storage, folder: JobFolder, caller: Principal, collecti
     assert found.summary is not None
     version = job.counts.get("map_version")
     return MapAnswer(
-        id=map_id, summary=found.summary, map_version=version, poses=found.poses, constraints=found.constraints
+        id=map_id,
+        summary=found.summary,
+        map_version=version,
+        poses=found.poses,
+        constraints=found.constraints,
+        contradictions=found.contradictions,
     )
 
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from server.collections.crud import get_collection
 from server.errors import Conflict
 from server.index.row_decoding import config_of
-from server.maps.building import BuiltMap
-from server.queries.poses import flat
+from server.maps.building import BuiltMap, map_pose_of
+from server.maps.documents import sentence_of
 from server.schemas.poses import MapPose
 from server.schemas.submaps import SubmapPatch
 from server.store.records import CollectionRecord
@@ -36,8 +36,10 @@ def apply_map(tx: WriteTransaction, collection_id: str, built: BuiltMap) -> int:
 
     Submaps that nothing connects lose a pose in a frame that the map rewrites, because that frame moves.
 
-    Raises NotFound and Conflict (submaps changed, or a frame that other submaps are in); then nothing is written.
+    Raises NotFound and Conflict (submaps changed, a frame that other submaps are in, or a map that contradicts itself);
+    then nothing is written.
     """
+    _check_contradictions(built)
     collection = get_collection(tx, collection_id)
     frames = {frame for frame in built.frames if frame is not None}
     _check_frames(tx, collection, built, frames)
@@ -49,16 +51,6 @@ def apply_map(tx: WriteTransaction, collection_id: str, built: BuiltMap) -> int:
         elif one.place is not None and one.place.map_frame_id in frames:
             moves[one.id] = NewPose(None, one.content_revision)
     return write_poses(tx, collection, moves)
-
-
-def map_pose_of(built: BuiltMap, number: int) -> MapPose | None:
-    """The pose of a submap in the map, with its covariance about the submap's origin; None if nothing connects it."""
-    frame = built.frames[built.poses.part[number]]
-    if frame is None:
-        return None
-    pose = built.poses.pose(number)
-    covariance = flat(built.poses.uncertainty(number).origin_covariance(pose))
-    return MapPose(frame_id=frame, x=pose.x, y=pose.y, yaw=pose.yaw, covariance=covariance)
 
 
 def write_poses(tx: WriteTransaction, collection: CollectionRecord, moves: Mapping[str, NewPose]) -> int:
@@ -85,6 +77,17 @@ def write_poses(tx: WriteTransaction, collection: CollectionRecord, moves: Mappi
 
 def _is_other(row: SubmapContent | None, new: NewPose) -> bool:
     return row is None or row.content_revision != new.content_revision
+
+
+def _check_contradictions(built: BuiltMap) -> None:
+    """Raise Conflict if nothing tells which side of a contradiction is wrong: the map may be wrong there."""
+    open_ones = [one for one in built.poses.contradictions if one.outcome == "undecided"]
+    if open_ones:
+        others = f" There are {len(open_ones) - 1} more such contradictions." if len(open_ones) > 1 else ""
+        raise Conflict(
+            f"The map contradicts itself, and nothing tells which side is wrong: {sentence_of(built, open_ones[0])}."
+            f"{others} No pose was written: leave out or correct the wrong side, or enlarge its covariance."
+        )
 
 
 def _check_frames(tx: ReadTransaction, collection: CollectionRecord, built: BuiltMap, frames: set[str]) -> None:

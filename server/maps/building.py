@@ -11,12 +11,14 @@ from server.constraints.extraction import Found, is_best, pose_of
 from server.constraints.formats import uncertainty_of
 from server.errors import InvalidField, OptimiserMissing
 from server.maps.selection import ChosenSubmap, numbers_of
-from server.queries.poses import place_pose
+from server.queries.poses import flat, place_pose
 from server.schemas.maps.request import MapInput
+from server.schemas.poses import MapPose
 from urquhart import SE2
+from urquhart.mapping.consistency import MAPPING
 from urquhart.mapping.graph_solver import MissingOptimiser, optimiser
 from urquhart.mapping.landmark_map import LandmarkMap, build_landmark_map
-from urquhart.mapping.optimisation import MAPPING, OptimisedPoses, optimise
+from urquhart.mapping.optimisation import OptimisedPoses, optimise
 from urquhart.mapping.pose_graph import MAP, PoseConstraint, PoseConstraints
 from urquhart.pose_covariance import PoseUncertainty
 
@@ -176,3 +178,13 @@ def _frames(poses: OptimisedPoses, name: str, prior_frame: str | None) -> tuple[
             given += 1
             frames[part] = name if given == 1 else f"{name}.{given}"
     return part_numbers, frames
+
+
+def map_pose_of(built: BuiltMap, number: int) -> MapPose | None:
+    """The pose of a submap in the map, with its covariance about the submap's origin; None if nothing connects it."""
+    frame = built.frames[built.poses.part[number]]
+    if frame is None:
+        return None
+    pose = built.poses.pose(number)
+    covariance = flat(built.poses.uncertainty(number).origin_covariance(pose))
+    return MapPose(frame_id=frame, x=pose.x, y=pose.y, yaw=pose.yaw, covariance=covariance)

@@ -2,17 +2,21 @@
 
 import math
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
+from typing import Final
 
 import numpy as np
 
-from server.maps.applying import map_pose_of
-from server.maps.building import BuiltMap
+from server.maps.building import BuiltMap, map_pose_of
 from server.queries.poses import flat
 from server.schemas.common import write_stamp
-from server.schemas.maps.answers import LandmarkEntry, MapEdge, MapSubmapPose, MapSummary
+from server.schemas.maps.answers import LandmarkEntry, MapContradiction, MapEdge, MapSubmapPose, MapSummary
 from server.schemas.poses import PlacedPose
+from urquhart.mapping.odometry.judging import Contradiction
+
+_NAMED: Final = 6
+"""Constraints that a sentence names."""
 
 
 def summary_of(built: BuiltMap) -> MapSummary:
@@ -24,6 +28,8 @@ def summary_of(built: BuiltMap) -> MapSummary:
         constraints=len(built.edges),
         contradicted=refused["contradicted"],
         unconfirmed=refused["unconfirmed"],
+        undecided=refused["undecided"],
+        contradictions=len(built.poses.contradictions),
         covariance_scale=round(built.poses.scale, 2),
         trees=len(built.trees),
         noise=round(built.trees.noise, 4),
@@ -62,6 +68,36 @@ def edges_of(built: BuiltMap) -> Iterator[MapEdge]:
                 "support": int(poses.support[number]),
             }
         )
+
+
+def contradictions_of(built: BuiltMap) -> Iterator[MapContradiction]:
+    """Odometry that other constraints contradict."""
+    for one in built.poses.contradictions:
+        yield MapContradiction(
+            odometry=list(one.edges),
+            against=list(one.against),
+            witnesses=one.witnesses,
+            distance=round(one.sigmas, 2),
+            outcome=one.outcome,
+        )
+
+
+def sentence_of(built: BuiltMap, one: Contradiction) -> str:
+    """A contradiction in words, with the submaps that its odometry and the other side join."""
+    odometry, against = (_pairs(built, numbers) for numbers in (one.edges, one.against))
+    if not one.against:
+        return f"odometry contradicts itself by {one.sigmas:.1f} standard deviations: {odometry}"
+    verb = "is left out" if one.outcome == "refused" else "is contradicted"
+    return (
+        f"odometry {odometry} {verb}: {one.witnesses} independent ways say otherwise, by {one.sigmas:.1f} standard "
+        f"deviations ({against})"
+    )
+
+
+def _pairs(built: BuiltMap, numbers: Sequence[int]) -> str:
+    edges = [built.edges[number] for number in numbers[:_NAMED]]
+    more = f" and {len(numbers) - _NAMED} more" if len(numbers) > _NAMED else ""
+    return ", ".join(f"{edge.first or 'map'} - {edge.second}" for edge in edges) + more
 
 
 def trees_of(built: BuiltMap) -> Iterator[LandmarkEntry]:

@@ -8,16 +8,18 @@ another one is. A start from all constraints at once ends in a folded map: with 
 graduated non-convexity alone refused most of the right ones (`python -m benchmarks.maps`).
 """
 
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
+from scipy.special import gammaincinv
 
-from urquhart.mapping.agreement import Agreements
+from urquhart.mapping.agreement import Agreements, find_agreements
 from urquhart.mapping.graph_solver import GraphSolver, residuals
-from urquhart.mapping.pose_arrays import Poses, squared_distances
+from urquhart.mapping.joining import Judge, join
+from urquhart.mapping.pose_arrays import Poses, adjoints, compose, congruent, inverse, squared_distances
 from urquhart.mapping.pose_graph import CentredGraph
 from urquhart.mapping.start_poses import anchors, parts, start_poses
 
@@ -32,6 +34,58 @@ class GroupNumbers(NamedTuple):
 
 
 GROUPS: Final = GroupNumbers()
+
+
+class MappingNumbers(NamedTuple):
+    """What a constraint must pass. Chosen by hand; `make bench-maps` shows what they do."""
+
+    probability: float = 0.999
+    """Share of right constraints that pass the gate: a squared Mahalanobis distance of 16.3."""
+    agreeing: int = 2
+    """Constraints that must agree before any of them is believed; 1 believes whatever contradicts nothing."""
+    false_share: float = 0.01
+    """Where more of the constraints that can be checked are false, those that cannot be checked are refused."""
+    contradictions: int = 3
+    """Cycles that do not close, and none that does, from which on a constraint counts as checked and false."""
+    sharp: float = 2.0
+    """Metres: poses known to this standard deviation can tell whether a constraint is right; others cannot."""
+    honest: float = 1.5
+    """Covariances are taken as they are unless cycles are off by more than this many times their variance. Cycles have
+    constraints in common: with 200 honest constraints, the median was 1.25 times too large."""
+    narrowed: int = 2
+    """Contradictions of odometry that are narrowed down to one edge: more cost time only."""
+    beside: int = 3
+    """Odometry edges next to each other that halving does not tell apart."""
+    rounds: int = 5
+    """Most times that constraints beyond the gate are left out and the rest is optimised again."""
+
+
+MAPPING: Final = MappingNumbers()
+
+
+class SolvedGraph(NamedTuple):
+    """The optimum under the constraints `kept` (E,) of a graph: the poses (V, 3), and the solver that found them."""
+
+    solver: GraphSolver
+    poses: Poses
+    kept: NDArray[np.bool_]
+
+
+class Found(NamedTuple):
+    """The poses (V, 3) and what became of constraints (E,): those kept, those known to be false, how many others
+    confirm each.
+    """
+
+    solver: GraphSolver
+    poses: Poses
+    kept: NDArray[np.bool_]
+    false: NDArray[np.bool_]
+    support: NDArray[np.int64]
+
+    @property
+    def solved(self) -> SolvedGraph:
+        """The optimum."""
+        return SolvedGraph(self.solver, self.poses, self.kept)
 
 
 def consistent_groups(
@@ -107,3 +161,94 @@ def _agrees(graph: CentredGraph, solver: GraphSolver, poses: Poses, group: NDArr
     known = solver.relative_covariances(graph.first[asked], graph.second[asked])
     distances = squared_distances(residuals(graph, poses)[asked], graph.covariances[asked] + known)
     return 2 * int((distances <= gate).sum()) > len(asked)
+
+
+def largest_consistent(
+    whole: CentredGraph, rest: NDArray[np.bool_], gate: float, numbers: MappingNumbers
+) -> tuple[Found, Agreements]:
+    """The largest consistent set of the constraints `rest` (E,), solved, and the cycles of constraints."""
+    graph = whole.only(rest)
+    cycles = find_agreements(graph, gate)
+    size = len(graph.first)
+    support = cycles.support(size)
+    believed, poses = consistent_groups(graph, cycles, support, gate, numbers.agreeing - 1)
+    poses, kept = _without_outliers(graph, believed, poses, gate)
+    false = (support == 0) & (cycles.compared(size) >= numbers.contradictions) & ~graph.trusted
+    false |= believed & ~kept
+    share = false.sum() / max(int((false | (kept & ~graph.trusted)).sum()), 1)
+    judge = Judge(gate, numbers.sharp, numbers.agreeing == 1 or bool(share <= numbers.false_share))
+    joined, poses = join(graph, kept, ~kept & ~false & ~graph.secondary, poses, judge)
+    kept |= joined
+    solver, poses = _solve(graph, kept, poses)
+    more = _confirmed(graph, solver, poses, ~kept, judge)
+    if more.any():
+        kept |= more
+        solver, poses = _solve(graph, kept, poses)
+    for _ in range(numbers.rounds):
+        off = kept & ~graph.trusted & (squared_distances(residuals(graph, poses), graph.covariances) > gate)
+        if not off.any():
+            break
+        kept &= ~off
+        solver, poses = _solve(graph, kept, poses)
+    numbered = np.flatnonzero(rest)
+    cycles = cycles._replace(one=numbered[cycles.one], other=numbered[cycles.other])
+    return Found(solver, poses, *(_spread(column, rest) for column in (kept, false, support))), cycles
+
+
+def chi_squared(probability: float) -> float:
+    """The quantile of the chi-squared distribution with three degrees of freedom."""
+    return 2.0 * float(gammaincinv(1.5, probability))
+
+
+def _without_outliers(
+    graph: CentredGraph, believed: NDArray[np.bool_], poses: Poses, gate: float
+) -> tuple[Poses, NDArray[np.bool_]]:
+    """Poses (V, 3) from the constraints that are believed, and which (E,) of these are consistent."""
+    used = np.flatnonzero(believed)
+    if graph.trusted[used].all():
+        return poses, believed.copy()
+    held = anchors(graph, parts(graph, believed))
+    solver = GraphSolver(graph, used, held.tolist(), poses)
+    poses, consistent = solver.graduate(0.5 * gate, graph.trusted[used])
+    kept = np.zeros(len(believed), np.bool_)
+    kept[used[consistent]] = True
+    return poses, kept
+
+
+def _solve(graph: CentredGraph, kept: NDArray[np.bool_], poses: Poses) -> tuple[GraphSolver, Poses]:
+    """The optimum under the constraints that are kept, each part in the frame of its anchor."""
+    part = parts(graph, kept)
+    held = anchors(graph, part)
+    home = np.column_stack([graph.centres, np.zeros(graph.count)])[held]
+    shift = compose(home, inverse(poses[held]))
+    solver = GraphSolver(graph, np.flatnonzero(kept), held.tolist(), compose(shift[part], poses))
+    return solver, solver.solve()
+
+
+def _confirmed(
+    graph: CentredGraph, solver: GraphSolver, poses: Poses, left: NDArray[np.bool_], judge: Judge
+) -> NDArray[np.bool_]:
+    """Which constraints (E,) of those that are left agree with the poses (V, 3), known well enough to tell."""
+    part = parts(graph, solver.used_mask)
+    asked = np.flatnonzero(left & (part[graph.first] == part[graph.second]))
+    found = np.zeros(len(left), np.bool_)
+    if not len(asked):
+        return found
+    # Whatever their correlation, the covariance of a difference is at most twice the sum of the covariances. Most false
+    # constraints are farther off than that.
+    own, errors = solver.covariances(), residuals(graph, poses)
+    back = adjoints(compose(inverse(poses[graph.second[asked]]), poses[graph.first[asked]]))
+    widest = 2.0 * (congruent(back, own[graph.first[asked]]) + own[graph.second[asked]])
+    asked = asked[squared_distances(errors[asked], graph.covariances[asked] + widest) <= judge.gate]
+    known = solver.relative_covariances(graph.first[asked], graph.second[asked])
+    distances = squared_distances(errors[asked], graph.covariances[asked] + known)
+    is_sharp = np.linalg.eigvalsh(known[:, :2, :2])[:, -1] <= judge.sharp**2
+    found[asked] = (distances <= judge.gate) & (is_sharp | judge.alone)
+    return found
+
+
+def _spread(column: NDArray[Any], rest: NDArray[np.bool_]) -> NDArray[Any]:
+    """A column of some of the constraints as one of all of them (E,), with 0 for the others."""
+    full = np.zeros(len(rest), column.dtype)
+    full[rest] = column
+    return full

@@ -5,7 +5,7 @@ it. About an origin far away (UTM coordinates), double precision no longer resol
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -136,6 +136,18 @@ class CentredGraph:
     def is_prior(self) -> NDArray[np.bool_]:
         """Which constraints (E,) are priors."""
         return np.asarray(self.first == self.map_vertex)
+
+    def only(self, which: NDArray[np.bool_]) -> "CentredGraph":
+        """The same vertices with some of the constraints (E,)."""
+        return replace(
+            self,
+            first=self.first[which],
+            second=self.second[which],
+            poses=self.poses[which],
+            covariances=self.covariances[which],
+            trusted=self.trusted[which],
+            secondary=self.secondary[which],
+        )
 
 
 def centred(count: int, given: PoseConstraints) -> CentredGraph:

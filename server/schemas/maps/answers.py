@@ -27,9 +27,10 @@ class MapEdge(Answer):
         alias="from", description="Id of the submap whose frame the constraint is in. Null for a prior."
     )
     to: str = Field(description="Id of the submap whose pose it gives.")
-    refused: Literal["contradicted", "unconfirmed"] | None = Field(
-        description="Why the constraint was left out: other constraints contradict it, or nothing confirms it. Null if "
-        "it was used."
+    refused: Literal["contradicted", "unconfirmed", "undecided"] | None = Field(
+        description="Why the constraint was left out: other constraints contradict it (`contradicted`), nothing "
+        "confirms it (`unconfirmed`), or it is odometry that contradicts other odometry, and nothing tells which of "
+        "them is wrong (`undecided`). Null if it was used."
     )
     shift: float | None = Field(
         description="Metres between the constraint and the poses of the map. Null between parts that nothing connects."
@@ -39,6 +40,29 @@ class MapEdge(Answer):
         description="The same in standard deviations: the Mahalanobis distance. 4 is beyond the gate."
     )
     support: int = Field(description="Number of other constraints that confirm it in short cycles.")
+
+
+class MapContradiction(Answer):
+    """Odometry that other constraints contradict."""
+
+    odometry: list[int] = Field(
+        description="Positions in `constraints`, from 0: odometry edges, of which at least one is wrong, or else "
+        "`against` is."
+    )
+    against: list[int] = Field(
+        description="Positions in `constraints` of those that contradict them and agree with each other. Empty if the "
+        "odometry contradicts itself."
+    )
+    witnesses: int = Field(
+        description="How many ways through the constraints contradict the odometry and have no submap in common."
+    )
+    distance: float = Field(
+        description="How far both sides are apart, in standard deviations: the Mahalanobis distance."
+    )
+    outcome: Literal["refused", "undecided"] = Field(
+        description="`refused`: the odometry was left out. `undecided`: nothing tells which side is wrong, and the "
+        "poses are not applied."
+    )
 
 
 class LandmarkEntry(Answer):
@@ -65,6 +89,11 @@ class MapSummary(Answer):
     constraints: int = Field(description="Number of constraints.")
     contradicted: int = Field(description="Number of constraints left out because others contradict them.")
     unconfirmed: int = Field(description="Number of constraints left out because nothing confirms them.")
+    undecided: int = Field(
+        description="Number of constraints left out because odometry contradicts itself, and nothing tells where it is "
+        "wrong."
+    )
+    contradictions: int = Field(description="Number of times that constraints contradict odometry.")
     covariance_scale: float = Field(
         description="What the covariances of matches were multiplied with, because their cycles are off by more."
     )
@@ -82,6 +111,10 @@ class MapAnswer(Answer):
     )
     poses: list[MapSubmapPose] = Field(description="The pose of each submap.")
     constraints: list[MapEdge] = Field(description="What became of each constraint.")
+    contradictions: list[MapContradiction] = Field(
+        description="Odometry that other constraints contradict. While one of them is `undecided`, the poses cannot be "
+        "applied."
+    )
 
 
 class PartTrees(Answer):
@@ -100,6 +133,8 @@ MAP_EXAMPLE: dict[str, Any] = {
         "constraints": 1,
         "contradicted": 0,
         "unconfirmed": 0,
+        "undecided": 0,
+        "contradictions": 0,
         "covariance_scale": 1.0,
         "trees": 61,
         "noise": 0.07,
@@ -133,6 +168,7 @@ MAP_EXAMPLE: dict[str, Any] = {
             "support": 2,
         }
     ],
+    "contradictions": [],
 }
 
 

@@ -10,7 +10,9 @@ from server.schemas.poses import CheckedCovariance, MapPose, Yaw
 
 
 class OdometryEdge(Body):
-    """A relative pose that a robot measured while it drove: from_T_to. It is believed within its covariance."""
+    """A relative pose that a robot measured while it drove: from_T_to. It is believed within its covariance, unless
+    matches prove it wrong.
+    """
 
     from_: ResourceId = Field(alias="from", description="Id of the submap whose frame the pose is in.")
     to: ResourceId = Field(description="Id of the submap whose pose it is.")
@@ -37,7 +39,9 @@ class MapInput(ConstraintsInput):
         10, description="Most constraints from one submap that is looked up."
     )
     odometry: Annotated[list[OdometryEdge], Field(max_length=100_000)] = Field(
-        default_factory=list, description="Relative poses that are believed within their covariances."
+        default_factory=list,
+        description="Relative poses that are believed within their covariances, unless several independent "
+        "matches contradict one of them, or they contradict each other.",
     )
     use_map_poses: Annotated[bool, Field(strict=True)] = Field(
         False,

@@ -140,6 +140,24 @@ def test_odometry_and_priors(client: httpx.Client, truth: dict[str, SE2]) -> Non
     assert client.post(f"{URL}/maps", json={"odometry": [edge | {"yaw": 90.0}]}).status_code == 422
 
 
+def test_odometry_that_contradicts_itself_is_named_and_not_applied(client: httpx.Client, truth: dict[str, SE2]) -> None:
+    step = truth["d"].inverse() @ truth["x"]
+    edges = [
+        {"from": "d", "to": "x", "x": step.x + shift, "y": step.y, "yaw": step.yaw}
+        | {"covariance": [0.01, 0, 0, 0, 0.01, 0, 0, 0, 1e-4]}
+        for shift in (0.0, 3.0)
+    ]
+    told = built(client, {"odometry": edges})
+    assert [one["refused"] for one in told["constraints"]] == ["undecided"] * 2 + [None] * 6
+    (one,) = told["contradictions"]
+    assert (one["odometry"], one["against"], one["outcome"]) == ([0, 1], [], "undecided") and one["distance"] > 5.5
+    assert (told["summary"]["undecided"], told["summary"]["contradictions"]) == (2, 1)
+    assert told["summary"]["parts"] == [4, 1]
+    problem = failed(client, {"odometry": edges, "apply": True})
+    assert problem["status"] == 409 and "odometry contradicts itself by" in problem["detail"]
+    assert "d - x, d - x" in problem["detail"] and set(map_poses(client).values()) == {None}
+
+
 def test_a_map_is_applied_whole_or_not_at_all(
     client: httpx.Client, truth: dict[str, SE2], monkeypatch: pytest.MonkeyPatch
 ) -> None:

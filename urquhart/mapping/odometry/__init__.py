@@ -1,0 +1,4 @@
+"""Which trusted constraints, such as odometry, may be believed.
+
+Imports `mapping` and below.
+"""
