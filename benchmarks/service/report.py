@@ -95,8 +95,8 @@ _ROWS: Final = (
         goal=2.0,
         least=True,
         relative=True,
-        cause="A write is one transaction with one fsync, and most of its time is Python: validation, description, "
-        "the row. Writes were not the aim of this version.",
+        cause="Writes that arrive together share a commit, so the fsync does not bound them any more. Python does: "
+        "validation, description, the row, on one core at a time.",
     ),
     _Row("8 clients: PUT, p99, ms", "puts", ("kinds", "put", "p99"), digits=1),
     _Row(

@@ -144,5 +144,8 @@ class Storage(Protocol):
     def read(self) -> AbstractContextManager[ReadTransaction]:
         """Begin a read transaction, which no writer disturbs. Raises StorageError."""
 
-    def write(self) -> AbstractContextManager[WriteTransaction]:
-        """Begin a write transaction. It is durable once the block is left. Raises StorageError."""
+    def write(self, *, shares: bool = False) -> AbstractContextManager[WriteTransaction]:
+        """Begin a write transaction. It is durable once the block is left. Raises StorageError.
+
+        `shares`: it is short, and may be made durable together with others. One that fails undoes nothing of theirs.
+        """

@@ -137,7 +137,7 @@ def _write(database: Storage, collection: CollectionRecord, prepared: Prepared, 
     """One transaction with the submap and its answer. Raises SearchOutdated."""
     config, submap_id = config_of(collection), prepared.id
     operation = _operation(collection, submap_id, terms)
-    with database.write() as tx:
+    with database.write(shares=True) as tx:
         now = same_collection(tx, collection.id, collection.key)
         response = find_response(tx, terms.idempotency_key, operation)
         if response is not None:
@@ -180,7 +180,7 @@ def patch(
     config = config_of(collection)
     if trees is not None:
         trees.describe(config)
-    with database.write() as tx:
+    with database.write(shares=True) as tx:
         now = same_collection(tx, collection_id, collection.key)
         operation = f"patchSubmap {now.key} {submap_id}"
         response = find_response(tx, terms.idempotency_key, operation)
@@ -211,7 +211,7 @@ def delete(
     idempotency_key: IdempotencyKey | None = None,
 ) -> StoredResponse:
     """Delete a submap. Returns the answer. Raises NotFound, PreconditionFailed, KeyReused and StorageError."""
-    with database.write() as tx:
+    with database.write(shares=True) as tx:
         collection = get_collection(tx, collection_id)
         operation = f"deleteSubmap {collection.key} {submap_id}"
         response = find_response(tx, idempotency_key, operation)

@@ -19,7 +19,8 @@ from sqlalchemy.pool import QueuePool
 from server import errors
 from server.store.sqlite import database_lock, expressions
 from server.store.sqlite.file_guard import FileGuard
-from server.store.sqlite.sqlite_errors import BUSY, domain_error, storage_errors
+from server.store.sqlite.sqlite_errors import domain_error, storage_errors
+from server.store.sqlite.write_queue import WriteQueue
 from server.store.storage import ReadTransaction, WriteTransaction
 
 _WRITE = "urquhart_write"
@@ -56,7 +57,7 @@ class Database:
         self.read_only = read_only
         self.busy_timeout = busy_timeout
         # Queueing writers of this process here wakes them at once; SQLite's own waiting polls with growing sleeps.
-        self._writer = threading.Lock()
+        self._writers = WriteQueue(self._begin_to_write, busy_timeout)
         self._file_lock: int | None = None
         self._moving_in = threading.Lock()
         self._create = create and not read_only
@@ -75,15 +76,18 @@ class Database:
             yield ReadTransaction(connection)
 
     @contextmanager
-    def write(self) -> Iterator[WriteTransaction]:
-        """A write transaction: committed at the end of the block, rolled back by any exception, then durable."""
-        with self.write_connection() as connection:
+    def write(self, *, shares: bool = False) -> Iterator[WriteTransaction]:
+        """A write transaction: committed at the end of the block, rolled back by any exception, then durable.
+
+        `shares`: it is short, and may be committed together with others of this process.
+        """
+        with self.write_connection(shares=shares) as connection:
             yield WriteTransaction(connection)
 
     @contextmanager
-    def write_connection(self) -> Iterator[Connection]:
+    def write_connection(self, *, shares: bool = False) -> Iterator[Connection]:
         """A connection on a write transaction, for statements about the file and its schema."""
-        with self._one_writer(), self._guarded(), self._write_engine.begin() as connection:
+        with self._guarded(), self._writers.transaction(shares=shares) as connection:
             yield connection
 
     @contextmanager
@@ -205,14 +209,9 @@ class Database:
         if (sentence := self.trouble()) is not None:
             raise errors.StorageAltered(sentence) from cause
 
-    @contextmanager
-    def _one_writer(self) -> Iterator[None]:
-        if not self._writer.acquire(timeout=self.busy_timeout):
-            raise errors.StorageBusy(BUSY)
-        try:
-            yield
-        finally:
-            self._writer.release()
+    def _begin_to_write(self) -> Connection:
+        self._require()  # the one who writes may have waited
+        return self._write_engine.connect()
 
     @contextmanager
     def _guarded(self, *, writing: bool = True) -> Iterator[None]:

@@ -136,7 +136,7 @@ class PlainStorage:
             yield ReadTransaction(connection)
 
     @contextmanager
-    def write(self) -> Iterator[WriteTransaction]:
+    def write(self, *, shares: bool = False) -> Iterator[WriteTransaction]:
         with self._engine.begin() as connection:
             yield WriteTransaction(connection)
 
