@@ -18,7 +18,7 @@ UV_COMPILE = $(UV) pip compile --quiet --universal --python-version 3.11 --gener
 PYTEST = PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest --numprocesses auto --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help demo serve test test-unit coverage kernels lint bench bench-check bench-library bench-paper bench-robust bench-levels bench-maps bench-scale bench-reliability client-types lock clean
+.PHONY: help demo serve test test-unit coverage kernels lint bench bench-check bench-library bench-paper bench-robust bench-levels bench-maps bench-scale bench-reliability ui client-types lock clean
 .DELETE_ON_ERROR:
 
 help: ## print the commands
@@ -74,6 +74,10 @@ bench-scale: $(VENV)/dev.stamp ## measure up to 100,000 submaps; ARGS="--max-n 1
 
 bench-reliability: $(VENV)/dev.stamp ## test the service under load, attacks and crashes: docs/reliability.md
 	@$(BIN)/python -m benchmarks.reliability $(ARGS)
+
+ui: node_modules/.package-lock.json ## build the console into server/console/assets (needs node)
+	@npm run --silent --workspace ui check
+	@npm run --silent --workspace ui build
 
 client-types: $(VENV)/runtime.stamp node_modules/.package-lock.json ## write the types of the TypeScript client again (needs node)
 	@$(BIN)/urquhart reference --openapi | node clients/typescript/generate.mjs

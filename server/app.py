@@ -53,6 +53,8 @@ from server.routes import (
     submaps,
     system,
 )
+from server.routes.console import console_sessions
+from server.routes.console import pages as console_pages
 from server.routes.gis import exports, features
 from server.routes.maps import map_routes
 from server.security.authenticator import Authenticator, check_exposure
@@ -82,6 +84,8 @@ _ROUTERS = (
     snapshots.router,
     system.router,
     html_pages.router,
+    console_sessions.router,
+    console_pages.router,
 )
 _TAGS = [
     {"name": "collections", "description": "Submaps that share a configuration."},

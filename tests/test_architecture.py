@@ -54,7 +54,7 @@ SERVICE = (
         "checks",
         "snapshots",
     ),
-    *("http", "http.admission", "service_parts", "http.documentation", "http.serving", "routes", "app"),
+    *("console", "http", "http.admission", "service_parts", "http.documentation", "http.serving", "routes", "app"),
     *("commands.support", "commands.operator", "commands", "commands.demo", "cli", "__main__"),
 )
 """Rooms of the service from the ground up: each may import from those before it."""

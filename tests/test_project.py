@@ -45,6 +45,7 @@ VERBS = {
     "bench-maps",
     "bench-scale",
     "bench-reliability",
+    "ui",
     "client-types",
     "lock",
     "clean",
@@ -191,6 +192,8 @@ def test_the_wheel_holds_the_packages_and_not_the_stem_maps(tmp_path: Path) -> N
     assert [name for name in names if name.endswith("licenses/LICENSE")]
     assert [name for name in names if name.startswith("migrations/versions/0012")]
     assert "urquhart/calibration.json" in names
+    assert {"server/console/assets/index.html", "server/console/assets/build.json"} <= set(names)
+    assert [name for name in names if re.fullmatch(r"server/console/assets/files/index-.+\.js", name)]
 
 
 def test_the_stem_maps_carry_their_licence() -> None:

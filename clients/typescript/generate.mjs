@@ -10,7 +10,10 @@ const sent = await text(process.stdin);
 const digest = createHash("sha256").update(sent).digest("hex");
 const document = JSON.parse(sent);
 simplify(document);
-const types = astToString(await openapiTS(document, { alphabetize: true, defaultNonNullable: false }));
+for (const path of Object.values(document.paths)) {
+  for (const { requestBody, parameters } of Object.values(path)) withoutDefaults([requestBody, parameters]);
+}
+const types = astToString(await openapiTS(document, { alphabetize: true }));
 const written = `/**
  * Types of the service's API. Generated from its OpenAPI document by \`make client-types\`: do not edit.
  *
@@ -40,9 +43,24 @@ function simplify(node) {
   }
   for (const [name, value] of Object.entries(node)) {
     if (name === "example" || name === "examples") delete node[name];
+    // openapi-fetch turns the tuples of answers into lists, which then are not what a schema's own type says.
+    else if (name === "prefixItems") {
+      node.items = value[0];
+      delete node.prefixItems;
+      simplify(node.items);
+    }
     else if (name === "properties") Object.values(value).forEach(simplify);
     else simplify(value);
   }
+}
+
+/** Leaves out defaults of what is sent: a member with one may be left out. What the service answers has it always. */
+function withoutDefaults(node, seen = new Set()) {
+  if (typeof node !== "object" || node === null || seen.has(node)) return;
+  seen.add(node);
+  delete node.default;
+  if (node.$ref) withoutDefaults(document.components.schemas[node.$ref.split("/").at(-1)], seen);
+  Object.values(node).forEach((value) => withoutDefaults(value, seen));
 }
 
 function isProblem(response) {

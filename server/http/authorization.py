@@ -10,6 +10,7 @@ from fastapi.routing import APIRoute
 from server.errors import InvalidField, NotFound, TooManyRequests, Unauthorized
 from server.http.body_limit import is_streamed
 from server.http.direct_call import DirectCall
+from server.http.session_cookie import credentials_of
 from server.security.authenticator import Authenticator
 from server.security.operation_scopes import ALSO, SCOPES
 from server.security.principal import ANONYMOUS, Principal
@@ -81,11 +82,7 @@ def _check_parameters(request: Request, known: Set[str]) -> None:
 async def authenticate(request: Request) -> Principal:
     """The caller. Raises Unauthorized."""
     authenticator: Authenticator = request.app.state.authenticator
-    given = request.headers.getlist("authorization")
-    if len(given) > 1:
-        # A proxy before us may have checked the other one.
-        raise Unauthorized("The header Authorization was sent more than once. Send one key.")
-    authorization = given[0] if given else None
+    authorization = credentials_of(request.headers, request.method)
     remembered = authenticator.from_cache(authorization)
     if remembered is not None:
         return remembered

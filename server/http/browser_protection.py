@@ -31,6 +31,14 @@ DRAWING: Final = f"{NOTHING}; style-src 'unsafe-inline'; sandbox"
 """Content security policy of an SVG drawing: its own styles apply, and scripts in it do not run."""
 
 
+CONSOLE: Final = (
+    "default-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'; object-src 'none'; "
+    "img-src 'self' blob:"
+)
+"""Content security policy of the console: files of this service only, none of them inline. Pictures that it exports
+are blobs."""
+
+
 def page_policy(html: str) -> str:
     """Content security policy of our HTML pages: their own inline styles and scripts, and files of this service."""
     scripts = " ".join(f"'{_hash(text)}'" for text in _SCRIPT.findall(html))

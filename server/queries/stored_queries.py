@@ -134,12 +134,16 @@ def stored_answer(database: Storage, collection_id: str, query_id: str) -> bytes
 
 @dataclass(frozen=True, slots=True)
 class Match:
-    """A candidate of a stored query with the landmarks of both sides, each (N, 2) float64, metres, in its own frame."""
+    """A candidate of a stored query with the landmarks of both sides, each (N, 2) float64, metres, in its own frame,
+    and their ids.
+    """
 
     query_id: str
     answer: CandidateAnswer
     query_xy: NDArray[np.float64]
     submap_xy: NDArray[np.float64]
+    query_ids: list[str]
+    submap_ids: list[str]
     candidate: Candidate
 
     def to_answer(self) -> MatchAnswer:
@@ -149,6 +153,8 @@ class Match:
             candidate=self.answer,
             query_landmarks=[(float(x), float(y)) for x, y in self.query_xy],
             submap_landmarks=[(float(x), float(y)) for x, y in self.submap_xy],
+            query_ids=self.query_ids,
+            submap_ids=self.submap_ids,
         )
 
     def to_svg(self, budget: Budget) -> str:
@@ -185,7 +191,9 @@ def stored_match(database: Storage, collection_id: str, query_id: str, rank: int
             )
         shown = answer.candidates[rank - 1]
         query_xy, submap_xy = unpack_positions(stored.landmarks), unpack_positions(row.landmarks)
-        return Match(query_id, shown, query_xy, submap_xy, candidate)
+        query_ids = unpack_ids(stored.landmark_ids, len(query_xy))
+        submap_ids = unpack_ids(row.landmark_ids, len(submap_xy))
+        return Match(query_id, shown, query_xy, submap_xy, query_ids, submap_ids, candidate)
 
 
 def stored_answers(tx: ReadTransaction, collection: CollectionRecord, *, after: int, limit: int) -> list[QueryAnswer]:

@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Path, Request, Response
+from fastapi import APIRouter, Path, Response
 from fastapi.openapi.docs import get_swagger_ui_html
 
 from server.collections import crud
@@ -13,6 +13,7 @@ from server.http.documentation import html_pages
 from server.http.negotiation import HTML, JSON, choose
 from server.http.responses import json_response, problems
 from server.problem_types import PROBLEM_TYPES
+from server.routes.console.pages import PATH as CONSOLE_PATH
 from server.routes.dependencies import Accept, ServiceDep, VisitorDep
 
 router = APIRouter(route_class=GuardedRoute, tags=["pages"])
@@ -29,22 +30,23 @@ ASSETS = "/docs/assets"
         200: {
             "content": {
                 JSON: {"schema": {"type": "object"}, "example": {"title": "Urquhart", "collections": []}},
-                HTML: {"schema": {"type": "string"}, "example": "<!doctype html>"},
             }
         },
+        303: {"description": "Browsers are sent on to the console, /ui."},
         **problems(406, 503),
     },
     response_class=Response,
 )
-def landing_page(request: Request, service: ServiceDep, visitor: VisitorDep, accept: Accept = None) -> Response:
-    """Lists the collections that the caller may see, and the first calls to make; HTML or JSON, by `Accept`."""
+def landing_page(service: ServiceDep, visitor: VisitorDep, accept: Accept = None) -> Response:
+    """Lists the collections that the caller may see, and the service's pages, as JSON. A browser, which prefers HTML,
+    is sent on to the console.
+    """
     media_type = choose(accept, [JSON, HTML])
-    page = crud.page(service.database, service.settings.limits, visitor, None, None)
-    docs = service.settings.docs_url or "/docs"
     headers = {"Vary": "Accept"}
     if media_type == HTML:
-        return _html(html_pages.landing_html(page, docs, str(request.base_url).rstrip("/")))
-    return json_response(html_pages.landing_json(page, docs), headers=headers)
+        return Response(status_code=303, headers=headers | {"Location": CONSOLE_PATH})
+    page = crud.page(service.database, service.settings.limits, visitor, None, None)
+    return json_response(html_pages.landing_json(page, service.settings.docs_url or "/docs"), headers=headers)
 
 
 @router.get("/docs", include_in_schema=False)

@@ -24,10 +24,12 @@ _ALL = "/v1/collections/{collection}/queries"
 _PATH = f"{_ALL}/{{query}}"
 _EXAMPLE = {"content": {JSON: {"example": examples.QUERY_ANSWER}}}
 _MATCH = {
-    "query": "17",
+    "query_id": "17",
     "candidate": examples.QUERY_ANSWER["candidates"][0],
     "query_landmarks": [[0.4, 2.9], [5.1, -1.7]],
     "submap_landmarks": [[1.2, 3.4], [4.9, -2.2]],
+    "query_ids": ["0", "1"],
+    "submap_ids": ["t17", "t3"],
 }
 
 _TREES = (

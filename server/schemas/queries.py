@@ -221,6 +221,8 @@ class MatchAnswer(Answer):
     submap_landmarks: list[Point] = Field(
         description="Positions of the submap's landmarks as [x, y], in metres, in the submap's frame."
     )
+    query_ids: list[str] = Field(description="Ids of the query's landmarks, in the order of `query_landmarks`.")
+    submap_ids: list[str] = Field(description="Ids of the submap's landmarks, in the order of `submap_landmarks`.")
 
 
 class ExplanationLinks(Answer):

@@ -10,14 +10,15 @@ from typing import Final
 from server.config.settings import Settings
 from server.errors import Conflict, Unauthorized
 from server.security.api_keys import KEY_FORMAT, digest_of
+from server.security.console_sessions import ConsoleSessions
 from server.security.principal import UNRESTRICTED, Principal, Scope
 from server.store.service_records import ApiKeyRecord
 from server.store.storage import Storage
 
 _FRESH: Final = 1.0
 """Seconds for which a key is cached, and so for which a revoked key may still work."""
-
-
+SESSION: Final = "\nsession"
+"""Scheme of the credentials that are made of the cookie of a session. No header can hold it."""
 _KNOWN: Final = 10_000
 """Approximate number of keys in the cache."""
 
@@ -46,6 +47,7 @@ class Authenticator:
     def __init__(self, settings: Settings, database: Storage) -> None:
         self._database = database
         self._always = is_exposed(settings)
+        self._sessions = ConsoleSessions(settings.database_path)
         self._guard = threading.Lock()
         self._asks_for_keys: tuple[float, bool] | None = None
         self._known: dict[str, tuple[float, ApiKeyRecord | None]] = {}
@@ -74,6 +76,8 @@ class Authenticator:
         if authorization is None:
             raise Unauthorized("This service needs an API key. Send Authorization: Bearer urq_...", given=False)
         kind, _, token = authorization.partition(" ")
+        if kind == SESSION:
+            return self._principal_of_session(token, ask=ask)
         match = KEY_FORMAT.fullmatch(token.strip()) if kind.lower() == "bearer" else None
         if match is None:
             raise Unauthorized("Authorization must be: Bearer urq_<id>_<secret>, as urquhart keys create printed it.")
@@ -85,10 +89,29 @@ class Authenticator:
         same = hmac.compare_digest(digest_of(match[2]), row.digest if row is not None else bytes(32))
         if row is None or not same:
             raise Unauthorized("There is no such key. Check that you copied all of it.")
-        state = row.state(datetime.now(UTC))
-        if state != "usable":
-            raise Unauthorized(f"The key {row.id} is {state}. Ask the operator for another.")
-        return Principal(row.id, frozenset(map(Scope, row.scopes)), row.patterns)
+        return _usable(row)
+
+    def _principal_of_session(self, token: str, *, ask: bool) -> Principal | None:
+        claim = self._sessions.read(token)
+        found = self._row(claim.key_id, ask=ask)
+        if found is None:
+            return None
+        (row,) = found
+        sealed = self._sessions.is_sealed(claim, row.digest if row is not None else bytes(32))
+        if row is None or not sealed:
+            raise Unauthorized("This is not a session of this service. Enter the key again.")
+        return _usable(row)
+
+    def begin_session(self, key: str) -> tuple[str, int]:
+        """A session for a key: its token, and when it ends, in seconds since 1970.
+
+        Raises Unauthorized and StorageError.
+        """
+        caller = self.authenticate(f"Bearer {key}")
+        found = self._row(caller.id, ask=True) if caller.id else None
+        if found is None or found[0] is None:
+            raise Unauthorized("This service needs no key, so there is no session to begin.")
+        return self._sessions.issue(caller.id, found[0].digest)
 
     def _keys_exist(self, *, ask: bool) -> bool | None:
         if self._always:
@@ -118,6 +141,13 @@ class Authenticator:
                 self._known.clear()
             self._known[key_id] = (now, row)
         return (row,)
+
+
+def _usable(row: ApiKeyRecord) -> Principal:
+    state = row.state(datetime.now(UTC))
+    if state != "usable":
+        raise Unauthorized(f"The key {row.id} is {state}. Ask the operator for another.")
+    return Principal(row.id, frozenset(map(Scope, row.scopes)), row.patterns)
 
 
 def _is_loopback(host: str) -> bool:

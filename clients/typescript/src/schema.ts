@@ -1,7 +1,7 @@
 /**
  * Types of the service's API. Generated from its OpenAPI document by `make client-types`: do not edit.
  *
- * openapi sha256 d7e9a2aadfb5a66916e92c4fd5897cc7bb5c4ec7c4029935d677a1788e3e9182
+ * openapi sha256 61f10e18723eba21f49e8ad81973a206b0987f27ae7016c8fb18eba12eb4e2bc
  */
 
 export interface paths {
@@ -14,7 +14,8 @@ export interface paths {
         };
         /**
          * Landing page
-         * @description Lists the collections that the caller may see, and the first calls to make; HTML or JSON, by `Accept`.
+         * @description Lists the collections that the caller may see, and the service's pages, as JSON. A browser, which prefers HTML,
+         *     is sent on to the console.
          */
         get: operations["getLandingPage"];
         put?: never;
@@ -998,10 +999,7 @@ export interface components {
              * Xy
              * @description Positions of the trees as [x, y], in metres. The alternative to `landmarks`.
              */
-            xy?: [
-                number,
-                number
-            ][] | null;
+            xy?: number[][] | null;
         };
         /**
          * BatchAnswer
@@ -1087,7 +1085,7 @@ export interface components {
              * @description Number of pairs that are left out: none, or all of this candidate's. They are left out if the query said `pairs: false`, or if better candidates, or other answers of the batch, used up the limit `answer_pairs`.
              * @default 0
              */
-            inliers_omitted?: number;
+            inliers_omitted: number;
             /**
              * Level
              * @description The step of the search that proposed the pose: matching `quads`, matching `polygons`, an `exhaustive` trial of rotations and shifts, or the `paper`'s method. `given`: a pose of the window of a given `prior`.
@@ -1180,7 +1178,7 @@ export interface components {
              * @default query_origin
              * @constant
              */
-            about?: "query_origin";
+            about: "query_origin";
             /**
              * Covariance
              * @description Covariance of the position of the point `about`, along the axes of `covariance_frame`, and of the yaw: 3x3, row-major over (x, y, yaw), in square metres, metre radians and square radians. Null if it is unknown.
@@ -1192,7 +1190,7 @@ export interface components {
              * @default submap
              * @constant
              */
-            covariance_frame?: "submap";
+            covariance_frame: "submap";
             /** @description The uncertainty about the middle of the inlier trees. Null in answers that an older version stored. */
             middle?: components["schemas"]["TreesMiddle"] | null;
             /**
@@ -1259,10 +1257,7 @@ export interface components {
              * Origin
              * @description Easting and northing, in metres, of the origin of the map frame `map` in its CRS.
              */
-            origin: [
-                number,
-                number
-            ] | null;
+            origin: number[] | null;
             /**
              * Revision
              * @description Counter of the writes to the collection.
@@ -1344,10 +1339,7 @@ export interface components {
              * Origin
              * @description Easting and northing, in metres, of the origin of the map frame `map` in its CRS. Leave it out if poses are in full coordinates of the CRS.
              */
-            origin?: [
-                number,
-                number
-            ] | null;
+            origin?: number[] | null;
             /**
              * Title
              * @description Title of the collection, for people.
@@ -1382,10 +1374,7 @@ export interface components {
              * Origin
              * @description Easting and northing, in metres, of the origin of the map frame `map` in its CRS. Leave it out if poses are in full coordinates of the CRS.
              */
-            origin?: [
-                number,
-                number
-            ] | null;
+            origin?: number[] | null;
             /**
              * Title
              * @description Title of the collection, for people.
@@ -1424,10 +1413,7 @@ export interface components {
              * Origin
              * @description Easting and northing, in metres, of the origin of the map frame `map` in its CRS.
              */
-            origin: [
-                number,
-                number
-            ] | null;
+            origin: number[] | null;
             /**
              * Revision
              * @description Counter of the writes to the collection.
@@ -1480,7 +1466,7 @@ export interface components {
              * @default to
              * @constant
              */
-            information_frame?: "to";
+            information_frame: "to";
             /**
              * Inlier Count
              * @description Number of pairs of landmarks that agree.
@@ -1491,7 +1477,7 @@ export interface components {
              * @description Rank of the match in its search. Only the match of rank 1 was compared with all rivals; in rows of trees, others are often off by a row. Null in older results.
              * @default null
              */
-            rank?: number | null;
+            rank: number | null;
             /**
              * Rms
              * @description Root mean square of the inliers' residuals, in metres.
@@ -1533,7 +1519,6 @@ export interface components {
             /**
              * Same Session
              * @description Leave out pairs of the same session. With `within_seconds`, only those that are also that close in time.
-             * @default false
              */
             same_session?: boolean | null;
             /**
@@ -1550,13 +1535,11 @@ export interface components {
             /**
              * Confidence
              * @description Least confidence that a match must have to become a constraint.
-             * @default 0
              */
             confidence?: number | null;
             /**
              * Inlier Count
              * @description Fewest inliers that a match must have to become a constraint.
-             * @default 0
              */
             inlier_count?: number | null;
             /**
@@ -1585,12 +1568,7 @@ export interface components {
              * Bbox
              * @description Look up only submaps whose footprint reaches into this box: [min x, min y, max x, max y], in metres in the map frame.
              */
-            bbox?: [
-                number,
-                number,
-                number,
-                number
-            ] | null;
+            bbox?: number[] | null;
             /**
              * Datetime
              * @description Look up only submaps with a stamp in this interval, such as `2026-05-04T00:00:00Z/2026-05-05T00:00:00Z`; `..` leaves an end open.
@@ -1608,7 +1586,6 @@ export interface components {
             /**
              * Per Submap
              * @description Most constraints from one submap that is looked up.
-             * @default 3
              */
             per_submap?: number | null;
             /**
@@ -1633,7 +1610,7 @@ export interface components {
              * @default to_origin
              * @constant
              */
-            about?: "to_origin";
+            about: "to_origin";
             /**
              * Covariance
              * @description Covariance of the position of the point `about`, along the axes of `covariance_frame`, and of the yaw: 3x3, row-major over (x, y, yaw), in square metres, metre radians and square radians. Null if it is unknown.
@@ -1645,7 +1622,7 @@ export interface components {
              * @default from
              * @constant
              */
-            covariance_frame?: "from";
+            covariance_frame: "from";
             /** @description The uncertainty about the middle of the trees that both submaps have. */
             middle: components["schemas"]["TreesMiddle"];
             /**
@@ -1803,10 +1780,7 @@ export interface components {
              * Temporal
              * @description Earliest and latest `stamp` of the submaps. Null if no submap has one.
              */
-            temporal: [
-                string,
-                string
-            ] | null;
+            temporal: string[] | null;
         };
         /**
          * FieldProblem
@@ -1828,19 +1802,19 @@ export interface components {
              * @description Positions of the landmarks at fault in the list that was sent, counted from 0.
              * @default null
              */
-            indices?: number[] | null;
+            indices: number[] | null;
             /**
              * Parameter
              * @description Name of the path, query or header parameter that is at fault, if it is not in the body.
              * @default null
              */
-            parameter?: string | null;
+            parameter: string | null;
             /**
              * Pointer
              * @description JSON pointer (RFC 6901) to the member of the body that is at fault.
              * @default null
              */
-            pointer?: string | null;
+            pointer: string | null;
         };
         /**
          * FileRows
@@ -2150,25 +2124,21 @@ export interface components {
             /**
              * Dbh Cm
              * @description Diameter at breast height, in centimetres, from 1 to 500. It counts as evidence where both sides have it, and is never required.
-             * @default null
              */
             dbh_cm?: number | null;
             /**
              * Height M
              * @description Height of the tree, in metres, up to 150.
-             * @default null
              */
             height_m?: number | null;
             /**
              * Id
              * @description Id of the tree, unique in the submap. By default its position in the list as text, counted from 0.
-             * @default null
              */
             id?: string | null;
             /**
              * Species
              * @description Species of the tree: any name or code.
-             * @default null
              */
             species?: string | null;
             /**
@@ -2276,13 +2246,13 @@ export interface components {
              * @description Id of the submap. Left out if the line has none that can be used.
              * @default null
              */
-            id?: string | null;
+            id: string | null;
             /**
              * Last Line
              * @description Number of the last of the refused lines that this one stands for. `line` is the first.
              * @default null
              */
-            last_line?: number | null;
+            last_line: number | null;
             /**
              * Line
              * @description Number of the line in the upload, counted from 1.
@@ -2293,7 +2263,7 @@ export interface components {
              * @description Number of refused lines that this one stands for, if they are only counted.
              * @default null
              */
-            lines?: number | null;
+            lines: number | null;
             /**
              * Outcome
              * @description What was done. `skipped`: the id was taken (`on_conflict=skip`), or another line was refused (`mode=all`).
@@ -2305,7 +2275,7 @@ export interface components {
              * @description Why the line was refused: a problem document, shortened if very many lines are refused.
              * @default null
              */
-            problem?: {
+            problem: {
                 [key: string]: unknown;
             } | null;
             /**
@@ -2313,7 +2283,7 @@ export interface components {
              * @description Revision of the collection at the last write of the submap.
              * @default null
              */
-            revision?: number | null;
+            revision: number | null;
         };
         /**
          * Liveness
@@ -2441,10 +2411,7 @@ export interface components {
              * Origin
              * @description Easting and northing, in metres, of the frame's origin in the CRS. Leave it out if poses are in full coordinates of the CRS.
              */
-            origin?: [
-                number,
-                number
-            ] | null;
+            origin?: number[] | null;
         };
         /**
          * MapInput
@@ -2454,31 +2421,23 @@ export interface components {
             /**
              * Agreeing
              * @description Matches that must agree before one is believed. With 1, a match is believed that nothing confirms and nothing contradicts.
-             * @default 2
              */
             agreeing?: number | null;
             /**
              * Apply
              * @description Write the poses into the submaps, all in one transaction.
-             * @default false
              */
             apply?: boolean | null;
             /**
              * Association
              * @description How trees of several submaps become one: `joint` moves each submap as a whole, `dbscan` groups trees within 0.5 m, as in the paper.
-             * @default joint
              */
             association?: ("joint" | "dbscan") | null;
             /**
              * Bbox
              * @description Look up only submaps whose footprint reaches into this box: [min x, min y, max x, max y], in metres in the map frame.
              */
-            bbox?: [
-                number,
-                number,
-                number,
-                number
-            ] | null;
+            bbox?: number[] | null;
             /**
              * Datetime
              * @description Look up only submaps with a stamp in this interval, such as `2026-05-04T00:00:00Z/2026-05-05T00:00:00Z`; `..` leaves an end open.
@@ -2496,7 +2455,6 @@ export interface components {
             /**
              * Map Frame Id
              * @description Map frame of the poses. Parts of the map that nothing connects get frames of their own: the largest one this name, others this name with `.2`, `.3` and so on. With `use_map_poses`, the part with the priors is in their frame.
-             * @default map
              */
             map_frame_id?: string | null;
             /**
@@ -2507,7 +2465,6 @@ export interface components {
             /**
              * Per Submap
              * @description Most constraints from one submap that is looked up.
-             * @default 10
              */
             per_submap?: number | null;
             /**
@@ -2528,7 +2485,6 @@ export interface components {
             /**
              * Use Map Poses
              * @description Use the map poses of the submaps that have a covariance, such as those of GNSS, as priors. They must all be in one map frame. Poses that an earlier map wrote are no new evidence: do not use those.
-             * @default false
              */
             use_map_poses?: boolean | null;
         };
@@ -2540,31 +2496,24 @@ export interface components {
             /**
              * About
              * @description The point that `covariance` is about. Ignored: it is accepted so that the `map_pose` of a candidate can be posted unchanged.
-             * @default submap_origin
              */
             about?: ("submap_origin" | "query_origin") | null;
             /**
              * Covariance
              * @description Covariance of the position of the submap's origin, along the map's axes, and of the yaw: 3x3, row-major over (x, y, yaw), in square metres, metre radians and square radians. It must be symmetric and positive semidefinite. Null if it is unknown.
-             * @default null
              */
             covariance?: number[] | null;
             /**
              * Covariance Frame
              * @description Axes of `covariance`: always the map's. Accepted because poses in answers have it.
-             * @default map
              */
             covariance_frame?: "map" | null;
             /**
              * Frame Id
              * @description Name of the map's frame.
-             * @default map
              */
             frame_id?: string | null;
-            /**
-             * @description Uncertainty about the middle of the trees. Ignored: it is accepted so that the `map_pose` of a candidate can be posted unchanged. Only `covariance` is stored.
-             * @default null
-             */
+            /** @description Uncertainty about the middle of the trees. Ignored: it is accepted so that the `map_pose` of a candidate can be posted unchanged. Only `covariance` is stored. */
             middle?: components["schemas"]["TreesMiddle"] | null;
             /**
              * X
@@ -2593,7 +2542,7 @@ export interface components {
              * @default query_origin
              * @constant
              */
-            about?: "query_origin";
+            about: "query_origin";
             /**
              * Covariance
              * @description Covariance of the position of the point `about`, along the axes of `covariance_frame`, and of the yaw: 3x3, row-major over (x, y, yaw), in square metres, metre radians and square radians. Null if it is unknown.
@@ -2605,7 +2554,7 @@ export interface components {
              * @default map
              * @constant
              */
-            covariance_frame?: "map";
+            covariance_frame: "map";
             /**
              * Frame Id
              * @description Name of the map's frame.
@@ -2711,21 +2660,25 @@ export interface components {
              */
             query_id: string;
             /**
+             * Query Ids
+             * @description Ids of the query's landmarks, in the order of `query_landmarks`.
+             */
+            query_ids: string[];
+            /**
              * Query Landmarks
              * @description Positions of the query's landmarks as [x, y], in metres, in the query's frame.
              */
-            query_landmarks: [
-                number,
-                number
-            ][];
+            query_landmarks: number[][];
+            /**
+             * Submap Ids
+             * @description Ids of the submap's landmarks, in the order of `submap_landmarks`.
+             */
+            submap_ids: string[];
             /**
              * Submap Landmarks
              * @description Positions of the submap's landmarks as [x, y], in metres, in the submap's frame.
              */
-            submap_landmarks: [
-                number,
-                number
-            ][];
+            submap_landmarks: number[][];
         };
         /**
          * NamedSubmap
@@ -2735,7 +2688,6 @@ export interface components {
             /**
              * Frame Id
              * @description Name of the frame that the landmarks' coordinates are in.
-             * @default null
              */
             frame_id?: string | null;
             /**
@@ -2746,24 +2698,18 @@ export interface components {
             /**
              * Ids
              * @description Ids of the trees in `xy`, one for each. By default their positions in the list as text, counted from 0.
-             * @default null
              */
             ids?: string[] | null;
             /**
              * Landmarks
              * @description The trees, each with its position, attributes and id. The alternative to `xy`.
-             * @default null
              */
             landmarks?: components["schemas"]["Landmark"][] | null;
-            /**
-             * @description Pose of the submap's frame in a map, if it is known.
-             * @default null
-             */
+            /** @description Pose of the submap's frame in a map, if it is known. */
             map_pose?: components["schemas"]["MapPose"] | null;
             /**
              * Properties
              * @description Any other data that you want to store with the submap, as a JSON object.
-             * @default null
              */
             properties?: {
                 [key: string]: unknown;
@@ -2771,19 +2717,16 @@ export interface components {
             /**
              * Session
              * @description The drive, flight or survey that the submap belongs to.
-             * @default null
              */
             session?: string | null;
             /**
              * Stamp
              * @description When the trees were observed, in RFC 3339 form with an offset. Stored to the microsecond; further digits are cut off.
-             * @default null
              */
             stamp?: string | null;
             /**
              * Xy
              * @description Positions of the trees as [x, y], in metres. The alternative to `landmarks`.
-             * @default null
              */
             xy?: unknown | null;
         };
@@ -2795,7 +2738,6 @@ export interface components {
             /**
              * Frame Id
              * @description Name of the map's frame, as in `map_pose`.
-             * @default map
              */
             frame_id?: string | null;
             /**
@@ -2882,7 +2824,7 @@ export interface components {
              * @default submap_origin
              * @constant
              */
-            about?: "submap_origin";
+            about: "submap_origin";
             /**
              * Covariance
              * @description Covariance of the position of the point `about`, along the axes of `covariance_frame`, and of the yaw: 3x3, row-major over (x, y, yaw), in square metres, metre radians and square radians. Null if it is unknown.
@@ -2894,7 +2836,7 @@ export interface components {
              * @default map
              * @constant
              */
-            covariance_frame?: "map";
+            covariance_frame: "map";
             /**
              * Frame Id
              * @description Name of the map's frame.
@@ -2969,15 +2911,8 @@ export interface components {
             /**
              * About
              * @description The point of the query's frame whose position is known, as [x, y] in metres, such as the plot's centre. By default the origin.
-             * @default [
-             *       0,
-             *       0
-             *     ]
              */
-            about?: [
-                number,
-                number
-            ] | null;
+            about?: number[] | null;
             /**
              * Covariance
              * @description Covariance of the position of `about`, along the map's axes, and of the yaw: 3x3, row-major over (x, y, yaw), in square metres, metre radians and square radians. It must be symmetric and positive definite; without `yaw`, the entries of yaw are not used and may be 0.
@@ -2986,7 +2921,6 @@ export interface components {
             /**
              * Frame Id
              * @description Name of the map's frame, as in `map_pose`.
-             * @default map
              */
             frame_id?: string | null;
             /**
@@ -3025,13 +2959,13 @@ export interface components {
              * @description The faults of the request, one entry each.
              * @default null
              */
-            errors?: components["schemas"]["FieldProblem"][] | null;
+            errors: components["schemas"]["FieldProblem"][] | null;
             /**
              * Request Id
              * @description Id of the request. The header X-Request-Id and the log have the same.
              * @default null
              */
-            request_id?: string | null;
+            request_id: string | null;
             /**
              * Status
              * @description HTTP status of the answer.
@@ -3093,7 +3027,7 @@ export interface components {
              * @default full
              * @enum {string}
              */
-            effort?: "fast" | "full";
+            effort: "fast" | "full";
             /**
              * Findings
              * @description What each level of the search found, level by level, best first. Null without `explain`.
@@ -3193,7 +3127,6 @@ export interface components {
             /**
              * Effort
              * @description How far to search if nothing is found. `fast`: a place that is not stored takes 1.5 to 3 times as long as one that is; finds places seen with up to 40 cm of noise and at least 80 % of the trees, and tries an only submap at every shift; `full`: a place that is not stored takes 10 to 20 times as long as one that is, in small collections 1.4 to 1.6 times; finds places seen with more noise and fewer trees, where neighbours are nearer than 3 m, and in rows of trees, too.
-             * @default full
              */
             effort?: ("fast" | "full") | null;
             /** @description Submaps to leave out of the search. */
@@ -3201,7 +3134,6 @@ export interface components {
             /**
              * Explain
              * @description Whether to add what each level of the search found in each submap (`findings`), and what the reasons mean (`sentences`).
-             * @default false
              */
             explain?: boolean | null;
             /**
@@ -3222,13 +3154,11 @@ export interface components {
             /**
              * Limit
              * @description Most candidates to return.
-             * @default 5
              */
             limit?: number | null;
             /**
              * Method
              * @description `robust`: the method of this service; `paper`: the published one.
-             * @default robust
              */
             method?: ("robust" | "paper") | null;
             /**
@@ -3241,19 +3171,16 @@ export interface components {
             /**
              * Pair Format
              * @description How the pairs are listed: as `objects` with ids in `inliers`, or as `columns` of positions in `inlier_columns`, which take a quarter of the bytes. Stored answers list objects, so `columns` does not go with `store`.
-             * @default objects
              */
             pair_format?: ("objects" | "columns") | null;
             /**
              * Pairs
              * @description Whether to list the landmark pairs of each candidate in `inliers`. Without them the answer is much smaller; verdict, poses and `inlier_count` are the same.
-             * @default true
              */
             pairs?: boolean | null;
             /**
              * Per Session
              * @description Whether to return the best candidate of every session, to learn who was here and when. Each is matched by itself.
-             * @default false
              */
             per_session?: boolean | null;
             /** @description The rough pose of the query, if you know it, such as that of a GNSS receiver. Then every pose whose position (in the ellipse of the covariance) and whose heading are each within 3.5 standard deviations is tried, in all submaps there together, and none outside; jointly that may be up to 4.9. Less evidence is enough than in the whole collection, and trees may be off by up to 1 m, as tree tops are. Needs the method `robust`; `effort` and `limit` do not matter. */
@@ -3271,7 +3198,6 @@ export interface components {
             /**
              * Store
              * @description Whether to store the answer, so that it can be read, drawn and explained later.
-             * @default false
              */
             store?: boolean | null;
             /**
@@ -3288,10 +3214,7 @@ export interface components {
              * Xy
              * @description Positions of the trees as [x, y], in metres. The alternative to `landmarks`.
              */
-            xy?: [
-                number,
-                number
-            ][] | null;
+            xy?: number[][] | null;
         };
         /**
          * QueryLinks
@@ -3322,7 +3245,6 @@ export interface components {
             /**
              * Effort
              * @description How far to search if nothing is found. `fast`: a place that is not stored takes 1.5 to 3 times as long as one that is; finds places seen with up to 40 cm of noise and at least 80 % of the trees, and tries an only submap at every shift; `full`: a place that is not stored takes 10 to 20 times as long as one that is, in small collections 1.4 to 1.6 times; finds places seen with more noise and fewer trees, where neighbours are nearer than 3 m, and in rows of trees, too.
-             * @default full
              */
             effort?: ("fast" | "full") | null;
             /** @description Submaps to leave out of the search. */
@@ -3330,19 +3252,16 @@ export interface components {
             /**
              * Explain
              * @description Whether to add what each level of the search found in each submap (`findings`), and what the reasons mean (`sentences`).
-             * @default false
              */
             explain?: boolean | null;
             /**
              * Limit
              * @description Most candidates to return.
-             * @default 5
              */
             limit?: number | null;
             /**
              * Method
              * @description `robust`: the method of this service; `paper`: the published one.
-             * @default robust
              */
             method?: ("robust" | "paper") | null;
             /**
@@ -3355,19 +3274,16 @@ export interface components {
             /**
              * Pair Format
              * @description How the pairs are listed: as `objects` with ids in `inliers`, or as `columns` of positions in `inlier_columns`, which take a quarter of the bytes. Stored answers list objects, so `columns` does not go with `store`.
-             * @default objects
              */
             pair_format?: ("objects" | "columns") | null;
             /**
              * Pairs
              * @description Whether to list the landmark pairs of each candidate in `inliers`. Without them the answer is much smaller; verdict, poses and `inlier_count` are the same.
-             * @default true
              */
             pairs?: boolean | null;
             /**
              * Per Session
              * @description Whether to return the best candidate of every session, to learn who was here and when. Each is matched by itself.
-             * @default false
              */
             per_session?: boolean | null;
             /** @description The rough pose of the query, if you know it, such as that of a GNSS receiver. Then every pose whose position (in the ellipse of the covariance) and whose heading are each within 3.5 standard deviations is tried, in all submaps there together, and none outside; jointly that may be up to 4.9. Less evidence is enough than in the whole collection, and trees may be off by up to 1 m, as tree tops are. Needs the method `robust`; `effort` and `limit` do not matter. */
@@ -3624,12 +3540,7 @@ export interface components {
              * Bbox
              * @description Bounding box of the footprints as [min x, min y, max x, max y], in metres in the map frame.
              */
-            bbox: [
-                number,
-                number,
-                number,
-                number
-            ];
+            bbox: number[];
             /**
              * Frame Id
              * @description Name of the map frame.
@@ -3695,10 +3606,7 @@ export interface components {
              * Origin
              * @description Easting and northing, in metres, of the map frame's origin in the CRS. Null if it has none.
              */
-            origin: [
-                number,
-                number
-            ] | null;
+            origin: number[] | null;
             /**
              * Radius
              * @description Radius of a submap, in metres.
@@ -3808,10 +3716,7 @@ export interface components {
              * Origin
              * @description Easting and northing, in metres, of the map frame's origin in the CRS. Null if it has none.
              */
-            origin: [
-                number,
-                number
-            ] | null;
+            origin: number[] | null;
             /**
              * Radius
              * @description Radius of a submap, in metres.
@@ -4099,10 +4004,7 @@ export interface components {
              * Xy
              * @description Positions of the trees as [x, y], in metres. The alternative to `landmarks`.
              */
-            xy?: [
-                number,
-                number
-            ][] | null;
+            xy?: number[][] | null;
         };
         /**
          * SubmapReceipt
@@ -4245,23 +4147,17 @@ export interface components {
              * @default query_centre
              * @constant
              */
-            about?: "query_centre";
+            about: "query_centre";
             /**
              * Axes
              * @description What the first and the second coordinate point to: `east` and `north` if the map frame has a coordinate reference system, else `x` and `y`.
              */
-            axes: [
-                "east" | "x",
-                "north" | "y"
-            ];
+            axes: ("east" | "x")[];
             /**
              * Centre
              * @description The middle (mean) of the query's landmarks, in metres, in the query's frame.
              */
-            centre: [
-                number,
-                number
-            ];
+            centre: number[];
             /**
              * Covariance
              * @description Covariance of `shift` along `axes`, and of the turn in radians: 3x3, row-major over (x, y, yaw), in square metres, metre radians and square radians. Null if it is unknown, because that of `map_pose` is.
@@ -4282,18 +4178,12 @@ export interface components {
              * Crs Position
              * @description `position` in full coordinates of `crs`, east first, in its unit. Null without a projected system.
              */
-            crs_position: [
-                number,
-                number
-            ] | null;
+            crs_position: number[] | null;
             /**
              * Crs Shift
              * @description `crs_position` minus `centre`, both in metres: what to add to the query's coordinates, if they are meant to be those of `crs`. It differs from `shift` by the origin of the map frame. Null without a projected system.
              */
-            crs_shift?: [
-                number,
-                number
-            ] | null;
+            crs_shift?: number[] | null;
             /**
              * Crs Unit
              * @description Name of the unit of `crs`, and so of `crs_position`. Null without a projected system.
@@ -4313,26 +4203,17 @@ export interface components {
              * Position
              * @description The same point in the map frame (or the submap's), in metres.
              */
-            position: [
-                number,
-                number
-            ];
+            position: number[];
             /**
              * Shift
              * @description `position` minus `centre`, in metres: dE and dN if `axes` are east and north.
              */
-            shift: [
-                number,
-                number
-            ];
+            shift: number[];
             /**
              * Shift Sigma
              * @description Standard deviations of `shift`, in metres. Null if `covariance` is null.
              */
-            shift_sigma: [
-                number,
-                number
-            ] | null;
+            shift_sigma: number[] | null;
             /**
              * Turn Degrees
              * @description Turn of the query about `centre`, in degrees, from -180 to 180; positive as `turn_positive` says.
@@ -4344,7 +4225,7 @@ export interface components {
              * @default counter_clockwise
              * @constant
              */
-            turn_positive?: "counter_clockwise";
+            turn_positive: "counter_clockwise";
             /**
              * Turn Sigma Degrees
              * @description Standard deviation of the turn, in degrees. Null if `covariance` is null.
@@ -4387,11 +4268,7 @@ export interface components {
              * Triangles
              * @description The Delaunay triangles: three positions in `landmarks` each, counted from 0, counter-clockwise.
              */
-            triangles: [
-                number,
-                number,
-                number
-            ][];
+            triangles: number[][];
         };
         /**
          * TessellationPolygon
@@ -4456,18 +4333,12 @@ export interface components {
              * Source
              * @description The middle of the trees as [x, y] in metres, in the frame that the transform takes points from.
              */
-            source: [
-                number,
-                number
-            ];
+            source: number[];
             /**
              * Target
              * @description The middle of the trees as [x, y] in metres, in the frame that the transform takes points to.
              */
-            target: [
-                number,
-                number
-            ];
+            target: number[];
         };
         /**
          * Versions
@@ -4519,6 +4390,13 @@ export interface operations {
                 content: {
                     "application/json": Record<string, never>;
                 };
+            };
+            /** @description Browsers are sent on to the console, /ui. */
+            303: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
             };
             /** @description A problem document. */
             default: {

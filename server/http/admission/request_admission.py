@@ -16,6 +16,7 @@ from server.http.admission.fair_queue import FairQueue
 from server.http.admission.readiness import ReadinessChecks
 from server.http.admission.unread_answers import UnreadAnswers
 from server.http.body_limit import is_streamed
+from server.http.session_cookie import credentials_of
 from server.observability.metrics import Metrics
 from server.platform.precedence import Precedence, give_way_by
 from server.security.principal import Principal
@@ -105,8 +106,8 @@ class Admission:
 
     @property
     def authorization(self) -> str | None:
-        """The header Authorization of the request, None if it is missing."""
-        return Headers(scope=self._scope).get("authorization")
+        """The credentials of the request, None if it has none. Raises Unauthorized."""
+        return credentials_of(Headers(scope=self._scope), self._scope["method"])
 
     @property
     def name(self) -> str:

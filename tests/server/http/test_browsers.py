@@ -114,7 +114,7 @@ def policy(answer: httpx.Response) -> dict[str, list[str]]:
 )
 @pytest.mark.parametrize("accept", ["text/html", "*/*"])
 def test_every_answer_is_marked(shared_client: httpx.Client, path: str, accept: str) -> None:
-    answer = shared_client.get(path, headers={"Accept": accept})
+    answer = shared_client.get(path, headers={"Accept": accept}, follow_redirects=False)
     assert answer.headers["x-content-type-options"] == "nosniff"
     assert answer.headers["referrer-policy"] == "no-referrer"
     assert policy(answer)["default-src"] == policy(answer)["frame-ancestors"] == ["'none'"]

@@ -1,0 +1,1 @@
+"""The console: the built files of the single-page app in `ui/`, which the wheel carries."""

@@ -1,0 +1,178 @@
+/** One stored query: what was found, laid over each other, and why. */
+
+import { useMemo } from "preact/hooks";
+import { ok, ProblemError, type Schemas } from "urquhart-client";
+
+import { Message, Ready, Title } from "../parts/common";
+import { at, Link, setQuery, useAddress } from "../parts/router";
+import { ago, count, duration } from "../parts/text";
+import { api, sentenceOf } from "../service/api";
+import { useLoaded } from "../service/load";
+import { layOver, type Overlay } from "./overlay";
+import { Stage } from "./stage";
+import { Details } from "./details";
+import { summary, VERDICTS } from "./why";
+
+interface Stored {
+  readonly answer: Schemas["QueryAnswer"];
+  readonly explanation: Schemas["ExplanationAnswer"];
+}
+
+/** Which pose is shown: a candidate by its rank, or a rival by its place in the list, counted from 1. */
+interface Choice {
+  readonly kind: "candidate" | "rival";
+  readonly number: number;
+}
+
+export function MatchPage({ collection, query }: { readonly collection: string; readonly query: string }) {
+  const stored = useLoaded(
+    async (signal): Promise<Stored> => {
+      const asked = { params: { path: { collection, query } }, signal };
+      const [answer, explanation] = await Promise.all([
+        ok(api.GET("/v1/collections/{collection}/queries/{query}", asked)),
+        ok(api.GET("/v1/collections/{collection}/queries/{query}/explanation", asked)),
+      ]);
+      return { answer, explanation };
+    },
+    [collection, query],
+  );
+  return (
+    <main class="match">
+      <Title>{`Query ${query} in ${collection}`}</Title>
+      <Ready of={stored} what="the query">
+        {(loaded) => <Match {...loaded} />}
+      </Ready>
+    </main>
+  );
+}
+
+function Match({ answer, explanation }: Stored) {
+  const choice = choiceOf(useAddress().query.get("show"), answer);
+  const overlay = useOverlay(answer, choice);
+  return (
+    <>
+      <header class="verdict-head">
+        <div>
+          <nav class="crumbs" aria-label="Where you are">
+            <Link to={at("collections")}>Collections</Link>
+            <Link to={at("collections", answer.collection)}>{answer.collection}</Link>
+            <span>Query {answer.id}</span>
+          </nav>
+          <h1>
+            <span class={`badge ${answer.verdict}`}>{VERDICTS[answer.verdict]}</span>
+            <span class="name">{answer.candidates[0]?.submap_id ?? "nowhere in this collection"}</span>
+          </h1>
+          <p class="lead">{summary(answer, explanation)}</p>
+        </div>
+        <p class="meta">
+          {count(answer.landmark_count)} trees asked · revision {count(answer.revision)} ·{" "}
+          {duration(answer.stages.reduce((sum, { milliseconds }) => sum + milliseconds, 0))}
+          {answer.stamp && ` · observed ${ago(answer.stamp)}`}
+        </p>
+      </header>
+      {choice && <Tabs answer={answer} choice={choice} />}
+      <div class="match-body">
+        {choice === null ? (
+          <Message title="No place to draw">
+            <p>The search proposed no pose, so there are no two forests to lay over each other. The panel says why.</p>
+          </Message>
+        ) : (
+          <Ready of={overlay} what="the trees">
+            {(laid) => <Stage overlay={laid} answer={answer} explanation={explanation} />}
+          </Ready>
+        )}
+        <Details answer={answer} explanation={explanation} choice={choice} overlay={overlay.data ?? null} />
+      </div>
+    </>
+  );
+}
+
+function Tabs({ answer, choice }: { readonly answer: Schemas["QueryAnswer"]; readonly choice: Choice }) {
+  const tabs = [
+    ...answer.candidates.map((one) => ({
+      choice: { kind: "candidate", number: one.rank } as Choice,
+      name: one.rank === 1 ? "Best" : `Candidate ${one.rank}`,
+      detail: `${one.submap_id} · ${one.inlier_count} pairs`,
+    })),
+    ...answer.rivals.map((one, index) => ({
+      choice: { kind: "rival", number: index + 1 } as Choice,
+      name: answer.rivals.length > 1 ? `Rival ${index + 1}` : "Rival",
+      detail: `${one.submap_id} · ${one.inlier_count} pairs`,
+    })),
+  ];
+  const move = (event: KeyboardEvent) => {
+    const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+    if (step === undefined) return;
+    const now = tabs.findIndex((tab) => same(tab.choice, choice));
+    const next = (now + step + tabs.length) % tabs.length;
+    event.preventDefault();
+    show(tabs[next]!.choice);
+    (event.currentTarget as HTMLElement).querySelectorAll<HTMLElement>("[role=tab]")[next]?.focus();
+  };
+  return (
+    <div class="tabs" role="tablist" aria-label="Poses" onKeyDown={move}>
+      {tabs.map((tab) => {
+        const chosen = same(tab.choice, choice);
+        return (
+          <button
+            key={`${tab.choice.kind}${tab.choice.number}`}
+            type="button"
+            role="tab"
+            class={tab.choice.kind}
+            aria-selected={chosen}
+            tabIndex={chosen ? 0 : -1}
+            onClick={() => show(tab.choice)}
+          >
+            <b>{tab.name}</b>
+            <small>{tab.detail}</small>
+          </button>
+        );
+      })}
+    </div>
+  );
+}
+
+const same = (one: Choice, other: Choice) => one.kind === other.kind && one.number === other.number;
+const show = ({ kind, number }: Choice) =>
+  setQuery({ show: kind === "candidate" && number === 1 ? null : `${kind}-${number}` });
+
+function choiceOf(text: string | null, answer: Schemas["QueryAnswer"]): Choice | null {
+  const read = /^(candidate|rival)-([0-9]+)$/.exec(text ?? "");
+  const chosen: Choice = { kind: (read?.[1] as Choice["kind"]) ?? "candidate", number: Number(read?.[2] ?? 1) };
+  const length = chosen.kind === "rival" ? answer.rivals.length : answer.candidates.length;
+  if (chosen.number >= 1 && chosen.number <= length) return chosen;
+  return answer.candidates.length > 0 ? { kind: "candidate", number: 1 } : null;
+}
+
+/** The two forests under the chosen pose. The trees of the query come with the match of the best candidate. */
+function useOverlay(answer: Schemas["QueryAnswer"], choice: Choice | null) {
+  const { collection, id } = answer;
+  const rank = choice?.kind === "candidate" ? choice.number : 1;
+  const rival = choice?.kind === "rival" ? answer.rivals[choice.number - 1] : undefined;
+  const inputs = useMemo(() => [collection, id, choice?.kind, choice?.number], [collection, id, choice?.kind, choice?.number]);
+  return useLoaded(async (signal): Promise<Overlay> => {
+    const path = { collection, query: id ?? "", rank };
+    const match = await ok(
+      api.GET("/v1/collections/{collection}/queries/{query}/candidates/{rank}/match", { params: { path }, signal }),
+    );
+    const query = { xy: match.query_landmarks, ids: match.query_ids };
+    if (rival === undefined) {
+      const { candidate } = match;
+      const submap = { xy: match.submap_landmarks, ids: match.submap_ids };
+      const about = { name: `candidate ${rank}: ${candidate.submap_id}`, submapId: candidate.submap_id };
+      return layOver({ ...about, pose: candidate.transform }, query, submap, candidate.inliers);
+    }
+    const { landmarks } = await ok(
+      api.GET("/v1/collections/{collection}/submaps/{submap}", {
+        params: { path: { collection, submap: rival.submap_id } },
+        signal,
+      }),
+    ).catch((error: unknown) => {
+      if (!(error instanceof ProblemError)) throw error;
+      throw new Error(`The trees of the rival ${rival.submap_id} cannot be read: ${sentenceOf(error)}`);
+    });
+    const submap = { xy: (landmarks ?? []).map(({ x, y }) => [x, y]), ids: (landmarks ?? []).map((one) => one.id) };
+    const about = { name: `rival ${choice?.number}: ${rival.submap_id}`, submapId: rival.submap_id };
+    return layOver({ ...about, pose: rival.transform }, query, submap, null);
+  }, inputs);
+}
