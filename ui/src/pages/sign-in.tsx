@@ -28,7 +28,7 @@ export function SignIn({ session, onDone }: { readonly session: Session; readonl
         <img src={new URL("../icon.svg", import.meta.url).href} alt="" width="56" height="56" />
         <h1>Urquhart</h1>
         <p>This service asks for an API key. The operator makes one with</p>
-        <pre>urquhart keys create NAME --scope read --collections '*'</pre>
+        <pre tabIndex={0}>urquhart keys create NAME --scope read --collections '*'</pre>
         <label for="key">API key</label>
         <input
           id="key"

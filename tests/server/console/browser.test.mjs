@@ -1,0 +1,243 @@
+// The console in Chromium. `test_browser.py` starts the services, and says in a file where they are and what they hold.
+
+import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
+import { createRequire } from "node:module";
+import { after, before, test } from "node:test";
+
+import { chromium } from "playwright-core";
+
+const told = JSON.parse(readFileSync(process.env.CONSOLE_TOLD, "utf8"));
+const axe = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
+const { matched, no_match: missed, ambiguous } = told.answers;
+const matchPage = (answer) => `/ui/collections/${answer.collection}/queries/${answer.id}`;
+let browser;
+
+before(async () => {
+  browser = await chromium.launch({
+    executablePath: told.chromium,
+    args: ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"],
+  });
+});
+after(() => browser?.close());
+
+/** Runs with a page of its own. Fails on an error in its console, a dialog, or a request to another host. */
+async function onPage(base, options, run) {
+  const context = await browser.newContext({ baseURL: base, viewport: { width: 1280, height: 800 }, ...options });
+  const page = await context.newPage();
+  const errors = [];
+  page.on("pageerror", (error) => errors.push(String(error)));
+  page.on("dialog", (dialog) => errors.push(`dialog ${dialog.message()}`) && dialog.dismiss());
+  page.on("console", (message) => {
+    if (message.type() === "error" && !page.expectsFailures) errors.push(message.text());
+  });
+  page.on("request", (request) => {
+    const url = new URL(request.url());
+    if (url.protocol.startsWith("http") && url.origin !== base) errors.push(`request to ${url.origin}`);
+  });
+  try {
+    await run(page, context);
+    assert.deepEqual(errors, []);
+  } finally {
+    await context.close();
+  }
+}
+
+/** Fails on anything that axe-core finds. */
+async function accessible(page) {
+  await page.evaluate(axe);
+  const { violations } = await page.evaluate(() => globalThis.axe.run(document, { resultTypes: ["violations"] }));
+  assert.deepEqual(
+    violations.map(({ id, nodes }) => [id, nodes.slice(0, 3).map(({ html }) => html)]),
+    [],
+  );
+}
+
+/** The colour of the canvas at a place in pixels of the page. */
+function colourAt(page, x, y) {
+  return page.evaluate(
+    ([atX, atY]) => {
+      const canvas = document.querySelector("canvas");
+      const ratio = canvas.width / canvas.clientWidth;
+      return [...canvas.getContext("2d").getImageData(Math.round(atX * ratio), Math.round(atY * ratio), 1, 1).data];
+    },
+    [x, y],
+  );
+}
+
+test("a match is drawn where its trees are, with the numbers of the API", async () => {
+  await onPage(told.open, {}, async (page) => {
+    await page.goto(matchPage(matched));
+    await page.getByRole("heading", { name: "Matched p1" }).waitFor();
+    await page.waitForTimeout(100);
+    const [best] = matched.candidates;
+    const details = page.getByRole("complementary", { name: "Details" });
+    const text = await details.innerText();
+    assert.ok(text.includes(best.evidence.toFixed(1)) && text.includes(best.log_odds.toFixed(1)));
+    assert.ok(text.includes(`${best.transform.x.toFixed(3)} m`));
+    assert.ok((await page.locator(".lead").innerText()).startsWith(`${best.inlier_count} of the 45 trees`));
+    const match = await (await page.request.get(best.links.match)).json();
+    const { x: tx, y: ty, yaw } = best.transform;
+    const trees = match.query_landmarks.map(([x, y]) => [
+      Math.cos(yaw) * x - Math.sin(yaw) * y + tx,
+      Math.sin(yaw) * x + Math.cos(yaw) * y + ty,
+    ]);
+    const { width, height } = await page.locator("canvas").boundingBox();
+    const [west, east] = [Math.min(...trees.map(([x]) => x)), Math.max(...trees.map(([x]) => x))];
+    const [south, north] = [Math.min(...trees.map(([, y]) => y)), Math.max(...trees.map(([, y]) => y))];
+    const scale = Math.min((width - 72) / (east - west), (height - 72) / (north - south));
+    let orange = 0;
+    for (const [x, y] of trees.slice(0, 20)) {
+      const [px, py] = [width / 2 + (x - (west + east) / 2) * scale, height / 2 - (y - (south + north) / 2) * scale];
+      const [red, green, blue] = await colourAt(page, px, py);
+      if (red > 180 && green < 140 && blue < 60) orange++;
+    }
+    assert.ok(orange >= 18, `${orange} of 20 trees are drawn where they are`);
+    await accessible(page);
+  });
+});
+
+test("script in ids and titles stays text", async () => {
+  await onPage(told.open, {}, async (page) => {
+    for (const path of ["/ui", "/ui/collections/plots", matchPage(matched)]) {
+      await page.goto(path);
+      await page.getByText(told.hostile).first().waitFor();
+      assert.equal(await page.locator("img[src=x]").count(), 0);
+    }
+  });
+});
+
+test("rivals are tabs, with an address of their own, and the keyboard reaches everything", async () => {
+  await onPage(told.open, {}, async (page) => {
+    assert.equal(ambiguous.verdict, "ambiguous");
+    await page.goto(matchPage(ambiguous));
+    await page.getByRole("heading", { name: /^Ambiguous/ }).waitFor();
+    await page.getByRole("heading", { name: "What would make it a match" }).waitFor();
+    await page.getByRole("tab", { selected: true }).focus();
+    for (let step = 0; step < ambiguous.candidates.length; step++) await page.keyboard.press("ArrowRight");
+    assert.match(page.url(), /show=rival-1/);
+    const rival = page.getByRole("tab", { selected: true });
+    assert.ok(await rival.evaluate((element) => element === document.activeElement));
+    await page.getByRole("heading", { name: /^A rival/ }).waitFor();
+    await page.reload();
+    await page.getByRole("heading", { name: /^A rival/ }).waitFor();
+    for (const mode of ["Blink", "Swipe"]) {
+      const button = page.getByRole("button", { name: mode });
+      await button.focus();
+      await page.keyboard.press("Enter");
+      assert.equal(await button.getAttribute("aria-pressed"), "true");
+    }
+    await page.getByRole("slider").focus();
+    await page.keyboard.press("ArrowLeft");
+    await accessible(page);
+    const canvas = page.locator("canvas");
+    const picture = () => canvas.evaluate((element) => element.toDataURL());
+    const earlier = await picture();
+    await canvas.focus();
+    await page.keyboard.press("+");
+    await page.waitForFunction((old) => document.querySelector("canvas").toDataURL() !== old, earlier);
+  });
+});
+
+test("an answer without a match says why, and pictures are saved as files", async () => {
+  await onPage(told.open, { acceptDownloads: true }, async (page) => {
+    await page.goto(matchPage(missed));
+    await page.getByRole("heading", { name: /^No match/ }).waitFor();
+    await page.goto(matchPage(matched));
+    for (const [name, begins] of [["Save PNG", "\x89PNG"], ["Save SVG", "<svg "]]) {
+      const [download] = await Promise.all([page.waitForEvent("download"), page.getByRole("button", { name }).click()]);
+      const saved = readFileSync(await download.path(), "latin1");
+      assert.ok(saved.startsWith(begins), name);
+      if (name === "Save SVG") assert.ok(saved.includes("Matched") && !saved.includes("<img"));
+    }
+  });
+});
+
+test("a query that is not there, and a page that is not, say so", async () => {
+  await onPage(told.open, {}, async (page) => {
+    page.expectsFailures = true;
+    await page.goto("/ui/collections/plots/queries/99");
+    await page.getByRole("alert").getByText("stored query").waitFor();
+    await page.goto("/ui/nowhere");
+    await page.getByText("There is no such page").waitFor();
+  });
+});
+
+test("collections are made and deleted, with a confirmation, by keyboard", async () => {
+  await onPage(told.open, { colorScheme: "dark" }, async (page) => {
+    await page.goto("/ui");
+    await page.getByRole("link", { name: /^plots/ }).waitFor();
+    await accessible(page);
+    await page.getByRole("button", { name: "New collection" }).press("Enter");
+    page.expectsFailures = true;
+    await page.getByLabel("Id").fill("plots");
+    await page.keyboard.press("Enter");
+    await page.getByRole("alert").waitFor();
+    page.expectsFailures = false;
+    await page.getByLabel("Id").fill("made-here");
+    await accessible(page);
+    await page.keyboard.press("Enter");
+    await page.getByRole("heading", { name: "made-here", level: 1 }).waitFor();
+    await page.getByRole("heading", { name: "No submaps yet" }).waitFor();
+    await page.getByRole("button", { name: "Delete …" }).press("Enter");
+    const sure = page.getByRole("button", { name: "Delete it" });
+    assert.ok(await sure.isDisabled());
+    await page.getByLabel(/^To confirm/).fill("made-here");
+    await page.keyboard.press("Enter");
+    await page.getByRole("heading", { name: "Collections" }).waitFor();
+    assert.equal(await page.getByRole("link", { name: /^made-here/ }).count(), 0);
+    const ground = await page.evaluate(() => getComputedStyle(document.body).backgroundColor);
+    assert.equal(ground, "rgb(15, 21, 18)");
+    await page.getByRole("button", { name: /^Theme/ }).click();
+    assert.notEqual(await page.evaluate(() => getComputedStyle(document.body).backgroundColor), ground);
+  });
+});
+
+test("a key opens a session with its scopes, a wrong one none, and an ended one says so", async () => {
+  await onPage(told.closed, {}, async (page, context) => {
+    await context.addCookies([{ name: "urquhart_session", value: told.ended, url: told.closed }]);
+    await page.goto("/ui/collections/plots");
+    await page.getByRole("alert").getByText("ended").waitFor();
+    await accessible(page);
+    page.expectsFailures = true;
+    await page.getByLabel("API key").fill("urq_wrong");
+    await page.keyboard.press("Enter");
+    await page.getByRole("alert").getByText("Authorization must be").waitFor();
+    page.expectsFailures = false;
+    await page.getByLabel("API key").fill(told.reader);
+    await page.keyboard.press("Enter");
+    await page.getByRole("heading", { name: "plots", level: 1 }).waitFor();
+    assert.equal(await page.getByRole("button", { name: "Delete …" }).count(), 0);
+    await page.getByRole("link", { name: "Collections" }).first().click();
+    await page.getByRole("link", { name: "plots" }).waitFor();
+    assert.equal(await page.getByText("secret").count(), 0);
+    assert.equal(await page.getByRole("button", { name: "New collection" }).count(), 0);
+    assert.equal(await page.evaluate(() => document.cookie), "");
+    await page.getByRole("button", { name: "Sign out" }).click();
+    await page.getByLabel("API key").waitFor();
+  });
+});
+
+test("a service that is gone is said to be, and the page goes on when it is back", async () => {
+  await onPage(told.open, {}, async (page, context) => {
+    await page.goto("/ui");
+    await page.getByRole("link", { name: /^plots/ }).waitFor();
+    page.expectsFailures = true;
+    await context.setOffline(true);
+    await page.getByRole("link", { name: /^plots/ }).click();
+    await page.getByText("The service cannot be reached").waitFor();
+    await context.setOffline(false);
+    await page.getByRole("heading", { name: "Submaps" }).waitFor();
+  });
+});
+
+test("a phone shows it all without scrolling sideways", async () => {
+  await onPage(told.open, { viewport: { width: 360, height: 740 }, isMobile: true, hasTouch: true }, async (page) => {
+    for (const path of ["/ui", "/ui/collections/plots", matchPage(matched)]) {
+      await page.goto(path);
+      await page.getByText("Loading").waitFor({ state: "detached" });
+      const wider = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
+      assert.ok(wider <= 0, `${path} is ${wider} pixels too wide`);
+    }
+  });
+});
