@@ -1,4 +1,4 @@
-"""The console in a real browser: `browser.test.mjs` drives Chromium over two services, one without keys and one with."""
+"""The console in a real browser: `browser.test.mjs` drives Chromium over a service without keys, and one with keys."""
 
 import json
 import os
