@@ -1,7 +1,7 @@
 /**
  * Types of the service's API. Generated from its OpenAPI document by `make client-types`: do not edit.
  *
- * openapi sha256 61f10e18723eba21f49e8ad81973a206b0987f27ae7016c8fb18eba12eb4e2bc
+ * openapi sha256 3bcbdacfeb2feb5a08102202a54938761ea62775e7e22d737ea575d550996239
  */
 
 export interface paths {
@@ -2333,6 +2333,11 @@ export interface components {
              */
             constraints: components["schemas"]["MapEdge"][];
             /**
+             * Contradictions
+             * @description Odometry that other constraints contradict. While one of them is `undecided`, the poses cannot be applied.
+             */
+            contradictions: components["schemas"]["MapContradiction"][];
+            /**
              * Id
              * @description Id of the map: that of the job that built it.
              */
@@ -2349,6 +2354,38 @@ export interface components {
             poses: components["schemas"]["MapSubmapPose"][];
             /** @description The map in numbers. */
             summary: components["schemas"]["MapSummary"];
+        };
+        /**
+         * MapContradiction
+         * @description Odometry that other constraints contradict.
+         */
+        MapContradiction: {
+            /**
+             * Against
+             * @description Positions in `constraints` of those that contradict them and agree with each other. Empty if the odometry contradicts itself.
+             */
+            against: number[];
+            /**
+             * Distance
+             * @description How far both sides are apart, in standard deviations: the Mahalanobis distance.
+             */
+            distance: number;
+            /**
+             * Odometry
+             * @description Positions in `constraints`, from 0: odometry edges, of which at least one is wrong, or else `against` is.
+             */
+            odometry: number[];
+            /**
+             * Outcome
+             * @description `refused`: the odometry was left out. `undecided`: nothing tells which side is wrong, and the poses are not applied.
+             * @enum {string}
+             */
+            outcome: "refused" | "undecided";
+            /**
+             * Witnesses
+             * @description How many ways through the constraints contradict the odometry and have no submap in common.
+             */
+            witnesses: number;
         };
         /**
          * MapEdge
@@ -2373,9 +2410,9 @@ export interface components {
             kind: "match" | "odometry" | "prior";
             /**
              * Refused
-             * @description Why the constraint was left out: other constraints contradict it, or nothing confirms it. Null if it was used.
+             * @description Why the constraint was left out: other constraints contradict it (`contradicted`), nothing confirms it (`unconfirmed`), or it is odometry that contradicts other odometry, and nothing tells which of them is wrong (`undecided`). Null if it was used.
              */
-            refused: ("contradicted" | "unconfirmed") | null;
+            refused: ("contradicted" | "unconfirmed" | "undecided") | null;
             /**
              * Shift
              * @description Metres between the constraint and the poses of the map. Null between parts that nothing connects.
@@ -2459,7 +2496,7 @@ export interface components {
             map_frame_id?: string | null;
             /**
              * Odometry
-             * @description Relative poses that are believed within their covariances.
+             * @description Relative poses that are believed within their covariances, unless several independent matches contradict one of them, or they contradict each other.
              */
             odometry?: components["schemas"]["OdometryEdge"][] | null;
             /**
@@ -2617,6 +2654,11 @@ export interface components {
              */
             contradicted: number;
             /**
+             * Contradictions
+             * @description Number of times that constraints contradict odometry.
+             */
+            contradictions: number;
+            /**
              * Covariance Scale
              * @description What the covariances of matches were multiplied with, because their cycles are off by more.
              */
@@ -2646,6 +2688,11 @@ export interface components {
              * @description Number of constraints left out because nothing confirms them.
              */
             unconfirmed: number;
+            /**
+             * Undecided
+             * @description Number of constraints left out because odometry contradicts itself, and nothing tells where it is wrong.
+             */
+            undecided: number;
         };
         /**
          * MatchAnswer
@@ -2758,7 +2805,8 @@ export interface components {
         };
         /**
          * OdometryEdge
-         * @description A relative pose that a robot measured while it drove: from_T_to. It is believed within its covariance.
+         * @description A relative pose that a robot measured while it drove: from_T_to. It is believed within its covariance, unless
+         *     matches prove it wrong.
          */
         OdometryEdge: {
             /**
