@@ -19,6 +19,7 @@ from sqlalchemy.pool import QueuePool
 from server import errors
 from server.store.sqlite import database_lock, expressions
 from server.store.sqlite.file_guard import FileGuard
+from server.store.sqlite.read_connections import ReadConnections
 from server.store.sqlite.sqlite_errors import domain_error, storage_errors
 from server.store.sqlite.write_queue import WriteQueue
 from server.store.storage import ReadTransaction, WriteTransaction
@@ -64,6 +65,7 @@ class Database:
         self._guard = FileGuard(self.path, read_only=read_only)
         self.engine = self._make_engine()
         self._write_engine = self.engine.execution_options(**{_WRITE: True})
+        self._readers = ReadConnections(self.engine)
 
     def __reduce__(self) -> tuple[Callable[[Path], "Database"], tuple[Path]]:
         """Sent to another process, it is opened there, once however often it is sent."""
@@ -93,8 +95,7 @@ class Database:
     @contextmanager
     def read_connection(self) -> Iterator[Connection]:
         """A connection on a read transaction, for statements about the file and its schema."""
-        with self._guarded(writing=False), self.engine.connect() as connection:
-            connection.begin()  # a statement for the driver itself would not
+        with self._guarded(writing=False), self._readers.begin() as connection:
             yield connection
 
     def trouble(self) -> str | None:
@@ -135,7 +136,7 @@ class Database:
                 with storage_errors(self.path):
                     self._file_lock = database_lock.share(self.path, self.busy_timeout, read_only=self.read_only)
                 # What was opened before may be a file that is not of this name any more.
-                self.engine.dispose()
+                self._close_idle()
 
     def copy_to(self, target: Path, *, between: Callable[[], None]) -> None:
         """Write a copy of the file as it is now, with all that is committed, while others read and write.
@@ -152,12 +153,16 @@ class Database:
 
     def dispose(self) -> None:
         """Close all idle connections; the last one to close folds the write-ahead log into the file, if it is whole."""
-        self.engine.dispose()
+        self._close_idle()
         with self._moving_in:
             self._guard.close()
             if self._file_lock is not None:
                 database_lock.release(self._file_lock)
                 self._file_lock = None
+
+    def _close_idle(self) -> None:
+        self._readers.close()
+        self.engine.dispose()
 
     def _make_engine(self) -> Engine:
         expressions.register()
