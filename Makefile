@@ -48,7 +48,7 @@ lint: $(VENV)/dev.stamp ## check format, style and types
 	@$(BIN)/ruff check .
 	@$(BIN)/mypy
 
-bench: $(VENV)/dev.stamp ## measure the service beside an older commit: query, crowd, writes, start, memory
+bench: $(VENV)/dev.stamp ## measure the service beside an older commit (12 minutes): queries, writes, start, memory, size
 	@$(BIN)/python -m benchmarks.service $(ARGS)
 
 bench-check: $(VENV)/dev.stamp ## fail if an operation takes 1.3 times the work of the last release

@@ -9,6 +9,7 @@ import typer
 from benchmarks import record
 from benchmarks.experiments import Figures, choose
 from benchmarks.machine import commit, machine
+from benchmarks.scale.other_load import watched
 from benchmarks.service import history
 from benchmarks.service.parts import PARTS
 from benchmarks.service.report import section
@@ -24,7 +25,7 @@ def main(
     against: Annotated[str, typer.Option(help="The commit to compare with; empty for none.")] = BASELINE,
     quick: Annotated[bool, typer.Option("--quick", help="A smaller version, within two minutes.")] = False,
     publish: Annotated[
-        bool, typer.Option("--publish", help=f"Write the figures to {FULL}, for docs/scaling.md.")
+        bool, typer.Option("--publish", help=f"Write the figures to {FULL}, and docs/scaling.md.")
     ] = False,
     check: Annotated[
         bool, typer.Option("--check", help=f"Only compare with the last line of {history.PAGE}; fail if slower.")
@@ -46,12 +47,28 @@ def main(
     for name in choose(only, PARTS):
         typer.echo(f"{name} ...")
         began = time.perf_counter()
-        found = PARTS[name](versions, quick=quick)
-        head = {"machine": machine("fastapi", "uvicorn"), "commit": commit(), "quick": quick, "against": against}
+        head: Figures = {
+            "machine": machine("fastapi", "uvicorn"),
+            "commit": commit(),
+            "quick": quick,
+            "against": against,
+        }
+        with watched(head):
+            found = PARTS[name](versions, quick=quick)
         figures[name] = head | {"seconds": time.perf_counter() - began} | found
         record.write(out, figures)
     typer.echo(section(figures))
     typer.echo(f"figures: {out}")
+    if publish:
+        typer.echo(f"page: {_write_page()}")
+
+
+def _write_page() -> Path:
+    """docs/scaling.md, of which these figures are a section; its own command draws it."""
+    from benchmarks.scale.__main__ import FULL as FOLDER
+    from benchmarks.scale.__main__ import write_page  # loads what draws, and FAISS
+
+    return write_page(FOLDER)
 
 
 if __name__ == "__main__":

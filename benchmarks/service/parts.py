@@ -8,7 +8,7 @@ from typing import Final
 
 from benchmarks.experiments import Figures
 from benchmarks.server_process import BenchmarkServer
-from benchmarks.service import crowd, single, start_costs, waterfall
+from benchmarks.service import crowd, first_queries, single, start_costs, waterfall
 from benchmarks.service.versions import Version
 from benchmarks.service.workload import Workload
 
@@ -62,6 +62,13 @@ def measure_start(versions: Sequence[Version], *, quick: bool) -> Figures:
     return {"versions": {version.name: start_costs.measure(version, first=not quick) for version in versions}}
 
 
+def measure_first(versions: Sequence[Version], *, quick: bool) -> Figures:
+    """The first request of each kind after a start."""
+    workload = Workload.make(200 if quick else 1_000, 0)
+    found = {version.name: first_queries.measure(version, workload) for version in versions}
+    return {"submaps": len(workload.submaps), "versions": found}
+
+
 def measure_kernels(versions: Sequence[Version], *, quick: bool) -> Figures:
     """What imports and kernels cost a process."""
     return {"versions": {version.name: start_costs.measure_kernels(version) for version in versions}}
@@ -73,6 +80,7 @@ PARTS: Final[dict[str, Callable[..., Figures]]] = {
     "crowd": measure_crowd,
     "puts": measure_puts,
     "start": measure_start,
+    "first": measure_first,
     "kernels": measure_kernels,
 }
 

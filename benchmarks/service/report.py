@@ -10,6 +10,23 @@ from benchmarks.service.waterfall import STAGES, lines
 NAME: Final = "service"
 """Of the file with the figures."""
 NOW: Final = "now"
+_MUCH: Final = 0.1
+"""Cores that others keep busy from which a part is called disturbed."""
+_LARGEST: Final = 10
+"""Packages that are named."""
+_WHY: Final = {
+    "llvmlite": "the compiler behind numba: kernels are compiled for the processor at hand",
+    "scipy": "triangulation (Qhull), nearest neighbours, sparse systems of maps",
+    "numpy": "arrays",
+    "faiss-cpu": "k-means for the polygons of large segments",
+    "numba": "kernels",
+    "pyproj": "coordinate reference systems",
+    "sqlalchemy": "SQL",
+    "pydantic": "models of requests",
+    "pydantic-core": "the same, compiled",
+    "fastapi-offline": "the documentation of the API without a network",
+    "pygments": "help of commands",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,17 +130,36 @@ _ROWS: Final = (
         ("start_seconds",),
         digits=1,
         goal=1.5,
-        cause="Imports of numba, scipy, FastAPI and SQLAlchemy, and loading kernels from their cache.",
+        cause="Imports: SQLAlchemy, scipy, FastAPI with the models of requests, and numba take most of it, and kernels "
+        "with the searches that load them 0.4 s.",
     ),
     _Row("**`urquhart --version`, s**", "start", ("version_seconds",), goal=0.3, cause="Python and the command line."),
+    _Row(
+        "**`urquhart keys list`, s**",
+        "start",
+        ("keys_seconds",),
+        goal=0.3,
+        cause="SQLAlchemy takes half of it, pydantic's settings a quarter.",
+    ),
     _Row(
         "**idle memory, MB**",
         "start",
         ("idle",),
         digits=0,
         goal=180.0,
-        cause="numba and its compiler take 157 MB of it, and kernels cannot be loaded without them.",
+        cause="The imports of numba, numpy and scipy take half of it: "
+        "[decision 19](decisions/0019-kernels-load-without-the-compiler.md).",
     ),
+    _Row("of it the process's own, MB", "start", ("idle_own",), digits=0),
+    _Row(
+        "**longest first request after a start, times the median of its kind**",
+        "first",
+        ("worst",),
+        digits=1,
+        goal=3.0,
+        cause="What its kind alone needs is loaded then: see the table below.",
+    ),
+    _Row("the same, ms", "first", ("first",), digits=1),
     _Row("kernels loaded from the cache, s", "kernels", ("kernels", "seconds")),
     _Row("kernels loaded from the cache, MB", "kernels", ("kernels", "megabytes"), digits=0),
     _Row("numba imported, MB", "kernels", ("compiler", "megabytes"), digits=0),
@@ -133,14 +169,14 @@ _ROWS: Final = (
         ("installed_mb",),
         digits=0,
         goal=450.0,
-        cause="llvmlite, scipy, numba and faiss are most of it, and all are in use.",
+        cause="llvmlite, scipy, numpy, faiss and numba are most of it, and all are in use: see the table below.",
     ),
 )
 
 
 def section(figures: Figures) -> str:
     """The section; parts that were not measured are left out."""
-    return page("## What the service costs", _table(figures), _waterfall(figures))
+    return page("## What the service costs", _table(figures), _firsts(figures), _sizes(figures), _waterfall(figures))
 
 
 def _table(figures: Figures) -> str:
@@ -153,23 +189,79 @@ def _table(figures: Figures) -> str:
         versions = figures[row.part]["versions"]
         before, now = _at(versions.get(older), row.path), _at(versions[NOW], row.path)
         ratio = now / before if now is not None and before else None
+        is_missed = row.is_missed(now, ratio)
+        met = "" if row.goal is None or now is None else "**no**" if is_missed else "yes"
         cells = (number(before, row.digits), number(now, row.digits), number(ratio, 2))
-        rows.append([row.what, *cells, row.told()])
-        if row.is_missed(now, ratio):
+        rows.append([row.what, *cells, row.told(), met])
+        if is_missed:
             missed.append(f"{row.what.strip('*')}: {row.cause}")
     single, made = figures.get("single", {}), measured[0]["machine"]
     return page(
         prose(
-            f"""Made by `make bench` on {made["processor"]}, {made["cores"]} cores, Python {made["python"]}: this
-            version and commit `{older}` in turn, each a service in a process of its own, in the same run. Clients and
-            service share the cores. One query at a time: {single.get("submaps", 0):,} submaps,
-            {single.get("trees", 0):.0f} trees, 5 candidates. The 32 clients: 10,000 submaps, a tenth of the requests
-            are writes. Processor time is that of the service alone. Other programs shared the machine while this was
-            measured, so times are longer than on a quiet one; the ratios hold."""
+            f"""Made by `make bench` on {made["processor"]}, {made["cores"]} cores, Python {made["python"]}, at commit
+            `{measured[0]["commit"]}`: this version and commit `{older}` in turn, each a service in a process of its
+            own, in the same run. Clients and service share the cores. One query at a time:
+            {single.get("submaps", 0):,} submaps, {single.get("trees", 0):.0f} trees, 5 candidates. The 32 clients:
+            10,000 submaps, a tenth of the requests are writes. Processor time is that of the service alone. Starts are
+            of an empty database. {_disturbed(figures)}"""
         ),
-        table(["", f"`{older}`", "now", "ratio", "goal"], rows),
+        table(["", f"`{older}`", "now", "ratio", "goal", "met"], rows),
         "### What falls short" if missed else "",
         bullets(missed),
+    )
+
+
+def _disturbed(figures: Figures) -> str:
+    """What else the machine did meanwhile."""
+    others = {name: part["others"] for name, part in figures.items() if part.get("others", 0.0) > _MUCH}
+    if not others:
+        return "The machine did nothing else meanwhile."
+    busy = ", ".join(f"{name} {number(cores, 1)}" for name, cores in others.items())
+    return f"""Other programs used the machine meanwhile (cores on average: {busy}), so times of these parts are longer
+        than on a quiet one; the ratios hold."""
+
+
+def _firsts(figures: Figures) -> str:
+    """The first request of each kind after a start, of this version."""
+    if "first" not in figures:
+        return ""
+    kinds = figures["first"]["versions"][NOW]["kinds"]
+    return page(
+        "### First requests",
+        prose(
+            f"""Milliseconds of the first request of a kind after a start of this version with
+            {figures["first"]["submaps"]:,} submaps, and the median of those after it (`python -m benchmarks.service
+            --only first`). No request compiles a kernel or waits for one, which a test counts."""
+        ),
+        table(
+            ["", "first", "later", "ratio"],
+            [
+                [kind, number(found["first"], 1), number(found["later"], 1), number(found["ratio"], 1)]
+                for kind, found in kinds.items()
+            ],
+        ),
+    )
+
+
+def _sizes(figures: Figures) -> str:
+    """The packages that take most of an installation."""
+    packages = figures["start"]["versions"][NOW].get("packages") if "start" in figures else None
+    if not packages:
+        return ""
+    most = list(packages.items())[:_LARGEST]
+    rest = sum(packages.values()) - sum(size for _, size in most)
+    rows = [[f"`{name}`", _WHY.get(name, ""), number(size, 0)] for name, size in most]
+    return page(
+        "### Installed size",
+        prose(
+            """What `pip install urquhart` puts on the disk without extras, by package (`python -m benchmarks.service
+            --only start`). Tests of the packages themselves are part of their wheels."""
+        ),
+        table(
+            ["package", "MB", "what for"],
+            [*rows, [f"{len(packages) - len(most)} others", number(rest, 0), ""]],
+            words=2,
+        ),
     )
 
 

@@ -5,18 +5,20 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.machine import ROOT
 from benchmarks.service import history
 from benchmarks.service.calibration import CalibrationLoop
 from benchmarks.service.connection import HttpAnswer, address_of, request_bytes, take_answer
 from benchmarks.service.history import LIMIT, Release, check, read, slower, write
 from benchmarks.service.report import section
+from benchmarks.service.start_costs import installed_sizes
 from benchmarks.service.waterfall import STAGES, lines
 
 ROWS = {
     "0.1.0": Release("AMD EPYC", {"library": 1.5, "query": 2.25, "PUT": 1.0, "empty": 0.125}),
     "0.2.0": Release("Intel(R) Xeon(R) Processor", {"library": 1.25, "query": 2.0}),
 }
-HEAD = {"against": "95bf473", "machine": {"processor": "a", "cores": 2, "python": "3.11"}}
+HEAD = {"against": "95bf473", "commit": "abc", "machine": {"processor": "a", "cores": 2, "python": "3.11"}}
 
 
 def test_an_answer_is_taken_when_all_of_it_has_arrived() -> None:
@@ -78,5 +80,29 @@ def test_stages_follow_each_other_and_the_page_shows_them() -> None:
     single = {"library": {"p50": 2.0}, "http": {"p50": 3.0}, "added": {"p50": 1.0, "cpu": 1.0}, "empty": {"p50": 0.5}}
     measured = HEAD | {"submaps": 1000, "trees": 90.0, "versions": {"95bf473": single, "now": single}}
     page = section({"single": measured, "waterfall": HEAD | figures})
-    assert "| over HTTP: the same, p50, ms | 3.00 | 3.00 | 1.00 |  |" in page
+    assert "| over HTTP: the same, p50, ms | 3.00 | 3.00 | 1.00 |  |  |" in page
     assert "| search | the library: describe, propose, verify, decide | 0.250 | 0.200 |" in page
+
+
+def test_the_page_says_what_is_met_and_what_disturbed_it() -> None:
+    started = {"version_seconds": 0.2, "start_seconds": 2.5, "idle": 200.0, "packages": {"numpy": 70.0, "scipy": 140.0}}
+    kinds = {"PUT": {"first": 6.0, "later": 3.0, "ratio": 2.0}}
+    figures = {
+        "start": HEAD | {"others": 0.0, "versions": {"95bf473": {}, "now": started}},
+        "first": HEAD | {"submaps": 10, "others": 0.5, "versions": {"now": {"kinds": kinds, "worst": 2.0}}},
+    }
+    page = section(figures)
+    assert "| **later start, s** | - | 2.5 | - | at most 1.5 | **no** |" in page
+    assert "| **`urquhart --version`, s** | - | 0.20 | - | at most 0.3 | yes |" in page
+    assert "- later start, s: " in page
+    assert "| PUT | 6.0 | 3.0 | 2.0 |" in page
+    assert "| `scipy` |" in page
+    assert "first 0.5)" in page
+    assert "start 0.0" not in page
+
+
+def test_the_packages_of_an_installation_are_those_that_the_project_needs() -> None:
+    sizes = installed_sizes(ROOT / "pyproject.toml")
+    assert {"numba", "llvmlite", "sqlalchemy"} <= sizes.keys()
+    assert not {"pytest", "pyarrow", "gtsam"} & sizes.keys(), "extras are apart"
+    assert all(size > 0.0 for size in sizes.values())
