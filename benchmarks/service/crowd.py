@@ -132,4 +132,4 @@ def _take(client: _Client, times: dict[str, list[float]], others: Counter[str]) 
 
 def _spread(times: list[float]) -> Figures:
     p50, p95, p99 = np.percentile(times, (50, 95, 99)).tolist()
-    return {"count": len(times), "p50": p50, "p95": p95, "p99": p99}
+    return {"count": len(times), "p50": p50, "p95": p95, "p99": p99, "p99_to_p50": p99 / p50}

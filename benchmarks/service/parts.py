@@ -1,5 +1,6 @@
 """What is measured, part by part: each gives the figures of every version, all measured in the same run."""
 
+import os
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
@@ -38,6 +39,10 @@ def measure_crowd(versions: Sequence[Version], *, quick: bool) -> Figures:
     seconds = 2.0 if quick else 10.0
     with _services(versions, workload) as servers:
         found = _in_turn(servers, lambda turn: crowd.fleet(workload, turn), clients=_CLIENTS, seconds=seconds)
+    # With several workers the processor time is that of their parent, so it says nothing.
+    with _services([versions[-1]], workload, URQUHART_WORKERS=str(os.cpu_count() or 1)) as servers:
+        each = _in_turn(servers, lambda turn: crowd.fleet(workload, turn), clients=_CLIENTS, seconds=seconds)
+    found[versions[-1].name]["by_workers"] = each[versions[-1].name]
     return {"submaps": len(workload.submaps), "versions": found}
 
 
@@ -86,10 +91,10 @@ PARTS: Final[dict[str, Callable[..., Figures]]] = {
 
 
 @contextmanager
-def _services(versions: Sequence[Version], workload: Workload) -> Iterator[dict[str, BenchmarkServer]]:
+def _services(versions: Sequence[Version], workload: Workload, **settings: str) -> Iterator[dict[str, BenchmarkServer]]:
     """A service of each version that holds the submaps, all at once: one that is idle costs the other nothing."""
     with tempfile.TemporaryDirectory() as name, ExitStack() as stack:
-        servers = {version.name: stack.enter_context(version.service(Path(name))) for version in versions}
+        servers = {version.name: stack.enter_context(version.service(Path(name), **settings)) for version in versions}
         for server in servers.values():
             workload.fill(server.url)
         yield servers
