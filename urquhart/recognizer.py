@@ -25,7 +25,7 @@ from urquhart.prior.decision import decide_within, match_window
 from urquhart.prior.prior import Prior
 from urquhart.prior.window import search_window, trees_about
 from urquhart.propose.by_paper import propose_by_paper
-from urquhart.propose.levels import LEVELS, propose_on
+from urquhart.propose.levels import LEVELS, Level, propose_on
 from urquhart.propose.query import Proposal, Query, make_query
 from urquhart.se2 import SE2
 from urquhart.trace import StoppedBy
@@ -150,13 +150,14 @@ class Recognizer(SubmapCollection):
 def _search(query: Query, index: CollectionIndex, options: Options) -> Recognition:
     """Propose and rank, level by level, until a pose is certain or time runs out; then decide."""
     ranking, limit = NOTHING, options.limit
+    levels = LEVELS[options.effort]
     if options.method == "paper":
-        levels = iter([propose_by_paper(query, index, options.rng or np.random.default_rng(0))])
-    else:
-        levels = propose_on(index, query, limit, lambda: ranking.is_lost(query), LEVELS[options.effort])
-    for proposals in levels:
+        rng = options.rng or np.random.default_rng(0)
+        levels = [Level("paper", lambda *_: True, lambda search: propose_by_paper(search.query, search.index, rng))]
+    proposed = propose_on(index, query, limit, lambda: ranking.is_lost(query), levels)
+    for level, proposals in proposed:
         ranking = rank(query, proposals, ranking)
-        if ranking.is_certain(query):
+        if ranking.is_certain(query, level.sees_few):
             return decide(query, ranking, limit, "decided")
         if query.budget.is_spent():
             return decide(query, ranking, limit, "deadline")

@@ -13,8 +13,8 @@ from urquhart.decide.ranking import NOTHING, rank
 from urquhart.decide.verdict import decide
 from urquhart.features.observation import describe_observation
 from urquhart.options import Options
-from urquhart.propose.levels import LEVELS, Level, Search, propose_on
-from urquhart.propose.query import Proposal, make_query
+from urquhart.propose.levels import LEVELS, Level, propose_on
+from urquhart.propose.query import make_query
 
 _FULL: Final = LEVELS["full"]
 NAMES: Final = tuple(level.name for level in _FULL)
@@ -48,22 +48,14 @@ def search(recognizer: Recognizer, observation: Features, levels: Sequence[Level
     """Search as `Recognizer.recognize` does, level by level."""
     index, source = recognizer.read_view
     query = make_query(observation, recognizer.config, source, len(index), Options())
-    reached, ranking = list[str](), NOTHING
-
-    def named(level: Level) -> Level:
-        def propose(search: Search) -> list[Proposal]:
-            reached.append(level.name)
-            return level.propose(search)
-
-        return level._replace(propose=propose)
-
-    proposed = propose_on(index, query, 1, lambda: ranking.is_lost(query), [named(level) for level in levels])
+    ranking = NOTHING
+    proposed = propose_on(index, query, 1, lambda: ranking.is_lost(query), levels)
     start = time.perf_counter()
-    for proposals in proposed:
+    for level, proposals in proposed:
         ranking = rank(query, proposals, ranking)
         spent = 1e3 * (time.perf_counter() - start)
-        yield Step(reached[-1], spent, decide(query, ranking, 1, "exhausted"))
-        if ranking.is_certain(query):
+        yield Step(level.name, spent, decide(query, ranking, 1, "exhausted"))
+        if ranking.is_certain(query, level.sees_few):
             return
         start = time.perf_counter()
 

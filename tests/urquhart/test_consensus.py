@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 from tests.urquhart import forests
 from tests.urquhart.tables import decode, described, search, seen_again, shard_of, sparse, stand, truth
 from urquhart import SE2, Config, Features, describe
-from urquhart.index.quad_hits import HIT
+from urquhart.index.quad_hits import HIT, SECTOR
 from urquhart.index.quad_search import QuadShard
 from urquhart.index.quad_table import LAST, STEPS, TURNS, build_table, measure_quads
 from urquhart.propose.hit_buffer import BufferPool, HitBuffer
 from urquhart.propose.quad_consensus import QuadConsensus, QuadLeaders
-from urquhart.propose.quad_vote_kernels import order_by_slots
+from urquhart.propose.quad_vote_kernels import AGREEMENT, agree, order_by_slots
 
 
 def hits(found: QuadConsensus) -> NDArray[np.float64]:
@@ -114,6 +114,42 @@ def test_a_quad_that_is_everywhere_is_passed_over() -> None:
         assert found.finished
         best = found.leaders(31, 1)
         assert set(best.slots[best.support > 8].tolist()) == slots
+
+
+def test_a_search_ends_where_all_that_is_left_is_too_common(monkeypatch: pytest.MonkeyPatch) -> None:
+    query, tried = stand(500), list[int]()
+    found = search([shard_of([stand(seed) for seed in range(80)])], query, 2.0, 64)
+    gathered = found._gather
+
+    def count(shard: QuadShard, first: int, chunk: NDArray[np.int64]) -> None:
+        tried.append(len(chunk))
+        gathered(shard, first, chunk)
+
+    monkeypatch.setattr(found, "_gather", count)
+    found.advance()
+    assert found.finished
+    assert sum(tried) < len(query.tessellation.quads)
+    assert found.passed_over > len(query.tessellation.quads) - 32
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_each_hit_counts_all_earlier_ones_of_its_submap_that_agree_with_it(seed: int) -> None:
+    """Also those on the other side of a border between sectors of rotation."""
+    submaps = [stand(key) for key in range(6)]
+    query = seen_again(np.random.default_rng(seed), submaps[seed], 2.0 * np.pi * seed / 8.0, 0.1, 0.1)
+    found = search([shard_of(submaps)], query, 0.5)
+    found.advance()
+    kept, totals = found._buffer.hits[: found._placed], found._buffer.totals[: found._placed]
+    weights = np.maximum(found._weights[kept["quad"]] + kept["fit"], 0.0)
+    for slot in range(6):
+        mine = np.flatnonzero(kept["slot"] == slot)
+        if slot == seed:
+            # There are more than are compared with each other.
+            continue
+        assert np.bincount(kept["turn"][mine] // SECTOR).max() < AGREEMENT.walk
+        for place, hit in enumerate(mine.tolist()):
+            agreeing = [other for other in mine[:place].tolist() if agree(hit, other, kept, found._centres)]
+            assert totals[hit] == pytest.approx(weights[hit] + weights[agreeing].sum(), rel=1e-5)
 
 
 @pytest.mark.parametrize("most", [1_000, 3_000, 5_000])
@@ -375,7 +411,7 @@ def test_hits_of_neighbouring_slots_follow_each_other_in_their_order() -> None:
     hits["slot"] = rng.integers(0, 300_000, 5000)
     order = order_by_slots(1000, 5000, hits, 300_000)
     assert sorted(order) == list(range(1000, 5000))
-    blocks = hits["slot"][order] // 65_536
+    blocks = hits["slot"][order] // AGREEMENT.block
     assert np.all(np.diff(blocks) >= 0)
     for block in np.unique(blocks):
         assert np.all(np.diff(order[blocks == block]) > 0)

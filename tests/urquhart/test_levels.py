@@ -98,6 +98,19 @@ def test_as_many_candidates_as_are_asked_for_although_it_stops_early(limit: int)
     assert found.candidates[0].key == DENSE.locate(SEEN).candidates[0].key
 
 
+def test_in_a_dense_stand_a_tenth_of_the_quads_settle_it_unless_the_forest_repeats_itself() -> None:
+    """Rivals in other submaps may be missed then; if there are any, there is one in the same submap, too."""
+    rng = np.random.default_rng(1)
+    stands = [bridson(100.0, 100.0, 3.0, rng), plantation(100.0, 100.0, rng, jitter=0.0)]
+    for trees, calls in zip(stands, ((1, 1), (2, 9)), strict=True):
+        found = Recognizer(CONFIG)
+        places = [SE2(30.0 + 10.0 * key, 50.0, 0.5 * key) for key in range(4)]
+        found.add((key, describe(observe(trees, at, Sensor(28.0), rng).xy, CONFIG)) for key, at in enumerate(places))
+        answer = found.locate(observe(trees, SE2(45.0, 52.0, 2.0), Sensor(28.0, sigma=0.05, detection=0.95), rng).xy)
+        assert calls[0] <= names(answer).count("search quads") <= calls[1]
+        assert answer.verdict != "no_match"
+
+
 def test_there_are_no_more_candidates_than_submaps_in_which_anything_was_found() -> None:
     found = recognizer(count=72).locate(here(sigma=0.1, detection=0.9), limit=72)
     assert found.verdict == "matched"

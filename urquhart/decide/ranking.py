@@ -60,9 +60,13 @@ class Ranking:
             return self.lead
         return proposal.verified.evidence - first.verified.evidence
 
-    def is_certain(self, query: Query) -> bool:
-        """Whether the first proposal is so certain that no further level could change the answer."""
-        if not self.proposals or not self.complete:
+    def is_certain(self, query: Query, saw_few: bool = False) -> bool:
+        """Whether the first proposal is so certain that no further level could change the answer.
+
+        `saw_few`: the levels so far may have missed rivals in other submaps. Then it must have no rival at all: if a
+        forest repeats itself, some pose in the same submap is one.
+        """
+        if not self.proposals or not self.complete or (saw_few and self.lead is not None):
             return False
         first, margin, gate = self.proposals[0].verified, query.config.lead_per_landmark, query.searched_gate
         odds = log_odds(first, query.grid, query.volume)

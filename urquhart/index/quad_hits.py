@@ -13,8 +13,9 @@ from urquhart._kernel import kernel
 from urquhart.index.quad_table import HALF, LAST, SIDE, STEPS, TURNS, cell_of
 
 SECTORS: Final = 8
-"""Sectors of rotation in which the hits of a submap are counted."""
-_SECTOR: Final = TURNS // SECTORS
+"""Sectors of rotation in which the hits of a submap are counted and compared."""
+SECTOR: Final = TURNS // SECTORS
+"""256ths of a turn in a sector."""
 MOST_SEARCHED: Final = 1 << 25
 """Slots that the shards of one search can have: those that fit into the word of a `RAW_HIT`."""
 
@@ -40,7 +41,7 @@ read in random order.
 slot        of the submap, numbered through all shards
 quad        index of the query quad
 turn        rotation from the query frame to the submap frame, 256ths of a turn
-earlier     the previous hit of the same slot, numbered from 1; 0 if there is none
+earlier     the previous hit of the same slot and sector of rotation, numbered from 1; 0 if there is none
 x, y        metres, centred submap frame: centre of the stored quad
 step        metres, resolution of x and y
 fit         logarithm of the likelihood of the misfit of the lengths
@@ -82,7 +83,7 @@ def count_hits(raw: NDArray[Any], directions: NDArray[np.int64], sectors: NDArra
         word, reading = raw[h].word, raw[h].reading
         found[reading >> 1] += 1.0
         if len(sectors):
-            slot, sector = np.int64(word >> np.uint64(39)), turn_of(word, reading, directions) // _SECTOR
+            slot, sector = np.int64(word >> np.uint64(39)), turn_of(word, reading, directions) // SECTOR
             sectors[slot, sector] += sectors[slot, sector] < 255
     return found
 
@@ -93,7 +94,7 @@ def are_enough(counts: NDArray[np.uint8], turn: int, least: int) -> bool:
 
     Hits that agree differ by less than a sector, so they lie in two neighbouring ones.
     """
-    sector = turn // _SECTOR
+    sector = turn // SECTOR
     beside = max(counts[sector - 1], counts[(sector + 1) % SECTORS])
     return bool(np.int64(counts[sector]) + np.int64(beside) >= least)
 

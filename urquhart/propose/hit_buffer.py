@@ -32,6 +32,7 @@ class HitBuffer:
         self.hits: NDArray[Any] = np.empty(_FIRST, HIT)
         self.totals: NDArray[np.float32] = np.empty(_FIRST, np.float32)
         self._sectors: NDArray[np.uint8] = np.empty((0, SECTORS), np.uint8)
+        self._latest: NDArray[np.int32] = np.empty((0, SECTORS), np.int32)
 
     def grow(self) -> None:
         """Enlarge `raw`, and keep its rows."""
@@ -47,6 +48,14 @@ class HitBuffer:
         if len(self._sectors) < slots:
             self._sectors = np.empty((slots, SECTORS), np.uint8)
         return self._sectors[:slots]
+
+    def latest(self, slots: int) -> NDArray[np.int32]:
+        """Zeros (S, SECTORS) int32 for so many slots: the latest hit of each slot in each sector of rotation."""
+        if len(self._latest) < slots:
+            self._latest = np.empty((slots, SECTORS), np.int32)
+        latest = self._latest[:slots]
+        latest.fill(0)
+        return latest
 
 
 def _enlarged(array: NDArray[Any], least: int) -> NDArray[Any]:

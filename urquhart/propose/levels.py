@@ -19,8 +19,13 @@ from urquhart.propose.query import Proposal, Query
 class LevelNumbers(NamedTuple):
     """How far the levels go. Chosen by hand, not fitted; `make bench-levels` measures what each level adds."""
 
+    rarest: float = 0.1
+    """Share of a query's quads, the rarest ones, that are searched first if it has many. In dense stands they cost a
+    tenth of the time and answer three queries of four."""
+    many: int = 320
+    """Such a query has this many quads. With fewer, the rarest are too few to agree, and cost more than they save."""
     rare: float = 0.5
-    """Share of a query's quads, the rarest ones, that are searched first. They answer most queries."""
+    """Share of a query's quads that are searched next. They answer most queries."""
     few: int = 4
     """Fewest submaps that are verified after the search for the rarest quads."""
     fast: int = 12
@@ -62,10 +67,10 @@ class Search:
     quads: QuadConsensus | None = None
     loose_quads: QuadConsensus | None = None
 
-    def propose_by_quads(self, share: float, count: int) -> list[Proposal]:
+    def propose_by_quads(self, share: float, count: int, least: int = 1) -> list[Proposal]:
         """Continue the search with tight lengths up to a `share` of the query's quads, and propose `count` submaps."""
         self.quads = self.quads or search_quads(self.query, self.index, QUADS.tight, self.buffer)
-        return propose_by_quads(self.query, self.index, self.quads, QuadChoice(share, count))
+        return propose_by_quads(self.query, self.index, self.quads, QuadChoice(share, count, least))
 
     def propose_by_loose_quads(self, choice: QuadChoice, errors: float = QUADS.loose) -> list[Proposal]:
         """Search for the query's quads with loose lengths; `errors`: their tolerance in units of `Config.sigma`."""
@@ -111,16 +116,25 @@ class Level(NamedTuple):
         applies: whether the level is worth its time, given the search so far, and whether the query is lost, which
             means that no proposal so far beats chance.
         propose: returns the level's proposals.
+        sees_few: whether rivals may be missed, so that a pose is certain after it only if it has no rival at all.
     """
 
     name: str
     applies: Callable[[Search, bool], bool]
     propose: Callable[[Search], list[Proposal]]
+    sees_few: bool = False
 
 
 # With one submap there is nothing to choose. If few trees are seen, a correlation has too few pairs to count, and the
 # next levels follow: quads still have a shape.
 _ONLY: Final = Level("the only submap", lambda s, _: s.is_single, lambda s: s.propose_by_correlation())
+# Where trees repeat their pattern, the best pose has rivals in its own submap, and those in others are looked for, too.
+_RAREST: Final = Level(
+    "rarest quads",
+    lambda s, _: not s.is_single and len(s.query.features.tessellation.quads) >= EXTENT.many,
+    lambda s: s.propose_by_quads(EXTENT.rarest, max(s.limit, EXTENT.few), least=2),
+    sees_few=True,
+)
 _RARE: Final = Level(
     "rare quads",
     lambda s, lost: lost or not s.is_single,
@@ -135,6 +149,7 @@ _ALL: Final = Level(
 LEVELS: Final[Mapping[Effort, Sequence[Level]]] = {
     "fast": (
         _ONLY,
+        _RAREST,
         _RARE,
         _ALL,
         # A pose that beats chance is compared with the same rivals as in a full search.
@@ -147,6 +162,7 @@ LEVELS: Final[Mapping[Effort, Sequence[Level]]] = {
     ),
     "full": (
         _ONLY,
+        _RAREST,
         _RARE,
         _ALL,
         # In a small collection, correlation tries every submap at every rotation, and needs no quads to choose them.
@@ -178,8 +194,8 @@ def propose_on(
     limit: int,
     is_lost: Callable[[], bool],
     levels: Sequence[Level],
-) -> Iterator[list[Proposal]]:
-    """The proposals of each level for a query in one index. A level starts when its proposals are requested.
+) -> Iterator[tuple[Level, list[Proposal]]]:
+    """Each level with its proposals for a query in one index. A level starts when its proposals are requested.
 
     Args:
         limit: most candidates in the answer.
@@ -197,6 +213,6 @@ def propose_on(
         search = Search(query, index, limit, buffer, single)
         for level in levels:
             if level.applies(search, is_lost()):
-                yield level.propose(search)
+                yield level, level.propose(search)
     if levels[-1].name == "correlation" and is_lost() and is_large(index):
         query.trace.skip("exhaustive")

@@ -132,6 +132,7 @@ class QuadConsensus:
         slots = sum(len(shard.alive) for shard in self._shards)
         # Zeros cost nothing until they are touched.
         self._slot_votes, self._listed_slots = np.zeros(slots, SLOT_VOTES), np.empty(slots, np.int32)
+        self._latest = self._buffer.latest(slots)
 
     def begun_again(self, tolerance: float) -> "QuadConsensus":
         """A new search for the same quads with another `tolerance`, metres. This one must not be used any more."""
@@ -164,13 +165,17 @@ class QuadConsensus:
         before, began = self.hits, self._looked
         while not self.finished and self._looked < target and not self._budget.is_spent():
             chunk = self._order[self._looked : self._looked + CONSENSUS.chunk]
-            first = 0
+            first, passed = 0, self.passed_over
             for shard in self._shards:
                 if self._budget.is_spent():
                     break
                 self._gather(shard, first, chunk)
                 first += len(shard.alive)
             self._looked += len(chunk)
+            if self.passed_over - passed == len(chunk) * len(self._shards):
+                # The next quads are more common still. In dense stands, to try them takes most of the time.
+                self.passed_over += (len(self._order) - self._looked) * len(self._shards)
+                self._looked = len(self._order)
         self._vote(before, self._order[began : self._looked], least)
 
     def leaders(self, count: int, poses: int, least: int = 1) -> QuadLeaders:
@@ -196,7 +201,7 @@ class QuadConsensus:
         the true rotation is within `TURN` of a peak.
         """
         slots, peaks, weights = rank_turns(
-            self._listed_slots[: self._listed], count, self._slot_votes, self._buffer.hits, self._shares
+            self._listed_slots[: self._listed], count, self._latest, self._buffer.hits, self._shares
         )
         order = np.lexsort((slots, -weights))
         return slots[order].astype(np.int64), np.asarray(peaks[order] * (2.0 * np.pi / AGREEMENT.turn_bins), np.float64)
@@ -241,4 +246,4 @@ class QuadConsensus:
         return found
 
     def _hits(self) -> QuadHits:
-        return QuadHits(self._buffer.hits, self._buffer.totals, self._centres, self._weights)
+        return QuadHits(self._buffer.hits, self._latest, self._buffer.totals, self._centres, self._weights)

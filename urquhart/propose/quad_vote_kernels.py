@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from urquhart._kernel import kernel
+from urquhart.index.quad_hits import SECTOR, SECTORS
 from urquhart.index.quad_table import TURNS
 
 
@@ -19,25 +20,25 @@ class AgreementNumbers(NamedTuple):
     """Metres: largest difference between the distances of two quads in the query and in the submap."""
     bend: float = 0.22
     """Largest offset of the second quad from its place relative to the first, as a share of their distance."""
-    block: int = 65_536
+    block: int = 16_384
     """Slots whose votes and hits fit into the processor's cache."""
     ahead: int = 64
     """Hits that are prefetched from memory together."""
     walk: int = 48
-    """Most earlier hits of a submap that a hit is compared with."""
+    """Most earlier hits that a hit is compared with in each sector of rotation of its submap."""
     lever: float = 4.0
     """Metres to either side of a quad's centre of the two points that stand for its direction in a fit."""
     deep: int = 1_024
-    """Most hits of a slot among which its poses are chosen."""
+    """Most hits of each sector of a slot among which its poses are chosen."""
     turn_bins: int = 30
     """Bins of rotation. A vote is shared between the two nearest bins, so that no border splits a true peak."""
 
 
 AGREEMENT: Final = AgreementNumbers()
 
-SLOT_VOTES: Final = np.dtype([("latest", np.int32), ("best", np.int32), ("score", np.float64)])
-"""The votes of a slot: its latest hit, and the hit that most others agree with, both numbered from 1 (0: none); and the
-total weight of that hit and those that agree with it."""
+SLOT_VOTES: Final = np.dtype([("best", np.int32), ("score", np.float32)])
+"""The votes of a slot: the hit that most others agree with, numbered from 1 (0: none); and the total weight of that hit
+and those that agree with it."""
 
 
 class QuadHits(NamedTuple):
@@ -45,12 +46,14 @@ class QuadHits(NamedTuple):
 
     Attributes:
         hits: (R,) of `HIT`.
+        latest: (S, SECTORS) int32, the latest hit of each slot in each sector of rotation, numbered from 1; 0 if none.
         totals: (R,) float32, total weight of each hit and of the earlier ones that agree with it.
         centres: (Q, 2) float64, metres, centred frame: centres of the query's quads.
         weights: (Q,) float64, weight of a hit of each query quad.
     """
 
     hits: NDArray[Any]
+    latest: NDArray[np.int32]
     totals: NDArray[np.float32]
     centres: NDArray[np.float64]
     weights: NDArray[np.float64]
@@ -93,6 +96,8 @@ def vote(
 ) -> int:
     """Compare each hit, in the given `order`, with earlier hits of its slot, and update the votes of the slots.
 
+    Hits that agree lie in one sector of rotation or in two neighbouring ones, so a hit is compared with these alone.
+
     Args:
         order: (K,), indices of the new hits.
         slot_votes: (S,) of `SLOT_VOTES`, updated.
@@ -101,25 +106,26 @@ def vote(
     Returns:
         The new number of listed slots.
     """
-    hits, totals, centres, weights = found
+    hits, latest, totals, centres, weights = found
     touched = 0
     for i in range(len(order)):
         h = order[i]
         if i % AGREEMENT.ahead == 0:
             # Hits are scattered in memory; loads that do not depend on each other run in parallel.
             for k in range(i, min(i + AGREEMENT.ahead, len(order))):
-                touched += slot_votes[hits[order[k]].slot].latest
+                touched += latest[hits[order[k]].slot, hits[order[k]].turn // SECTOR]
             for k in range(i, min(i + AGREEMENT.ahead, len(order))):
-                touched += hits[max(slot_votes[hits[order[k]].slot].latest - 1, 0)].turn
-        slot = hits[h].slot
+                touched += hits[max(latest[hits[order[k]].slot, hits[order[k]].turn // SECTOR] - 1, 0)].turn
+        slot, sector = hits[h].slot, hits[h].turn // SECTOR
         total = max(weights[hits[h].quad] + hits[h].fit, 0.0)
-        other, walked = slot_votes[slot].latest - 1, 0
-        while other >= 0 and walked < AGREEMENT.walk:
-            if agree(h, other, hits, centres):
-                total += max(weights[hits[other].quad] + hits[other].fit, 0.0)
-            other = hits[other].earlier - 1
-            walked += 1
-        hits[h].earlier, slot_votes[slot].latest, totals[h] = slot_votes[slot].latest, h + 1, total
+        for near in (sector, sector_beside(hits[h].turn)):
+            other, walked = latest[slot, near] - 1, 0
+            while other >= 0 and walked < AGREEMENT.walk:
+                if agree(h, other, hits, centres):
+                    total += max(weights[hits[other].quad] + hits[other].fit, 0.0)
+                other = hits[other].earlier - 1
+                walked += 1
+        hits[h].earlier, latest[slot, sector], totals[h] = latest[slot, sector], h + 1, total
         if slot_votes[slot].best == 0:
             listed_slots[listed] = slot
             listed += 1
@@ -130,12 +136,14 @@ def vote(
 
 
 @kernel
-def agree(
-    first: int,
-    second: int,
-    hits: NDArray[Any],
-    centres: NDArray[np.float64],
-) -> bool:
+def sector_beside(turn: int) -> int:
+    """The sector next to that of a rotation, 256ths of a turn, in which hits may be that agree with it."""
+    sector = turn // SECTOR
+    return (sector - 1) % SECTORS if turn % SECTOR < SECTOR // 2 else (sector + 1) % SECTORS
+
+
+@kernel
+def agree(first: int, second: int, hits: NDArray[Any], centres: NDArray[np.float64]) -> bool:
     """Whether two hits of one slot, of different query quads, give about the same pose.
 
     `hits`: (R,) of `HIT`; `centres`: (Q, 2), metres, of the query's quads.
@@ -171,7 +179,7 @@ def fit_poses(
         Number of hits (K,) that agree on the best pose; and poses (K, count, 3): x, y, yaw of `submap_T_query`, centred
         frames, the best first, NaN if there are fewer.
     """
-    hits, totals, centres, weights = found
+    hits, latest, _, centres, weights = found
     support, poses = np.zeros(len(chosen), np.int64), np.full((len(chosen), count, 3), np.nan)
     picked = np.empty(count, np.int64)
     for i in range(len(chosen)):
@@ -179,23 +187,25 @@ def fit_poses(
         pick = slot_votes[chosen[i]].best - 1
         while picks < count and pick >= 0:
             total = px = py = ux = uy = dot = cross = 0.0
-            other, walked, agreeing = pick, 0, 0
-            while other >= 0 and walked <= AGREEMENT.walk:
-                if other == pick or agree(pick, other, hits, centres):
-                    w = max(weights[hits[other].quad] + hits[other].fit, 0.1)
-                    yaw = hits[other].turn * (2.0 * math.pi / TURNS)
-                    qx, qy = centres[hits[other].quad, 0], centres[hits[other].quad, 1]
-                    sx, sy = hits[other].x, hits[other].y
-                    total += w
-                    px += w * qx
-                    py += w * qy
-                    ux += w * sx
-                    uy += w * sy
-                    dot += w * (qx * sx + qy * sy + AGREEMENT.lever * AGREEMENT.lever * math.cos(yaw))
-                    cross += w * (qx * sy - qy * sx + AGREEMENT.lever * AGREEMENT.lever * math.sin(yaw))
-                    agreeing += 1
-                other = hits[other].earlier - 1
-                walked += 1
+            agreeing = 0
+            for near in (hits[pick].turn // SECTOR, sector_beside(hits[pick].turn)):
+                other, walked = latest[chosen[i], near] - 1, 0
+                while other >= 0 and walked <= AGREEMENT.walk:
+                    if other == pick or (other < pick and agree(pick, other, hits, centres)):
+                        w = max(weights[hits[other].quad] + hits[other].fit, 0.1)
+                        yaw = hits[other].turn * (2.0 * math.pi / TURNS)
+                        qx, qy = centres[hits[other].quad, 0], centres[hits[other].quad, 1]
+                        sx, sy = hits[other].x, hits[other].y
+                        total += w
+                        px += w * qx
+                        py += w * qy
+                        ux += w * sx
+                        uy += w * sy
+                        dot += w * (qx * sx + qy * sy + AGREEMENT.lever * AGREEMENT.lever * math.cos(yaw))
+                        cross += w * (qx * sy - qy * sx + AGREEMENT.lever * AGREEMENT.lever * math.sin(yaw))
+                        agreeing += 1
+                    walked += other <= pick
+                    other = hits[other].earlier - 1
             px, py, ux, uy = px / total, py / total, ux / total, uy / total
             yaw = math.atan2(cross - total * (px * uy - py * ux), dot - total * (px * ux + py * uy))
             c, s = math.cos(yaw), math.sin(yaw)
@@ -204,32 +214,41 @@ def fit_poses(
                 support[i] = agreeing
             picked[picks] = pick
             picks += 1
-            pick, other, walked = -1, slot_votes[chosen[i]].latest - 1, 0
-            while other >= 0 and walked < AGREEMENT.deep:
-                if pick < 0 or totals[other] > totals[pick]:
-                    new = True
-                    for p in range(picks):
-                        same = hits[other].quad == hits[picked[p]].quad and hits[other].slot == hits[picked[p]].slot
-                        if other == picked[p] or (not same and agree(picked[p], other, hits, centres)):
-                            new = False
-                    if new:
-                        pick = other
-                other = hits[other].earlier - 1
-                walked += 1
+            pick = best_other(chosen[i], picked[:picks], found)
     return support, poses
+
+
+@kernel
+def best_other(slot: int, picked: NDArray[np.int64], found: QuadHits) -> int:
+    """The hit of a slot with the largest total that agrees with none of the hits `picked` (P,); -1 if there is none."""
+    hits, latest, totals, centres, _ = found
+    best = -1
+    for sector in range(SECTORS):
+        other, walked = latest[slot, sector] - 1, 0
+        while other >= 0 and walked < AGREEMENT.deep:
+            if best < 0 or totals[other] > totals[best]:
+                new = True
+                for pick in picked:
+                    if other == pick or agree(pick, other, hits, centres):
+                        new = False
+                if new:
+                    best = other
+            other = hits[other].earlier - 1
+            walked += 1
+    return best
 
 
 @kernel
 def rank_turns(
     listed: NDArray[np.int32],
     count: int,
-    slot_votes: NDArray[Any],
+    latest: NDArray[np.int32],
     hits: NDArray[Any],
     shares: NDArray[np.float64],
 ) -> tuple[NDArray[np.int32], NDArray[np.int64], NDArray[np.float64]]:
     """The `count` heaviest peaks of rotation among the slots `listed` (L,), in no order.
 
-    `shares`: (Q,), weight of a hit of each query quad here.
+    `latest`: as in `QuadHits`; `shares`: (Q,), weight of a hit of each query quad here.
 
     Returns:
         Slots (K,), bins of rotation (K,) from 0 to `AGREEMENT.turn_bins` - 1, and weights (K,).
@@ -240,14 +259,15 @@ def rank_turns(
     found = 0
     for i in range(len(listed)):
         table[:] = 0.0
-        h = slot_votes[listed[i]].latest - 1
-        while h >= 0:
-            place = hits[h].turn * (AGREEMENT.turn_bins / TURNS)
-            below = int(place)
-            weight = math.exp(hits[h].fit) * shares[hits[h].quad]
-            table[below] += weight * (below + 1 - place)
-            table[(below + 1) % AGREEMENT.turn_bins] += weight * (place - below)
-            h = hits[h].earlier - 1
+        for sector in range(SECTORS):
+            h = latest[listed[i], sector] - 1
+            while h >= 0:
+                place = hits[h].turn * (AGREEMENT.turn_bins / TURNS)
+                below = int(place)
+                weight = math.exp(hits[h].fit) * shares[hits[h].quad]
+                table[below] += weight * (below + 1 - place)
+                table[(below + 1) % AGREEMENT.turn_bins] += weight * (place - below)
+                h = hits[h].earlier - 1
         for b in range(AGREEMENT.turn_bins):
             weight = table[b]
             if weight <= 0.0 or weight < table[b - 1] or weight <= table[(b + 1) % AGREEMENT.turn_bins]:
