@@ -44,8 +44,8 @@ def _table(figures: Figures) -> str:
         versions = figures[row.part]["versions"]
         before, now = _at(versions.get(older), row.path), _at(versions[NOW], row.path)
         ratio = now / before if now is not None and before else None
-        is_missed = row.is_missed(now, ratio)
-        met = "" if row.goal is None or now is None else "**no**" if is_missed else "yes"
+        is_missed, found = row.is_missed(now, ratio), ratio if row.relative else now
+        met = "" if row.goal is None or found is None else "**no**" if is_missed else "yes"
         cells = (number(before, row.digits), number(now, row.digits), number(ratio, 2))
         rows.append([row.what, *cells, row.told(), met])
         if is_missed:

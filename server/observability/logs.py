@@ -10,6 +10,7 @@ import re
 import sys
 from collections.abc import Mapping
 from datetime import UTC, datetime
+from functools import lru_cache
 from typing import Any, Final, TextIO
 
 import orjson
@@ -30,6 +31,8 @@ def configure(settings: LogSettings, stream: TextIO | None = None) -> None:
 
     The web server's own loggers use it, too. Its access log is replaced by ours.
     """
+    # What no line shows is not looked up for each of them.
+    logging.logThreads = logging.logProcesses = logging.logMultiprocessing = False
     handler = logging.StreamHandler(stream or sys.stderr)
     handler.setFormatter(JsonLines() if settings.format == "json" else TextLines())
     root = logging.getLogger()
@@ -120,12 +123,31 @@ def _request(fields: Mapping[str, Any]) -> str:
     """The event first, then the other fields as name=value."""
     first = f"{quoted(fields['method'])} {quoted(fields['path'])} {fields['status']} {fields['ms']} ms"
     rest = [
-        f"{name}={orjson.dumps(value).decode() if isinstance(value, dict) else quoted(value)}"
+        f"{name}={_shown(name, value)}"
         for name, value in fields.items()
-        if name not in {"method", "path", "status", "ms"} and value not in (None, "", 0)
+        if name not in _FIRST and value not in (None, "", 0)
     ]
     return " ".join([first, *rest])
 
 
+def _shown(name: str, value: Any) -> str:
+    if isinstance(value, dict):
+        return orjson.dumps(value).decode()
+    if isinstance(value, int | float):
+        return str(value)
+    return _quoted_often(value) if name in _OFTEN else quoted(value)
+
+
+_FIRST: Final = frozenset({"method", "path", "status", "ms"})
+_OFTEN: Final = frozenset({"route", "address", "key", "collection", "verdict"})
+"""Fields with the same few values in most requests."""
+_quoted_often = lru_cache(maxsize=256)(quoted)
+
+
 def _time(record: logging.LogRecord) -> str:
-    return f"{datetime.fromtimestamp(record.created, UTC):%Y-%m-%dT%H:%M:%S}.{int(record.msecs):03d}Z"
+    return f"{_second(int(record.created))}.{int(record.msecs):03d}Z"
+
+
+@lru_cache(maxsize=1)
+def _second(since_1970: int) -> str:
+    return f"{datetime.fromtimestamp(since_1970, UTC):%Y-%m-%dT%H:%M:%S}"

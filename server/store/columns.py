@@ -25,10 +25,15 @@ class Instant(types.TypeDecorator[datetime]):
     cache_ok = True
 
     def process_bind_param(self, value: datetime | None, dialect: Dialect) -> int | None:
-        return None if value is None else (value - _EPOCH) // timedelta(microseconds=1)
+        return None if value is None else write_instant(value)
 
     def process_result_value(self, value: Any, dialect: Dialect) -> datetime | None:
         return read_instant(value)
+
+
+def write_instant(moment: datetime) -> int:
+    """What a moment is stored as by an `Instant`."""
+    return (moment - _EPOCH) // timedelta(microseconds=1)
 
 
 def read_instant(value: int | None) -> datetime | None:

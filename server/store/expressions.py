@@ -9,6 +9,7 @@ from typing import Any, Final, TypeVar
 import orjson
 from sqlalchemy import Boolean, ColumnElement, Connection, Dialect, Integer, Select, bindparam, false, or_, select
 from sqlalchemy.orm import InstrumentedAttribute
+from sqlalchemy.sql.dml import ReturningUpdate
 from sqlalchemy.sql.functions import FunctionElement
 
 from server.store.tables import SubmapRow
@@ -65,16 +66,18 @@ def listed(name: str) -> Select[Any]:
 
 
 class DirectStatement:
-    """A SELECT for the driver itself: it is put together once, and nothing lies between it and the driver when it runs.
+    """A statement for the driver itself: it is put together once, and nothing lies between it and the driver.
 
-    For what every look-up reads; there, the layers between cost more than SQLite does.
+    For what every look-up and every write does; there, the layers between cost more than SQLite does. It returns rows.
     """
 
-    def __init__(self, statement: Select[*tuple[Any, ...]]) -> None:
+    def __init__(self, statement: Select[*tuple[Any, ...]] | ReturningUpdate[*tuple[Any, ...]]) -> None:
         self._statement = statement
         self._compiled: dict[str, tuple[str, list[str]]] = {}
 
-    def rows(self, connection: Connection, **values: int | str | Collection[int]) -> list[tuple[Any, ...]]:
+    def rows(
+        self, connection: Connection, **values: int | str | Collection[int] | Collection[str]
+    ) -> list[tuple[Any, ...]]:
         """The rows, in the transaction of the connection; a collection is bound as a JSON array, for `listed`."""
         text, order = self._compiled.get(connection.dialect.name) or self._compile(connection.dialect)
         bound = [values[name] for name in order]

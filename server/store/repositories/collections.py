@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 from dataclasses import fields
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, cast
 
 import orjson
-from sqlalchemy import Connection, bindparam, delete, func, insert, select, update
+from sqlalchemy import Connection, Table, bindparam, delete, func, insert, literal_column, select, update
 
-from server.store.columns import columns_of, read_instant
+from server.store.columns import columns_of, read_instant, write_instant
 from server.store.expressions import DirectStatement, matches
 from server.store.records import CollectionRecord, CollectionSize, FrameExtent
 from server.store.tables import CollectionRow, SubmapRow
@@ -20,6 +20,20 @@ _BY_ID = DirectStatement(
     select(*(CollectionRow.__table__.c[one.name] for one in fields(CollectionRecord))).where(
         CollectionRow.__table__.c.id == bindparam("id")
     )
+)
+# As every write does with it.
+_TABLE = cast(Table, CollectionRow.__table__)
+_ADVANCE = DirectStatement(
+    update(_TABLE)
+    .where(_TABLE.c.key == bindparam("of"))
+    .values(
+        revision=_TABLE.c.revision + literal_column("1"),
+        submap_count=_TABLE.c.submap_count + bindparam("submaps"),
+        landmark_count=_TABLE.c.landmark_count + bindparam("landmarks"),
+        polygon_count=_TABLE.c.polygon_count + bindparam("polygons"),
+        updated=bindparam("moment"),
+    )
+    .returning(_TABLE.c.revision)
 )
 _CONFIG, _MOMENTS = (
     [number for number, one in enumerate(fields(CollectionRecord)) if one.name in names]
@@ -147,19 +161,9 @@ class Collections(CollectionReader):
 
     def advance(self, key: int, *, submaps: int = 0, landmarks: int = 0, polygons: int = 0) -> int:
         """Move the revision on by one and the counts by what is given; the new revision."""
-        statement = (
-            update(CollectionRow)
-            .where(CollectionRow.key == key)
-            .values(
-                revision=CollectionRow.revision + 1,
-                submap_count=CollectionRow.submap_count + submaps,
-                landmark_count=CollectionRow.landmark_count + landmarks,
-                polygon_count=CollectionRow.polygon_count + polygons,
-                updated=datetime.now(UTC),
-            )
-            .returning(CollectionRow.revision)
-        )
-        return self._connection.scalars(statement).one()
+        more = {"submaps": submaps, "landmarks": landmarks, "polygons": polygons}
+        ((revision,),) = _ADVANCE.rows(self._connection, of=key, moment=write_instant(datetime.now(UTC)), **more)
+        return int(revision)
 
     def next_query_number(self, key: int) -> int:
         """Take the next number for a stored query."""

@@ -5,6 +5,7 @@ from dataclasses import fields
 from datetime import UTC, datetime
 from typing import Any, Final, TypeVar, cast
 
+import orjson
 from sqlalchemy import (
     ColumnElement,
     Connection,
@@ -20,8 +21,7 @@ from sqlalchemy import (
 )
 
 from server.store.codec import members_of, unpack_attributes
-from server.store.columns import columns_of
-from server.store.expressions import Unindexed, batches, beside_key
+from server.store.expressions import DirectStatement, Unindexed, batches, beside_key, listed
 from server.store.submap_records import (
     Identity,
     Place,
@@ -34,6 +34,14 @@ from server.store.submap_records import (
 from server.store.tables import DeletionRow, SubmapRow
 
 _K = TypeVar("_K", bound=SubmapMetadata)
+# Every write reads it twice: put together once.
+_IDENTITIES = DirectStatement(
+    select(*(SubmapRow.__table__.c[name] for name in ("id", *Identity.__slots__))).where(
+        SubmapRow.__table__.c.collection_key == bindparam("collection_key"),
+        SubmapRow.__table__.c.id.in_(listed("ids")),
+    )
+)
+_COUNTS = Identity.__slots__.index("counts")
 _STRETCH = 1000  # submaps that are looked at in order before a filter's own index is
 _ROUNDING = 1e-9  # relative, and generous
 
@@ -64,12 +72,8 @@ class SubmapReader:
 
     def identities(self, ids: Collection[str]) -> dict[str, Identity]:
         """Identities of those of the ids that exist."""
-        columns = (SubmapRow.id, *columns_of(Identity, SubmapRow))
-        found: dict[str, Identity] = {}
-        for some in batches(ids):
-            query = select(*columns).where(SubmapRow.collection_key == self._collection_key, SubmapRow.id.in_(some))
-            found.update({row[0]: Identity(*row[1:]) for row in self._connection.execute(query)})
-        return found
+        rows = _IDENTITIES.rows(self._connection, collection_key=self._collection_key, ids=ids)
+        return {submap_id: _identity(values) for submap_id, *values in rows}
 
     def members(self, key: int) -> frozenset[str]:
         """The optional members that a submap has, by their names in the API."""
@@ -249,3 +253,9 @@ def _conditions_of(chosen: SubmapFilter) -> list[ColumnElement[bool]]:
     if chosen.until is not None:
         conditions.append(SubmapRow.stamp <= chosen.until)
     return conditions
+
+
+def _identity(values: list[Any]) -> Identity:
+    """The record of a row as the driver has it."""
+    values[_COUNTS] = orjson.loads(values[_COUNTS])
+    return Identity(*values)
