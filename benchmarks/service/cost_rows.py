@@ -131,7 +131,7 @@ ROWS: Final = (
         "start",
         ("keys_seconds",),
         goal=0.3,
-        cause="SQLAlchemy takes half of it, pydantic's settings a quarter.",
+        cause="Settings, through pydantic, take most of it.",
     ),
     CostRow(
         "**idle memory, MB**",

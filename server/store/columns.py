@@ -8,13 +8,14 @@ import orjson
 from sqlalchemy import CheckConstraint, Dialect, Integer, MetaData, Text, types
 from sqlalchemy.orm import DeclarativeBase
 
+from server.store.instants import EPOCH, read_instant, write_instant
+
 STRICT: Final = {"sqlite_strict": True}
 """Options of a table: each column holds values of its type alone."""
 KEYS_ONCE: Final = {**STRICT, "sqlite_autoincrement": True}
 """Options of a table whose keys are not given out again after their rows are gone."""
-_EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 _FIRST, _LAST = (
-    (moment.replace(tzinfo=UTC) - _EPOCH) // timedelta(microseconds=1) for moment in (datetime.min, datetime.max)
+    (moment.replace(tzinfo=UTC) - EPOCH) // timedelta(microseconds=1) for moment in (datetime.min, datetime.max)
 )
 
 
@@ -29,16 +30,6 @@ class Instant(types.TypeDecorator[datetime]):
 
     def process_result_value(self, value: Any, dialect: Dialect) -> datetime | None:
         return read_instant(value)
-
-
-def write_instant(moment: datetime) -> int:
-    """What a moment is stored as by an `Instant`."""
-    return (moment - _EPOCH) // timedelta(microseconds=1)
-
-
-def read_instant(value: int | None) -> datetime | None:
-    """The moment that an `Instant` was stored as."""
-    return None if value is None else _EPOCH + timedelta(microseconds=value)
 
 
 class Json(types.TypeDecorator[Any]):

@@ -3,10 +3,9 @@
 from importlib import resources
 from typing import TYPE_CHECKING, Final
 
-from sqlalchemy import Connection
-
 if TYPE_CHECKING:
     from alembic.config import Config
+    from sqlalchemy import Connection
 
 SCHEMA: Final = "0013"
 """The newest revision in `migrations/versions`. A constant, because alembic takes a tenth of a second to load and is
@@ -18,7 +17,7 @@ def expected_revision() -> str:
     return SCHEMA
 
 
-def alembic_config(connection: Connection | None = None) -> "Config":
+def alembic_config(connection: "Connection | None" = None) -> "Config":
     """The configuration of the migrations, to be run on a connection if one is given."""
     from alembic.config import Config
 

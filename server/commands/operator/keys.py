@@ -1,18 +1,21 @@
 """`urquhart keys`: create, list and revoke API keys. This is only possible on the host."""
 
 import re
+from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.table import Table
 
 from server.commands.support.console import wide_console
-from server.commands.support.database import open_database, settings_with, upgraded_database
 from server.commands.support.failure import CommandError
 from server.commands.support.options import DatabaseOption
-from server.security import api_keys
+from server.config import settings_loading
 from server.security.principal import Scope
+from server.store.service_records import ApiKeyRecord
+from server.store.sqlite.key_listing import stored_keys
 
 app = typer.Typer(help="Create, list and revoke API keys.")
 _UNITS = {"h": 1, "d": 24, "w": 24 * 7}
@@ -45,6 +48,9 @@ def create(
 
     As soon as one key exists, every request needs a key.
     """
+    from server.commands.support.database import open_database, settings_with
+    from server.security import api_keys
+
     if not name.strip() or len(name) > 128 or not name.isprintable():
         raise CommandError("the name of a key must have 1 to 128 printable characters")
     store = open_database(settings_with(database=database))
@@ -59,8 +65,7 @@ def create(
 @app.command("list")
 def list_keys(database: DatabaseOption = None) -> None:
     """List all keys, without their secrets."""
-    with upgraded_database(database) as store:
-        found = api_keys.listed(store)
+    found = _listed(database)
     if not found:
         typer.echo("no keys: the service needs none, and accepts callers on this machine only")
         return
@@ -79,9 +84,26 @@ def revoke(
     database: DatabaseOption = None,
 ) -> None:
     """Revoke a key. Running services refuse it within a second."""
+    from server.commands.support.database import upgraded_database
+    from server.security import api_keys
+
     with upgraded_database(database) as store:
         api_keys.revoke(store, key)
     typer.echo(f"key {key} revoked")
+
+
+def _listed(path: Path | None) -> Sequence[ApiKeyRecord]:
+    """The keys, in the shortest way that there is. Raises CommandError and DomainError."""
+    settings = settings_loading.load(database=path)
+    found = stored_keys(settings.database_path, read_only=settings.database_read_only)
+    if found is not None:
+        return found
+    # Loads half a second of packages.
+    from server.commands.support.database import upgraded_database
+    from server.security import api_keys
+
+    with upgraded_database(path) as store:
+        return api_keys.listed(store)
 
 
 def _moment(text: str | None) -> datetime | None:

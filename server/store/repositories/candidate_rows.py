@@ -6,8 +6,8 @@ from typing import Any
 import orjson
 from sqlalchemy import Connection, bindparam, select
 
-from server.store.columns import read_instant
 from server.store.expressions import DirectStatement, beside_key, listed
+from server.store.instants import read_instant
 from server.store.submap_records import FoundSubmap, Place
 from server.store.tables import SubmapRow
 

@@ -8,8 +8,9 @@ from typing import Any, cast
 import orjson
 from sqlalchemy import Connection, Table, bindparam, delete, func, insert, literal_column, select, update
 
-from server.store.columns import columns_of, read_instant, write_instant
+from server.store.columns import columns_of
 from server.store.expressions import DirectStatement, matches
+from server.store.instants import read_instant, write_instant
 from server.store.records import CollectionRecord, CollectionSize, FrameExtent
 from server.store.tables import CollectionRow, SubmapRow
 

@@ -1,10 +1,18 @@
 """`urquhart keys`."""
 
 import re
+import sqlite3
+from contextlib import closing
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
 
+from server.security import api_keys
+from server.security.principal import Scope
+from server.store.sqlite.database import Database
+from server.store.sqlite.key_listing import stored_keys
+from server.store.sqlite.upgrade import migrations_runner
 from tests.server.commands.cli_helpers import Urquhart, refused
 
 
@@ -23,6 +31,37 @@ def test_a_key_from_its_making_to_its_end(urquhart: Urquhart) -> None:
     assert urquhart("keys", "revoke", match[1]).out == f"key {match[1]} revoked\n"
     assert re.search(rf"{match[1]} .*revoked", urquhart("keys", "list").out)
     refused(urquhart("keys", "revoke", match[1]), "was revoked")
+
+
+def test_the_short_way_to_the_keys_finds_what_the_usual_one_does(tmp_path: Path) -> None:
+    path = tmp_path / "keys.db"
+    database = Database(path)
+    migrations_runner.upgrade(database)
+    database.use_wal()
+    later = datetime(2031, 5, 6, 7, 8, 9, 123456, UTC)
+    for name, scope, expires in (("robot", Scope.READ, None), ("für später", Scope.ADMIN, later)):
+        _, made = api_keys.make(database, name, [scope], ["plots-*", "x"], expires)
+    api_keys.revoke(database, made.id)
+    listed = list(api_keys.listed(database))
+    assert stored_keys(path, read_only=False) == listed, "beside a service, whose log is not folded yet"
+    assert path.with_name("keys.db-wal").stat().st_size > 0
+    database.dispose()
+    assert stored_keys(path, read_only=False) == listed
+    assert not path.with_name("keys.db-wal").exists()
+
+
+def test_what_has_no_keys_of_this_version_is_left_to_the_usual_way(tmp_path: Path) -> None:
+    path = tmp_path / "other.db"
+    assert stored_keys(path, read_only=False) is None
+    assert not path.exists()
+    path.write_bytes(b"no database at all" * 100)
+    assert stored_keys(path, read_only=False) is None
+    path.unlink()
+    with closing(sqlite3.connect(path)) as other:
+        other.execute("CREATE TABLE alembic_version (version_num)")
+        other.execute("INSERT INTO alembic_version VALUES ('0001')")
+        other.commit()
+    assert stored_keys(path, read_only=True) is None
 
 
 def test_looking_at_keys_makes_no_database(urquhart: Urquhart, tmp_path: Path) -> None:
