@@ -68,6 +68,8 @@ def _table(figures: Figures) -> str:
 
 def _disturbed(figures: Figures) -> str:
     """What else the machine did meanwhile."""
+    if not any("others" in part for part in figures.values()):
+        return "What else the machine did meanwhile was not measured."
     others = {name: part["others"] for name, part in figures.items() if part.get("others", 0.0) > _MUCH}
     if not others:
         return "The machine did nothing else meanwhile."
