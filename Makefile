@@ -42,6 +42,7 @@ coverage: kernels ## run every test and print which lines none of them reaches; 
 # Compiled beforehand, because test processes that start at the same time would each compile them.
 kernels: $(VENV)/dev.stamp ## compile the kernels (once)
 	@$(BIN)/urquhart warm
+	@$(BIN)/python -m benchmarks.warm
 
 lint: $(VENV)/dev.stamp ## check format, style and types
 	@$(BIN)/ruff format --check .
