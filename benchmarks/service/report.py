@@ -38,7 +38,7 @@ def _table(figures: Figures) -> str:
     measured = [part for part in figures.values() if "versions" in part]
     if not measured:
         return ""
-    older = measured[0]["against"]
+    older = next((part["against"] for part in measured if part["against"]), "")
     rows, missed = [], []
     for row in (row for row in ROWS if row.part in figures):
         versions = figures[row.part]["versions"]
