@@ -53,9 +53,9 @@ from server.routes import (
     submaps,
     system,
 )
-from server.routes.console import console_sessions
+from server.routes.console import console_keys, console_sessions
 from server.routes.console import pages as console_pages
-from server.routes.gis import exports, features
+from server.routes.gis import exports, features, landmark_columns
 from server.routes.maps import map_routes
 from server.security.authenticator import Authenticator, check_exposure
 from server.security.rate_limit import RateLimiter
@@ -76,6 +76,7 @@ _ROUTERS = (
     submaps.router,
     exports.router,
     features.router,
+    landmark_columns.router,
     stands.router,
     collections.router,
     jobs.router,
@@ -85,6 +86,7 @@ _ROUTERS = (
     system.router,
     html_pages.router,
     console_sessions.router,
+    console_keys.router,
     console_pages.router,
 )
 _TAGS = [

@@ -39,6 +39,7 @@ SERVICE = (
         "outputs",
         "submaps",
         "queries",
+        "queries.listing",
         "exports",
         "ogc",
         "constraints",

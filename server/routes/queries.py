@@ -2,22 +2,36 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Path, Response
+from fastapi import APIRouter, Path, Query, Request, Response
 
 from server.coregistration.outputs.match_trees import match_trees
 from server.http.admission.request_admission import BudgetDep
 from server.http.json_body import JsonRoute
 from server.http.negotiation import CSV, GEOJSON, JSON, SVG, choose
-from server.http.responses import json_response, problems
+from server.http.responses import json_response, next_link, problems
 from server.outputs.csv_text import csv_pieces
 from server.outputs.geojson_text import geojson_pieces
 from server.queries import lookup, stored_queries
 from server.queries.batch import answer_batch
+from server.queries.listing.newest import newest_queries
 from server.queries.query import PlaceQuery
-from server.routes.dependencies import Accept, CollectionId, IdempotencyKeyDep, PrincipalDep, ServiceDep, in_time
+from server.resources import links
+from server.resources.paging import PageRequest
+from server.routes.dependencies import (
+    Accept,
+    CollectionId,
+    IdempotencyKeyDep,
+    PageCursor,
+    PageLimit,
+    PrincipalDep,
+    ServiceDep,
+    in_time,
+)
 from server.schemas import examples
+from server.schemas.listings.queries import QUERY_PAGE_EXAMPLE, QueryPage
 from server.schemas.queries import BatchAnswer, BatchInput, ExplanationAnswer, MatchAnswer, QueryAnswer, QueryInput
 from server.security.principal import Scope
+from urquhart import Verdict
 
 router = APIRouter(route_class=JsonRoute, tags=["queries"])
 _ALL = "/v1/collections/{collection}/queries"
@@ -104,6 +118,31 @@ def query_batch(
     """
     results = answer_batch(service.queries, caller, collection, body, budget, idempotency_key)
     return json_response(b'{"results":[' + b",".join(results) + b"]}")
+
+
+@router.get(
+    _ALL,
+    operation_id="listQueries",
+    summary="List stored queries",
+    response_model=QueryPage,
+    responses={200: {"content": {JSON: {"example": QUERY_PAGE_EXAMPLE}}}, **problems(404, 422, 503)},
+)
+def list_queries(
+    request: Request,
+    collection: CollectionId,
+    service: ServiceDep,
+    verdict: Annotated[Verdict | None, Query(description="Only queries with this verdict.")] = None,
+    limit: PageLimit = None,
+    cursor: PageCursor = None,
+) -> Response:
+    """Lists the queries that were sent with `store` and are still kept, newest first. A page may have fewer entries
+    than `limit`, and still a `next`, if few queries have the verdict.
+    """
+    asked = PageRequest(limit, cursor)
+    page = newest_queries(service.database, service.settings.limits, collection, asked, verdict)
+    path = links.collection(collection) + "/queries"
+    headers = {} if page.next is None else {"Link": next_link(path, request, page.next)}
+    return json_response(page, headers=headers)
 
 
 @router.get(

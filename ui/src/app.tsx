@@ -2,6 +2,7 @@
 
 import { useCallback, useState } from "preact/hooks";
 
+import { MapPage } from "./map/page";
 import { MatchPage } from "./match/page";
 import { CollectionPage } from "./pages/collection";
 import { CollectionsPage } from "./pages/collections";
@@ -10,9 +11,18 @@ import { Link, useAddress } from "./parts/router";
 import { ThemeButton } from "./parts/theme";
 import { SignedOut, useLoaded } from "./service/load";
 import { endSession, readSession, type Session } from "./service/session";
+import { JobPage, JobsPage } from "./pages/jobs";
+import { OperationsPage } from "./pages/operations";
+import { QueriesPage } from "./pages/queries";
 import { SignIn } from "./pages/sign-in";
+import { TryPage } from "./pages/try";
 
-const PAGES = [["collections", "Collections"]] as const;
+const PAGES = [
+  ["collections", "Collections"],
+  ["try", "Try it"],
+  ["jobs", "Jobs"],
+  ["operations", "Operations"],
+] as const;
 
 export function App() {
   const [turn, setTurn] = useState(0);
@@ -72,9 +82,19 @@ function Page({ path, session }: { readonly path: readonly string[]; readonly se
   if (page === "collections" && collection !== undefined && path.length === 2) {
     return <CollectionPage key={collection} collection={collection} session={session} />;
   }
+  if (page === "collections" && collection !== undefined && part === "queries" && path.length === 3) {
+    return <QueriesPage key={collection} collection={collection} />;
+  }
+  if (page === "collections" && collection !== undefined && part === "map" && path.length === 3) {
+    return <MapPage key={collection} collection={collection} />;
+  }
   if (page === "collections" && collection !== undefined && part === "queries" && id !== undefined && path.length === 4) {
     return <MatchPage key={`${collection}/${id}`} collection={collection} query={id} />;
   }
+  if (page === "try" && path.length === 1) return <TryPage session={session} />;
+  if (page === "jobs" && path.length === 1) return <JobsPage />;
+  if (page === "jobs" && path.length === 2) return <JobPage key={path[1]} id={path[1]!} session={session} />;
+  if (page === "operations" && path.length === 1) return <OperationsPage session={session} />;
   return (
     <main>
       <Title>No such page</Title>

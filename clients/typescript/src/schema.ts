@@ -1,7 +1,7 @@
 /**
  * Types of the service's API. Generated from its OpenAPI document by `make client-types`: do not edit.
  *
- * openapi sha256 3bcbdacfeb2feb5a08102202a54938761ea62775e7e22d737ea575d550996239
+ * openapi sha256 90da373ea564c146a9730860e9397dda9b1a6d2b36614b7673526f3004dfc9ae
  */
 
 export interface paths {
@@ -363,6 +363,34 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/v1/collections/{collection}/landmarks": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Read landmarks as binary columns
+         * @description Returns boxes of submaps and positions of their trees in a map frame, to be drawn: far smaller and faster to read
+         *     than JSON. Submaps without a `map_pose` in the frame are left out. For all attributes of every tree, see
+         *     [exports](#getexport).
+         *
+         *     Little-endian: the 8 bytes `URQCOL1\n`; uint32, the length of the head; the head: JSON, padded with spaces to a
+         *     multiple of 4, with `origin` [x, y], `landmarks` (trees in all), `every` (1, or every how-many-th tree is here), ids
+         *     of the `submaps`, names of the `sessions`, and in `session_of` the position of each submap's session, -1 for none.
+         *     Then float32 (S, 4), the box of each submap; uint32 (S), how many positions it has here; float32 (N, 2), the
+         *     positions, submap after submap. Metres, relative to `origin`.
+         */
+        get: operations["getLandmarks"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/v1/collections/{collection}/maps": {
         parameters: {
             query?: never;
@@ -458,7 +486,12 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get?: never;
+        /**
+         * List stored queries
+         * @description Lists the queries that were sent with `store` and are still kept, newest first. A page may have fewer entries
+         *     than `limit`, and still a `next`, if few queries have the verdict.
+         */
+        get: operations["listQueries"];
         put?: never;
         /**
          * Find where an observation was made
@@ -3348,6 +3381,22 @@ export interface components {
             timeout_ms?: number | null;
         };
         /**
+         * QueryPage
+         * @description A page of stored queries, newest first.
+         */
+        QueryPage: {
+            /**
+             * Next
+             * @description Cursor of the next page. The last page does not have this member.
+             */
+            next?: string | null;
+            /**
+             * Queries
+             * @description The queries of the page.
+             */
+            queries: components["schemas"]["StoredQuery"][];
+        };
+        /**
          * Readiness
          * @description Answer of a process that has passed all checks.
          */
@@ -3897,6 +3946,65 @@ export interface components {
              * @description Position along y, in metres, in the submap's frame.
              */
             y: number;
+        };
+        /**
+         * StoredQuery
+         * @description A stored query, as in a list.
+         */
+        StoredQuery: {
+            /**
+             * Confidence
+             * @description Confidence of the first candidate. Null if there is no candidate.
+             */
+            confidence: number | null;
+            /**
+             * Created
+             * @description When the query was answered.
+             */
+            created: string;
+            /**
+             * Id
+             * @description Id of the stored query.
+             */
+            id: string;
+            /**
+             * Inlier Count
+             * @description Pairs of landmarks of the first candidate. Null if there is none.
+             */
+            inlier_count: number | null;
+            /**
+             * Landmark Count
+             * @description Number of landmarks in the query.
+             */
+            landmark_count: number;
+            /** @description Paths that belong to the query. */
+            links: components["schemas"]["QueryLinks"];
+            /**
+             * Milliseconds
+             * @description How long the search took, in milliseconds.
+             */
+            milliseconds: number;
+            /**
+             * Reason
+             * @description Why this verdict, as a stable word: one of those of an answer.
+             */
+            reason: string;
+            /**
+             * Revision
+             * @description Revision of the collection that was searched.
+             */
+            revision: number;
+            /**
+             * Submap Id
+             * @description Submap of the first candidate. Null if there is no candidate.
+             */
+            submap_id: string | null;
+            /**
+             * Verdict
+             * @description The outcome.
+             * @enum {string}
+             */
+            verdict: "matched" | "ambiguous" | "no_match";
         };
         /**
          * Submap
@@ -5143,6 +5251,57 @@ export interface operations {
             };
         };
     };
+    getLandmarks: {
+        parameters: {
+            query: {
+                /** @description Only submaps whose footprint overlaps this box: min x,min y,max x,max y, metres, map frame. */
+                bbox?: string | null;
+                /** @description The map frame. */
+                frame_id: string;
+                /** @description Most positions. If there are more, every second, fourth, ... is sent. */
+                limit?: number;
+                /** @description Only submaps of this session. */
+                session?: string | null;
+            };
+            header?: {
+                /** @description Entity tag of the copy that you have; 304 if it is current. */
+                "if-none-match"?: string | null;
+            };
+            path: {
+                /** @description Id of the collection: 1 to 128 letters, digits, '.', '_', '~', '-'. */
+                collection: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Success. */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/vnd.urquhart.landmark-columns": string;
+                };
+            };
+            /** @description Not modified. */
+            304: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            /** @description A problem document. */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
     postMap: {
         parameters: {
             query?: never;
@@ -5281,6 +5440,45 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["PosesAnswer"];
+                };
+            };
+            /** @description A problem document. */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    listQueries: {
+        parameters: {
+            query?: {
+                /** @description `next` of the previous page. */
+                cursor?: string | null;
+                /** @description Entries on the page, at most 1000. */
+                limit?: number | null;
+                /** @description Only queries with this verdict. */
+                verdict?: ("matched" | "ambiguous" | "no_match") | null;
+            };
+            header?: never;
+            path: {
+                /** @description Id of the collection: 1 to 128 letters, digits, '.', '_', '~', '-'. */
+                collection: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Success. */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["QueryPage"];
                 };
             };
             /** @description A problem document. */

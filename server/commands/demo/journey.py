@@ -33,7 +33,7 @@ from server.stem_maps.stands import cut_stand, store_stand
 from server.store.sqlite.database import Database
 from server.store.sqlite.upgrade.migrations_runner import upgrade
 from server.submaps.bulk_ingest import LineOptions
-from urquhart_client import Candidate, Client
+from urquhart_client import Candidate, Client, QueryResult
 
 COLLECTION: Final = "forests"
 STANDS: Final = (
@@ -86,11 +86,15 @@ def run(out: Path, data: Path, *, seed: int, observations: int, keep: bool) -> b
             passed = _summary(answers, console)
             drawings = _draw(client, answers, out)
             hard = [ask(STANDS[0], stem_maps[STANDS[0].name], rng, HARD) for _ in range(HARD_OBSERVATIONS)]
-            drawings += _compare(client, hard, seed, out, console)
+            more, hardest = _compare(client, hard, seed, out, console)
+            drawings += more
     for path in drawings:
         console.print(f"drawn: {path}", highlight=False, soft_wrap=True)
     if keep:
         console.print(f"still serving on {url} ; stop it with: kill {pid}", highlight=False)
+        if hardest is not None:
+            page = f"{url}/ui/collections/{COLLECTION}/queries/{hardest}"
+            console.print(f"the hardest of these matches, in a browser: {page}", highlight=False, soft_wrap=True)
     return passed
 
 
@@ -180,16 +184,22 @@ def _draw_motion(client: Client, answer: JudgedAnswer, found: Candidate, out: Pa
     return path
 
 
-def _compare(client: Client, hard: Sequence[DemoQuestion], seed: int, out: Path, console: Console) -> list[Path]:
+def _compare(
+    client: Client, hard: Sequence[DemoQuestion], seed: int, out: Path, console: Console
+) -> tuple[list[Path], str | None]:
     """Send hard queries with the paper's method and the default one, and draw the explanation of one that only the
-    default answers.
+    default answers. Returns the drawing, and the id of the right answer that was nearest to being refused.
     """
-    lost = []
+    lost: list[QueryResult] = []
+    right_ones: list[tuple[float, str]] = []
     found: dict[urquhart.Method, int] = {"paper": 0, "robust": 0}
     for question in hard:
         answers = {name: client.query(COLLECTION, question.xy, method=name, seed=seed, store=True) for name in found}
         right = {name: judge(question, answer, 0.0).right for name, answer in answers.items()}
         found = {name: count + right[name] for name, count in found.items()}
+        best = answers["robust"].best
+        if right["robust"] and best is not None and answers["robust"].id is not None:
+            right_ones.append((best.log_odds, answers["robust"].id))
         if right["robust"] and not right["paper"]:
             lost.append(answers["robust"])
     console.print(
@@ -198,11 +208,12 @@ def _compare(client: Client, hard: Sequence[DemoQuestion], seed: int, out: Path,
         highlight=False,
         soft_wrap=True,
     )
+    hardest = min(right_ones)[1] if right_ones else None
     if not lost or lost[0].id is None:
-        return []
+        return [], hardest
     path = out / "hard.svg"
     path.write_text(client.explanation_svg(COLLECTION, lost[0].id), encoding="utf-8")
-    return [path]
+    return [path], hardest
 
 
 def _table(answers: Sequence[JudgedAnswer]) -> Table:

@@ -5,11 +5,11 @@ from typing import Final
 
 from fastapi import APIRouter, Request, Response
 
-from server.console.built_files import BuiltFiles, read_built_files
+from server.console.built_files import BuiltFile, BuiltFiles, read_built_files
 from server.errors import NotFound
 from server.http.authorization import GuardedRoute
 from server.http.browser_protection import CONSOLE
-from server.http.responses import etag_header, not_modified
+from server.http.responses import entity_tags, etag_header
 
 router = APIRouter(route_class=GuardedRoute, include_in_schema=False)
 
@@ -30,8 +30,7 @@ def console_file(name: str, request: Request) -> Response:
     if file is None:
         raise NotFound("file of the console", name[:100])
     headers = {"Cache-Control": _FOREVER, **etag_header(file.etag)}
-    unchanged = not_modified(request.headers.get("if-none-match"), file.etag)
-    return unchanged or Response(file.content, media_type=file.media_type, headers=headers)
+    return _unless_known(request, file, headers)
 
 
 @router.get(PATH)
@@ -41,5 +40,12 @@ def console_page(request: Request) -> Response:
     page = _built().page
     # Asked for again each time, because it names the present files.
     headers = {"Cache-Control": "no-cache", "Content-Security-Policy": CONSOLE, **etag_header(page.etag)}
-    unchanged = not_modified(request.headers.get("if-none-match"), page.etag)
-    return unchanged or Response(page.content, media_type=page.media_type, headers=headers)
+    return _unless_known(request, page, headers)
+
+
+def _unless_known(request: Request, file: BuiltFile, headers: dict[str, str]) -> Response:
+    """The file, or 304. A browser takes over the headers of a 304, so these must be the same, the policy above all."""
+    tags = entity_tags(request.headers.get("if-none-match")) or ()
+    if file.etag in tags:
+        return Response(status_code=304, headers=headers)
+    return Response(file.content, media_type=file.media_type, headers=headers)

@@ -1,10 +1,12 @@
 """Rows of stored queries, seen through one collection."""
 
+from collections.abc import Collection
 from datetime import UTC, datetime
 
 from sqlalchemy import Connection, delete, func, insert, select
 
 from server.store.columns import columns_of, values_of
+from server.store.expressions import batches
 from server.store.records import QueryRecord
 from server.store.tables import QueryRow
 
@@ -34,6 +36,20 @@ class QueryReader:
         """The largest number of a query that is still stored, 0 if there is none."""
         last = select(func.max(QueryRow.number)).where(QueryRow.collection_key == self._collection_key)
         return self._connection.scalar(last) or 0
+
+    def first_number(self) -> int:
+        """The smallest number of a query that is still stored, 0 if there is none."""
+        first = select(func.min(QueryRow.number)).where(QueryRow.collection_key == self._collection_key)
+        return self._connection.scalar(first) or 0
+
+    def created(self, numbers: Collection[int]) -> dict[int, datetime]:
+        """When stored queries were stored, by number."""
+        found: dict[int, datetime] = {}
+        for some in batches(numbers):
+            mine = (QueryRow.collection_key == self._collection_key, QueryRow.number.in_(some))
+            rows = self._connection.execute(select(QueryRow.number, QueryRow.created).where(*mine))
+            found.update({row.number: row.created for row in rows})
+        return found
 
 
 class Queries(QueryReader):

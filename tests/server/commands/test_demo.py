@@ -169,6 +169,9 @@ def test_the_demo_keeps_its_service_when_asked(start: Start, small: Path) -> Non
         wait_until_ready(kept[1])
         with Client(kept[1]) as client:
             assert [one.id for one in client.collections()] == ["forests"]
+            page = re.search(r"in a browser: (\S+)/ui/collections/forests/queries/(\d+)", out)
+            assert page is not None and page[1] == kept[1]
+            assert client.explanation("forests", page[2]).verdict == "matched"
     finally:
         os.kill(int(kept[2]), signal.SIGTERM)
     wait_until_gone(kept[1])

@@ -36,7 +36,11 @@ async function onPage(base, options, run) {
     if (url.protocol.startsWith("http") && url.origin !== base) errors.push(`request to ${url.origin}`);
   });
   try {
-    await run(page, context);
+    page.setDefaultTimeout(60_000); // whatever else the machine does
+    await run(page, context).catch(async (error) => {
+      const shown = await page.locator("body").innerText({ timeout: 1000 }).catch(() => "nothing");
+      throw new Error(`${error.message}\nat ${page.url()}, which shows: ${shown.slice(0, 600)}\n${errors.join("\n")}`, { cause: error });
+    });
     assert.deepEqual(errors, []);
   } finally {
     await context.close();
@@ -51,6 +55,16 @@ async function accessible(page) {
     violations.map(({ id, nodes }) => [id, nodes.slice(0, 3).map(({ html }) => html)]),
     [],
   );
+}
+
+/** Waits until a number that `count` finds is at least `least`. */
+async function until(count, least, what) {
+  for (let attempt = 0; ; attempt++) {
+    const found = await count();
+    if (found >= least) return;
+    assert.ok(attempt < 100, `${found} ${what}, not ${least}`);
+    await new Promise((resolve) => setTimeout(resolve, 100));
+  }
 }
 
 /** The colour of the canvas at a place in pixels of the page. */
@@ -69,7 +83,6 @@ test("a match is drawn where its trees are, with the numbers of the API", async 
   await onPage(told.open, {}, async (page) => {
     await page.goto(matchPage(matched));
     await page.getByRole("heading", { name: "Matched p1" }).waitFor();
-    await page.waitForTimeout(100);
     const [best] = matched.candidates;
     const details = page.getByRole("complementary", { name: "Details" });
     const text = await details.innerText();
@@ -86,13 +99,16 @@ test("a match is drawn where its trees are, with the numbers of the API", async 
     const [west, east] = [Math.min(...trees.map(([x]) => x)), Math.max(...trees.map(([x]) => x))];
     const [south, north] = [Math.min(...trees.map(([, y]) => y)), Math.max(...trees.map(([, y]) => y))];
     const scale = Math.min((width - 72) / (east - west), (height - 72) / (north - south));
-    let orange = 0;
-    for (const [x, y] of trees.slice(0, 20)) {
-      const [px, py] = [width / 2 + (x - (west + east) / 2) * scale, height / 2 - (y - (south + north) / 2) * scale];
-      const [red, green, blue] = await colourAt(page, px, py);
-      if (red > 180 && green < 140 && blue < 60) orange++;
-    }
-    assert.ok(orange >= 18, `${orange} of 20 trees are drawn where they are`);
+    const orange = async () => {
+      let found = 0;
+      for (const [x, y] of trees.slice(0, 20)) {
+        const [px, py] = [width / 2 + (x - (west + east) / 2) * scale, height / 2 - (y - (south + north) / 2) * scale];
+        const [red, green, blue] = await colourAt(page, px, py);
+        if (red > 180 && green < 140 && blue < 60) found++;
+      }
+      return found;
+    };
+    await until(orange, 18, "of 20 trees are drawn where they are");
     await accessible(page);
   });
 });
@@ -153,6 +169,19 @@ test("an answer without a match says why, and pictures are saved as files", asyn
   });
 });
 
+test("stored queries are listed, by verdict, and lead to their pages", async () => {
+  await onPage(told.open, {}, async (page) => {
+    await page.goto("/ui/collections/plots");
+    await page.getByRole("link", { name: "Queries" }).click();
+    await page.getByRole("link", { name: `Query ${matched.id}` }).waitFor();
+    await accessible(page);
+    await page.getByLabel("Verdict").selectOption("matched");
+    await page.getByRole("link", { name: `Query ${missed.id}` }).waitFor({ state: "detached" });
+    await page.getByRole("link", { name: `Query ${matched.id}` }).click();
+    await page.getByRole("heading", { name: "Matched p1" }).waitFor();
+  });
+});
+
 test("a query that is not there, and a page that is not, say so", async () => {
   await onPage(told.open, {}, async (page) => {
     page.expectsFailures = true;
@@ -189,7 +218,7 @@ test("collections are made and deleted, with a confirmation, by keyboard", async
     const ground = await page.evaluate(() => getComputedStyle(document.body).backgroundColor);
     assert.equal(ground, "rgb(15, 21, 18)");
     await page.getByRole("button", { name: /^Theme/ }).click();
-    assert.notEqual(await page.evaluate(() => getComputedStyle(document.body).backgroundColor), ground);
+    await page.waitForFunction((dark) => getComputedStyle(document.body).backgroundColor !== dark, ground);
   });
 });
 
@@ -231,13 +260,100 @@ test("a service that is gone is said to be, and the page goes on when it is back
   });
 });
 
+test("the map draws trees where they are, and finds submaps by id", async () => {
+  await onPage(told.open, {}, async (page) => {
+    await page.goto("/ui/collections/plots/map");
+    await page.getByText("120", { exact: true }).waitFor();
+    await page.getByLabel("Find a submap").fill("p2");
+    await page.keyboard.press("Enter");
+    await page.getByRole("heading", { name: "p2" }).waitFor();
+    await page.waitForURL(/scale=/);
+    await accessible(page);
+    // The view is in the address: the middle in metres of the map frame, and pixels for each metre.
+    const [x, y, scale] = ["x", "y", "scale"].map((name) => Number(new URL(page.url()).searchParams.get(name)));
+    const drawn = () => page.evaluate(
+      ([places, viewX, viewY, pixels]) => {
+        const canvas = document.querySelector("canvas.under");
+        const gl = canvas.getContext("webgl2");
+        const ratio = canvas.width / canvas.clientWidth;
+        return places.filter(([placeX, placeY]) => {
+          const colour = new Uint8Array(4);
+          const left = canvas.width / 2 + (placeX - viewX) * pixels * ratio;
+          const up = canvas.height / 2 + (placeY - viewY) * pixels * ratio;
+          gl.readPixels(Math.floor(left), Math.floor(up), 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, colour);
+          return colour[3] > 200;
+        }).length;
+      },
+      [told.p2, x, y, scale],
+    );
+    await until(drawn, told.p2.length * 0.95, "trees are drawn where they are");
+    await page.reload();
+    await page.getByRole("heading", { name: "p2" }).waitFor();
+    await page.getByRole("button", { name: "Find it among the others" }).click();
+    await page.getByRole("heading", { name: /^No match/ }).waitFor();
+  });
+});
+
+test("a file is understood, looked up, and stored", async () => {
+  await onPage(told.open, {}, async (page) => {
+    await page.goto("/ui/try?collection=plots");
+    const rows = told.seen.map(([x, y], at) => `${at},${x},${y}`);
+    const buffer = Buffer.from(["tag,x,y", ...rows].join("\n"));
+    await page.locator("input[type=file]").setInputFiles({ name: "seen.csv", mimeType: "text/csv", buffer });
+    await page.getByText("read tree_id from").or(page.getByText("Read tree_id from")).waitFor();
+    await accessible(page);
+    await page.getByRole("button", { name: `Find ${rows.length} trees` }).click();
+    await page.getByRole("heading", { name: "Matched p1" }).waitFor();
+    await page.goto("/ui/try?collection=plots");
+    page.expectsFailures = true;
+    await page.locator("input[type=file]").setInputFiles({ name: "odd.csv", mimeType: "text/csv", buffer: Buffer.from("a,b\n1,2\n") });
+    await page.getByRole("alert").waitFor();
+    await page.getByLabel("Column of x or easting").waitFor();
+  });
+});
+
+test("jobs show their progress and what they refused, and operations how the service does", async () => {
+  await onPage(told.open, {}, async (page) => {
+    await page.goto("/ui/jobs");
+    await page.locator(".badge.successful").waitFor();
+    await accessible(page);
+    await page.getByRole("link", { name: "import" }).click();
+    await page.getByRole("heading", { name: "Lines that were refused" }).waitFor();
+    await page.getByRole("cell", { name: /at least 3/ }).waitFor();
+    await accessible(page);
+    await page.getByRole("link", { name: "Operations" }).click();
+    await page.getByText("Verdicts since the start").waitFor();
+    await page.getByRole("cell", { name: "POST /v1/collections/{collection}/queries" }).first().waitFor();
+    await accessible(page);
+  });
+});
+
+test("an operator sees keys, which cannot be used, and makes a snapshot; a reader sees neither", async () => {
+  await onPage(told.closed, {}, async (page) => {
+    await page.goto("/ui/operations");
+    await page.getByLabel("API key").fill(told.admin);
+    await page.keyboard.press("Enter");
+    await page.getByRole("cell", { name: "operator" }).waitFor();
+    assert.ok(!(await page.content()).includes(told.admin.split("_")[2]));
+    await page.getByRole("button", { name: "Make a snapshot" }).click();
+    await page.getByText("2 collections").waitFor();
+  });
+  await onPage(told.closed, {}, async (page) => {
+    await page.goto("/ui/operations");
+    await page.getByLabel("API key").fill(told.reader);
+    await page.keyboard.press("Enter");
+    await page.getByText("Snapshots and keys need a key").waitFor();
+    assert.equal((await page.request.get("/ui/keys")).status(), 403);
+  });
+});
+
 test("a phone shows it all without scrolling sideways", async () => {
   await onPage(told.open, { viewport: { width: 360, height: 740 }, isMobile: true, hasTouch: true }, async (page) => {
-    for (const path of ["/ui", "/ui/collections/plots", matchPage(matched)]) {
+    for (const path of ["/ui", "/ui/collections/plots", "/ui/collections/plots/map", "/ui/jobs", "/ui/operations", matchPage(matched)]) {
       await page.goto(path);
-      await page.getByText("Loading").waitFor({ state: "detached" });
-      const wider = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
-      assert.ok(wider <= 0, `${path} is ${wider} pixels too wide`);
+      await page.waitForFunction(() => document.querySelector("main") && !document.querySelector(".loading"));
+      const width = await page.evaluate(() => document.documentElement.scrollWidth);
+      assert.ok(width <= 360, `${path} is ${width} pixels wide`);
     }
   });
 });

@@ -64,6 +64,9 @@ def fill(client: httpx.Client) -> dict[str, Any]:
     client.put("/v1/collections/rows/submaps/r1", json={"xy": points(rows)}).raise_for_status()
     inner = np.array([at for at in range(144) if 3 <= at // 12 < 9 and 3 <= at % 12 < 9])
     ambiguous = ask(client, "rows", xy=points(rows[inner]))
+    lines = '{"id":"a1","xy":[[0,0],[3,0],[0,4]]}\n{"id":"a2","xy":[[0,0]]}\n'
+    job = client.post("/v1/collections/rows/imports", content=lines, headers={"Content-Type": "application/x-ndjson"})
+    client.get(job.raise_for_status().headers["Location"], params={"wait": 25}).raise_for_status()
     return {"matched": matched, "no_match": no_match, "ambiguous": ambiguous}
 
 
@@ -90,6 +93,8 @@ def services(tmp_path: Path) -> Iterator[dict[str, Any]]:
             "open": servers[0].url,
             "closed": servers[1].url,
             "answers": answers,
+            "seen": observed(forest(1), 6)[0],
+            "p2": points(forest(2) + (180.0, 0.0)),
             "admin": admin,
             "reader": reader,
             "ended": ended,
@@ -113,4 +118,4 @@ def test_the_console_in_a_browser(services: dict[str, Any], tmp_path: Path) -> N
     )
     assert ran.returncode == 0, ran.stdout[-6000:] + ran.stderr[-2000:]
     assert "# skipped 0" in ran.stdout
-    assert int(re.findall(r"^# pass (\d+)$", ran.stdout, flags=re.MULTILINE)[0]) >= 8
+    assert int(re.findall(r"^# pass (\d+)$", ran.stdout, flags=re.MULTILINE)[0]) >= 14

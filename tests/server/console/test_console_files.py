@@ -80,6 +80,9 @@ def test_every_address_below_is_the_page(shared_client: httpx.Client, path: str)
     assert page.headers["Cache-Control"] == "no-cache"
     again = shared_client.get(path, headers={"If-None-Match": page.headers["ETag"]})
     assert (again.status_code, again.content) == (304, b"")
+    # A browser replaces the headers of the page that it has with these.
+    for name in ("Content-Security-Policy", "Cache-Control", "X-Content-Type-Options", "ETag"):
+        assert again.headers[name] == page.headers[name]
 
 
 def test_the_page_loads_files_of_this_service_only(shared_client: httpx.Client) -> None:

@@ -36,7 +36,7 @@ def first_error(response: httpx.Response, status: int = 422) -> dict[str, Any]:
     [
         (PLOTS, "DELETE, GET, HEAD, OPTIONS, PATCH, PUT"),
         (SUBMAPS, "GET, HEAD, OPTIONS, POST"),
-        (f"{PLOTS}/queries", "OPTIONS, POST"),
+        (f"{PLOTS}/queries", "GET, HEAD, OPTIONS, POST"),
         ("/openapi.json", "GET, HEAD, OPTIONS"),
         ("/docs/assets/swagger-ui.css", "GET, HEAD, OPTIONS"),
     ],

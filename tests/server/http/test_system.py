@@ -47,6 +47,8 @@ OPERATIONS = {
     "postPoses": "post /v1/collections/{collection}/poses",
     "getMap": "get /v1/collections/{collection}/maps/{map}",
     "getMapLandmarks": "get /v1/collections/{collection}/maps/{map}/landmarks",
+    "getLandmarks": "get /v1/collections/{collection}/landmarks",
+    "listQueries": "get /v1/collections/{collection}/queries",
     "getExport": "get /v1/collections/{collection}/exports/{table}",
     "getFeaturesLandingPage": "get /ogc",
     "getConformance": "get /ogc/conformance",

@@ -179,3 +179,15 @@ def test_no_session_opens_a_service_that_others_can_reach(tmp_path: Path) -> Non
         assert sign_in(client, made).status_code == 204
         assert client.get("/v1/collections").json() == {"collections": []}
         assert client.get("/v1/collections/other").status_code == 404
+
+
+def test_keys_are_listed_for_who_sees_all_without_their_secrets(client: httpx.Client, app: FastAPI, key: str) -> None:
+    database = app.state.service.database
+    operator, _ = api_keys.make(database, "operator", [Scope.ADMIN], ["*"])
+    tenant, _ = api_keys.make(database, "tenant", list(Scope), ["plots*"])
+    listed = client.get("/ui/keys", headers={"Authorization": f"Bearer {operator}"})
+    assert [one["name"] for one in listed.json()["keys"]] == ["reader", "operator", "tenant"]
+    assert not [secret for secret in (key, operator, tenant) if secret.split("_")[2] in listed.text]
+    for other in (key, tenant):
+        assert client.get("/ui/keys", headers={"Authorization": f"Bearer {other}"}).status_code == 403
+    assert client.get("/ui/keys").status_code == 401

@@ -56,11 +56,12 @@ function Match({ answer, explanation }: Stored) {
           <nav class="crumbs" aria-label="Where you are">
             <Link to={at("collections")}>Collections</Link>
             <Link to={at("collections", answer.collection)}>{answer.collection}</Link>
-            <span>Query {answer.id}</span>
+            <Link to={at("collections", answer.collection, "queries")}>Queries</Link>
+            <span>{answer.id}</span>
           </nav>
           <h1>
             <span class={`badge ${answer.verdict}`}>{VERDICTS[answer.verdict]}</span>
-            <span class="name">{answer.candidates[0]?.submap_id ?? "nowhere in this collection"}</span>
+            <span class="name">{place(answer)}</span>
           </h1>
           <p class="lead">{summary(answer, explanation)}</p>
         </div>
@@ -85,6 +86,13 @@ function Match({ answer, explanation }: Stored) {
       </div>
     </>
   );
+}
+
+/** What the verdict says of the place, which is nothing of a candidate that is no match. */
+function place({ verdict, candidates, collection }: Schemas["QueryAnswer"]): string {
+  const best = candidates[0]?.submap_id;
+  if (best === undefined || verdict === "no_match") return `not found in ${collection}`;
+  return verdict === "ambiguous" ? `perhaps ${best}` : best;
 }
 
 function Tabs({ answer, choice }: { readonly answer: Schemas["QueryAnswer"]; readonly choice: Choice }) {

@@ -31,11 +31,22 @@ export function CollectionPage({ collection, session }: { readonly collection: s
           </nav>
           <h1 class="id">{collection}</h1>
         </div>
+        <p class="actions">
+          <Link class="button" to={at("collections", collection, "map")}>
+            Map
+          </Link>
+          <Link class="button" to={at("collections", collection, "queries")}>
+            Queries
+          </Link>
+          <Link class="button" to={`/try?${new URLSearchParams({ collection })}`}>
+            Try it
+          </Link>
         {may(session, "admin") && (
           <button type="button" class="danger" onClick={() => setDeleting(true)}>
             Delete …
           </button>
         )}
+        </p>
       </header>
       <Ready of={loaded} what="the collection">
         {(one) => (
@@ -142,7 +153,15 @@ function Submaps({ collection, revision }: { readonly collection: string; readon
 function Row({ one }: { readonly one: Schemas["SubmapSummary"] }) {
   return (
     <tr>
-      <td class="id">{one.id}</td>
+      <td class="id">
+        {one.map_pose ? (
+          <Link to={`${at("collections", one.collection, "map")}?${new URLSearchParams({ frame: one.map_pose.frame_id, submap: one.id })}`}>
+            {one.id}
+          </Link>
+        ) : (
+          one.id
+        )}
+      </td>
       <td>
         {one.session && (
           <button type="button" class="row" onClick={() => setQuery({ session: one.session ?? null, cursor: null })}>

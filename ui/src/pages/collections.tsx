@@ -5,7 +5,7 @@ import { ok, pages, type Schemas } from "urquhart-client";
 
 import { Dialog, Message, Ready, Title } from "../parts/common";
 import { at, go, Link } from "../parts/router";
-import { ago, count, moment } from "../parts/text";
+import { ago, count, moment, plural } from "../parts/text";
 import { api, sentenceOf } from "../service/api";
 import { useLoaded } from "../service/load";
 import { readMetrics, type Sample, valueOf } from "../service/metrics";
@@ -115,7 +115,7 @@ export function IndexState({ collection, samples }: { readonly collection: strin
   const lag = valueOf(samples, "urquhart_index_lag_revisions", { collection });
   if (lag === undefined) return <span class="dot idle">Index opens at the next query</span>;
   if (lag === 0) return <span class="dot good">Indexed</span>;
-  return <span class="dot warn">{count(lag)} revisions behind; the next query catches up</span>;
+  return <span class="dot warn">{plural(lag, "revision")} behind; the next query catches up</span>;
 }
 
 function NewCollection({ onClose, onMade }: { readonly onClose: () => void; readonly onMade: (id: string) => void }) {

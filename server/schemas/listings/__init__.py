@@ -1,0 +1,1 @@
+"""Pages of lists whose entries are summaries of larger documents."""

@@ -1,0 +1,363 @@
+/** Operations: how the service does now: readiness, load, latencies, verdicts, index, keys, snapshots, limits. */
+
+import type { ComponentChildren } from "preact";
+import { useState } from "preact/hooks";
+import { ok, ProblemError, type Schemas } from "urquhart-client";
+
+import { Facts, Ready, Title } from "../parts/common";
+import { ago, bytes, count, duration, moment, plural, share } from "../parts/text";
+import { api, CONSOLE, sentenceOf } from "../service/api";
+import { useLoaded } from "../service/load";
+import { readMetrics, type Sample, valueOf } from "../service/metrics";
+import { may, type Session } from "../service/session";
+import { IndexState } from "./collections";
+
+const EVERY = 5;
+const SELDOM = 60;
+
+export function OperationsPage({ session }: { readonly session: Session }) {
+  const seesAll = session.patterns?.includes("*") ?? false;
+  const admin = may(session, "admin") && seesAll;
+  return (
+    <main class="page">
+      <Title>Operations</Title>
+      <header class="page-head">
+        <h1>Operations</h1>
+      </header>
+      <Now />
+      {seesAll && may(session, "read") ? (
+        <Numbers />
+      ) : (
+        <p class="note warn">Latencies and verdicts cover all collections, so they need a key with the scope read for all of them.</p>
+      )}
+      {admin ? (
+        <>
+          <Snapshots />
+          {session.needs_key && <Keys />}
+        </>
+      ) : (
+        <p class="note warn">Snapshots and keys need a key with the scope admin for all collections.</p>
+      )}
+      {may(session, "read") && <LimitsTable />}
+    </main>
+  );
+}
+
+function Panel({ title, children }: { readonly title: string; readonly children: ComponentChildren }) {
+  return (
+    <section class="panel">
+      <h2>{title}</h2>
+      {children}
+    </section>
+  );
+}
+
+interface State {
+  readonly ready: Schemas["Readiness"] | null;
+  readonly trouble: string | null;
+}
+
+function Now() {
+  const loaded = useLoaded(
+    async (signal): Promise<State> => {
+      try {
+        return { ready: await ok(api.GET("/readyz", { signal })), trouble: null };
+      } catch (error) {
+        if (error instanceof ProblemError && error.status === 503) return { ready: null, trouble: sentenceOf(error) };
+        throw error;
+      }
+    },
+    [],
+    EVERY,
+  );
+  return (
+    <Panel title="Now">
+      <Ready of={loaded} what="the state">
+        {({ ready, trouble }) =>
+          ready === null ? (
+            <p class="dot bad">Not ready: {trouble}</p>
+          ) : (
+            <>
+              <p class="dot good">Ready</p>
+              <Facts
+                rows={[
+                  ["In progress", `${ready.load.in_flight} of ${ready.load.capacity} places`],
+                  ["Waiting", count(ready.load.queued)],
+                  ...Object.entries(ready.checks).map(([name, state]) => [name, state] as const),
+                ]}
+              />
+              {ready.load.saturated && <p class="note warn">All places are taken: further requests wait for their turn.</p>}
+            </>
+          )
+        }
+      </Ready>
+    </Panel>
+  );
+}
+
+function Numbers() {
+  const loaded = useLoaded(readMetrics, [], EVERY);
+  return (
+    <Ready of={loaded} what="the metrics">
+      {(samples) => (
+        <>
+          <Panel title="Verdicts since the start">
+            <Verdicts samples={samples} />
+          </Panel>
+          <Panel title="How long requests take">
+            <Latencies samples={samples} />
+          </Panel>
+          <Panel title="Index">
+            <Indexes samples={samples} />
+          </Panel>
+        </>
+      )}
+    </Ready>
+  );
+}
+
+function Verdicts({ samples }: { readonly samples: readonly Sample[] }) {
+  const verdicts = ["matched", "ambiguous", "no_match"].map((verdict) => {
+    const matching = samples.filter((one) => one.name === "urquhart_query_verdicts_total" && one.labels.verdict === verdict);
+    return [verdict, matching.reduce((sum, one) => sum + one.value, 0)] as const;
+  });
+  const total = verdicts.reduce((sum, [, value]) => sum + value, 0);
+  if (total === 0) return <p class="meta">No query was answered yet.</p>;
+  return (
+    <ul class="stages">
+      {verdicts.map(([verdict, value]) => (
+        <li key={verdict}>
+          <span>{verdict.replace("_", " ")}</span>
+          <span class="bar" aria-hidden="true">
+            <i class={verdict} style={{ width: `${(100 * value) / total}%` }} />
+          </span>
+          <span class="number">
+            {count(value)} · {share(value / total)}
+          </span>
+        </li>
+      ))}
+    </ul>
+  );
+}
+
+interface Route {
+  readonly name: string;
+  readonly requests: number;
+  readonly mean: number;
+  readonly quantiles: readonly string[];
+}
+
+const QUANTILES = [0.5, 0.95, 0.99];
+
+function Latencies({ samples }: { readonly samples: readonly Sample[] }) {
+  const [all, setAll] = useState(false);
+  const routes = routesOf(samples);
+  const shown = all ? routes : routes.slice(0, 8);
+  return (
+    <>
+      <div class="scroll" tabIndex={0} role="region" aria-label="Table of latencies">
+        <table>
+          <thead>
+            <tr>
+              <th scope="col">Route</th>
+              <th scope="col" class="number">Requests</th>
+              <th scope="col" class="number">Mean</th>
+              {QUANTILES.map((one) => (
+                <th scope="col" class="number" key={one}>
+                  {share(one)} within
+                </th>
+              ))}
+            </tr>
+          </thead>
+          <tbody>
+            {shown.map((route) => (
+              <tr key={route.name}>
+                <td class="id">{route.name}</td>
+                <td class="number">{count(route.requests)}</td>
+                <td class="number">{duration(1000 * route.mean)}</td>
+                {route.quantiles.map((value, index) => (
+                  <td class="number" key={QUANTILES[index]}>
+                    {value}
+                  </td>
+                ))}
+              </tr>
+            ))}
+          </tbody>
+        </table>
+      </div>
+      {routes.length > 8 && (
+        <button type="button" class="quiet" onClick={() => setAll(!all)}>
+          {all ? "Show fewer" : `Show all ${routes.length}`}
+        </button>
+      )}
+    </>
+  );
+}
+
+/** Routes with most requests first. A quantile is the upper end of the bucket that it falls into. */
+function routesOf(samples: readonly Sample[]): Route[] {
+  const grouped = new Map<string, Sample[]>();
+  for (const one of samples) {
+    const { method, route } = one.labels;
+    if (!one.name.startsWith("urquhart_request_seconds_") || route === undefined || route.startsWith("/ui")) continue;
+    const name = `${method} ${route}`;
+    grouped.set(name, [...(grouped.get(name) ?? []), one]);
+  }
+  const routes = [...grouped].map(([name, group]): Route => {
+    const requests = valueOf(group, "urquhart_request_seconds_count") ?? 0;
+    const mean = (valueOf(group, "urquhart_request_seconds_sum") ?? 0) / Math.max(requests, 1);
+    const buckets = group.filter((one) => one.name === "urquhart_request_seconds_bucket");
+    const quantiles = QUANTILES.map((quantile) => {
+      const bucket = buckets.find((one) => one.value >= quantile * requests);
+      const end = Number(bucket?.labels.le);
+      return Number.isFinite(end) ? duration(1000 * end) : "longer";
+    });
+    return { name, requests, mean, quantiles };
+  });
+  return routes.filter(({ requests }) => requests > 0).sort((one, other) => other.requests - one.requests);
+}
+
+function Indexes({ samples }: { readonly samples: readonly Sample[] }) {
+  const held = samples.filter((one) => one.name === "urquhart_index_lag_revisions");
+  if (held.length === 0) return <p class="meta">No index is open: each opens at the first query of its collection.</p>;
+  return (
+    <ul class="plain">
+      {held.map(({ labels }) => (
+        <li key={labels.collection}>
+          <b class="id">{labels.collection}</b> <IndexState collection={labels.collection ?? ""} samples={samples} />
+        </li>
+      ))}
+    </ul>
+  );
+}
+
+function Snapshots() {
+  const loaded = useLoaded((signal) => ok(api.GET("/v1/snapshots", { signal })), [], SELDOM);
+  const [busy, setBusy] = useState(false);
+  const [refusal, setRefusal] = useState("");
+  const make = async () => {
+    setBusy(true);
+    setRefusal("");
+    try {
+      await ok(api.POST("/v1/snapshots", { body: {} }));
+      loaded.reload();
+    } catch (error) {
+      setRefusal(sentenceOf(error));
+    }
+    setBusy(false);
+  };
+  return (
+    <Panel title="Snapshots">
+      <p class="actions start">
+        <button type="button" onClick={make} disabled={busy}>
+          {busy ? "Copying …" : "Make a snapshot"}
+        </button>
+      </p>
+      {refusal && (
+        <p class="note bad" role="alert">
+          {refusal}
+        </p>
+      )}
+      <Ready of={loaded} what="the snapshots">
+        {({ snapshots }) =>
+          snapshots.length === 0 ? (
+            <p class="meta">There is none. A snapshot is a copy of the whole database, to be kept elsewhere.</p>
+          ) : (
+            <ul class="plain">
+              {snapshots.map((one) => (
+                <li key={one.name}>
+                  <a href={`/v1/snapshots/${encodeURIComponent(one.name)}`} class="id">
+                    {one.name}
+                  </a>{" "}
+                  {bytes(one.bytes)}, {plural(one.collections.length, "collection")}, <span title={moment(one.created)}>{ago(one.created)}</span>
+                </li>
+              ))}
+            </ul>
+          )
+        }
+      </Ready>
+    </Panel>
+  );
+}
+
+interface Key {
+  readonly id: string;
+  readonly name: string;
+  readonly state: string;
+  readonly scopes: readonly string[];
+  readonly patterns: readonly string[];
+  readonly created: string;
+  readonly expires: string | null;
+}
+
+function Keys() {
+  const loaded = useLoaded(
+    async (signal) => {
+      const response = await fetch("/ui/keys", { headers: CONSOLE, signal });
+      if (!response.ok) throw new Error(`The keys cannot be listed: the service answered ${response.status}.`);
+      return ((await response.json()) as { keys: Key[] }).keys;
+    },
+    [],
+    SELDOM,
+  );
+  return (
+    <Panel title="Keys">
+      <p class="meta">
+        Keys are made and revoked on the host: <code>urquhart keys create</code>, <code>urquhart keys revoke</code>. Their
+        secrets are stored nowhere.
+      </p>
+      <Ready of={loaded} what="the keys">
+        {(keys) => (
+          <div class="scroll" tabIndex={0} role="region" aria-label="Table of keys">
+            <table>
+              <thead>
+                <tr>
+                  <th scope="col">Name</th>
+                  <th scope="col">Id</th>
+                  <th scope="col">State</th>
+                  <th scope="col">Scopes</th>
+                  <th scope="col">Collections</th>
+                  <th scope="col" class="number">Expires</th>
+                </tr>
+              </thead>
+              <tbody>
+                {keys.map((key) => (
+                  <tr key={key.id}>
+                    <td>{key.name}</td>
+                    <td class="id">{key.id}</td>
+                    <td>
+                      <span class={`dot ${key.state === "usable" ? "good" : "bad"}`}>{key.state}</span>
+                    </td>
+                    <td>{key.scopes.join(", ")}</td>
+                    <td class="id">{key.patterns.join(", ")}</td>
+                    <td class="number">{key.expires === null ? "never" : moment(key.expires)}</td>
+                  </tr>
+                ))}
+              </tbody>
+            </table>
+          </div>
+        )}
+      </Ready>
+    </Panel>
+  );
+}
+
+function LimitsTable() {
+  const loaded = useLoaded((signal) => ok(api.GET("/v1/limits", { signal })), []);
+  return (
+    <details class="panel">
+      <summary>Limits and versions</summary>
+      <Ready of={loaded} what="the limits">
+        {({ limits, versions, retention }) => (
+          <Facts
+            rows={[
+              ...Object.entries(versions).map(([name, value]) => [`version: ${name}`, String(value)] as const),
+              ...Object.entries(limits).map(([name, value]) => [name.replaceAll("_", " "), count(value)] as const),
+              ...Object.entries(retention).map(([name, value]) => [`kept: ${name.replaceAll("_", " ")}`, count(value)] as const),
+            ]}
+          />
+        )}
+      </Ready>
+    </details>
+  );
+}

@@ -1,0 +1,312 @@
+/** Try it: drop a file of trees, see what was understood, look it up, or store it. */
+
+import { useCallback, useMemo, useState } from "preact/hooks";
+import { ok, pages, type Schemas } from "urquhart-client";
+
+import { Canvas } from "../draw/canvas";
+import { CanvasPainter } from "../draw/painter";
+import { usePalette } from "../draw/palette";
+import { boxAround, fit, type Size, toPixelX, toPixelY, type View } from "../draw/view";
+import { drawGrid, drawScale } from "../match/draw-overlay";
+import { Message, Ready, Title } from "../parts/common";
+import { at, go, Link, setQuery, useAddress } from "../parts/router";
+import { asSentence, bytes, plural } from "../parts/text";
+import { api, sentenceOf } from "../service/api";
+import { useLoaded } from "../service/load";
+import { may, type Session } from "../service/session";
+
+type StemMap = Schemas["StemMapAnswer"];
+
+/** What can be said of a file whose columns were not understood. */
+const OPTIONS = [
+  ["x", "Column of x or easting"],
+  ["y", "Column of y or northing"],
+  ["id", "Column of tree ids"],
+  ["plot", "Column of plots"],
+  ["dbh", "Column of diameters"],
+  ["dbh_unit", "Unit of diameters", ["cm", "mm", "m", "in"]],
+  ["unit", "Unit of positions", ["m", "ft", "us-ft", "cm", "km"]],
+  ["crs", "Coordinate system, such as EPSG:25832"],
+  ["decimal", "Decimal mark", ["point", "comma"]],
+  ["layer", "Layer or sheet"],
+] as const;
+const ACCEPTED = ".csv,.txt,.tsv,.xlsx,.gpkg,.fgb,.geojson,.json,.kml,.gpx,.las,.laz,.parquet";
+
+interface Dropped {
+  readonly name: string;
+  readonly data: Blob;
+}
+
+export function TryPage({ session }: { readonly session: Session }) {
+  const { query } = useAddress();
+  const [file, setFile] = useState<Dropped | null>(null);
+  const [options, setOptions] = useState<Readonly<Record<string, string>>>({});
+  const collections = useLoaded(async (signal) => {
+    const all: string[] = [];
+    const read = (cursor?: string) =>
+      ok(api.GET("/v1/collections", { params: { query: cursor === undefined ? {} : { cursor } }, signal }));
+    for await (const page of pages(read)) all.push(...page.collections.map(({ id }) => id));
+    return all;
+  }, []);
+  return (
+    <main class="page">
+      <Title>Try it</Title>
+      <header class="page-head">
+        <h1>Where is this?</h1>
+      </header>
+      <Drop onFile={(dropped) => (setFile(dropped), setOptions({}))} file={file} />
+      <Ready of={collections} what="the collections">
+        {(known) =>
+          known.length === 0 ? (
+            <Message title="There is nothing to look in yet">
+              <p>
+                <Link to="/collections">Make a collection</Link> first, and store a stem map in it.
+              </p>
+            </Message>
+          ) : (
+            file && (
+              <Reading
+                key={`${file.name}${file.data.size}`}
+                file={file}
+                options={options}
+                onOptions={setOptions}
+                collections={known}
+                collection={known.find((name) => name === query.get("collection")) ?? known[0]!}
+                session={session}
+              />
+            )
+          )
+        }
+      </Ready>
+    </main>
+  );
+}
+
+function Drop({ onFile, file }: { readonly onFile: (file: Dropped) => void; readonly file: Dropped | null }) {
+  const [over, setOver] = useState(false);
+  const take = (list: FileList | null | undefined) => {
+    const first = list?.[0];
+    if (first) onFile({ name: first.name, data: first });
+  };
+  return (
+    <label
+      class={`drop ${over ? "over" : ""}`}
+      onDragOver={(event) => {
+        event.preventDefault();
+        setOver(true);
+      }}
+      onDragLeave={() => setOver(false)}
+      onDrop={(event) => {
+        event.preventDefault();
+        setOver(false);
+        take(event.dataTransfer?.files);
+      }}
+    >
+      <b>{file ? file.name : "Drop a file of trees here"}</b>
+      <span>
+        {file
+          ? `${bytes(file.data.size)} · drop another one, or choose it`
+          : "or choose one: CSV, xlsx, GeoPackage, GeoJSON, KML, GPX, LAS and more. It is read, not stored."}
+      </span>
+      <input type="file" accept={ACCEPTED} onChange={(event) => take(event.currentTarget.files)} />
+    </label>
+  );
+}
+
+interface ReadingProps {
+  readonly file: Dropped;
+  readonly options: Readonly<Record<string, string>>;
+  readonly onOptions: (options: Readonly<Record<string, string>>) => void;
+  readonly collections: readonly string[];
+  readonly collection: string;
+  readonly session: Session;
+}
+
+function Reading(props: ReadingProps) {
+  const { file, options, onOptions } = props;
+  const read = useLoaded(
+    (signal) =>
+      ok(
+        api.POST("/v1/stem-maps", {
+          params: { query: { file: file.name, ...options } },
+          body: file.data as unknown as string,
+          bodySerializer: (body: unknown) => body as BodyInit,
+          headers: { "Content-Type": "application/octet-stream" },
+          signal,
+        }),
+      ),
+    [file.name, file.data.size, options],
+  );
+  return (
+    <>
+      <Ready of={read} what="the file">
+        {(map) => <Understood {...props} map={map} />}
+      </Ready>
+      <OptionsForm options={options} onOptions={onOptions} open={read.error !== undefined} />
+    </>
+  );
+}
+
+function OptionsForm(props: Pick<ReadingProps, "options" | "onOptions"> & { readonly open: boolean }) {
+  const send = (event: SubmitEvent) => {
+    event.preventDefault();
+    const given = [...new FormData(event.currentTarget as HTMLFormElement)].map(([name, value]) => [name, String(value).trim()]);
+    props.onOptions(Object.fromEntries(given.filter(([, value]) => value !== "")) as Record<string, string>);
+  };
+  return (
+    <details class="panel" open={props.open}>
+      <summary>Read it differently</summary>
+      <form class="options" onSubmit={send}>
+        {OPTIONS.map(([name, label, values]) => (
+          <label key={name}>
+            {label}
+            {values ? (
+              <select name={name} defaultValue={props.options[name] ?? ""}>
+                <option value="">as it looks</option>
+                {values.map((value) => (
+                  <option key={value}>{value}</option>
+                ))}
+              </select>
+            ) : (
+              <input name={name} defaultValue={props.options[name] ?? ""} autoComplete="off" />
+            )}
+          </label>
+        ))}
+        <button type="submit">Read it again</button>
+      </form>
+    </details>
+  );
+}
+
+function Understood(props: ReadingProps & { readonly map: StemMap }) {
+  const { map, collections, collection, session } = props;
+  const [plot, setPlot] = useState(0);
+  const [busy, setBusy] = useState("");
+  const [refusal, setRefusal] = useState("");
+  const chosen = map.plots[plot] ?? map.plots[0];
+  const trees = chosen?.landmarks ?? [];
+  const attempt = async (what: string, work: () => Promise<void>) => {
+    setBusy(what);
+    setRefusal("");
+    try {
+      await work();
+    } catch (error) {
+      setRefusal(sentenceOf(error));
+    }
+    setBusy("");
+  };
+  const lookUp = () =>
+    attempt("look", async () => {
+      const body = { landmarks: trees, store: true, explain: true };
+      const answer = await ok(api.POST("/v1/collections/{collection}/queries", { params: { path: { collection } }, body }));
+      go(at("collections", collection, "queries", answer.id ?? ""));
+    });
+  const store = () =>
+    attempt("store", async () => {
+      const { file, options } = props;
+      await ok(
+        api.PUT("/v1/collections/{collection}/stands/{stand}", {
+          params: {
+            path: { collection, stand: map.name },
+            query: { file: file.name, ...options },
+            header: { "if-none-match": "*" },
+          },
+          body: file.data as unknown as string,
+          bodySerializer: (sent: unknown) => sent as BodyInit,
+          headers: { "Content-Type": "application/octet-stream" },
+        }),
+      );
+      go(at("collections", collection));
+    });
+  return (
+    <section class="understood">
+      <div class="panel">
+        <h2>What was understood</h2>
+        <p>{asSentence(map.understood)}</p>
+        <p class="meta">
+          {plural(map.rows.read, "row")} read
+          {map.rows.skipped > 0 && `, ${map.rows.skipped} left out`}
+          {map.rows.further_stems > 0 && `, ${plural(map.rows.further_stems, "further stem")}`}
+          {map.rows.merged > 0 && `, ${map.rows.merged} merged`}
+          {map.crs && ` · ${map.crs}`}
+        </p>
+        {map.plots.length > 1 && (
+          <label>
+            Plot
+            <select value={plot} onChange={(event) => setPlot(Number(event.currentTarget.value))}>
+              {map.plots.map((one, index) => (
+                <option key={one.name} value={index}>
+                  {one.name} ({plural(one.landmarks.length, "tree")})
+                </option>
+              ))}
+            </select>
+          </label>
+        )}
+        <label>
+          Collection
+          <select value={collection} onChange={(event) => setQuery({ collection: event.currentTarget.value })}>
+            {collections.map((name) => (
+              <option key={name}>{name}</option>
+            ))}
+          </select>
+        </label>
+        {refusal && (
+          <p class="note bad" role="alert">
+            {refusal}
+          </p>
+        )}
+        <p class="actions">
+          {may(session, "write") && (
+            <button type="button" onClick={store} disabled={busy !== ""} title="Cuts the whole file into overlapping submaps">
+              {busy === "store" ? "Storing …" : `Store in ${collection}`}
+            </button>
+          )}
+          {may(session, "write") ? (
+            <button type="button" class="primary" onClick={lookUp} disabled={busy !== "" || trees.length === 0}>
+              {busy === "look" ? "Looking …" : `Find ${plural(trees.length, "tree")}`}
+            </button>
+          ) : (
+            <small>Answers are stored for their page, which needs a key with the scope write.</small>
+          )}
+        </p>
+      </div>
+      <Preview trees={trees} />
+    </section>
+  );
+}
+
+function Preview({ trees }: { readonly trees: readonly { readonly x: number; readonly y: number }[] }) {
+  const palette = usePalette();
+  const [size, setSize] = useState<Size | null>(null);
+  const [moved, setMoved] = useState<View | null>(null);
+  const box = useMemo(() => boxAround(trees.flatMap(({ x, y }) => [x, y])), [trees]);
+  const view = moved ?? (size && box && fit(box, size, 24));
+  const draw = useCallback(
+    (canvas: HTMLCanvasElement, pixels: Size, ratio: number) => {
+      const context = canvas.getContext("2d");
+      if (context === null || view === null) return;
+      context.setTransform(ratio, 0, 0, ratio, 0, 0);
+      const painter = new CanvasPainter(context);
+      painter.rectangle(0, 0, pixels.width, pixels.height, { fill: palette.paper });
+      drawGrid(painter, view, pixels, palette);
+      const radius = Math.min(Math.max(0.42 * view.scale, 1.5), 6);
+      for (const { x, y } of trees) {
+        painter.circle(toPixelX(view, pixels, x), toPixelY(view, pixels, y), radius, { fill: palette.query });
+      }
+      drawScale(painter, view, pixels, palette);
+    },
+    [trees, view?.x, view?.y, view?.scale, palette],
+  );
+  return (
+    <div class="stage preview">
+      <Canvas
+        label={`${plural(trees.length, "tree")} of the file.`}
+        view={view}
+        onView={setMoved}
+        onSize={setSize}
+        onFit={() => setMoved(null)}
+        draw={draw}
+      />
+    </div>
+  );
+}
