@@ -40,10 +40,11 @@ def warm_up(config: Config) -> None:
     alone = Recognizer(config)
     alone.add([(0, describe(places[0], config))])
     alone.locate(places[0])
-    # A search within a prior scores poses by a kernel of its own, and compares diameters by another.
+    # A search within a prior scores poses by a kernel of its own, and compares diameters by another. The window is
+    # small, because every start waits for it.
     for diameters in (None, np.linspace(10.0, 50.0, len(places[0]))):
         observed = describe(places[0], config, diameters)
-        recognizer.recognize_within(observed, Prior.with_sigma(0.0, 0.0, 0.5, 0.0), {0: SE2.identity()})
+        recognizer.recognize_within(observed, Prior.with_sigma(0.0, 0.0, 0.1, 0.0), {0: SE2.identity()})
     # Large observations are processed in portions, by kernels that small ones do not use.
     for xy in (places[0], *places[2:]):
         recognizer.locate(xy, budget=Budget(steps=1_000.0))
