@@ -257,6 +257,14 @@ test("a service that is gone is said to be, and the page goes on when it is back
     await page.getByText("The service cannot be reached").waitFor();
     await context.setOffline(false);
     await page.getByRole("heading", { name: "Submaps" }).waitFor();
+    // A page that was shown before stays, and says so.
+    await page.goto("/ui");
+    await page.getByRole("link", { name: /^plots/ }).waitFor();
+    await context.setOffline(true);
+    await page.getByText("What is shown is what it said last").waitFor();
+    assert.ok(await page.getByRole("link", { name: /^plots/ }).isVisible());
+    await context.setOffline(false);
+    await page.getByText("What is shown is what it said last").waitFor({ state: "detached" });
   });
 });
 

@@ -1,7 +1,6 @@
 /** Landmarks of a map frame as the service sends them: binary columns. */
 
-import { CONSOLE } from "../service/api";
-import { ConnectionFailed, type Problem, ProblemError } from "urquhart-client";
+import { call } from "../service/api";
 
 export interface Columns {
   /** Of the map frame; positions and boxes are relative to it. */
@@ -29,14 +28,7 @@ export async function readColumns(
   signal: AbortSignal,
 ): Promise<Columns> {
   const path = `/v1/collections/${encodeURIComponent(collection)}/landmarks?${new URLSearchParams(query)}`;
-  let response: Response;
-  try {
-    response = await fetch(path, { headers: CONSOLE, signal });
-  } catch (error) {
-    if (error instanceof TypeError) throw new ConnectionFailed("The service cannot be reached.", { cause: error });
-    throw error;
-  }
-  if (!response.ok) throw new ProblemError((await response.json()) as Problem);
+  const response = await call(path, { signal });
   return rebased(columnsOf(await response.arrayBuffer()), base);
 }
 

@@ -14,7 +14,7 @@ import { may, type Session } from "../service/session";
 type Summary = Schemas["CollectionSummary"];
 
 const MOST = 1000;
-const EVERY = 10;
+const EVERY = 5;
 
 export function CollectionsPage({ session }: { readonly session: Session }) {
   const loaded = useLoaded(

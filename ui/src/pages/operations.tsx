@@ -6,7 +6,7 @@ import { ok, ProblemError, type Schemas } from "urquhart-client";
 
 import { Facts, Ready, Title } from "../parts/common";
 import { ago, bytes, count, duration, moment, plural, share } from "../parts/text";
-import { api, CONSOLE, sentenceOf } from "../service/api";
+import { api, call, sentenceOf } from "../service/api";
 import { useLoaded } from "../service/load";
 import { readMetrics, type Sample, valueOf } from "../service/metrics";
 import { may, type Session } from "../service/session";
@@ -293,9 +293,7 @@ interface Key {
 function Keys() {
   const loaded = useLoaded(
     async (signal) => {
-      const response = await fetch("/ui/keys", { headers: CONSOLE, signal });
-      if (!response.ok) throw new Error(`The keys cannot be listed: the service answered ${response.status}.`);
-      return ((await response.json()) as { keys: Key[] }).keys;
+      return ((await (await call("/ui/keys", { signal })).json()) as { keys: Key[] }).keys;
     },
     [],
     SELDOM,

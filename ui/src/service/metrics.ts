@@ -1,5 +1,7 @@
 /** The service's metrics, read from the text that Prometheus reads. */
 
+import { call } from "./api";
+
 export interface Sample {
   readonly name: string;
   readonly labels: Readonly<Record<string, string>>;
@@ -10,9 +12,7 @@ const LINE = /^([a-z_]+)(?:\{(.*)\})? ([^ ]+)$/;
 const LABEL = /([a-z_]+)="((?:[^"\\]|\\.)*)"/g;
 
 export async function readMetrics(signal?: AbortSignal): Promise<readonly Sample[]> {
-  const response = await fetch("/metrics", signal ? { signal } : {});
-  if (!response.ok) throw new Error(`The metrics cannot be read: the service answered ${response.status}.`);
-  return samplesOf(await response.text());
+  return samplesOf(await (await call("/metrics", signal ? { signal } : {})).text());
 }
 
 export function samplesOf(text: string): Sample[] {

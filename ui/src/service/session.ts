@@ -1,8 +1,6 @@
 /** The session: who is signed in, as the service says. */
 
-import { type Problem, ProblemError } from "urquhart-client";
-
-import { CONSOLE } from "./api";
+import { call } from "./api";
 
 /** What the service says of this browser's session. */
 export interface Session {
@@ -20,33 +18,19 @@ export interface Session {
 const PATH = "/ui/session";
 
 export async function readSession(signal?: AbortSignal): Promise<Session> {
-  const response = await fetch(PATH, { headers: CONSOLE, ...(signal && { signal }) });
-  if (!response.ok) throw await problem(response);
-  return (await response.json()) as Session;
+  return (await (await call(PATH, signal ? { signal } : {})).json()) as Session;
 }
 
 /** Signs in with a key. Throws ProblemError if the service does not accept it. */
 export async function beginSession(key: string): Promise<void> {
-  const response = await fetch(PATH, {
-    method: "POST",
-    headers: { ...CONSOLE, "Content-Type": "application/json" },
-    body: JSON.stringify({ key }),
-  });
-  if (!response.ok) throw await problem(response);
+  await call(PATH, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify({ key }) });
 }
 
 export async function endSession(): Promise<void> {
-  const response = await fetch(PATH, { method: "DELETE", headers: CONSOLE });
-  if (!response.ok) throw await problem(response);
+  await call(PATH, { method: "DELETE" });
 }
 
 /** Whether the session may do what needs this scope. */
 export function may(session: Session, scope: "read" | "write" | "admin"): boolean {
   return session.scopes?.includes(scope) ?? false;
-}
-
-async function problem(response: Response): Promise<Error> {
-  const isProblem = response.headers.get("content-type")?.includes("problem+json");
-  if (isProblem) return new ProblemError((await response.json()) as Problem);
-  return new Error(`The service answered ${response.status}.`);
 }
