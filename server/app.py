@@ -55,7 +55,7 @@ from server.routes import (
 )
 from server.routes.console import console_keys, console_sessions
 from server.routes.console import pages as console_pages
-from server.routes.gis import exports, features, landmark_columns
+from server.routes.gis import coregistrations, exports, features, landmark_columns
 from server.routes.maps import map_routes
 from server.security.authenticator import Authenticator, check_exposure
 from server.security.rate_limit import RateLimiter
@@ -81,6 +81,7 @@ _ROUTERS = (
     collections.router,
     jobs.router,
     map_routes.router,
+    coregistrations.router,
     imports.router,
     snapshots.router,
     system.router,
@@ -94,12 +95,13 @@ _TAGS = [
     {"name": "submaps", "description": "Tree positions in one rigid frame: what is stored and found."},
     {"name": "exports", "description": "What a collection holds, as files for GIS."},
     {"name": "features", "description": "OGC API - Features: what QGIS and GDAL read from a running service."},
-    {"name": "stands", "description": "What stem maps were stored: listed, read and deleted as a whole."},
+    {"name": "stands", "description": "What stem maps were stored: listed, read, moved and deleted as a whole."},
     {"name": "queries", "description": "Where is this? A verdict, candidates, and the evidence for each."},
     {
         "name": "jobs",
         "description": "Long work: imports, constraints, rebuilding an index. Jobs survive restarts of the service.",
     },
+    {"name": "coregistrations", "description": "A season's plots placed in a map: files in, tables and a report out."},
     {"name": "maps", "description": "Submaps of several drives as one consistent map of trees."},
     {"name": "snapshots", "description": "Copies of the whole database, made while the service runs."},
     {"name": "system", "description": "Probes, metrics, limits."},

@@ -10,12 +10,15 @@ from server.http.admission.job_waits import JobWaits
 from server.http.admission.readiness import ReadinessChecks
 from server.index.live_indexes import LiveIndexes
 from server.index.maintenance import Maintenance
+from server.jobs import queue
 from server.jobs.folder import JobFolder
 from server.jobs.runner import Runner
 from server.observability.metrics import Metrics
 from server.observability.metrics_exchange import MetricsExchange
 from server.platform.precedence import Precedence
 from server.queries.lookup import QueryContext
+from server.resources.idempotency import IdempotencyKey, StoredResponse
+from server.security.principal import Principal
 from server.security.rate_limit import RateLimiter
 from server.snapshots.snapshot_folder import SnapshotFolder
 from server.stem_maps.uploads import UploadReader
@@ -54,6 +57,14 @@ class Service:
         """Let jobs and the maintenance of the index end soon; what they did not finish is resumed at the next start."""
         self.indexes.stopping.set()
         self.jobs.runner.hand_back()
+
+    def accept_job(
+        self, collection_id: str, caller: Principal, job: queue.NewJob, idempotency_key: IdempotencyKey | None
+    ) -> StoredResponse:
+        """Accept a job, unless the request was carried out before, and wake the runner. Raises as `queue.accept`."""
+        response = queue.accept(self.database, collection_id, caller, job, idempotency_key, self.settings.limits)
+        self.jobs.runner.wake()
+        return response
 
     @property
     def limits(self) -> Limits:

@@ -192,7 +192,7 @@ def test_files_are_short_enough_to_read() -> None:
 
 def is_interface(path: Path, function: ast.FunctionDef | ast.AsyncFunctionDef) -> bool:
     """Whether the parameters are those of a route or of a command, which name what callers give one by one."""
-    if path.parent == ROOT / "server/commands":
+    if path.parent in (ROOT / "server/commands", ROOT / "server/commands/operator"):
         return not function.name.startswith("_")
     return any(ast.unparse(decorator).startswith("router.") for decorator in function.decorator_list)
 

@@ -8,8 +8,8 @@ import re
 from pathlib import Path
 
 HERE = Path(__file__).parent / "urquhart_client"
-_AWAITED = ("_send", "_exchange", "_hang_up", "get_job", "get_snapshot", "wait_for_job", "close")
-_CALLS = (" http.close()", " http.request(", " stream.close()")
+_AWAITED = ("_send", "_exchange", "_hang_up", "get_job", "get_snapshot", "wait_for_job", "_save", "close")
+_CALLS = (" http.close()", " http.request(", " stream.close()", " in self._pieces(")
 _WORDS = {
     "_sync": "_async",
     "httpx.Client(": "httpx.AsyncClient(",
@@ -19,6 +19,7 @@ _WORDS = {
     " http.request(": " await http.request(",
     "with http.stream(": "async with http.stream(",
     "this_process": "this_loop",
+    "blocking_body": "awaiting_body",
     "with self._streamed(": "async with self._streamed(",
     "contextmanager": "asynccontextmanager",
     "response.read()": "await response.aread()",
@@ -46,7 +47,7 @@ def to_async(source: str) -> str:
         text = re.sub(rf"(?<!def )\bself\.{name}\(", f"await self.{name}(", text)
     for word, other in _WORDS.items():
         text = text.replace(word, other)
-    text = re.sub(r"\b(Connection|ServiceCalls|SubmapCalls|QueryCalls|JobCalls)\b", r"Async\1", text)
+    text = re.sub(r"\b(Connection|ServiceCalls|SubmapCalls|QueryCalls|JobCalls|FileCalls)\b", r"Async\1", text)
     if "asyncio.sleep" in text:
         text = text.replace("import time\n", "import asyncio\nimport time\n", 1)
     return text

@@ -26,7 +26,7 @@ from server.schemas.collections import (
 )
 from server.schemas.common import Counts
 from server.security.principal import Principal
-from server.store.records import CollectionRecord
+from server.store.records import DEFAULT_FRAME, CollectionRecord
 from server.store.storage import ReadTransaction, Storage, WriteTransaction
 from urquhart import Config, ConfigError
 
@@ -148,6 +148,17 @@ def patch_in(
         collections.advance(row.key)
         changed = get_collection(tx, collection_id)
     return Ensured(_full(tx, changed), etag_of(changed), created=False)
+
+
+def place_frame(
+    database: Storage, collection_id: str, frame_id: str, crs: str, origin: tuple[float, float] | None
+) -> None:
+    """Say where a map frame is on Earth; `origin`: its origin in the system, metres. Raises NotFound, InvalidField."""
+    if frame_id == DEFAULT_FRAME:
+        body = CollectionPatch(crs=crs, origin=origin)
+    else:
+        body = CollectionPatch(frames={frame_id: MapFrame(crs=crs, origin=origin)})
+    patch(database, collection_id, body)
 
 
 def delete(database: Storage, collection_id: str, preconditions: Preconditions = ANYTHING) -> None:

@@ -2,7 +2,6 @@
 
 from collections import Counter
 from contextlib import ExitStack
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -195,7 +194,7 @@ def _read(files: list[Path], columns: ReadOptions, positions: Path | None, there
     told = there.told_of(positions.name, {plot.name for plot in season.plots})
     for line in told:
         typer.echo(line, err=True)
-    return replace(season, told=(*season.told, *told))
+    return season.with_told(told)
 
 
 def _place(

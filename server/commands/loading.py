@@ -138,7 +138,7 @@ COMMANDS: Final = {
     "stands": CommandEntry(
         "server.commands.operator.stands",
         "app",
-        "List and show what stem maps were stored in a collection, and remove them.",
+        "List and show what stem maps were stored in a collection; replace, move and remove it.",
     ),
     "keys": CommandEntry("server.commands.operator.keys", "app", "Create, list and revoke API keys."),
     "jobs": CommandEntry("server.commands.operator.jobs", "app", "List the jobs of a database, and cancel them."),

@@ -1,6 +1,6 @@
 """A season's plots, read from files that each hold one plot or many. A plot that cannot be read keeps no other back."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -67,6 +67,10 @@ class Season:
     unread: tuple[UnreadPlot, ...]
     told: tuple[str, ...]
 
+    def with_told(self, more: Iterable[str]) -> "Season":
+        """The same season with more to tell."""
+        return replace(self, told=(*self.told, *more))
+
 
 @dataclass(frozen=True, slots=True)
 class PlotFiles:
@@ -108,6 +112,15 @@ def _few(names: list[str]) -> str:
     return ", ".join(names[:_SHOWN]) + (", ..." if len(names) > _SHOWN else "")
 
 
+@dataclass(frozen=True, slots=True)
+class FilePlots:
+    """The plots of one file, those that cannot be used, and a line of what was read as what; nothing if it has none."""
+
+    plots: tuple[SeasonPlot, ...]
+    unread: tuple[UnreadPlot, ...]
+    told: tuple[str, ...]
+
+
 def read_season(
     files: Iterable[Path],
     options: ReadOptions,
@@ -120,25 +133,33 @@ def read_season(
     If a plot of one name is in several files, the file's name goes before it. `options.centres` and a `columns.toml`
     are used as for every file.
     """
-    plots: list[SeasonPlot] = []
-    unread: list[UnreadPlot] = []
-    told: list[str] = []
+    parts = []
     for path in files:
-        try:
-            centres = with_columns_file(path, options).centres
-            if centres is not None and centres.exists() and path.exists() and path.samefile(centres):
-                continue
-            with reading(path):
-                rows = read_trees(path, replace(options, each_plot=True))
-                check_plausible(rows)
-        except StemMapError as error:
-            unread.append(UnreadPlot(path.stem, path, str(error)))
-            continue
-        told.append(f"{path.name}: {rows.told()}")
-        bad = _plots_at_fault(rows)
-        unread += [UnreadPlot(name, path, why) for name, why in bad.items()]
-        plots += _plots_of(rows, leave_out=set(bad))
-    return Season(tuple(_named_apart(plots)), tuple(unread), tuple(told))
+        with reading(path):
+            parts.append(read_file(path, options))
+    return season_of(parts)
+
+
+def read_file(path: Path, options: ReadOptions) -> FilePlots:
+    """The plots of one file; none of the file of their centres."""
+    try:
+        centres = with_columns_file(path, options).centres
+        if centres is not None and centres.exists() and path.exists() and path.samefile(centres):
+            return FilePlots((), (), ())
+        rows = read_trees(path, replace(options, each_plot=True))
+        check_plausible(rows)
+    except StemMapError as error:
+        return FilePlots((), (UnreadPlot(path.stem, path, str(error)),), ())
+    bad = _plots_at_fault(rows)
+    unread = tuple(UnreadPlot(name, path, why) for name, why in bad.items())
+    return FilePlots(tuple(_plots_of(rows, leave_out=set(bad))), unread, (f"{path.name}: {rows.told()}",))
+
+
+def season_of(parts: Sequence[FilePlots]) -> Season:
+    """The season that files make, in their order."""
+    plots = [plot for part in parts for plot in part.plots]
+    unread = tuple(one for part in parts for one in part.unread)
+    return Season(tuple(_named_apart(plots)), unread, tuple(line for part in parts for line in part.told))
 
 
 def plot_of(path: Path, trees: StemMap) -> SeasonPlot:

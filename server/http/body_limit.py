@@ -67,7 +67,7 @@ class BodyLimit:
         return TooLarge("body_bytes", self._limit, got, "Send fewer landmarks at a time.")
 
 
-_STREAMED = re.compile(r"/v1/collections/[^/]+/imports")
+_STREAMED = re.compile(r"/v1/collections/[^/]+/(imports|coregistrations)")
 
 
 def is_streamed(scope: Scope) -> bool:

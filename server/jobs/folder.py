@@ -1,6 +1,7 @@
 """The files of jobs, in a folder beside the database: uploads and results."""
 
 import os
+import shutil
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -16,6 +17,8 @@ ARRIVING: Final = ".part"
 INPUT: Final = ".input"
 RESULTS: Final = ".results"
 FOUND: Final = ".found"
+UNPACKED: Final = ".unpacked"
+FILES: Final = ".files"
 _GRACE: Final = 60.0
 """Seconds for which no file is removed, because most are young and need no closer look."""
 
@@ -46,6 +49,14 @@ class JobFolder:
         """Path of what a job has found so far."""
         return self.path / f"{job_id}{FOUND}"
 
+    def unpacked(self, job_id: str) -> Path:
+        """Path of the folder with the files of a job's upload."""
+        return self.path / f"{job_id}{UNPACKED}"
+
+    def files(self, job_id: str) -> Path:
+        """Path of the folder with the files that a job writes."""
+        return self.path / f"{job_id}{FILES}"
+
     def make(self) -> None:
         """Create the folder. Raises OSError."""
         self.path.mkdir(exist_ok=True)
@@ -61,13 +72,14 @@ class JobFolder:
 
     def clear(self, job_id: str) -> None:
         """Remove the files that a job needs only until it ends. Raises OSError."""
-        for path in (self.input(job_id), self.found(job_id)):
-            path.unlink(missing_ok=True)
+        for path in (self.input(job_id), self.found(job_id), self.unpacked(job_id)):
+            _remove(path)
 
     def remove(self, job_id: str) -> None:
         """Remove the files of a job. Raises OSError."""
-        for path in (self.arriving(job_id), self.input(job_id), self.results(job_id), self.found(job_id)):
-            path.unlink(missing_ok=True)
+        self.clear(job_id)
+        for path in (self.arriving(job_id), self.results(job_id), self.files(job_id)):
+            _remove(path)
 
     @contextmanager
     def turn(self, collection_key: int) -> Iterator[bool]:
@@ -90,6 +102,10 @@ class JobFolder:
         """
         removed = 0
         for path in unwanted([path for path in self.path.iterdir() if _is_old(path)] if self.path.is_dir() else []):
+            if path.is_dir():  # a job that has a row made it
+                _remove(path)
+                removed += 1
+                continue
             try:
                 with path.open("rb") as file:
                     # Whoever writes to a file, or reads it, has it locked until its row exists. So the rows are read
@@ -100,6 +116,14 @@ class JobFolder:
             except FileNotFoundError:
                 continue
         return removed
+
+
+def _remove(path: Path) -> None:
+    """Remove a file, or a folder with all that is in it, if it is there. Raises OSError."""
+    if path.is_dir():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
 
 
 def _is_old(path: Path) -> bool:

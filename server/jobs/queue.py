@@ -26,7 +26,7 @@ from server.store.service_records import UNFINISHED, JobRecord
 from server.store.storage import ReadTransaction, Storage
 from server.store.submap_records import SubmapMetadata
 
-JobType = Literal["import", "reindex", "constraints", "map"]
+JobType = Literal["import", "reindex", "constraints", "map", "coregistration"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,6 +179,18 @@ def cancel(
     return response
 
 
+def finished_row(database: Storage, caller: Principal, job_id: str) -> JobRecord:
+    """A job whose results can be read. Raises NotFound, Conflict (unfinished), Gone (deleted with the collection)."""
+    with database.read() as tx:
+        row = _row(tx, caller, job_id)
+        orphaned = tx.jobs.is_orphaned(row)
+    if row.state in UNFINISHED:
+        raise Conflict(f"The job {job_id} is {row.state}. Read its results when it has ended.")
+    if orphaned:
+        raise Gone(f"The results of the job {job_id} were deleted with its collection.")
+    return row
+
+
 @dataclass(frozen=True, slots=True)
 class Results:
     """The results of a job of a type: an open file, the number of bytes that are valid, and lines that follow."""
@@ -195,13 +207,7 @@ def results(database: Storage, folder: JobFolder, caller: Principal, job_id: str
 
     Raises NotFound, Conflict (unfinished), Gone (deleted after a time, or with the collection).
     """
-    with database.read() as tx:
-        row = _row(tx, caller, job_id)
-        orphaned = tx.jobs.is_orphaned(row)
-    if row.state in UNFINISHED:
-        raise Conflict(f"The job {job_id} is {row.state}. Read its results when it has ended.")
-    if orphaned:
-        raise Gone(f"The results of the job {job_id} were deleted with its collection.")
+    row = finished_row(database, caller, job_id)
     try:
         # Once open, they can be read to their end even if the job is deleted.
         file = folder.results(job_id).open("rb")
@@ -262,6 +268,7 @@ def describe(row: JobRecord) -> JobAnswer:
             self=links.job(row.id),
             results=f"{links.job(row.id)}/results",
             errors=f"{links.job(row.id)}/errors",
+            files=links.job_files(row.id) if row.kind == "coregistration" else None,
             collection=links.collection(row.collection_id),
         ),
     )

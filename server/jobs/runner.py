@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from server.errors import DomainError, StorageBusy, StorageError, StorageFull, WorkerLost, forget_frames
-from server.jobs.folder import ARRIVING, FOUND, INPUT, RESULTS
+from server.jobs.folder import ARRIVING, FILES, FOUND, INPUT, RESULTS, UNPACKED
 from server.jobs.running_job import Dismissed, Interrupted, JobContext, JobFunction, RunningJob, Yielded
 from server.platform.precedence import give_way_by
 from server.platform.thread_limits import pin_threads, run_in_background
@@ -131,7 +131,8 @@ class Runner:
         since = datetime.now(UTC) - timedelta(days=self._context.settings.jobs.keep_days)
         with self._context.database.read() as tx:
             unfinished, with_results = tx.jobs.unfinished_ids(), tx.jobs.with_results(since)
-        wanted = {INPUT: unfinished, FOUND: unfinished, RESULTS: with_results, ARRIVING: set[str]()}
+        wanted = {INPUT: unfinished, FOUND: unfinished, UNPACKED: unfinished, ARRIVING: set[str]()}
+        wanted |= {RESULTS: with_results, FILES: with_results}
         return [path for path in paths if path.suffix in wanted and path.stem not in wanted[path.suffix]]
 
     def _take(self, queue: Queue) -> bool:

@@ -30,6 +30,14 @@ class Inflating(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
+class UploadForm:
+    """How an upload is packed, and whether it is text whose lines are counted and limited."""
+
+    inflater: Inflating | None = None
+    has_lines: bool = True
+
+
+@dataclass(frozen=True, slots=True)
 class ReceivedUpload:
     """A received upload: its size in bytes and lines, and its SHA-256."""
 
@@ -40,7 +48,7 @@ class ReceivedUpload:
 
 @asynccontextmanager
 async def receive_upload(
-    folder: JobFolder, job_id: str, pieces: AsyncIterator[bytes], limits: Limits, inflater: Inflating | None
+    folder: JobFolder, job_id: str, pieces: AsyncIterator[bytes], limits: Limits, form: UploadForm
 ) -> AsyncIterator[ReceivedUpload]:
     """Write an upload to the job's input, durably. The caller accepts the job within the block.
 
@@ -54,7 +62,7 @@ async def receive_upload(
                 folder.make()
                 file = held.enter_context(path.open("xb"))
                 try_lock(file)  # until its job exists, so that it is not removed as a left-over
-                writer = _Writer(file, limits, inflater)
+                writer = _Writer(file, limits, form)
                 async for piece in pieces:
                     if piece:
                         await anyio.to_thread.run_sync(writer.write, piece)
@@ -71,8 +79,8 @@ async def receive_upload(
 
 
 class _Writer:
-    def __init__(self, file: BinaryIO, limits: Limits, inflater: Inflating | None) -> None:
-        self._file, self._limits, self._inflater = file, limits, inflater
+    def __init__(self, file: BinaryIO, limits: Limits, form: UploadForm) -> None:
+        self._file, self._limits, self._inflater, self._has_lines = file, limits, form.inflater, form.has_lines
         self.size = self.lines = 0
         self._open_line = False
         self.digest = hashlib.sha256()
@@ -93,7 +101,8 @@ class _Writer:
             if self._inflater is not None:
                 self._inflater.finish()
         except MalformedBody as error:
-            where = f"It breaks off in line {self.lines + 1}; nothing was taken on."
+            place = f"in line {self.lines + 1}" if self._has_lines else f"after {self.size} bytes"
+            where = f"It breaks off {place}; nothing was taken on."
             raise MalformedBody(f"{error} {where}") from error
         self.lines += self._open_line
         self._file.flush()
@@ -111,7 +120,7 @@ class _Writer:
         if content:
             self.lines += content.count(b"\n")
             self._open_line = not content.endswith(b"\n")
-            if self.lines + self._open_line > self._limits.import_lines:
+            if self._has_lines and self.lines + self._open_line > self._limits.import_lines:
                 raise TooLarge(
                     "import_lines", self._limits.import_lines, None, "Send the upload in parts. Blank lines count, too."
                 )

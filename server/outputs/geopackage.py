@@ -1,6 +1,7 @@
 """Tables as GeoPackage files, through GDAL."""
 
 import errno
+import os
 import warnings
 from collections.abc import Iterable
 from datetime import UTC, datetime
@@ -13,6 +14,10 @@ from numpy.typing import NDArray
 from server.outputs.extras import import_extra
 from server.outputs.tables import ColumnKind, OutputLayer, OutputRows, no_rows, well_known_binary
 
+_ROWS: Final = 50_000
+"""Rows that GDAL gets at once. Each time it opens the file and commits: a million rows in batches of 5,000 take 27 s of
+processor time, in batches of 50,000 19 s.
+"""
 _TYPES: Final[dict[ColumnKind, str]] = {"real": "float64", "integer": "int64", "boolean": "bool"}
 
 
@@ -24,11 +29,13 @@ def write_geopackage(path: Path, layer: OutputLayer, batches: Iterable[OutputRow
         OSError: the file cannot be written.
     """
     raw = import_extra("pyogrio.raw", "gis", "GeoPackage")
+    # Without it each commit waits for the disk, which took most of the time. The file is new: it is synced once, whole.
+    import_extra("pyogrio", "gis", "GeoPackage").set_gdal_config_options({"OGR_SQLITE_SYNCHRONOUS": "OFF"})
     options = {"layer": layer.name, "driver": "GPKG", "geometry_type": layer.shape, "crs": layer.crs.to_wkt()}
     fields = np.array([column.name for column in layer.columns])
     count = 0
     is_first = True
-    for rows in _or_none(layer, batches):
+    for rows in _or_none(layer, _gathered(batches)):
         shapes = np.array(well_known_binary(layer, rows), dtype=object)
         columns = [_column(column.kind, values) for column, values in zip(layer.columns, rows.values, strict=True)]
         with warnings.catch_warnings():
@@ -48,7 +55,23 @@ def write_geopackage(path: Path, layer: OutputLayer, batches: Iterable[OutputRow
                 raise OSError(errno.ENOSPC if "full" in told else errno.EIO, told, str(path)) from error
         count += len(rows)
         is_first = False
+    with path.open("rb") as file:
+        os.fsync(file.fileno())
     return count
+
+
+def _gathered(batches: Iterable[OutputRows]) -> Iterable[OutputRows]:
+    """The same rows in large batches."""
+    waiting: list[OutputRows] = []
+    count = 0
+    for rows in batches:
+        waiting.append(rows)
+        count += len(rows)
+        if count >= _ROWS:
+            yield OutputRows.joined(waiting)
+            waiting, count = [], 0
+    if waiting:
+        yield OutputRows.joined(waiting)
 
 
 def _or_none(layer: OutputLayer, batches: Iterable[OutputRows]) -> Iterable[OutputRows]:

@@ -45,6 +45,16 @@ def job(job_id: str) -> str:
     return f"{ROOT}/jobs/{quote(job_id, safe='')}"
 
 
+def job_files(job_id: str) -> str:
+    """Path of the list of the files that a job wrote."""
+    return f"{job(job_id)}/files"
+
+
+def job_file(job_id: str, name: str) -> str:
+    """Path of a file that a job wrote; `name` may have a folder."""
+    return f"{job_files(job_id)}/{quote(name, safe='/')}"
+
+
 def queries(collection_id: str) -> str:
     """Path of a collection's queries."""
     return f"{collection(collection_id)}/queries"

@@ -4,6 +4,7 @@ from typing import Annotated, Literal
 
 import anyio.to_thread
 from fastapi import APIRouter, Query, Request, Response
+from starlette.datastructures import Headers
 
 from server.errors import TooLarge, UnsupportedMediaType
 from server.http.authorization import GuardedRoute
@@ -13,7 +14,7 @@ from server.http.negotiation import NDJSON
 from server.http.responses import lines_of, problems, stored_response
 from server.jobs import queue
 from server.jobs.quota import check_room
-from server.jobs.upload import receive_upload
+from server.jobs.upload import UploadForm, receive_upload
 from server.platform.ids import new_id
 from server.routes.dependencies import CollectionId, IdempotencyKeyHeader, PrincipalDep, ServiceDep, idempotency_key_of
 from server.routes.jobs import ACCEPTED
@@ -61,14 +62,14 @@ async def post_import(
     `on_conflict=replace`, the first with `skip` and `fail`. Blank lines count towards `import_lines`.
     """
     _check_media_type(request.headers.get("content-type"))
-    inflater = _inflater(request.headers.get("content-encoding"))
+    inflater = inflater_of(request.headers.get("content-encoding"))
     limits = service.settings.limits
-    _check_length(declared_length(request.headers), limits.import_bytes)
+    check_length(request.headers, limits.import_bytes)
     collection_key = await anyio.to_thread.run_sync(queue.check, service.database, collection)
     if idempotency_key is None:  # a repetition gets its answer however many jobs wait
         await anyio.to_thread.run_sync(check_room, service.database, caller, limits)
     folder, job_id = service.jobs.folder, new_id()
-    async with receive_upload(folder, job_id, request.stream(), limits, inflater) as arrived:
+    async with receive_upload(folder, job_id, request.stream(), limits, UploadForm(inflater)) as arrived:
         key = idempotency_key_of(service, caller, idempotency_key, request.url.query.encode() + arrived.digest.encode())
         job = queue.NewJob(
             "import",
@@ -77,15 +78,15 @@ async def post_import(
             total=arrived.lines,
             collection_key=collection_key,
         )
-        response = await anyio.to_thread.run_sync(queue.accept, service.database, collection, caller, job, key, limits)
+        response = await anyio.to_thread.run_sync(service.accept_job, collection, caller, job, key)
     if response.replayed:
         folder.remove(job_id)
-    service.jobs.runner.wake()
     return stored_response(response)
 
 
-def _check_length(declared: int | None, limit: int) -> None:
-    """Refuse an upload that is too large before reading it. Raises TooLarge."""
+def check_length(headers: Headers, limit: int) -> None:
+    """Refuse an upload that says it is too large before reading it. Raises TooLarge."""
+    declared = declared_length(headers)
     if declared is not None and declared > limit:
         raise TooLarge("import_bytes", limit, declared, "Split the upload into parts.")
 
@@ -96,10 +97,11 @@ def _check_media_type(content_type: str | None) -> None:
         raise UnsupportedMediaType(f"Content-Type is {name[:100]}. Send NDJSON with Content-Type: {NDJSON}.")
 
 
-def _inflater(encoding: str | None) -> Inflater | None:
+def inflater_of(encoding: str | None) -> Inflater | None:
+    """What unpacks an upload with this Content-Encoding; None if nothing need. Raises UnsupportedMediaType."""
     name = (encoding or "identity").strip().lower()
     if name in ("gzip", "x-gzip"):
         return Inflater()
     if name != "identity":
-        raise UnsupportedMediaType(f"Content-Encoding is {name[:50]!r}. Send gzip, or the lines without an encoding.")
+        raise UnsupportedMediaType(f"Content-Encoding is {name[:50]!r}. Send gzip, or the bytes without an encoding.")
     return None

@@ -23,6 +23,7 @@ from server.schemas.constraints import (
     ConstraintList,
     ConstraintsInput,
 )
+from server.schemas.files.coregistrations import PlotRow
 from server.schemas.jobs import JOB_EXAMPLE, JobAnswer, JobPage, JobState, LineResult
 
 router = APIRouter(route_class=JsonRoute, tags=["jobs"])
@@ -36,7 +37,7 @@ STALE = "X-Stale-Constraints"
 _RESULTS: dict[str, Any] = {
     "headers": {STALE: {"description": "How many constraints are stale.", "schema": {"type": "integer"}}},
     "content": {
-        NDJSON: {"schema": lines_of(LineResult, Constraint), "example": _LINE},
+        NDJSON: {"schema": lines_of(LineResult, Constraint, PlotRow), "example": _LINE},
         JSON: {
             "schema": {"$ref": f"#/components/schemas/{ConstraintList.__name__}"},
             "example": {"constraints": [CONSTRAINT_EXAMPLE]},
@@ -66,16 +67,8 @@ def post_reindex(
     """Rebuilds the index from the landmarks. Queries use the old index until the new one is complete. 409 if a rebuild
     is already running.
     """
-    response = queue.accept(
-        service.database,
-        collection,
-        caller,
-        queue.NewJob("reindex", exclusive=True),
-        idempotency_key,
-        service.settings.limits,
-    )
-    service.jobs.runner.wake()
-    return stored_response(response)
+    job = queue.NewJob("reindex", exclusive=True)
+    return stored_response(service.accept_job(collection, caller, job, idempotency_key))
 
 
 @router.post(
@@ -98,16 +91,8 @@ def post_constraints(
     """
     chosen_submaps(body)
     check_ids(service.database, collection, body)
-    response = queue.accept(
-        service.database,
-        collection,
-        caller,
-        queue.NewJob("constraints", body.model_dump(mode="json")),
-        idempotency_key,
-        service.settings.limits,
-    )
-    service.jobs.runner.wake()
-    return stored_response(response)
+    job = queue.NewJob("constraints", body.model_dump(mode="json"))
+    return stored_response(service.accept_job(collection, caller, job, idempotency_key))
 
 
 @router.get(
@@ -221,6 +206,8 @@ def get_job_results(
     Constraints of submaps that were changed or deleted since are `stale`; g2o and matrices leave them out, and the
     header `X-Stale-Constraints` counts them. `g2o_middle` is for coordinates far from the origin: each vertex lies
     among the trees of its submap, at the coordinates that follow its name in the comments.
+
+    Coregistrations: one line for each plot, as in `plots.csv` of the job's files.
     """
     left = queue.results(service.database, service.jobs.folder, caller, job)
     if wanted is None and left.kind != "constraints":

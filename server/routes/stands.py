@@ -1,8 +1,5 @@
 """Routes of stands, what stem maps were stored in a collection, and of the files of trees that are stored so."""
 
-import inspect
-from collections.abc import Callable
-from functools import wraps
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Path, Query, Request, Response
@@ -20,10 +17,12 @@ from server.routes.dependencies import (
     PreconditionsDep,
     ServiceDep,
 )
-from server.schemas.collections import STAND_EXAMPLE, STAND_RECEIPT_EXAMPLE, Stand, StandPage, StandReceipt
+from server.routes.query_members import reads_files
+from server.schemas.collections import STAND_EXAMPLE, STAND_RECEIPT_EXAMPLE, Stand, StandMove, StandPage, StandReceipt
 from server.schemas.common import ResourceId
-from server.schemas.landmarks import FileName, StemMapAnswer, StemMapOptions
+from server.schemas.landmarks import FileName, StemMapAnswer
 from server.stem_maps import stored_stands
+from server.stem_maps.moved_stands import move_stand
 from server.stem_maps.reading.options import ReadOptions
 from server.stem_maps.sent_stands import Cutting, StandTerms, named, put_stand, stem_map_json
 from server.stem_maps.uploads import UploadedFile
@@ -102,6 +101,30 @@ def delete_stand(
     )
 
 
+@router.patch(
+    _PATH,
+    operation_id="patchStand",
+    summary="Move a stand",
+    response_model=Stand,
+    responses={200: _EXAMPLE, **problems(400, 404, 409, 412, 413, 415, 422, 503, 507)},
+)
+def patch_stand(
+    collection: CollectionId,
+    stand: StandName,
+    body: StandMove,
+    service: ServiceDep,
+    preconditions: PreconditionsDep,
+    idempotency_key: IdempotencyKeyDep,
+) -> Response:
+    """Moves all submaps of a stand together in their map frame, in one transaction. Landmarks and the index stay as
+    they are. Storing the stand's file again puts it where the file says.
+
+    409 if its submaps are in several map frames, or in none. To say where the map frame itself is on Earth, PATCH the
+    collection's `crs`, `origin` or `frames`.
+    """
+    return stored_response(move_stand(service.database, collection, stand, body, preconditions, idempotency_key))
+
+
 _TYPE = "application/octet-stream"
 _FILE: dict[str, Any] = {
     "requestBody": {
@@ -130,34 +153,6 @@ async def get_body(request: Request) -> bytes:
 
 
 BodyDep = Annotated[bytes, Depends(get_body)]
-
-
-def reads_files(route: Callable[..., Response]) -> Callable[..., Response]:
-    """Give a route all members of `StemMapOptions` as query parameters; it gets them as `options`, a `ReadOptions`."""
-    signature = inspect.signature(route, eval_str=True)
-    own = [one for one in signature.parameters.values() if one.name != "options"]
-    members = {
-        name: inspect.Parameter(
-            f"read_{name}",
-            inspect.Parameter.KEYWORD_ONLY,
-            default=member.default,
-            annotation=Annotated[
-                member.annotation, *member.metadata, Query(alias=name, description=member.description)
-            ],
-        )
-        for name, member in StemMapOptions.model_fields.items()
-    }
-
-    @wraps(route)
-    def run(**given: Any) -> Response:
-        known = {name: given.pop(parameter.name) for name, parameter in members.items()}
-        for name in ("keep", "ignore"):
-            known[name] = tuple(one.strip() for one in (known[name] or "").split(",") if one.strip())
-        return route(**given, options=ReadOptions(**known))
-
-    del run.__wrapped__
-    run.__signature__ = signature.replace(parameters=[*own, *members.values()])  # type: ignore[attr-defined]
-    return run
 
 
 @router.post(

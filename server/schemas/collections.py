@@ -5,8 +5,9 @@ from typing import Annotated, Any
 
 from pydantic import ConfigDict, Field, PlainSerializer
 
-from server.schemas.common import NEXT, Answer, Body, Counts, Free, Label, Metres, Point, write_stamp
+from server.schemas.common import NEXT, Answer, Body, Counts, DefaultedBody, Free, Label, Metres, Point, write_stamp
 from server.schemas.landmarks import FileRows
+from server.schemas.poses import Yaw
 
 _Written = Annotated[datetime, PlainSerializer(write_stamp, return_type=str, when_used="json")]
 _Title = Annotated[str, Field(min_length=1, max_length=500)]
@@ -193,6 +194,22 @@ class Stand(Answer):
     updated: _Written = Field(description="When the stand was last stored.")
     etag: str = Field(description="Entity tag of the stand.")
     links: StandLinks = Field(description="Paths of the stand and its collection.")
+
+
+class StandMove(DefaultedBody):
+    """How all submaps of a stand move together in their map frame: turned about a point, then shifted."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [{"shift": [-4.2, 2.71], "yaw": -0.026}]})
+
+    shift: tuple[Metres, Metres] = Field(
+        (0.0, 0.0), description="How far to shift along x (east) and y (north) of the map frame, in metres."
+    )
+    yaw: Yaw = Field(0.0, description="How far to turn, in radians, counter-clockwise.")
+    about: Point | None = Field(
+        None,
+        description="Point of the map frame that the stand turns about, in metres. Default: the middle of the box "
+        "around its submaps.",
+    )
 
 
 class StandReceipt(Stand):

@@ -17,6 +17,9 @@ class JobLinks(Answer):
     self: str = Field(description="Path of the job.")
     results: str = Field(description="Path of the job's results.")
     errors: str = Field(description="Path of the lines that the job refused.")
+    files: str | None = Field(
+        None, description="Path of the list of files that the job writes. Null for a type of job that writes none."
+    )
     collection: str = Field(description="Path of the collection that the job works on.")
 
 
@@ -24,15 +27,15 @@ class JobAnswer(Answer):
     """A job: long work that goes on after the request that asked for it."""
 
     id: str = Field(description="Id of the job.")
-    type: str = Field(description="What the job does: `import`, `reindex`, `constraints` or `map`.")
+    type: str = Field(description="What the job does: `import`, `reindex`, `constraints`, `map` or `coregistration`.")
     collection: str = Field(description="Id of the collection that the job works on.")
     state: str = Field(
         description="How far the job is. `accepted`: it waits for a turn, its first or its next one. `running`: it "
         "works. `successful`, `failed` and `dismissed` are final."
     )
-    total: int | None = Field(description="Number of lines or submaps to work on. Null while it is unknown.")
-    done: int = Field(description="Number of lines or submaps that were worked on.")
-    counts: dict[str, int] = Field(description="Number of lines or submaps by outcome.")
+    total: int | None = Field(description="Number of lines, submaps or plots to work on. Null while it is unknown.")
+    done: int = Field(description="Number of lines, submaps or plots that were worked on.")
+    counts: dict[str, int] = Field(description="Number of lines, submaps or plots by outcome.")
     eta_seconds: float | None = Field(
         description="Estimated seconds until the job ends, from its pace so far. Null while there is no estimate."
     )
@@ -92,6 +95,7 @@ JOB_EXAMPLE: dict[str, Any] = {
         "self": "/v1/jobs/01jz9k3v8xq7m2n4p5r6s7t8v9",
         "results": "/v1/jobs/01jz9k3v8xq7m2n4p5r6s7t8v9/results",
         "errors": "/v1/jobs/01jz9k3v8xq7m2n4p5r6s7t8v9/errors",
+        "files": None,
         "collection": "/v1/collections/plots",
     },
 }

@@ -1,5 +1,6 @@
 """Uploads, jobs, sessions and constraints against the real service; and the command."""
 
+import asyncio
 import gzip
 import json
 from pathlib import Path
@@ -7,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.server.factories import forest, observed, points
-from urquhart_client import Client, ProblemError, Progress
+from urquhart_client import AsyncClient, Client, Job, ProblemError, Progress
 from urquhart_client.cli import run
 
 
@@ -130,3 +131,12 @@ def test_arguments_that_cannot_be_are_one_line(capsys: pytest.CaptureFixture[str
     out, err = capsys.readouterr()
     assert (ended.value.code, out, err.count("\n")) == (2, "", 1)
     assert err.startswith("urquhart-client: ")
+
+
+def test_the_awaiting_client_sends_a_file(service_url: str, season: Path) -> None:
+    async def stored() -> Job:
+        async with AsyncClient(service_url) as client:
+            await client.put_collection("plots")
+            return await client.import_file("plots", season)
+
+    assert dict(asyncio.run(stored()).counts) == {"created": 4, "refused": 1}

@@ -63,6 +63,26 @@ def test_a_file_is_read_and_stored_by_the_service(client: Client, tmp_path: Path
     assert (refused.value.status, "north.csv:3" in str(refused.value)) == (422, True)
 
 
+def test_a_stand_is_moved_through_the_client(client: Client, tmp_path: Path) -> None:
+    client.put_collection("plots")
+    store(tmp_path / "client.db", "north", 90)
+    before = client.get_stand("plots", "north")
+    moved = client.move_stand("plots", "north", shift=(10.0, -5.0), yaw=0.5, about=(1.0, 2.0), if_match=before.etag)
+    assert moved.etag != before.etag and moved.submaps == before.submaps
+    assert {one.map_pose.yaw for one in client.submaps("plots") if one.map_pose is not None} == {0.5}
+    with pytest.raises(ProblemError) as refused:
+        client.move_stand("plots", "north", shift=(1.0, 0.0), if_match=before.etag)
+    assert refused.value.status == 412
+    with pytest.raises(ProblemError) as missing:
+        client.move_stand("plots", "south", shift=(1.0, 0.0))
+    assert missing.value.status == 404
+    name = next(iter(client.submaps("plots"))).id
+    client.patch_submap("plots", name, map_pose={"frame_id": "other", "x": 0.0, "y": 0.0, "yaw": 0.0})
+    with pytest.raises(ProblemError) as apart:
+        client.move_stand("plots", "north", shift=(1.0, 0.0))
+    assert (apart.value.status, "2 map frames" in str(apart.value)) == (409, True)
+
+
 async def _awaited(url: str) -> None:
     async with AsyncClient(url) as client:
         assert [one.name async for one in client.stands("plots")] == ["south"]

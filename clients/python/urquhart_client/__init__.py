@@ -8,6 +8,7 @@ with Client("http://127.0.0.1:8420") as client:
 from urquhart_client._protocol.bodies import UNSET
 from urquhart_client._protocol.retry import Retry
 from urquhart_client.client import AsyncClient, Client
+from urquhart_client.coregistrations import JobFile, PlotRow, SeasonOptions
 from urquhart_client.errors import ConnectionFailed, ProblemError, UnexpectedAnswer, UrquhartError
 from urquhart_client.job_models import Job, JobLine, Progress, Snapshot
 from urquhart_client.models import (
@@ -50,17 +51,20 @@ __all__ = [
     "Inlier",
     "InlierColumns",
     "Job",
+    "JobFile",
     "JobLine",
     "Landmark",
     "Limits",
     "MapPose",
     "Page",
+    "PlotRow",
     "Polygon",
     "ProblemError",
     "Progress",
     "QueryResult",
     "Retry",
     "Rival",
+    "SeasonOptions",
     "SessionSummary",
     "Snapshot",
     "Stage",

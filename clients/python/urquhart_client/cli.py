@@ -9,15 +9,14 @@ from pathlib import Path
 from typing import Any, Final, NoReturn
 
 import httpx
-from pydantic import BaseModel
 
 from urquhart_client._protocol.landmark_files import FileError, read_body
 from urquhart_client._protocol.retry import Retry
+from urquhart_client.cli_files import add_file_commands, add_read_options, read_options
+from urquhart_client.cli_output import ensure_collection, show, tell, tell_job
 from urquhart_client.client import Client
-from urquhart_client.errors import ProblemError, UrquhartError
-from urquhart_client.job_models import Job, Progress
+from urquhart_client.errors import UrquhartError
 from urquhart_client.poses import SurveyPose
-from urquhart_client.stem_maps import FileCutting, FileOptions
 
 _OBSERVED: Final = frozenset({"xy", "ids", "landmarks", "frame_id", "stamp"})
 _SUBMAP: Final = _OBSERVED | {"session", "map_pose", "properties", "query"}
@@ -61,7 +60,7 @@ def main() -> None:
 
 def _collections(client: Client, options: argparse.Namespace) -> int:
     for one in client.collections():
-        _tell(options, one, f"{one.id}: {one.counts.get('submaps', 0)} submaps, revision {one.revision}")
+        tell(options, one, f"{one.id}: {one.counts.get('submaps', 0)} submaps, revision {one.revision}")
     return 0
 
 
@@ -71,23 +70,12 @@ def _put(client: Client, options: argparse.Namespace) -> int:
         raise FileError(f"{options.file}: it has a session, but --session is given, too: drop one")
     if options.session is not None:
         body["session"] = options.session
-    _ensure_collection(client, options.collection)
+    ensure_collection(client, options.collection)
     receipt = client.put_submap(options.collection, options.submap, **body)
     cleared = f", cleared {', '.join(receipt.cleared)}" if receipt.cleared else ""
     why = f" ({receipt.detail})" if receipt.detail else ""
-    _tell(options, receipt, f"{options.submap}: {receipt.outcome}{why}, revision {receipt.revision}{cleared}")
+    tell(options, receipt, f"{options.submap}: {receipt.outcome}{why}, revision {receipt.revision}{cleared}")
     return 0
-
-
-def _ensure_collection(client: Client, name: str) -> None:
-    """Create the collection where it is missing: that needs the scope admin, which a robot's key does not have."""
-    try:
-        client.get_collection(name)
-    except ProblemError as error:
-        if error.status == 404:
-            client.put_collection(name)
-        elif error.status != 403:  # a key that may only write: the write itself tells what is missing
-            raise
 
 
 def _query(client: Client, options: argparse.Namespace) -> int:
@@ -101,7 +89,7 @@ def _query(client: Client, options: argparse.Namespace) -> int:
             f"{one.inlier_count} inliers, confidence {one.confidence:.4f}"
         )
         lines += _surveyed(one.survey)
-    _tell(options, result, "\n".join(lines))
+    tell(options, result, "\n".join(lines))
     return 0
 
 
@@ -119,61 +107,35 @@ def _surveyed(survey: SurveyPose | None) -> list[str]:
 
 
 def _import(client: Client, options: argparse.Namespace) -> int:
-    _ensure_collection(client, options.collection)
+    ensure_collection(client, options.collection)
     job = client.import_file(
         options.collection,
         options.file,
         on_conflict=options.on_conflict,
         mode=options.mode,
-        progress=_show if sys.stderr.isatty() else None,
+        progress=show if sys.stderr.isatty() else None,
     )
     if sys.stderr.isatty():
         sys.stderr.write("\r\033[K")
     refused = job.counts.get("refused", 0)
     for line in client.job_errors(job.id) if refused else ():
         sys.stderr.write(f"line {line.line}: {(line.problem or {}).get('detail', 'refused')}\n")
-    _tell_job(options, job)
+    tell_job(options, job)
     return 0 if job.is_successful and not refused else 1
 
 
 def _jobs(client: Client, options: argparse.Namespace) -> int:
     for job in client.jobs(state=options.state):
-        _tell_job(options, job)
+        tell_job(options, job)
     return 0
 
 
 def _snapshot(client: Client, options: argparse.Namespace) -> int:
     made = client.create_snapshot(options.name)
-    _tell(options, made, f"{made.name}: {made.bytes} bytes, sha256 {made.sha256}")
+    tell(options, made, f"{made.name}: {made.bytes} bytes, sha256 {made.sha256}")
     if options.download is not None:
         client.download_snapshot(made.name, options.download)
     return 0
-
-
-def _put_stand(client: Client, options: argparse.Namespace) -> int:
-    _ensure_collection(client, options.collection)
-    stand = client.put_stand(
-        options.collection,
-        options.name,
-        options.file,
-        cut=_cutting(options),
-        **_read_options(options),
-    )
-    sys.stderr.write(f"{options.file.name}: {stand.understood}\n")
-    _tell(options, stand, f"{stand.name}: {stand.trees} trees, {stand.submaps} submaps")
-    return 0
-
-
-def _cutting(options: argparse.Namespace) -> FileCutting:
-    """How a file is cut; the service says what is missing."""
-    if options.one_submap:
-        return {"one_submap": True}
-    cut: FileCutting = {}
-    if options.radius is not None:
-        cut["radius"] = options.radius
-    if options.spacing is not None:
-        cut["spacing"] = options.spacing
-    return cut
 
 
 def _read(client: Client, options: argparse.Namespace, members: Collection[str]) -> dict[str, Any]:
@@ -184,44 +146,11 @@ def _read(client: Client, options: argparse.Namespace, members: Collection[str])
     path = options.file
     if path.suffix == ".json":
         return read_body(path, members)
-    read = client.read_stem_map(path, **_read_options(options))
+    read = client.read_stem_map(path, **read_options(options))
     if len(read.plots) > 1:
         raise FileError(f"{path}: has {len(read.plots)} plots: choose one with --only, such as {read.plots[0].name!r}")
     sys.stderr.write(f"{path.name}: {read.understood}\n")
     return {"landmarks": read.plots[0].landmarks if read.plots else []}
-
-
-def _read_options(options: argparse.Namespace) -> Any:
-    """What the caller says about a file."""
-    known = {name: getattr(options, f"read_{name}") for name in FileOptions.__annotations__}
-    return {name: value for name, value in known.items() if value}
-
-
-def _add_read_options(parser: argparse.ArgumentParser) -> None:
-    """The options that say what is in a file of trees; `urquhart index --help` and docs/files.md explain each."""
-    group = parser.add_argument_group("what is in the file, as for urquhart index")
-    for name in FileOptions.__annotations__:
-        flag, to = f"--{name.replace('_', '-')}", f"read_{name}"
-        if name == "skip_bad":
-            group.add_argument(flag, dest=to, action="store_true", help="leave out rows that cannot be used")
-        else:
-            group.add_argument(flag, dest=to, metavar="VALUE")
-
-
-def _show(progress: Progress) -> None:
-    part = f" of {progress.total}" if progress.total else ""
-    left = f", {progress.eta_seconds:.0f} s left" if progress.eta_seconds is not None else ""
-    sys.stderr.write(f"\r\033[K{progress.phase} {progress.done}{part}{left}")
-
-
-def _tell_job(options: argparse.Namespace, job: Job) -> None:
-    counts = ", ".join(f"{count} {outcome}" for outcome, count in job.counts.items())
-    why = f": {job.problem['detail']}" if job.problem else ""
-    _tell(options, job, f"{job.id} {job.type} on {job.collection}: {job.state}{why} ({counts or 'nothing yet'})")
-
-
-def _tell(options: argparse.Namespace, model: BaseModel, line: str) -> None:
-    sys.stdout.write(f"{model.model_dump_json() if options.json else line}\n")
 
 
 def _refuse(message: str) -> int:
@@ -250,20 +179,13 @@ def _parser() -> argparse.ArgumentParser:
     put.add_argument("submap", help="id of the submap; a submap with this id is replaced")
     put.add_argument("file", type=Path, help="trees, in any format that the service reads, or the JSON body of a PUT")
     put.add_argument("--session", help="the drive, flight or survey that the submap belongs to")
-    _add_read_options(put)
-    stand = command("put-stand", _put_stand, "Store a file of trees as a stand, in the place of what that had.")
-    stand.add_argument("collection", help="id of the collection; it is created if it does not exist")
-    stand.add_argument("name", help="name of the stand")
-    stand.add_argument("file", type=Path, help="trees, in any format that the service reads")
-    stand.add_argument("--radius", type=float, help="radius of a submap, in metres")
-    stand.add_argument("--spacing", type=float, help="distance between neighbouring submaps, in metres")
-    stand.add_argument("--one-submap", action="store_true", help="make each file, or each of its plots, one submap")
-    _add_read_options(stand)
+    add_read_options(put)
+    add_file_commands(command)
     query = command("query", _query, "Find where the trees in a file were observed.")
     query.add_argument("collection", help="id of the collection to search")
     query.add_argument("file", type=Path, help="trees, in any format the service reads, or the JSON body of a query")
     query.add_argument("--limit", type=int, default=5, help="most candidates to print (default: 5)")
-    _add_read_options(query)
+    add_read_options(query)
     upload = command(
         "import",
         _import,

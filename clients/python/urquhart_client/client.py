@@ -1,16 +1,16 @@
 """The clients: a blocking one and an asynchronous one, with the same calls."""
 
-from urquhart_client._async.jobs_and_snapshots import AsyncJobCalls
+from urquhart_client._async.files import AsyncFileCalls
 from urquhart_client._async.queries import AsyncQueryCalls
 from urquhart_client._async.service_and_collections import AsyncServiceCalls
 from urquhart_client._async.submaps import AsyncSubmapCalls
-from urquhart_client._sync.jobs_and_snapshots import JobCalls
+from urquhart_client._sync.files import FileCalls
 from urquhart_client._sync.queries import QueryCalls
 from urquhart_client._sync.service_and_collections import ServiceCalls
 from urquhart_client._sync.submaps import SubmapCalls
 
 
-class Client(ServiceCalls, SubmapCalls, QueryCalls, JobCalls):
+class Client(ServiceCalls, SubmapCalls, QueryCalls, FileCalls):
     """A client of one service. It is a context manager, and several threads may use it, also after a fork.
 
     Every call raises `ProblemError` if the service refuses, `ConnectionFailed` if it cannot be reached, and
@@ -21,7 +21,7 @@ class Client(ServiceCalls, SubmapCalls, QueryCalls, JobCalls):
     """
 
 
-class AsyncClient(AsyncServiceCalls, AsyncSubmapCalls, AsyncQueryCalls, AsyncJobCalls):
+class AsyncClient(AsyncServiceCalls, AsyncSubmapCalls, AsyncQueryCalls, AsyncFileCalls):
     """The same client for asyncio, on any number of event loops: calls are coroutines, lists are asynchronous
     iterators.
     """

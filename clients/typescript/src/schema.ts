@@ -1,7 +1,7 @@
 /**
  * Types of the service's API. Generated from its OpenAPI document by `make client-types`: do not edit.
  *
- * openapi sha256 90da373ea564c146a9730860e9397dda9b1a6d2b36614b7673526f3004dfc9ae
+ * openapi sha256 4ca70d31e11d995a0b67d6dd5edacc411b9a32fa218df733d635aa263230dec2
  */
 
 export interface paths {
@@ -308,6 +308,30 @@ export interface paths {
          *     one for each pair. The job's results are available as NDJSON, JSON, g2o and 4 x 4 matrices.
          */
         post: operations["postConstraints"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/collections/{collection}/coregistrations": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Place a season's plots in a map
+         * @description Uploads files of plots. A job then places each plot in the map of the collection, as `urquhart coregister` does.
+         *
+         *     A plot that cannot be read or found is a row, and the others are placed. The job's results have a line for each
+         *     plot, and `/v1/jobs/{job}/files` its tables, GeoPackages, transforms, pictures and `report.html`. Several files are
+         *     sent as a zip archive, in which a `columns.toml` may say what columns mean.
+         */
+        post: operations["postCoregistration"];
         delete?: never;
         options?: never;
         head?: never;
@@ -698,7 +722,15 @@ export interface paths {
         delete: operations["deleteStand"];
         options?: never;
         head?: never;
-        patch?: never;
+        /**
+         * Move a stand
+         * @description Moves all submaps of a stand together in their map frame, in one transaction. Landmarks and the index stay as
+         *     they are. Storing the stand's file again puts it where the file says.
+         *
+         *     409 if its submaps are in several map frames, or in none. To say where the map frame itself is on Earth, PATCH the
+         *     collection's `crs`, `origin` or `frames`.
+         */
+        patch: operations["patchStand"];
         trace?: never;
     };
     "/v1/collections/{collection}/submaps": {
@@ -856,6 +888,47 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/v1/jobs/{job}/files": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * List the files that a job wrote
+         * @description Lists the files of a coregistration that has ended: the tables, GeoPackages, transforms, pictures and the report
+         *     that docs/files.md explains. They are kept as long as the job's results.
+         */
+        get: operations["listJobFiles"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/jobs/{job}/files/{file}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Download a file that a job wrote
+         * @description Returns one of the files that the list names, as an attachment of its media type.
+         */
+        get: operations["getJobFile"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/v1/jobs/{job}/results": {
         parameters: {
             query?: never;
@@ -875,6 +948,8 @@ export interface paths {
          *     Constraints of submaps that were changed or deleted since are `stale`; g2o and matrices leave them out, and the
          *     header `X-Stale-Constraints` counts them. `g2o_middle` is for coordinates far from the origin: each vertex lies
          *     among the trees of its submap, at the coordinates that follow its name in the comments.
+         *
+         *     Coregistrations: one line for each plot, as in `plots.csv` of the job's files.
          */
         get: operations["getJobResults"];
         put?: never;
@@ -2042,7 +2117,7 @@ export interface components {
             collection: string;
             /**
              * Counts
-             * @description Number of lines or submaps by outcome.
+             * @description Number of lines, submaps or plots by outcome.
              */
             counts: {
                 [key: string]: number;
@@ -2059,7 +2134,7 @@ export interface components {
             dismissed: boolean;
             /**
              * Done
-             * @description Number of lines or submaps that were worked on.
+             * @description Number of lines, submaps or plots that were worked on.
              */
             done: number;
             /**
@@ -2098,14 +2173,51 @@ export interface components {
             state: string;
             /**
              * Total
-             * @description Number of lines or submaps to work on. Null while it is unknown.
+             * @description Number of lines, submaps or plots to work on. Null while it is unknown.
              */
             total: number | null;
             /**
              * Type
-             * @description What the job does: `import`, `reindex`, `constraints` or `map`.
+             * @description What the job does: `import`, `reindex`, `constraints`, `map` or `coregistration`.
              */
             type: string;
+        };
+        /**
+         * JobFile
+         * @description A file that a job wrote.
+         */
+        JobFile: {
+            /**
+             * Bytes
+             * @description Size of the file, in bytes.
+             */
+            bytes: number;
+            /**
+             * Href
+             * @description Path to download the file from.
+             */
+            href: string;
+            /**
+             * Media Type
+             * @description Media type of the file.
+             */
+            media_type: string;
+            /**
+             * Name
+             * @description Name of the file, with its folder: `plots.csv`, `pictures/P1.svg`.
+             */
+            name: string;
+        };
+        /**
+         * JobFileList
+         * @description The files that a job wrote.
+         */
+        JobFileList: {
+            /**
+             * Files
+             * @description The files, in the order of their names.
+             */
+            files: components["schemas"]["JobFile"][];
         };
         /**
          * JobLinks
@@ -2122,6 +2234,11 @@ export interface components {
              * @description Path of the lines that the job refused.
              */
             errors: string;
+            /**
+             * Files
+             * @description Path of the list of files that the job writes. Null for a type of job that writes none.
+             */
+            files?: string | null;
             /**
              * Results
              * @description Path of the job's results.
@@ -2938,6 +3055,167 @@ export interface components {
              * @description Rotation in radians, counter-clockwise.
              */
             yaw: number;
+        };
+        /**
+         * PlotRow
+         * @description What a coregistration found for one plot, as a line of NDJSON: the row of the plot in `plots.csv`, where `east`
+         *     is `E`, and `shift_east` is `dE`.
+         *
+         *     Lengths are in metres, but `east`, `north`, `x` and `y` are in the unit of their coordinate reference system.
+         */
+        PlotRow: {
+            /**
+             * Confidence
+             * @description Calibrated probability that the pose is right.
+             */
+            confidence: number | null;
+            /**
+             * Crs
+             * @description Coordinate reference system of the map. Null if it is not known.
+             */
+            crs: string | null;
+            /**
+             * East
+             * @description Easting of the plot's centre in the map.
+             */
+            east: number | null;
+            /**
+             * File
+             * @description Name of the file that the plot is from.
+             */
+            file: string;
+            /**
+             * Inliers
+             * @description Number of these that have a partner in the map.
+             */
+            inliers: number | null;
+            /**
+             * Look At
+             * @description Why somebody should look at the plot. Empty if nobody need.
+             */
+            look_at: string;
+            /**
+             * Map
+             * @description Map frame that the plot lies in. Null unless it is matched.
+             */
+            map: string | null;
+            /**
+             * North
+             * @description Northing of the plot's centre in the map.
+             */
+            north: number | null;
+            /**
+             * Places
+             * @description Number of places that an ambiguous plot fits.
+             */
+            places: number | null;
+            /**
+             * Plot
+             * @description Name of the plot.
+             */
+            plot: string;
+            /**
+             * Reason
+             * @description Why, as a stable word.
+             */
+            reason: string;
+            /**
+             * Rival
+             * @description Submap of the second of these places.
+             */
+            rival: string | null;
+            /**
+             * Rival East
+             * @description Easting of that place.
+             */
+            rival_east: number | null;
+            /**
+             * Rival North
+             * @description Northing of that place.
+             */
+            rival_north: number | null;
+            /**
+             * Rival Turn Cw Deg
+             * @description Turn at that place, in degrees, clockwise.
+             */
+            rival_turn_cw_deg: number | null;
+            /**
+             * Rms
+             * @description Root mean square of the distances between partners, in metres.
+             */
+            rms: number | null;
+            /**
+             * Scale
+             * @description Factor by which the map is larger than the plot.
+             */
+            scale: number | null;
+            /**
+             * Searched
+             * @description `near` if the plot was found where it ought to be, `everywhere` if not.
+             * @enum {string}
+             */
+            searched: "" | "near" | "everywhere";
+            /**
+             * Sentence
+             * @description What was found, in a sentence for people.
+             */
+            sentence: string;
+            /**
+             * Share
+             * @description `inliers` divided by `trees`.
+             */
+            share: number | null;
+            /**
+             * Shift East
+             * @description How far east the plot's own coordinates must be moved, in metres.
+             */
+            shift_east: number | null;
+            /**
+             * Shift North
+             * @description How far north the plot's own coordinates must be moved, in metres.
+             */
+            shift_north: number | null;
+            /**
+             * Sigma East
+             * @description Standard deviation of `east`, in metres.
+             */
+            sigma_east: number | null;
+            /**
+             * Sigma North
+             * @description Standard deviation of `north`, in metres.
+             */
+            sigma_north: number | null;
+            /**
+             * Sigma Turn Deg
+             * @description Standard deviation of the turn, in degrees.
+             */
+            sigma_turn_deg: number | null;
+            /**
+             * Trees
+             * @description Number of trees of the plot.
+             */
+            trees: number;
+            /**
+             * Turn Cw Deg
+             * @description Turn about the plot's centre, in degrees, clockwise.
+             */
+            turn_cw_deg: number | null;
+            /**
+             * Verdict
+             * @description Verdict of the search. `not_read`: the plot cannot be read. `failed`: it cannot be looked up.
+             * @enum {string}
+             */
+            verdict: "matched" | "ambiguous" | "no_match" | "not_read" | "failed";
+            /**
+             * X
+             * @description The plot's centre in its own coordinates.
+             */
+            x: number | null;
+            /**
+             * Y
+             * @description The plot's centre in its own coordinates.
+             */
+            y: number | null;
         };
         /**
          * PoseMove
@@ -3760,6 +4038,27 @@ export interface components {
              * @description Path of the stand.
              */
             self: string;
+        };
+        /**
+         * StandMove
+         * @description How all submaps of a stand move together in their map frame: turned about a point, then shifted.
+         */
+        StandMove: {
+            /**
+             * About
+             * @description Point of the map frame that the stand turns about, in metres. Default: the middle of the box around its submaps.
+             */
+            about?: number[] | null;
+            /**
+             * Shift
+             * @description How far to shift along x (east) and y (north) of the map frame, in metres.
+             */
+            shift?: number[] | null;
+            /**
+             * Yaw
+             * @description How far to turn, in radians, counter-clockwise.
+             */
+            yaw?: number | null;
         };
         /**
          * StandPage
@@ -5155,6 +5454,125 @@ export interface operations {
             };
         };
     };
+    postCoregistration: {
+        parameters: {
+            query: {
+                /** @description Unit of the azimuths. */
+                angle?: ("deg" | "gon" | "rad") | null;
+                /** @description Search each plot where it ought to be first: standard deviation of that, in metres. Default: search everywhere. */
+                at_sigma?: number | null;
+                /** @description Name of the column of azimuths from the plot's centre, clockwise from north, if it has no well-known name. */
+                azimuth?: string | null;
+                /** @description Name of the column of x of the plot's centre, if it has no well-known name. */
+                centre_x?: string | null;
+                /** @description Name of the column of y of the plot's centre, if it has no well-known name. */
+                centre_y?: string | null;
+                /** @description Coordinate reference system of the positions, such as EPSG:25832. */
+                crs?: string | null;
+                /** @description Name of the column of diameters at breast height, if it has no well-known name. */
+                dbh?: string | null;
+                /** @description Unit of the diameters. */
+                dbh_unit?: ("cm" | "mm" | "m" | "in") | null;
+                /** @description The decimal mark. */
+                decimal?: ("point" | "comma") | null;
+                /** @description Degrees to add to azimuths. */
+                declination?: number | null;
+                /** @description Name of the column of distances from the plot's centre, if it has no well-known name. */
+                distance?: string | null;
+                /** @description How far to search if a plot is not found. */
+                effort?: "fast" | "full";
+                /** @description Name of the file. Its suffix says the format. */
+                file: string;
+                /** @description Map frame that plots ought to be in. Default: the only one. */
+                frame_id?: string | null;
+                /** @description Bearing of the plots' y axes, in degrees clockwise from grid north of their system, or of the map if they name none. */
+                heading?: number;
+                /** @description Standard deviation of `heading`, in degrees. From 60 on, every heading is searched. */
+                heading_sigma?: number;
+                /** @description Name of the column of heights, if it has no well-known name. */
+                height?: string | null;
+                /** @description Unit of the heights. */
+                height_unit?: ("m" | "ft" | "us-ft" | "cm" | "km") | null;
+                /** @description Name of the column of the trees' ids or tags; of a point cloud, the dimension that numbers the trees, if it has no well-known name. */
+                id?: string | null;
+                /** @description Names of columns that are not used, with commas. */
+                ignore?: string | null;
+                /** @description Values of `status` of trees to read, with commas. */
+                keep?: string | null;
+                /** @description Layer of a GIS file, or sheet of a workbook. */
+                layer?: string | null;
+                /** @description Least confidence of a plot that is `matched`. */
+                min_confidence?: number | null;
+                /** @description Roughly how far trees are off in the map along each axis, in metres. Default: 0.3 to 1. */
+                noise?: number | null;
+                /** @description Read only this plot. */
+                only?: string | null;
+                /** @description Name of the column of plots; each plot is a place of its own, if it has no well-known name. */
+                plot?: string | null;
+                /** @description Name of the file in the archive that says where plots ought to be: plot, x, y. */
+                positions?: string | null;
+                /** @description Coordinate reference system of `positions`. Default: what the file names, then `crs`, then that of the map. */
+                positions_crs?: string | null;
+                /** @description Convert positions to this projected system. */
+                project?: string | null;
+                /** @description Side of the quadrats that lx and ly are measured in. */
+                quadrat_size?: number | null;
+                /** @description Seed of random choices. The same seed gives the same results. */
+                seed?: number | null;
+                /** @description Whether to leave out rows that cannot be used, and count them. */
+                skip_bad?: boolean;
+                /** @description Name of the column of slopes of the sight lines, if it has no well-known name. */
+                slope?: string | null;
+                /** @description Unit of the slopes. */
+                slope_unit?: ("deg" | "gon" | "rad" | "percent") | null;
+                /** @description Name of the column of species, if it has no well-known name. */
+                species?: string | null;
+                /** @description Name of the column of whether a tree is alive, if it has no well-known name. */
+                status?: string | null;
+                /** @description Unit of the positions. Also says that odd positions are right. */
+                unit?: ("m" | "ft" | "us-ft" | "cm" | "km") | null;
+                /** @description Name of the column of x, or easting, if it has no well-known name. */
+                x?: string | null;
+                /** @description Name of the column of y, or northing, if it has no well-known name. */
+                y?: string | null;
+            };
+            header?: {
+                /** @description A name of your choice for this request. A repetition with the same name is not carried out again: it gets the first answer. */
+                "idempotency-key"?: string | null;
+            };
+            path: {
+                /** @description Id of the collection: 1 to 128 letters, digits, '.', '_', '~', '-'. */
+                collection: string;
+            };
+            cookie?: never;
+        };
+        /** @description The bytes of one file of plots, or of a zip archive of several. gzip is accepted. */
+        requestBody: {
+            content: {
+                "application/octet-stream": string;
+            };
+        };
+        responses: {
+            /** @description The job is accepted; `Location` is its path. */
+            202: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["JobAnswer"];
+                };
+            };
+            /** @description A problem document. */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
     getExport: {
         parameters: {
             query?: {
@@ -5992,6 +6410,51 @@ export interface operations {
             };
         };
     };
+    patchStand: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description A name of your choice for this request. A repetition with the same name is not carried out again: it gets the first answer. */
+                "idempotency-key"?: string | null;
+                /** @description Proceed only if the entity tag is one of these; * for any. */
+                "if-match"?: string | null;
+                /** @description Proceed only if the entity tag is none of these; * if nothing must exist. */
+                "if-none-match"?: string | null;
+            };
+            path: {
+                /** @description Id of the collection: 1 to 128 letters, digits, '.', '_', '~', '-'. */
+                collection: string;
+                /** @description `name` of the stand. */
+                stand: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["StandMove"];
+            };
+        };
+        responses: {
+            /** @description Success. */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Stand"];
+                };
+            };
+            /** @description A problem document. */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
     listSubmaps: {
         parameters: {
             query?: {
@@ -6456,6 +6919,72 @@ export interface operations {
                 };
                 content: {
                     "application/x-ndjson": string;
+                };
+            };
+            /** @description A problem document. */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    listJobFiles: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description `id` of the job. */
+                job: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Success. */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["JobFileList"];
+                };
+            };
+            /** @description A problem document. */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    getJobFile: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description `name` of the file in the list. */
+                file: string;
+                /** @description `id` of the job. */
+                job: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Success. */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/octet-stream": string;
                 };
             };
             /** @description A problem document. */

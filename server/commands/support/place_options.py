@@ -63,10 +63,10 @@ class PlaceOptions:
             return None
         if self.heading is None and self.heading_sigma is not None:
             raise CommandError("--heading-sigma needs --heading DEG: which way the y axis of the file points")
-        about = (0.0, 0.0) if self.about is None else _pair("--about", self.about)
+        about = (0.0, 0.0) if self.about is None else pair("--about", self.about)
         if len(xy):
             _check_near(about, xy)
-        x, y = _pair("--at", self.at)
+        x, y = pair("--at", self.at)
         sigma = _AT_SIGMA if self.at_sigma is None else self.at_sigma
         turned = math.radians(_HEADING_SIGMA if self.heading_sigma is None else self.heading_sigma)
         place = {
@@ -156,7 +156,7 @@ def reads_place(command: Callable[..., None]) -> Callable[..., None]:
     return run
 
 
-def _pair(option: str, text: str) -> tuple[float, float]:
+def pair(option: str, text: str) -> tuple[float, float]:
     """Two numbers with a comma between them. Raises CommandError."""
     parts = text.split(",")
     try:

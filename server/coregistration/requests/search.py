@@ -5,14 +5,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from server.collections.crud import get_collection
 from server.coregistration.nominal import NominalPlaces
 from server.coregistration.placing import PlotPlacer, SearchChoices
 from server.coregistration.positions import ReadCentres, SeasonPositions, read_positions
+from server.errors import InvalidField
 from server.queries.lookup import QueryContext
 from server.stem_maps.reader import read_centres
 from server.stem_maps.reading.options import ReadOptions
+from server.store.records import DEFAULT_FRAME
+from server.store.storage import Storage
 from urquhart import Budget, Effort
 
+_FRAMES: Final = 5
+"""Most map frames that an error names."""
 _ANY: Final = 60.0
 """Degrees: a heading that is known no better is not known."""
 
@@ -51,6 +57,25 @@ class SeasonSearch:
             what = f"{named('min_confidence')} must be more than 0.5 and less than 1, not {self.min_confidence:g}"
             return "min_confidence", what
         return None
+
+
+def map_frame_of(storage: Storage, collection_id: str, named: str | None) -> str:
+    """The map frame that plots ought to be in: the one that is `named`, or the only one of the collection.
+
+    Raises:
+        NotFound: there is no such collection.
+        InvalidField: it has several, and none is named.
+    """
+    if named is not None:
+        return named
+    with storage.read() as tx:
+        frames = tx.map_frames(get_collection(tx, collection_id)).in_use(_FRAMES + 1)
+    if len(frames) > 1:
+        names = ", ".join(frames[:_FRAMES]) + (" and others" if len(frames) > _FRAMES else "")
+        raise InvalidField(
+            f"must be one of the collection's map frames: {names}", code="frame_id", parameter="frame_id"
+        )
+    return frames[0] if frames else DEFAULT_FRAME
 
 
 @dataclass(frozen=True, slots=True)

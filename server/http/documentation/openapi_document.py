@@ -9,6 +9,7 @@ from server.http.admission.request_admission import ALWAYS_ANSWERED
 from server.http.responses import problems
 from server.schemas.common import Problem
 from server.schemas.constraints import ConstraintList
+from server.schemas.files.coregistrations import PlotRow
 from server.schemas.jobs import LineResult
 from server.schemas.submaps import NamedSubmap
 from server.security.operation_scopes import SCOPES
@@ -21,7 +22,7 @@ def openapi_document(app: FastAPI) -> dict[str, Any]:
             title=app.title, version=app.version, description=app.description, routes=app.routes, tags=app.openapi_tags
         )
         schemas = document["components"]["schemas"]
-        for model in (Problem, ConstraintList, LineResult, NamedSubmap):
+        for model in (Problem, ConstraintList, LineResult, NamedSubmap, PlotRow):
             schema = model.model_json_schema(ref_template="#/components/schemas/{model}", mode="serialization")
             schemas.update(schema.pop("$defs", {}))
             schemas[model.__name__] = schema

@@ -5,6 +5,7 @@ from typing import Final
 
 from server.jobs.running_job import JobFunction
 from server.jobs.types.build_map import run_build_map
+from server.jobs.types.coregister import run_coregister
 from server.jobs.types.find_constraints import run_constraints
 from server.jobs.types.import_submaps import run_import
 from server.jobs.types.reindex import run_reindex
@@ -14,4 +15,5 @@ JOB_TYPES: Final[Mapping[str, JobFunction]] = {
     "reindex": run_reindex,
     "constraints": run_constraints,
     "map": run_build_map,
+    "coregistration": run_coregister,
 }

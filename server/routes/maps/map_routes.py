@@ -65,16 +65,8 @@ def post_map(
     check_optimiser()
     chosen_submaps(body)
     check_ids(service.database, collection, body)
-    response = queue.accept(
-        service.database,
-        collection,
-        caller,
-        queue.NewJob("map", body.model_dump(mode="json", by_alias=True)),
-        idempotency_key,
-        service.settings.limits,
-    )
-    service.jobs.runner.wake()
-    return stored_response(response)
+    job = queue.NewJob("map", body.model_dump(mode="json", by_alias=True))
+    return stored_response(service.accept_job(collection, caller, job, idempotency_key))
 
 
 @router.get(

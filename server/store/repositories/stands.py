@@ -86,6 +86,11 @@ class Stands(StandReader):
         values |= {"collection_key": self._collection_key, "created": now}
         return self._connection.scalars(insert(StandRow).values(values).returning(StandRow.key)).one()
 
+    def touch(self, stand_key: int) -> None:
+        """Note that the stand was changed now."""
+        mine = (StandRow.collection_key == self._collection_key, StandRow.key == stand_key)
+        self._connection.execute(update(StandRow).where(*mine).values(updated=datetime.now(UTC)))
+
     def adopt(self, stand_key: int, keys: Collection[int]) -> None:
         """Note that submaps belong to the stand; nothing else of them changes."""
         for some in batches(sorted(keys)):

@@ -1,5 +1,7 @@
 """`urquhart stands`."""
 
+import csv
+import json
 import re
 import sqlite3
 from contextlib import closing
@@ -155,3 +157,56 @@ def test_how_to_cut_is_said_once(urquhart: Urquhart, tmp_path: Path) -> None:
     refused(urquhart(*index, "--radius", 20, "--one-submap"), "leave out --radius and --spacing")
     refused(urquhart(*index, "--one-submap"), "few.csv: the stem map has 3 trees, and a submap needs at least 10")
     assert not (tmp_path / "urquhart.db").exists()
+
+
+def landmarks(urquhart: Urquhart, path: Path) -> dict[str, tuple[float, float]]:
+    """The trees of the collection where they stand in the map, by id."""
+    assert urquhart("export", "landmarks", path, "--collection", "c", "--frame", "north").code == 0
+    with path.open(newline="") as file:
+        return {row["id"]: (float(row["x"]), float(row["y"])) for row in csv.DictReader(file)}
+
+
+def test_a_stand_is_moved_as_one_thing(urquhart: Urquhart, two_stands: Path, tmp_path: Path) -> None:
+    before = landmarks(urquhart, tmp_path / "before.csv")
+    said = urquhart("stands", "move", "c", "north", "--east", -4.2, "--north", 2.71, "--turn", 30, "--about", "10,20")
+    assert said.out.endswith("submaps moved -4.2 m east, +2.71 m north, turned 30 deg clockwise\n"), said.err
+    after = landmarks(urquhart, tmp_path / "after.csv")
+    motion = SE2(5.8, 22.71, -np.pi / 6) @ SE2(-10.0, -20.0, 0.0)
+    assert after.keys() == before.keys()
+    np.testing.assert_allclose(
+        [after[name] for name in before], motion.apply(np.array(list(before.values()))), atol=2e-4
+    )
+    assert "clean" in urquhart("db", "check").out
+    seen = write_observation(tmp_path / "seen.csv", np.array([xy for xy in before.values() if max(xy) < 35.0]))
+    found = json.loads(urquhart("locate", seen, "--collection", "c", "--json").out)["candidates"][0]["map_pose"]
+    assert (found["x"], found["y"], found["yaw"]) == pytest.approx((motion.x, motion.y, motion.yaw), abs=1e-3)
+    assert urquhart("index", "north.csv", *OPTIONS, "--processes", 1).code == 0
+    assert landmarks(urquhart, tmp_path / "again.csv") == before
+
+
+def test_the_frame_of_a_stand_is_placed_on_earth(urquhart: Urquhart, two_stands: Path) -> None:
+    said = urquhart("stands", "move", "c", "north", "--crs", "EPSG:25832", "--origin", "448000,5411000")
+    assert said.out == "north: now in EPSG:25832\n"
+    for words, told in (
+        (("--crs", "EPSG:4326"), "gives degrees"),
+        (("--crs", "EPSG:25832", "--east", 1), "give one of both"),
+        (("--origin", "1,2"), "--origin needs --crs"),
+        ((), "nothing would move"),
+        (("--east", 5e6), "outside the area of use"),
+    ):
+        refused(urquhart("stands", "move", "c", "north", *words), told)
+
+
+def test_a_stand_is_replaced_under_its_name(urquhart: Urquhart, two_stands: Path, tmp_path: Path) -> None:
+    trees = np.random.default_rng(140).uniform(0.0, (64.0, 52.0), (140, 2))
+    write_observation(tmp_path / "corrected.csv", trees[:120] + (500.0, 0.0))
+    said = urquhart("stands", "replace", "c", "north", "corrected.csv")
+    assert said.code == 0, said.err
+    assert "removed)" in said.out
+    shown = urquhart("stands", "show", "c", "north").out
+    assert re.search(r"^trees +120$", shown, re.MULTILINE) and re.search(r"^radius +20 m$", shown, re.MULTILINE)
+    listed = urquhart("stands", "list", "c").out
+    assert "corrected" not in listed and listed.count(" north ") == 1
+    refused(urquhart("stands", "replace", "c", "west", "corrected.csv"), "'west'")
+    again = urquhart("stands", "replace", "c", "north", "corrected.csv", "--one-submap")
+    assert "north: 1 submaps" in again.out

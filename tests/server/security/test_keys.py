@@ -240,6 +240,8 @@ def operations(app: FastAPI) -> Iterator[tuple[str, str, str]]:
 
 BODIES: dict[str, Any] = {
     "putStand": {},
+    "patchStand": {"shift": [1.0, 0.0]},
+    "postCoregistration": {},
     "putCollection": {},
     "patchCollection": {"title": "mine"},
     "postSubmap": {"xy": points(forest(3))},
@@ -265,6 +267,8 @@ OWN_RULES = {
     "getJob",
     "getJobResults",
     "getJobErrors",
+    "listJobFiles",
+    "getJobFile",
     "deleteJob",
     "postSnapshot",
     "listSnapshots",

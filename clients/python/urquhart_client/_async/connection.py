@@ -10,7 +10,16 @@ from typing import Any, Self, TypeVar
 import httpx
 from pydantic import BaseModel
 
-from urquhart_client._protocol.exchange import Request, answer, bearer, failed, foreign, labelled, retry_after
+from urquhart_client._protocol.exchange import (
+    Request,
+    answer,
+    awaiting_body,
+    bearer,
+    failed,
+    foreign,
+    labelled,
+    retry_after,
+)
 from urquhart_client._protocol.pools import Pools, this_loop
 from urquhart_client._protocol.retry import Retry
 from urquhart_client.models import Page
@@ -116,8 +125,9 @@ class AsyncConnection:
     async def _exchange(self, request: Request[Any]) -> httpx.Response:
         """Send once. Raises UnexpectedAnswer for the answer to another request, and closes its connection."""
         http, headers = self._pools.here(), labelled(request)
+        content = awaiting_body(request.content)
         response = await http.request(
-            request.method, request.path, params=dict(request.params), headers=headers, content=request.content
+            request.method, request.path, params=dict(request.params), headers=headers, content=content
         )
         wrong = foreign(response, headers)
         if wrong is not None:

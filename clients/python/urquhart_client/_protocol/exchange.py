@@ -67,7 +67,8 @@ class Upload:
     def __init__(self, source: Path, *, packed: bool, sent: Callable[[int], None]) -> None:
         self._source, self._packed, self._sent = source, packed, sent
 
-    def __iter__(self) -> Iterator[bytes]:
+    def pieces(self) -> Iterator[bytes]:
+        """The bytes to send, from the first one."""
         packer = None if self._packed else zlib.compressobj(4, wbits=31)
         read = 0
         with self._source.open("rb") as file:
@@ -79,10 +80,21 @@ class Upload:
         if packer is not None:
             yield packer.flush()
 
-    async def __aiter__(self) -> AsyncIterator[bytes]:
-        pieces = iter(self)
+    async def awaited_pieces(self) -> AsyncIterator[bytes]:
+        """The same, read in a thread."""
+        pieces = self.pieces()
         while (piece := await anyio.to_thread.run_sync(next, pieces, None)) is not None:
             yield piece
+
+
+def blocking_body(content: bytes | Upload | None) -> bytes | Iterator[bytes] | None:
+    """A body as a blocking HTTP client takes it."""
+    return content.pieces() if isinstance(content, Upload) else content
+
+
+def awaiting_body(content: bytes | Upload | None) -> bytes | AsyncIterator[bytes] | None:
+    """A body as an asynchronous HTTP client takes it."""
+    return content.awaited_pieces() if isinstance(content, Upload) else content
 
 
 def bearer(api_key: str) -> str:

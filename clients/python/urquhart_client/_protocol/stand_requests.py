@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from urquhart_client._protocol.exchange import M, Request, model, nothing, page
-from urquhart_client._protocol.requests import collection_path, conditional, once, parameters, segment
+from urquhart_client._protocol.requests import collection_path, conditional, once, parameters, segment, with_body
 from urquhart_client.models import Page
 from urquhart_client.stand_models import Stand, StandReceipt
 from urquhart_client.stem_maps import FileTrees
@@ -26,6 +26,12 @@ def get_stand(collection: str, name: str) -> Request[Stand]:
 def delete_stand(collection: str, name: str, if_match: str | None) -> Request[None]:
     """Delete a stand with its submaps."""
     return conditional(Request("DELETE", _stand(collection, name), nothing, headers=once()), if_match, None)
+
+
+def patch_stand(collection: str, name: str, if_match: str | None, move: Mapping[str, Any]) -> Request[Stand]:
+    """Move a stand."""
+    sent = with_body("PATCH", _stand(collection, name), move, model(Stand), once())
+    return conditional(sent, if_match, None)
 
 
 def read_stem_map(path: Path, options: Mapping[str, Any]) -> Request[FileTrees]:

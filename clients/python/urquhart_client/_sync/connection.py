@@ -9,7 +9,16 @@ from typing import Any, Self, TypeVar
 import httpx
 from pydantic import BaseModel
 
-from urquhart_client._protocol.exchange import Request, answer, bearer, failed, foreign, labelled, retry_after
+from urquhart_client._protocol.exchange import (
+    Request,
+    answer,
+    bearer,
+    blocking_body,
+    failed,
+    foreign,
+    labelled,
+    retry_after,
+)
 from urquhart_client._protocol.pools import Pools, this_process
 from urquhart_client._protocol.retry import Retry
 from urquhart_client.models import Page
@@ -115,8 +124,9 @@ class Connection:
     def _exchange(self, request: Request[Any]) -> httpx.Response:
         """Send once. Raises UnexpectedAnswer for the answer to another request, and closes its connection."""
         http, headers = self._pools.here(), labelled(request)
+        content = blocking_body(request.content)
         response = http.request(
-            request.method, request.path, params=dict(request.params), headers=headers, content=request.content
+            request.method, request.path, params=dict(request.params), headers=headers, content=content
         )
         wrong = foreign(response, headers)
         if wrong is not None:

@@ -120,6 +120,27 @@ class ServiceCalls(Connection):
         """
         return self._send(stand_requests.put_stand(collection, name, path, if_match, {**cut, **options}))
 
+    def move_stand(
+        self,
+        collection: str,
+        name: str,
+        *,
+        shift: tuple[float, float] = (0.0, 0.0),
+        yaw: float = 0.0,
+        about: tuple[float, float] | None = None,
+        if_match: str | None = None,
+    ) -> Stand:
+        """Move all submaps of a stand together in their map frame. Returns the stand.
+
+        Args:
+            shift: along x and y of the map frame, metres.
+            yaw: radians, counter-clockwise.
+            about: the point of the map frame that the stand turns about; the middle of its submaps when left out.
+            if_match: the `etag` that must be stored, or `*` for any; otherwise the service refuses (412).
+        """
+        move = {"shift": shift, "yaw": yaw} if about is None else {"shift": shift, "yaw": yaw, "about": about}
+        return self._send(stand_requests.patch_stand(collection, name, if_match, move))
+
     def delete_stand(self, collection: str, name: str, *, if_match: str | None = None) -> None:
         """Delete a stand with all its submaps. The next query no longer finds them.
 
