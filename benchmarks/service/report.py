@@ -57,8 +57,8 @@ def _table(figures: Figures) -> str:
             `{measured[0]["commit"]}`: this version and commit `{older}` in turn, each a service in a process of its
             own, in the same run. Clients and service share the cores. One query at a time:
             {single.get("submaps", 0):,} submaps, {single.get("trees", 0):.0f} trees, 5 candidates. The 32 clients:
-            10,000 submaps, a tenth of the requests are writes. Processor time is that of the service alone. Starts are
-            of an empty database. {_disturbed(figures)}"""
+            10,000 submaps, a tenth of the requests are writes. Processor time is that of the service alone. Starts
+            are of an empty database, with the packages that an installation has. {_disturbed(figures)}"""
         ),
         table(["", f"`{older}`", "now", "ratio", "goal", "met"], rows),
         "### What falls short" if missed else "",

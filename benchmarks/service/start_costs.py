@@ -7,22 +7,28 @@ import sys
 import tempfile
 import time
 import tomllib
-from importlib.metadata import PackageNotFoundError, distribution
+from importlib.metadata import Distribution, PackageNotFoundError, distribution
 from pathlib import Path
 from typing import Final
 
 from benchmarks.experiments import Figures
 from benchmarks.server_process import OtherCode, served
+from benchmarks.service.as_installed import PACKAGES
 from benchmarks.service.versions import Version
 
 _TRIES: Final = 3
 _NAME: Final = re.compile(r"[A-Za-z0-9._-]+")
 _CACHE: Final = "NUMBA_CACHE_DIR"
 _KERNELS: Final = Path(__file__).with_name("kernel_costs.py")
+_AS_INSTALLED: Final = (str(Path(__file__).with_name("as_installed.py")),)
+_OURS: Final = ("server", "urquhart", "migrations", "urquhart_client")
 
 
 def measure(version: Version, *, first: bool) -> Figures:
-    """Seconds and megabytes of a version, the least of three tries. `first`: also with an empty cache of kernels."""
+    """Seconds and megabytes of a version with the packages that an installation has, the least of three tries.
+
+    `first`: also with an empty cache of kernels.
+    """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         _start(version, folder)  # makes the database, and compiles what this checkout has not compiled yet
@@ -57,8 +63,9 @@ def measure_kernels(version: Version) -> Figures:
 def _seconds_of(version: Version, *arguments: str) -> float:
     """Seconds of a command of a version."""
     began = time.perf_counter()
-    command = [sys.executable, "-m", "server.cli", *arguments]
-    subprocess.run(command, cwd=version.folder, env=version.environment, check=True, stdout=subprocess.DEVNULL)
+    command = [sys.executable, *_AS_INSTALLED, *arguments]
+    environment = version.environment | _modules(version)
+    subprocess.run(command, cwd=version.folder, env=environment, check=True, stdout=subprocess.DEVNULL)
     return time.perf_counter() - began
 
 
@@ -68,7 +75,8 @@ def _database(folder: Path) -> Path:
 
 def _start(version: Version, folder: Path, **settings: str) -> tuple[float, tuple[float, float]]:
     """Seconds until a service on an empty database is ready, and its megabytes then: resident, and its own of them."""
-    with served(_database(folder), folder / "log", OtherCode(version.folder), **settings) as server:
+    code = OtherCode(version.folder, _AS_INSTALLED)
+    with served(_database(folder), folder / "log", code, **_modules(version), **settings) as server:
         status = Path(f"/proc/{server.process.pid}/status").read_text(encoding="utf-8")
         resident = re.search(r"VmRSS:\s*(\d+)", status)
         if resident is None:
@@ -78,19 +86,34 @@ def _start(version: Version, folder: Path, **settings: str) -> tuple[float, tupl
 
 def installed_sizes(project: Path) -> dict[str, float]:
     """Megabytes of each package that the project of a pyproject.toml needs, with those that they need, extras apart."""
+    sizes = {}
+    for name, package in _installed(project).items():
+        paths = [Path(str(path.locate())) for path in package.files or []]
+        sizes[name] = sum(path.stat().st_size for path in paths if path.is_file()) / 1e6
+    return sizes
+
+
+def _modules(version: Version) -> dict[str, str]:
+    """For `as_installed`: the names of the modules of these packages, and ours."""
+    names = {*_OURS}
+    for package in _installed(version.folder / "pyproject.toml").values():
+        names |= {path.parts[0].partition(".")[0] for path in package.files or []}
+    return {PACKAGES: " ".join(sorted(names))}
+
+
+def _installed(project: Path) -> dict[str, Distribution]:
+    """The packages by name."""
     with project.open("rb") as file:
         wanted = [*tomllib.load(file)["project"]["dependencies"]]
-    seen = dict[str, float]()
+    seen = dict[str, Distribution]()
     while wanted:
         requirement = wanted.pop()
         match = _NAME.match(requirement)
         if match is None or "extra ==" in requirement or match[0].lower() in seen:
             continue
         try:
-            package = distribution(match[0])
+            seen[match[0].lower()] = distribution(match[0])
         except PackageNotFoundError:
             continue  # for another Python or system
-        paths = [Path(str(path.locate())) for path in package.files or []]
-        seen[match[0].lower()] = sum(path.stat().st_size for path in paths if path.is_file()) / 1e6
-        wanted += package.requires or []
+        wanted += seen[match[0].lower()].requires or []
     return seen

@@ -7,6 +7,7 @@ import pytest
 
 from benchmarks.machine import ROOT
 from benchmarks.service import history
+from benchmarks.service.as_installed import Installed
 from benchmarks.service.calibration import CalibrationLoop
 from benchmarks.service.connection import HttpAnswer, address_of, request_bytes, take_answer
 from benchmarks.service.history import LIMIT, Release, check, read, slower, write
@@ -106,3 +107,10 @@ def test_the_packages_of_an_installation_are_those_that_the_project_needs() -> N
     assert {"numba", "llvmlite", "sqlalchemy"} <= sizes.keys()
     assert not {"pytest", "pyarrow", "gtsam"} & sizes.keys(), "extras are apart"
     assert all(size > 0.0 for size in sizes.values())
+
+
+def test_a_start_is_measured_with_the_packages_of_an_installation(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Installed, "names", frozenset({"numpy"}))
+    assert all(Installed.find_spec(name) is not None for name in ("numpy", "json", "benchmarks"))
+    assert Installed.find_spec("pytest") is None
+    assert Installed.find_spec("no_such_module") is None
