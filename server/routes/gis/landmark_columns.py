@@ -64,9 +64,12 @@ def get_landmarks(
     _, version = crud.read(service.database, collection)
     asked = "\n".join(str(one) for one in (version, frame_id, session, bbox, limit))
     etag = hashlib.sha256(asked.encode()).hexdigest()[:32]
+    # A browser keeps them, and asks each time whether they are current.
+    headers = etag_header(etag) | {"Cache-Control": "private, no-cache"}
     unchanged = not_modified(if_none_match, etag)
     if unchanged is not None:
+        unchanged.headers.update(headers)
         return unchanged
     with in_time(service, budget) as own:
         columns = landmark_columns(service.database, collection, chosen, limit, own.check)
-    return Response(columns, media_type=COLUMNS, headers=etag_header(etag))
+    return Response(columns, media_type=COLUMNS, headers=headers)

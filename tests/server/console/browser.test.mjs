@@ -242,6 +242,15 @@ test("a key opens a session with its scopes, a wrong one none, and an ended one 
     assert.equal(await page.getByText("secret").count(), 0);
     assert.equal(await page.getByRole("button", { name: "New collection" }).count(), 0);
     assert.equal(await page.evaluate(() => document.cookie), "");
+    // A session that ends meanwhile: the key is asked for, and the page goes on where it was.
+    await page.goto("/ui/jobs");
+    await page.getByRole("heading", { name: "No jobs yet" }).waitFor();
+    page.expectsFailures = true;
+    await context.clearCookies();
+    await page.getByLabel("State").selectOption("failed");
+    await page.getByLabel("API key").fill(told.reader);
+    await page.keyboard.press("Enter");
+    await page.getByRole("heading", { name: "No job is failed" }).waitFor();
     await page.getByRole("button", { name: "Sign out" }).click();
     await page.getByLabel("API key").waitFor();
   });

@@ -88,7 +88,9 @@ def test_a_box_and_a_session_choose(client: httpx.Client, poses: dict[str, SE2])
 def test_what_did_not_change_is_not_sent_again(client: httpx.Client, poses: dict[str, SE2]) -> None:
     first = client.get(PATH, params={"frame_id": "map"})
     same = {"If-None-Match": first.headers["ETag"]}
-    assert client.get(PATH, params={"frame_id": "map"}, headers=same).status_code == 304
+    again = client.get(PATH, params={"frame_id": "map"}, headers=same)
+    assert (again.status_code, again.content) == (304, b"")
+    assert first.headers["Cache-Control"] == again.headers["Cache-Control"] == "private, no-cache"
     assert client.get(PATH, params={"frame_id": "map", "limit": 5}, headers=same).status_code == 200
     move = {"map_pose": {"frame_id": "map", "x": 0.0, "y": 0.0, "yaw": 0.0}}
     client.patch("/v1/collections/plots/submaps/p1", json=move).raise_for_status()
