@@ -1,6 +1,6 @@
 """Makes the files of docs/tutorial.md: a map of trees, a season of plots in it, and where those ought to be.
 
-    python examples/forest_season.py tutorial                          # map.csv, plots.csv and gnss.csv in this folder
+    python examples/forest_season.py tutorial                          # forest.csv, plots.csv, gnss.csv in this folder
     python examples/forest_season.py --pictures SEASON docs/images     # the tutorial's pictures, from its results
 
 The forest is real (data/stem_maps/longleaf.csv, put at a place in EPSG:32616), and so are its diameters. The season is
@@ -40,7 +40,7 @@ def main(arguments: list[str]) -> None:
 
 
 def write(folder: Path) -> None:
-    """Write map.csv, plots.csv and gnss.csv."""
+    """Write forest.csv, plots.csv and gnss.csv."""
     folder.mkdir(exist_ok=True)
     with STEM_MAP.open(newline="") as file:
         trees = list(csv.DictReader(file))
@@ -49,7 +49,7 @@ def write(folder: Path) -> None:
     rng = np.random.default_rng(7)
     seen = xy + rng.normal(0.0, 0.15, xy.shape) + CORNER  # as an airborne scan finds stems
     table(
-        folder / "map.csv",
+        folder / "forest.csv",
         "tree,easting,northing,dbh_cm",
         [
             f"{name},{x:.2f},{y:.2f},{dbh:.1f}"
@@ -66,7 +66,7 @@ def write(folder: Path) -> None:
     to_degrees = Transformer.from_crs("EPSG:32616", "EPSG:4326", always_xy=True)
     positions = []
     for plot, centre in {**CENTRES, "P6": (120.0, 120.0)}.items():
-        off = np.array(GNSS_OFF.get(plot, rng.normal(0.0, 2.5, 2)))
+        off = np.array(GNSS_OFF.get(plot, rng.normal(0.0, 1.8, 2)))
         longitude, latitude = to_degrees.transform(*(CORNER + centre + off))
         positions.append(f"{plot},{longitude:.7f},{latitude:.7f},EPSG:4326")
     table(folder / "gnss.csv", "plot,x,y,crs", positions)
