@@ -361,6 +361,12 @@ test("an operator sees keys, which cannot be used, and makes a snapshot; a reade
     await page.keyboard.press("Enter");
     await page.getByText("Snapshots and keys need a key").waitFor();
     assert.equal((await page.request.get("/ui/keys")).status(), 403);
+    await page.getByRole("link", { name: "Try it" }).click();
+    const buffer = Buffer.from("tag,x,y\n1,0,0\n2,3,0\n3,0,4\n");
+    await page.locator("input[type=file]").setInputFiles({ name: "seen.csv", mimeType: "text/csv", buffer });
+    await page.getByRole("button", { name: "Find 3 trees" }).click();
+    await page.getByText("There is no submap to look in").waitFor();
+    assert.equal(await page.getByRole("button", { name: /^Store in/ }).count(), 0);
   });
 });
 

@@ -10,9 +10,10 @@ import { boxAround, fit, type Size, toPixelX, toPixelY, type View } from "../dra
 import { drawGrid, drawScale } from "../match/draw-overlay";
 import { Message, Ready, Title } from "../parts/common";
 import { at, go, Link, setQuery, useAddress } from "../parts/router";
-import { asSentence, bytes, plural } from "../parts/text";
+import { asSentence, bytes, percent, plural } from "../parts/text";
 import { api, sentenceOf } from "../service/api";
 import { useLoaded } from "../service/load";
+import { VERDICTS } from "../match/why";
 import { may, type Session } from "../service/session";
 
 type StemMap = Schemas["StemMapAnswer"];
@@ -195,11 +196,14 @@ function Understood(props: ReadingProps & { readonly map: StemMap }) {
     }
     setBusy("");
   };
+  const stores = may(session, "write");
+  const [answer, setAnswer] = useState<Schemas["QueryAnswer"] | null>(null);
   const lookUp = () =>
     attempt("look", async () => {
-      const body = { landmarks: trees, store: true, explain: true };
-      const answer = await ok(api.POST("/v1/collections/{collection}/queries", { params: { path: { collection } }, body }));
-      go(at("collections", collection, "queries", answer.id ?? ""));
+      const body = { landmarks: trees, store: stores, explain: true };
+      const found = await ok(api.POST("/v1/collections/{collection}/queries", { params: { path: { collection } }, body }));
+      if (found.id != null) go(at("collections", collection, "queries", found.id));
+      else setAnswer(found);
     });
   const store = () =>
     attempt("store", async () => {
@@ -256,22 +260,37 @@ function Understood(props: ReadingProps & { readonly map: StemMap }) {
           </p>
         )}
         <p class="actions">
-          {may(session, "write") && (
+          {stores && (
             <button type="button" onClick={store} disabled={busy !== ""} title="Cuts the whole file into overlapping submaps">
               {busy === "store" ? "Storing …" : `Store in ${collection}`}
             </button>
           )}
-          {may(session, "write") ? (
-            <button type="button" class="primary" onClick={lookUp} disabled={busy !== "" || trees.length === 0}>
-              {busy === "look" ? "Looking …" : `Find ${plural(trees.length, "tree")}`}
-            </button>
-          ) : (
-            <small>Answers are stored for their page, which needs a key with the scope write.</small>
-          )}
+          <button type="button" class="primary" onClick={lookUp} disabled={busy !== "" || trees.length === 0}>
+            {busy === "look" ? "Looking …" : `Find ${plural(trees.length, "tree")}`}
+          </button>
         </p>
+        {answer && <Told answer={answer} />}
       </div>
       <Preview trees={trees} />
     </section>
+  );
+}
+
+/** The answer to whoever may not store one, and so has no page of it. */
+function Told({ answer }: { readonly answer: Schemas["QueryAnswer"] }) {
+  const best = answer.candidates[0];
+  return (
+    <div role="status">
+      <p>
+        <span class={`badge ${answer.verdict}`}>{VERDICTS[answer.verdict]}</span>{" "}
+        {answer.verdict !== "no_match" && best && <b class="id">{best.submap_id}</b>}
+      </p>
+      <p>
+        {asSentence(answer.sentences?.[answer.reason] ?? answer.reason)}
+        {best && ` Confidence ${percent(best.confidence)}, ${plural(best.inlier_count, "pair")}.`}
+      </p>
+      <small>The page with the drawing needs an answer that is stored, and so a key with the scope write.</small>
+    </div>
   );
 }
 
