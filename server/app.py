@@ -56,7 +56,7 @@ from server.routes import (
 from server.routes.console import console_keys, console_sessions
 from server.routes.console import pages as console_pages
 from server.routes.gis import coregistrations, exports, features, landmark_columns
-from server.routes.maps import map_routes
+from server.routes.maps import constraint_routes, map_routes
 from server.security.authenticator import Authenticator, check_exposure
 from server.security.rate_limit import RateLimiter
 from server.service_parts import JobRuntime, Service
@@ -81,6 +81,7 @@ _ROUTERS = (
     collections.router,
     jobs.router,
     map_routes.router,
+    constraint_routes.router,
     coregistrations.router,
     imports.router,
     snapshots.router,

@@ -4,8 +4,10 @@ from typing import Any, Final
 
 from benchmarks.experiments import provenance
 from benchmarks.maps.graphs import LANE, LOOP, REACH, SPACING, TOGETHER
-from benchmarks.maps.matching import WRONG
+from benchmarks.maps.matching import WRONG as OFF
 from benchmarks.maps.odometry import SUBMAPS
+from benchmarks.maps.robots import DRIFT, WRONG
+from benchmarks.maps.sequences import STEP, VIEWS
 from benchmarks.maps.stands import SENSOR
 from benchmarks.markdown import number, page, picture, prose, table
 
@@ -24,6 +26,9 @@ need GTSAM: `pip install 'urquhart[maps]'` (Linux and macOS).
 - **False loops are left out.** Matches that close short cycles confirm each other and form groups. Groups are added
   one after the other, the largest first, as long as they agree with what is there. Each constraint that is left out is
   named with the reason: `contradicted` by others, or `unconfirmed` by any.
+- **Constraints are kept.** Matches and posted odometry (`POST .../odometry`) stay in the collection, each with its
+  state. The next map looks up only submaps that are new or have other landmarks. `GET .../constraints?format=g2o` (or
+  TUM, KITTI, matrices, JSON) and `urquhart map constraints` write them for other programs.
 - **Odometry is a measurement.** It is believed within its covariance, and worth more than a match. But an edge is
   refused if several independent ways through other constraints agree against it, or if the map keeps many more matches
   without it. Where odometry contradicts only itself, the edge with most against it is refused, or all of them if these
@@ -33,6 +38,10 @@ need GTSAM: `pip install 'urquhart[maps]'` (Linux and macOS).
   its own. A single match joins two parts only if at least 99 % of the matches that can be checked are right.
 - **Applying is one transaction.** All poses are written under one new revision of the collection, or none: if a submap
   got other landmarks meanwhile, or if other submaps are in the map frame and would no longer fit.
+- **Frames are merged.** `POST .../merges {from, to}` and `urquhart map merge` lay one map frame onto another: the
+  largest set of matches that agree gives the pose, if 4 of them have no submap in common, and it is twice as large as
+  any other set. All
+  other matches are named with reasons.
 - **Trees.** Two trees of one submap never become one. The position has a covariance, diameter and height are medians,
   and `missed` counts the submaps that have other trees all around this one.
 - **Do not use applied poses as priors.** They follow from the same matches and would count twice."""
@@ -45,6 +54,10 @@ def report(results: dict[str, Figures]) -> str:
         parts.append(_graphs(results["maps_graphs"]))
     if "maps_odometry" in results:
         parts.append(_odometry(results["maps_odometry"]))
+    if "maps_robots" in results:
+        parts.append(_robots(results["maps_robots"]))
+    if "maps_sequences" in results:
+        parts.append(_sequences(results["maps_sequences"]))
     if "maps_stands" in results:
         parts.append(_stands(results["maps_stands"]))
     if "maps_tracks" in results:
@@ -113,6 +126,54 @@ def _odometry(figures: Figures) -> str:
     )
 
 
+def _robots(figures: Figures) -> str:
+    rows = [
+        [
+            f"{row['robots']} with {row['submaps']} submaps",
+            f"{100 * row['share']:.0f} %" + (" in groups" if row["grouped"] else ""),
+            f"{row['right']:.0f} of {row['drives']}",
+            f"{row['apart']:.0f}",
+            f"{row['wrong']:.0f}",
+            number(row["error"]),
+        ]
+        for row in figures["rows"]
+    ]
+    return page(
+        "## Robots that meet",
+        prose(
+            f"""The same drives with {100 * DRIFT:g} % drift, cut into one piece for each robot. Each robot makes a map
+            in a frame of its own. Then frames are laid onto each other (`POST .../merges`), those with most matches
+            that agree first. A drive is right if all robots are in one frame, and the submaps of each are less than
+            {WRONG:g} m from their true positions on average, in the frame of the first submap."""
+        ),
+        table(["robots", "false matches", "right", "not all in one frame", "robots joined wrongly", "error, m"], rows),
+    )
+
+
+def _sequences(figures: Figures) -> str:
+    rows = [
+        [
+            row["stand"] if row["inside"] else f"another one: {row['stand']}",
+            f"{row['radius']:g} m",
+            f"{row['count']}",
+            *(f"{row[f'right {views}']:.0f}, {row[f'ambiguous {views}']:.0f}" for views in VIEWS),
+            f"{sum(row[f'wrong {views}'] for views in VIEWS):.0f}",
+        ]
+        for row in figures["rows"]
+    ]
+    head = ["stand", "seen to", "sequences", *(f"{views} view{'s' * (views > 1)}" for views in VIEWS), "wrong"]
+    return page(
+        "## Several views as one query",
+        prose(
+            f"""A robot sees little (10 cm of noise, 90 % of the trees) and sends keyframes {STEP:g} m apart with its
+            odometry, which is off by 10 cm and 0.9 degrees each step. The first of two numbers is how many sequences
+            are matched, rightly; the second how many are ambiguous. In rows marked *another one*, the robot is in
+            another stand of the same kind, which is not stored."""
+        ),
+        table(head, rows),
+    )
+
+
 def _stands(figures: Figures) -> str:
     rows = [
         [
@@ -133,7 +194,7 @@ def _stands(figures: Figures) -> str:
         prose(
             f"""Lanes through a simulated stand, seen to {SENSOR.radius:g} m with {100 * SENSOR.sigma:g} cm of noise and
             {100 * SENSOR.detection:g} % of the trees, matched by the search itself, and nothing but these matches. A
-            match is false if it is off by more than {WRONG[0]:g} m. A map is folded if it keeps a false match. The
+            match is false if it is off by more than {OFF[0]:g} m. A map is folded if it keeps a false match. The
             last column has trees with two entries, trees without one, and entries with landmarks of two trees."""
         ),
         table([*head, "doubled, lost, mixed trees"], rows),

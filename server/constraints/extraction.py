@@ -4,6 +4,7 @@ A constraint is from_T_to: it takes points of the submap `to` into the frame of 
 is the pose of `to` seen from `from`, like an edge of a pose graph.
 """
 
+import hashlib
 import math
 from collections.abc import Iterable
 from typing import Any, Final
@@ -48,6 +49,15 @@ def check_ids(database: Storage, collection_id: str, body: ConstraintsInput) -> 
     for number, name in enumerate(body.submap_ids or ()):
         if name not in there:
             raise InvalidField(f"there is no submap {name!r}", code="not_found", pointer=f"/submap_ids/{number}")
+
+
+def search_of(body: ConstraintsInput) -> str:
+    """A name for searches that find the same constraints: 16 hexadecimal digits."""
+    told = orjson.dumps(
+        [body.gates.model_dump(mode="json"), body.exclude.model_dump(mode="json"), body.per_submap],
+        option=orjson.OPT_SORT_KEYS,
+    )
+    return hashlib.sha256(told).hexdigest()[:16]
 
 
 def question(row: SubmapMetadata, body: ConstraintsInput, most: int) -> PlaceQuery:

@@ -8,6 +8,7 @@ import math
 from collections import Counter, deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from typing import Any, Final
 
 import numpy as np
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from server.constraints.extraction import Found, pose_of
 from server.errors import InvalidField
 from server.queries.poses import place_pose
-from server.schemas.constraints import ConstraintFormat
+from server.schemas.maps.constraint_rows import StoredFormat
 from server.store.submap_records import Place
 from urquhart import SE2
 from urquhart.pose_covariance import PoseUncertainty
@@ -28,10 +29,11 @@ _NAMED: Final = 10
 
 @dataclass(frozen=True, slots=True)
 class StoredSubmap:
-    """A submap that is stored now: the revision of its landmarks, and its pose in a map."""
+    """A submap that is stored now: the revision of its landmarks, its pose in a map, and when it was observed."""
 
     content_revision: int
     place: Place | None
+    stamp: datetime | None = None
 
 
 def is_stale(one: Found, known: Mapping[str, StoredSubmap]) -> bool:
@@ -48,7 +50,7 @@ def is_stale(one: Found, known: Mapping[str, StoredSubmap]) -> bool:
 
 
 def write_out(
-    found: Sequence[Found], wanted: ConstraintFormat, known: Mapping[str, StoredSubmap], frame_id: str | None = None
+    found: Sequence[Found], wanted: StoredFormat, known: Mapping[str, StoredSubmap], frame_id: str | None = None
 ) -> bytes:
     """Constraints, each with `stale`, in a format. `known` and `frame_id` decide where g2o vertices start, see
     `_starts`.
@@ -62,6 +64,8 @@ def write_out(
     fresh = [one for one in found if not one["stale"]]
     if wanted == "matrices":
         return "".join(map(_matrix, fresh)).encode()
+    if wanted in ("tum", "kitti"):
+        return trajectory(fresh, known, frame_id, stamped=wanted == "tum").encode()
     places = {name: there.place for name, there in known.items() if there.place is not None}
     return _g2o(fresh, len(found) - len(fresh), places, frame_id, at_trees=wanted == "g2o_middle").encode()
 
@@ -82,6 +86,45 @@ def _g2o(found: Sequence[Found], stale: int, places: Mapping[str, Place], frame_
     if stale:
         lines.append(f"## left out as stale: {stale} constraints")
     return "\n".join(lines) + "\n" if lines else ""
+
+
+def trajectory(
+    found: Sequence[Found], known: Mapping[str, StoredSubmap], frame_id: str | None, *, stamped: bool
+) -> str:
+    """The pose of each submap of the constraints, in the order of their stamps: TUM with its stamp, or KITTI without.
+
+    Submaps without a stamp come last in KITTI. Raises InvalidField if there is no common frame, or TUM is wanted and a
+    submap has no stamp.
+    """
+    names = list(dict.fromkeys(name for one in found for name in (one["from"], one["to"])))
+    places = {name: there.place for name, there in known.items() if there.place is not None}
+    _, starts, groups = _starts(found, names, places, frame_id)
+    if len(groups) > 1 and not all(placed for _, placed in groups):
+        raise InvalidField(
+            f"these constraints connect {len(groups)} groups of submaps that have no common frame: build and apply a "
+            "map, or write g2o",
+            code="frames",
+            parameter="format",
+        )
+    stamps = {name: known[name].stamp for name in names}
+    bare = [name for name in names if stamps[name] is None]
+    if stamped and bare:
+        raise InvalidField(
+            f"{len(bare)} submaps have no stamp, such as {bare[0]!r}, and TUM needs one for each pose: write kitti",
+            code="no_stamp",
+            parameter="format",
+        )
+    order = sorted(names, key=lambda name: math.inf if (at := stamps[name]) is None else at.timestamp())
+    lines = list[str]()
+    for name in order:
+        pose, at = starts[name], stamps[name]
+        if stamped and at is not None:
+            half = 0.5 * pose.yaw
+            lines.append(f"{at.timestamp():.6f} {pose.x!r} {pose.y!r} 0 0 0 {math.sin(half)!r} {math.cos(half)!r}\n")
+        else:
+            c, s = math.cos(pose.yaw), math.sin(pose.yaw)
+            lines.append(f"{c!r} {-s!r} 0 {pose.x!r} {s!r} {c!r} 0 {pose.y!r} 0 0 1 0\n")
+    return "".join(lines)
 
 
 def _vertex(number: int, pose: SE2) -> str:

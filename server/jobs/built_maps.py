@@ -1,8 +1,11 @@
-"""Maps that jobs have built, read from their results."""
+"""Maps that jobs have built, and merges, read from their results."""
 
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
+
+import orjson
 
 from server.collections.crud import get_collection
 from server.errors import NotFound
@@ -13,6 +16,7 @@ from server.maps.results import StoredMap, read_map
 from server.outputs.files import OutputFormat
 from server.platform.disk_errors import disk_errors
 from server.schemas.maps.answers import MapAnswer, PartTrees
+from server.schemas.maps.merges import MergeAnswer
 from server.security.principal import Principal
 from server.store.storage import Storage
 
@@ -30,6 +34,17 @@ def map_answer(database: Storage, folder: JobFolder, caller: Principal, collecti
         poses=found.poses,
         constraints=found.constraints,
         contradictions=found.contradictions,
+    )
+
+
+def merge_answer(database: Storage, folder: JobFolder, caller: Principal, place: tuple[str, str]) -> MergeAnswer:
+    """A merge with its pairs; `place` is the collection and the merge. Raises NotFound, Conflict and Gone."""
+    job = queue.read(database, caller, place[1])
+    summary, *pairs = _documents(database, folder, caller, place, "merge")
+    for one in (summary, *pairs):
+        del one["of"]
+    return MergeAnswer.model_validate(
+        {"id": place[1], "summary": summary, "map_version": job.counts.get("map_version"), "pairs": pairs}
     )
 
 
@@ -68,6 +83,20 @@ def _read(database: Storage, folder: JobFolder, caller: Principal, place: tuple[
         if left.kind != "map" or left.collection_key != key or not left.size:
             raise NotFound("map", map_id[:100])
         return read_map(_lines(file.read(left.size)), trees=trees)
+
+
+def _documents(
+    database: Storage, folder: JobFolder, caller: Principal, place: tuple[str, str], kind: str
+) -> list[dict[str, Any]]:
+    """The lines of the results of a job of a kind. Raises NotFound, Conflict (unfinished) and Gone."""
+    collection_id, job_id = place
+    with database.read() as tx:
+        key = get_collection(tx, collection_id).key
+    left = queue.results(database, folder, caller, job_id)
+    with left.file as file:
+        if left.kind != kind or left.collection_key != key or not left.size:
+            raise NotFound(kind, job_id[:100])
+        return [orjson.loads(line) for line in _lines(file.read(left.size))]
 
 
 def _lines(content: bytes) -> Iterator[bytes]:

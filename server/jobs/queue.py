@@ -26,7 +26,7 @@ from server.store.service_records import UNFINISHED, JobRecord
 from server.store.storage import ReadTransaction, Storage
 from server.store.submap_records import SubmapMetadata
 
-JobType = Literal["import", "reindex", "constraints", "map", "coregistration"]
+JobType = Literal["import", "reindex", "constraints", "map", "coregistration", "merge"]
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,13 +7,15 @@ from typing import Final, Literal
 
 import numpy as np
 
-from server.constraints.extraction import Found, is_best, pose_of
+from server.constraints.extraction import is_best, pose_of
 from server.constraints.formats import uncertainty_of
+from server.constraints.rows import uncertainty_of_odometry
 from server.errors import InvalidField, OptimiserMissing
 from server.maps.selection import ChosenSubmap, numbers_of
 from server.queries.poses import flat, place_pose
 from server.schemas.maps.request import MapInput
 from server.schemas.poses import MapPose
+from server.store.repositories.maps.constraint_records import StoredConstraint
 from urquhart import SE2
 from urquhart.mapping.consistency import MAPPING
 from urquhart.mapping.graph_solver import MissingOptimiser, optimiser
@@ -25,17 +27,18 @@ from urquhart.pose_covariance import PoseUncertainty
 EdgeKind = Literal["match", "odometry", "prior"]
 _EXACT: Final = np.diag([1e-6, 1e-6, 1e-10])
 """Square metres and radians, added to the covariance of a prior: nobody knows a pose better than to a millimetre."""
-_LEAST: Final = 1e-9
-"""Least eigenvalue of the correlations of odometry. Below, the pose would be certain along some direction."""
 
 
 @dataclass(frozen=True, slots=True)
 class GraphEdge:
-    """A constraint of a map: where it comes from, and the submaps that it joins (None for the map frame)."""
+    """A constraint of a map: where it comes from, the submaps that it joins (None for the map frame), and its key if
+    the collection keeps it.
+    """
 
     kind: EdgeKind
     first: str | None
     second: str
+    row: int | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,15 +78,15 @@ def check_optimiser() -> None:
         raise OptimiserMissing(str(error)) from error
 
 
-def build(chosen: Sequence[ChosenSubmap], found: Sequence[Found], body: MapInput) -> BuiltMap:
-    """Build a map of submaps. Constraints with other submaps are left out.
+def build(chosen: Sequence[ChosenSubmap], kept: Sequence[StoredConstraint], body: MapInput) -> BuiltMap:
+    """Build a map of submaps from constraints. Those that are stale, or lead to other submaps, are left out.
 
     Raises InvalidField (odometry or priors that cannot be used) and OptimiserMissing.
     """
     check_optimiser()
     numbers = numbers_of(chosen, body)
     edges, constraints = list[GraphEdge](), list[PoseConstraint]()
-    for edge, constraint in (*_odometry(body, numbers), *_matches(found, numbers)):
+    for edge, constraint in (*_odometry(body, numbers), *_kept(kept, numbers)):
         edges.append(edge)
         constraints.append(constraint)
     prior_frame = None
@@ -102,34 +105,28 @@ def build(chosen: Sequence[ChosenSubmap], found: Sequence[Found], body: MapInput
 def _odometry(body: MapInput, numbers: dict[str, int]) -> list[tuple[GraphEdge, PoseConstraint]]:
     made = []
     for number, edge in enumerate(body.odometry):
-        pointer = f"/odometry/{number}"
-        if edge.from_ == edge.to:
-            raise InvalidField("joins a submap with itself", code="same_submap", pointer=f"{pointer}/to")
-        covariance = np.reshape(edge.covariance, (3, 3))
-        deviations = np.sqrt(np.diag(covariance))
-        if not deviations.all() or np.linalg.eigvalsh(covariance / np.outer(deviations, deviations))[0] < _LEAST:
-            raise InvalidField(
-                "must be positive definite: give every direction a variance above 0",
-                code="covariance",
-                pointer=f"{pointer}/covariance",
-            )
-        pose = SE2(edge.x, edge.y, edge.yaw)
-        uncertainty = PoseUncertainty.about_point(np.zeros(2), pose, covariance)
-        ends = (numbers[edge.from_], numbers[edge.to])
+        uncertainty = uncertainty_of_odometry(edge, f"/odometry/{number}")
+        ends, pose = (numbers[edge.from_], numbers[edge.to]), SE2(edge.x, edge.y, edge.yaw)
         made.append(
             (GraphEdge("odometry", edge.from_, edge.to), PoseConstraint(*ends, pose, uncertainty, trusted=True))
         )
     return made
 
 
-def _matches(found: Sequence[Found], numbers: dict[str, int]) -> list[tuple[GraphEdge, PoseConstraint]]:
+def _kept(kept: Sequence[StoredConstraint], numbers: dict[str, int]) -> list[tuple[GraphEdge, PoseConstraint]]:
     made = []
-    for one in found:
-        if one["from"] in numbers and one["to"] in numbers:
-            pose = pose_of(one)
-            ends = numbers[one["from"]], numbers[one["to"]]
-            constraint = PoseConstraint(*ends, pose, uncertainty_of(one, pose), secondary=not is_best(one))
-            made.append((GraphEdge("match", one["from"], one["to"]), constraint))
+    for one in kept:
+        if not one.stale and one.from_id in numbers and one.to_id in numbers:
+            pose, is_odometry = pose_of(one.content), one.kind == "odometry"
+            constraint = PoseConstraint(
+                numbers[one.from_id],
+                numbers[one.to_id],
+                pose,
+                uncertainty_of(one.content, pose),
+                trusted=is_odometry,
+                secondary=not is_odometry and not is_best(one.content),
+            )
+            made.append((GraphEdge(one.kind, one.from_id, one.to_id, one.key), constraint))
     return made
 
 

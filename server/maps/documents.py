@@ -58,6 +58,7 @@ def edges_of(built: BuiltMap) -> Iterator[MapEdge]:
         x, y, yaw = poses.offsets[number].tolist()
         yield MapEdge.model_validate(
             {
+                "id": None if edge.row is None else str(edge.row),
                 "kind": edge.kind,
                 "from": edge.first,
                 "to": edge.second,

@@ -39,6 +39,12 @@ def lines_of_map(built: BuiltMap) -> Iterator[bytes]:
             yield _line(of, row.model_dump(mode="json", by_alias=True))
 
 
+def refusals_of(built: BuiltMap) -> dict[int, str | None]:
+    """Why the map left out the constraints that the collection keeps, by their keys; None for those that it used."""
+    refusals = zip(built.edges, built.poses.refusals, strict=True)
+    return {edge.row: reason for edge, reason in refusals if edge.row is not None}
+
+
 def _line(of: str, document: dict[str, Any]) -> bytes:
     return orjson.dumps({"of": of} | document) + b"\n"
 

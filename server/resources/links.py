@@ -35,6 +35,11 @@ def stands(collection_id: str) -> str:
     return f"{collection(collection_id)}/stands"
 
 
+def constraints(collection_id: str) -> str:
+    """Path of a collection's constraints."""
+    return f"{collection(collection_id)}/constraints"
+
+
 def stand(collection_id: str, name: str) -> str:
     """Path of a stand."""
     return f"{stands(collection_id)}/{quote(name, safe='')}"

@@ -189,7 +189,8 @@ class DefaultedBody(Body):
     def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
         made = handler(schema)
         properties = handler.resolve_ref_schema(made)["properties"]
-        for name, member in cls.model_fields.items():
+        for own, member in cls.model_fields.items():
+            name = member.alias or own
             about = properties[name]
             if not member.is_required() and "anyOf" not in about:
                 known = {key: about.pop(key) for key in ("title", "description", "default") if key in about}

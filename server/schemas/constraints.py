@@ -74,6 +74,11 @@ class ConstraintsInput(DefaultedBody):
     per_submap: Annotated[int, Field(ge=1, le=20, strict=True)] = Field(
         3, description="Most constraints from one submap that is looked up."
     )
+    changed_only: Annotated[bool, Field(strict=True)] = Field(
+        False,
+        description="Look up only submaps that are new, or whose landmarks changed, since an earlier job with the same "
+        "`gates`, `exclude` and `per_submap` looked them up. Constraints that it found are kept.",
+    )
 
 
 class ConstraintTransform(PoseWithCovariance):

@@ -32,7 +32,7 @@ from server.schemas.common import (
     write_stamp,
 )
 from server.schemas.examples import QUERY_INPUTS
-from server.schemas.landmarks import LandmarkBody
+from server.schemas.maps.keyframes import KeyframedBody
 from server.schemas.poses import Near, PriorPose
 from urquhart import Effort, Method, Verdict
 from urquhart.options import EFFORTS
@@ -120,7 +120,7 @@ class QueryOptions(DefaultedBody):
     exclude: Exclude = Field(default_factory=Exclude, description="Submaps to leave out of the search.")
 
 
-class QueryInput(LandmarkBody, QueryOptions):
+class QueryInput(KeyframedBody, QueryOptions):
     """Trees that were observed, or the id of a stored submap, to be found among the stored submaps."""
 
     model_config = ConfigDict(json_schema_extra={"examples": QUERY_INPUTS})
@@ -138,10 +138,12 @@ class QueryInput(LandmarkBody, QueryOptions):
 
     @model_validator(mode="after")
     def _one_source(self) -> "QueryInput":
-        sources = (self.xy, self.landmarks, self.submap_id)
+        sources = (self.xy, self.landmarks, self.keyframes, self.submap_id)
         if all(source is None for source in sources):
-            raise PydanticCustomError("no_landmarks", "give the trees as `xy` or `landmarks`, or a `submap_id`")
-        if self.submap_id is not None and (self.xy is not None or self.landmarks is not None):
+            raise PydanticCustomError(
+                "no_landmarks", "give the trees as `xy`, `landmarks` or `keyframes`, or a `submap_id`"
+            )
+        if self.submap_id is not None and any(source is not None for source in sources[:3]):
             raise PydanticCustomError("two_sources", "give either landmarks or a `submap_id`, not both")
         if self.store and self.pair_format != "objects":
             raise PydanticCustomError(

@@ -7,7 +7,7 @@ if TYPE_CHECKING:
     from alembic.config import Config
     from sqlalchemy import Connection
 
-SCHEMA: Final = "0013"
+SCHEMA: Final = "0014"
 """The newest revision in `migrations/versions`. A constant, because alembic takes a tenth of a second to load and is
 needed only to make or change tables. A test holds it to what alembic finds."""
 

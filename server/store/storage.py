@@ -17,6 +17,7 @@ from server.store.repositories.collections import CollectionReader, Collections
 from server.store.repositories.feature_rows import FeatureRows
 from server.store.repositories.jobs import JobReader, Jobs
 from server.store.repositories.map_frames import MapFrameReader, MapFrames
+from server.store.repositories.maps.constraints import ConstraintReader, Constraints
 from server.store.repositories.queries import Queries, QueryReader
 from server.store.repositories.segments import AllSegments, SegmentReader, Segments
 from server.store.repositories.sessions import Sessions
@@ -87,6 +88,10 @@ class ReadTransaction:
         """Stands of a collection."""
         return StandReader(self._connection, collection_key)
 
+    def constraints(self, collection_key: int) -> ConstraintReader:
+        """Constraints between a collection's submaps."""
+        return ConstraintReader(self._connection, collection_key)
+
     def queries(self, collection_key: int) -> QueryReader:
         """Stored queries of a collection."""
         return QueryReader(self._connection, collection_key)
@@ -125,6 +130,9 @@ class WriteTransaction(ReadTransaction):
 
     def stands(self, collection_key: int) -> Stands:
         return Stands(self._connection, collection_key)
+
+    def constraints(self, collection_key: int) -> Constraints:
+        return Constraints(self._connection, collection_key)
 
     def queries(self, collection_key: int) -> Queries:
         return Queries(self._connection, collection_key)

@@ -10,7 +10,7 @@ from urquhart_client._protocol.retry import Retry
 from urquhart_client.client import AsyncClient, Client
 from urquhart_client.coregistrations import JobFile, PlotRow, SeasonOptions
 from urquhart_client.errors import ConnectionFailed, ProblemError, UnexpectedAnswer, UrquhartError
-from urquhart_client.job_models import Job, JobLine, Progress, Snapshot
+from urquhart_client.job_models import Constraint, Job, JobLine, Progress, Snapshot
 from urquhart_client.models import (
     Candidate,
     Collection,
@@ -41,6 +41,7 @@ __all__ = [
     "Client",
     "Collection",
     "ConnectionFailed",
+    "Constraint",
     "Explanation",
     "Extent",
     "FilePlot",

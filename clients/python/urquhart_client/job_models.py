@@ -5,7 +5,9 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
-from urquhart_client.poses import Model
+from pydantic import Field
+
+from urquhart_client.poses import Model, Transform
 
 
 class Job(Model):
@@ -43,6 +45,33 @@ class JobLine(Model):
     outcome: str
     revision: int | None = None
     problem: Mapping[str, Any] | None = None
+
+
+class Constraint(Model):
+    """A constraint that a collection keeps: `transform` is from_T_to, p_from = R(yaw) p_to + t.
+
+    `kind` is match or odometry; `state` is active, stale (a submap changed) or refused (`refused` says why the map
+    `refused_by` left it out). `job` found it, None if it was posted. `rank`, `inlier_count`, `rms` (metres) and
+    `confidence` are those of a match.
+    """
+
+    id: str
+    kind: str
+    source: str
+    job: str | None = None
+    state: str
+    refused: str | None = None
+    refused_by: str | None = None
+    from_id: str = Field(alias="from")
+    to_id: str = Field(alias="to")
+    from_revision: int
+    to_revision: int
+    transform: Transform
+    rank: int | None = None
+    inlier_count: int | None = None
+    rms: float | None = None
+    confidence: float | None = None
+    created: datetime
 
 
 class SnapshotCollection(Model):

@@ -300,7 +300,15 @@ export interface paths {
             path?: never;
             cookie?: never;
         };
-        get?: never;
+        /**
+         * List the constraints
+         * @description Lists the constraints that the collection keeps, in the order they were stored: matches that jobs found, and
+         *     odometry that was posted. The last page has no `next`.
+         *
+         *     With `format`, all of them come at once. g2o, matrices, TUM and KITTI leave stale ones out; TUM and KITTI have the
+         *     pose of each submap, in its map frame or along the constraints.
+         */
+        get: operations["listConstraints"];
         put?: never;
         /**
          * Find constraints between submaps
@@ -476,6 +484,71 @@ export interface paths {
         get: operations["getMapLandmarks"];
         put?: never;
         post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/collections/{collection}/merges": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Lay one map frame onto another
+         * @description Matches the submaps of the map frame `from` with those of the map frame `to`. The pose that most matches agree on
+         *     joins the frames, if at least 4 of them have no submap in common, and half as many at most agree on another pose.
+         *     The other matches are named with reasons. With `apply`, all submaps of `from` get poses in `to`, in one transaction,
+         *     under one new revision of the collection. The merge is at `/v1/collections/{collection}/merges/{id}`.
+         */
+        post: operations["postMerge"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/collections/{collection}/merges/{merge}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Read a merge
+         * @description Returns how two map frames lie to each other, and what became of each match between them. A merge is kept as long
+         *     as its job.
+         */
+        get: operations["getMerge"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/collections/{collection}/odometry": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Store relative poses that a robot measured
+         * @description Stores relative poses as constraints, all in one transaction or none. Maps of these submaps believe them within
+         *     their covariances, unless several independent matches contradict one.
+         */
+        post: operations["postOdometry"];
         delete?: never;
         options?: never;
         head?: never;
@@ -1668,6 +1741,22 @@ export interface components {
             constraints: components["schemas"]["Constraint"][];
         };
         /**
+         * ConstraintPage
+         * @description Constraints in the order they were stored.
+         */
+        ConstraintPage: {
+            /**
+             * Constraints
+             * @description The constraints.
+             */
+            constraints: components["schemas"]["KeptConstraint"][];
+            /**
+             * Next
+             * @description Cursor of the next page. The last page does not have this member.
+             */
+            next?: string | null;
+        };
+        /**
          * ConstraintsInput
          * @description Which submaps to look up, in which others, and which matches become constraints.
          */
@@ -1677,6 +1766,11 @@ export interface components {
              * @description Look up only submaps whose footprint reaches into this box: [min x, min y, max x, max y], in metres in the map frame.
              */
             bbox?: number[] | null;
+            /**
+             * Changed Only
+             * @description Look up only submaps that are new, or whose landmarks changed, since an earlier job with the same `gates`, `exclude` and `per_submap` looked them up. Constraints that it found are kept.
+             */
+            changed_only?: boolean | null;
             /**
              * Datetime
              * @description Look up only submaps with a stamp in this interval, such as `2026-05-04T00:00:00Z/2026-05-05T00:00:00Z`; `..` leaves an end open.
@@ -2267,6 +2361,153 @@ export interface components {
             next?: string | null;
         };
         /**
+         * KeptConstraint
+         * @description A constraint that the collection keeps: from_T_to takes points of `to` into the frame of `from`.
+         */
+        KeptConstraint: {
+            /**
+             * Confidence
+             * @description Calibrated probability that `transform` is right. Null for odometry.
+             */
+            confidence?: number | null;
+            /**
+             * Created
+             * @description When it was stored, in RFC 3339 form.
+             */
+            created: string;
+            /**
+             * From
+             * @description Id of the submap whose frame the transform takes points to.
+             */
+            from: string;
+            /**
+             * From Revision
+             * @description Revision of the collection at which the landmarks of `from` were stored that the constraint is of.
+             */
+            from_revision: number;
+            /**
+             * Id
+             * @description Id of the constraint in its collection. It is not given out again.
+             */
+            id: string;
+            /**
+             * Information
+             * @description Information matrix of the edge, as pose graphs use it: 3x3, row-major over (x, y, yaw), of the error log(measured^-1 true), about the origin of the frame of `to`, along the axes of that frame.
+             */
+            information: number[];
+            /**
+             * Information Frame
+             * @description Axes of `information`.
+             * @default to
+             * @constant
+             */
+            information_frame: "to";
+            /**
+             * Inlier Count
+             * @description Number of pairs of landmarks that agree. Null for odometry.
+             */
+            inlier_count?: number | null;
+            /**
+             * Job
+             * @description Id of the job that found it. Null if it was posted, or if a command found it.
+             */
+            job: string | null;
+            /**
+             * Kind
+             * @description Whether a search found it, or a robot measured it while it drove.
+             * @enum {string}
+             */
+            kind: "match" | "odometry";
+            /**
+             * Rank
+             * @description Rank of the match in its search. Null for odometry.
+             */
+            rank?: number | null;
+            /**
+             * Refused
+             * @description Why the last map left it out. Null if it did not, or no map used it.
+             */
+            refused: ("contradicted" | "unconfirmed" | "undecided") | null;
+            /**
+             * Refused By
+             * @description Id of that map.
+             */
+            refused_by: string | null;
+            /**
+             * Rms
+             * @description Root mean square of the inliers' residuals, in metres. Null for odometry.
+             */
+            rms?: number | null;
+            /**
+             * Source
+             * @description Whether a job found it, or a client posted it.
+             * @enum {string}
+             */
+            source: "job" | "posted";
+            /**
+             * State
+             * @description `stale`: a submap was deleted or has other landmarks since; a job finds the constraint again. `refused`: the last map that used it left it out. Maps use `active` and `refused` ones, and judge each again.
+             * @enum {string}
+             */
+            state: "active" | "stale" | "refused";
+            /**
+             * To
+             * @description Id of the submap whose points the transform takes.
+             */
+            to: string;
+            /**
+             * To Revision
+             * @description The same for `to`.
+             */
+            to_revision: number;
+            /** @description from_T_to: p_from = R(yaw) p_to + (x, y). */
+            transform: components["schemas"]["ConstraintTransform"];
+        };
+        /**
+         * KeyframeBody
+         * @description One view of a sequence: its trees in a frame of its own, and where that lies in the frame of the query.
+         */
+        KeyframeBody: {
+            /**
+             * Ids
+             * @description Ids of the trees in `xy`, one for each. By default their positions in the list as text, counted from 0.
+             */
+            ids?: string[] | null;
+            /**
+             * Landmarks
+             * @description The trees, each with its position, attributes and id. The alternative to `xy`.
+             */
+            landmarks?: components["schemas"]["Landmark"][] | null;
+            /** @description Pose of the keyframe in the frame of the query. */
+            pose: components["schemas"]["KeyframePose"];
+            /**
+             * Xy
+             * @description Positions of the trees as [x, y], in metres. The alternative to `landmarks`.
+             */
+            xy?: number[][] | null;
+        };
+        /**
+         * KeyframePose
+         * @description Pose of a keyframe in the frame of the query, such as that of the odometry: p_query = R(yaw) p + (x, y).
+         */
+        KeyframePose: {
+            /**
+             * X
+             * @description Position of the keyframe's origin along the x axis of the query, in metres.
+             */
+            x: number;
+            /**
+             * Y
+             * @description Position of the keyframe's origin along the y axis of the query, in metres.
+             */
+            y: number;
+            /**
+             * Yaw
+             * @description Rotation from the axes of the keyframe to those of the query, in radians, counter-clockwise.
+             */
+            yaw: number;
+        };
+        /**
          * Landmark
          * @description A tree.
          */
@@ -2553,6 +2794,11 @@ export interface components {
              */
             from: string | null;
             /**
+             * Id
+             * @description Id of the constraint if the collection keeps it. Null for priors and odometry of the map.
+             */
+            id?: string | null;
+            /**
              * Kind
              * @description Where the constraint comes from.
              * @enum {string}
@@ -2626,6 +2872,11 @@ export interface components {
              */
             bbox?: number[] | null;
             /**
+             * Changed Only
+             * @description Look up only submaps that are new, or whose landmarks changed, since an earlier job with the same `gates`, `exclude` and `per_submap` looked them up. With false, all chosen submaps are looked up again.
+             */
+            changed_only?: boolean | null;
+            /**
              * Datetime
              * @description Look up only submaps with a stamp in this interval, such as `2026-05-04T00:00:00Z/2026-05-05T00:00:00Z`; `..` leaves an end open.
              */
@@ -2646,7 +2897,7 @@ export interface components {
             map_frame_id?: string | null;
             /**
              * Odometry
-             * @description Relative poses that are believed within their covariances, unless several independent matches contradict one of them, or they contradict each other.
+             * @description Relative poses for this map alone, besides the odometry that the collection keeps. They are believed within their covariances, unless several independent matches contradict one of them, or they contradict each other.
              */
             odometry?: components["schemas"]["OdometryEdge"][] | null;
             /**
@@ -2878,6 +3129,189 @@ export interface components {
             submap_landmarks: number[][];
         };
         /**
+         * MergeAnswer
+         * @description A merge that a job computed.
+         */
+        MergeAnswer: {
+            /**
+             * Id
+             * @description Id of the merge: that of its job.
+             */
+            id: string;
+            /**
+             * Map Version
+             * @description Revision of the collection under which the submaps moved. Null if they did not.
+             */
+            map_version: number | null;
+            /**
+             * Pairs
+             * @description What became of each match between the frames.
+             */
+            pairs: components["schemas"]["MergePair"][];
+            /** @description How the two frames lie to each other. */
+            summary: components["schemas"]["MergeSummary"];
+        };
+        /**
+         * MergeInput
+         * @description Which map frame is laid onto which, by which matches, and whether its submaps move.
+         */
+        MergeInput: {
+            /**
+             * Apply
+             * @description Write the poses of all submaps of `from` in the frame `to`, in one transaction.
+             */
+            apply?: boolean | null;
+            /**
+             * Changed Only
+             * @description Look up only submaps of `from` that are new, or whose landmarks changed, since an earlier job with the same `gates` and `per_submap` looked them up.
+             */
+            changed_only?: boolean | null;
+            /**
+             * From
+             * @description The map frame that is laid onto the other one.
+             */
+            from: string;
+            /** @description What an accepted match must also pass to count. */
+            gates?: components["schemas"]["ConstraintGates"] | null;
+            /**
+             * Per Submap
+             * @description Most matches of one submap of `from`, those in its own frame included.
+             */
+            per_submap?: number | null;
+            /**
+             * To
+             * @description The map frame that stays.
+             */
+            to: string;
+        };
+        /**
+         * MergePair
+         * @description A match between a submap of each frame.
+         */
+        MergePair: {
+            /**
+             * Distance
+             * @description The same in standard deviations: the Mahalanobis distance.
+             */
+            distance: number;
+            /**
+             * From Submap
+             * @description Id of the submap that has a pose in the frame `from`.
+             */
+            from_submap: string;
+            /**
+             * Id
+             * @description Id of the constraint that the collection keeps.
+             */
+            id: string;
+            /**
+             * Refused
+             * @description Why the match was left out: it disagrees with the pose that most agree on (`contradicted`), or too few agree to say (`unconfirmed`). Null if it was used.
+             */
+            refused: ("contradicted" | "unconfirmed") | null;
+            /**
+             * Shift
+             * @description Metres between the match and the pose that most agree on, amid the trees.
+             */
+            shift: number;
+            /**
+             * To Submap
+             * @description Id of the submap that has a pose in the frame `to`.
+             */
+            to_submap: string;
+            /**
+             * Turn
+             * @description The same for the yaw, in radians, from 0 to pi.
+             */
+            turn: number;
+        };
+        /**
+         * MergeSummary
+         * @description How two map frames lie to each other.
+         */
+        MergeSummary: {
+            /**
+             * Agreeing
+             * @description Matches that agree and have no submap in common.
+             */
+            agreeing: number;
+            /**
+             * From
+             * @description The map frame that is laid onto the other one.
+             */
+            from: string;
+            /**
+             * Refused
+             * @description Matches that were left out.
+             */
+            refused: number;
+            /**
+             * Submaps
+             * @description Submaps that have a pose in the frame `from`.
+             */
+            submaps: number;
+            /**
+             * To
+             * @description The map frame that stays.
+             */
+            to: string;
+            /** @description to_T_from, the pose of the frame `from` in the frame `to`. Null unless `joined`. */
+            transform: components["schemas"]["MergeTransform"] | null;
+            /**
+             * Used
+             * @description Matches that agree.
+             */
+            used: number;
+            /**
+             * Verdict
+             * @description `joined`: `transform` may be used. `undecided`: more than half as many matches agree on another pose. `unconnected`: fewer than 4 matches without a common submap agree.
+             * @enum {string}
+             */
+            verdict: "joined" | "undecided" | "unconnected";
+        };
+        /**
+         * MergeTransform
+         * @description to_T_from: p_to = R(yaw) p_from + (x, y).
+         */
+        MergeTransform: {
+            /**
+             * About
+             * @description The point that `covariance` is about: the origin of the frame `from`.
+             * @default from_origin
+             * @constant
+             */
+            about: "from_origin";
+            /**
+             * Covariance
+             * @description Covariance of the position of the point `about`, along the axes of `covariance_frame`, and of the yaw: 3x3, row-major over (x, y, yaw), in square metres, metre radians and square radians. Null if it is unknown.
+             */
+            covariance: number[] | null;
+            /**
+             * Covariance Frame
+             * @description Axes of `covariance`: those of the frame `to`.
+             * @default to
+             * @constant
+             */
+            covariance_frame: "to";
+            /** @description The uncertainty about the middle of the trees of all matches. */
+            middle: components["schemas"]["TreesMiddle"];
+            /**
+             * X
+             * @description Translation along x, in metres, in the frame that the transform takes points to.
+             */
+            x: number;
+            /**
+             * Y
+             * @description Translation along y, in metres, in the frame that the transform takes points to.
+             */
+            y: number;
+            /**
+             * Yaw
+             * @description Rotation in radians, counter-clockwise.
+             */
+            yaw: number;
+        };
+        /**
          * NamedSubmap
          * @description A submap with its id, as in an import.
          */
@@ -2989,6 +3423,28 @@ export interface components {
              * @description Rotation from the axes of `to` to those of `from`, in radians, counter-clockwise.
              */
             yaw: number;
+        };
+        /**
+         * OdometryInput
+         * @description Relative poses that a robot measured, which are all stored or none.
+         */
+        OdometryInput: {
+            /**
+             * Edges
+             * @description The relative poses. One that is stored between the same two submaps, in either direction, is replaced.
+             */
+            edges: components["schemas"]["OdometryEdge"][];
+        };
+        /**
+         * OdometryReceipt
+         * @description Relative poses that were stored.
+         */
+        OdometryReceipt: {
+            /**
+             * Stored
+             * @description Number of relative poses that were sent and are stored now.
+             */
+            stored: number;
         };
         /**
          * PartTrees
@@ -3505,6 +3961,11 @@ export interface components {
              * @description Ids of the trees in `xy`, one for each. By default their positions in the list as text, counted from 0.
              */
             ids?: string[] | null;
+            /**
+             * Keyframes
+             * @description Several views of the place in a row, with their poses by odometry, instead of `xy` or `landmarks`. They are joined to one observation, so their evidence adds up to one verdict. A tree that several views saw counts once, at the mean of its positions. Poses may be off by 1 m from one view to the next. The id of a tree is the number of the view that saw it first, from 0, `/`, and its id there.
+             */
+            keyframes?: components["schemas"]["KeyframeBody"][] | null;
             /**
              * Landmarks
              * @description The trees, each with its position, attributes and id. The alternative to `xy`.
@@ -5415,6 +5876,53 @@ export interface operations {
             };
         };
     };
+    listConstraints: {
+        parameters: {
+            query?: {
+                /** @description `next` of the previous page. */
+                cursor?: string | null;
+                /** @description All of them at once, in this format. Default: a page of JSON. */
+                format?: ("ndjson" | "json" | "g2o" | "g2o_middle" | "matrices" | "tum" | "kitti") | null;
+                /** @description Map frame in which vertices of g2o and poses of TUM and KITTI start. Default: that of most submaps. */
+                frame_id?: string | null;
+                /** @description Only matches, or only odometry. */
+                kind?: ("match" | "odometry") | null;
+                /** @description Entries on the page, at most 1000. */
+                limit?: number | null;
+                /** @description Only constraints in this state. */
+                state?: ("active" | "stale" | "refused") | null;
+                /** @description Only constraints of this submap. */
+                submap?: string | null;
+            };
+            header?: never;
+            path: {
+                /** @description Id of the collection: 1 to 128 letters, digits, '.', '_', '~', '-'. */
+                collection: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Success. */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ConstraintPage"];
+                };
+            };
+            /** @description A problem document. */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
     postConstraints: {
         parameters: {
             query?: never;
@@ -5819,6 +6327,118 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["PartTrees"];
+                };
+            };
+            /** @description A problem document. */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    postMerge: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description A name of your choice for this request. A repetition with the same name is not carried out again: it gets the first answer. */
+                "idempotency-key"?: string | null;
+            };
+            path: {
+                /** @description Id of the collection: 1 to 128 letters, digits, '.', '_', '~', '-'. */
+                collection: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["MergeInput"];
+            };
+        };
+        responses: {
+            /** @description The job is accepted; `Location` is its path. */
+            202: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["JobAnswer"];
+                };
+            };
+            /** @description A problem document. */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    getMerge: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description Id of the collection: 1 to 128 letters, digits, '.', '_', '~', '-'. */
+                collection: string;
+                /** @description `id` of the merge: that of its job. */
+                merge: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Success. */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["MergeAnswer"];
+                };
+            };
+            /** @description A problem document. */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    postOdometry: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description A name of your choice for this request. A repetition with the same name is not carried out again: it gets the first answer. */
+                "idempotency-key"?: string | null;
+            };
+            path: {
+                /** @description Id of the collection: 1 to 128 letters, digits, '.', '_', '~', '-'. */
+                collection: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["OdometryInput"];
+            };
+        };
+        responses: {
+            /** @description Success. */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["OdometryReceipt"];
                 };
             };
             /** @description A problem document. */

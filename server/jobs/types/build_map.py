@@ -1,12 +1,17 @@
-"""The job that builds a map: it finds constraints as the job of that name, optimises, and may move all submaps."""
+"""The job that builds a map: it finds constraints as the job of that name, optimises those that the collection keeps,
+and may move all submaps.
+"""
 
+from server.constraints.extraction import search_of
+from server.constraints.rows import store_found
 from server.jobs.running_job import JobContext, RunningJob
 from server.jobs.types.find_constraints import find_all, parameters_of, write_results
 from server.maps.applying import apply_map
 from server.maps.building import build, check_optimiser
-from server.maps.results import lines_of_map
+from server.maps.results import lines_of_map, refusals_of
 from server.maps.selection import choose, chosen_keys, names_of
 from server.schemas.maps.request import MapInput
+from server.store.repositories.maps.constraint_records import ConstraintFilter
 
 
 def run_build_map(job: RunningJob, context: JobContext) -> None:
@@ -24,18 +29,20 @@ def run_build_map(job: RunningJob, context: JobContext) -> None:
         with context.database.read() as tx:
             names = names_of(tx, job.collection(tx).key, chosen_keys(tx, job.collection_id, body))
         searched = body.model_copy(update={"submap_ids": names})
-    found, counts = find_all(job, context, searched)
-    with context.database.read() as tx:
-        job.collection(tx)
-        chosen = choose(tx, job.collection_id, body)
-    built = build(chosen, found, body)
-    refused = sum(reason is not None for reason in built.poses.refusals)
-    job.counts = counts | {"refused": refused, "parts": len(built.part_sizes), "trees": len(built.trees)}
-    size = write_results(job, context, lines_of_map(built))
-    if not body.apply:
-        job.report(written=size)
-        return
+    search = find_all(job, context, searched)
     with context.database.write() as tx:
-        job.collection(tx)
-        job.counts["map_version"] = apply_map(tx, job.collection_id, built)
+        key = job.collection(tx).key
+        store_found(tx, key, search.kept, search.looked_up, (search_of(body), job.id))
+    with context.database.read() as tx:
+        key = job.collection(tx).key
+        chosen = choose(tx, job.collection_id, body)
+        kept = tx.constraints(key).page(ConstraintFilter(search=search_of(body)))
+    built = build(chosen, kept, body)
+    refused = sum(reason is not None for reason in built.poses.refusals)
+    job.counts = search.counts | {"refused": refused, "parts": len(built.part_sizes), "trees": len(built.trees)}
+    size = write_results(job, context, lines_of_map(built))
+    with context.database.write() as tx:
+        tx.constraints(job.collection(tx).key).judge(refusals_of(built), job.id)
+        if body.apply:
+            job.counts["map_version"] = apply_map(tx, job.collection_id, built)
         job.report(tx, written=size)

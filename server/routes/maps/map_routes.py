@@ -11,12 +11,14 @@ from server.http.negotiation import JSON
 from server.http.responses import json_response, problems, stored_response
 from server.jobs import built_maps, queue
 from server.maps.building import check_optimiser
+from server.maps.merging import check_frames
 from server.maps.moving import move_submaps
 from server.outputs.files import FORMATS, FormatName
 from server.routes.dependencies import CollectionId, IdempotencyKeyDep, PrincipalDep, ServiceDep
 from server.routes.jobs import ACCEPTED
 from server.schemas.jobs import JobAnswer
 from server.schemas.maps.answers import MAP_EXAMPLE, MapAnswer, PartTrees, PosesAnswer
+from server.schemas.maps.merges import MERGE_EXAMPLE, MergeAnswer, MergeInput
 from server.schemas.maps.request import MapInput, PosesInput
 
 router = APIRouter(route_class=JsonRoute, tags=["maps"])
@@ -115,6 +117,62 @@ def get_map_landmarks(
         media_type=form.media_type,
         headers={"Content-Disposition": f"attachment; filename*=UTF-8''{name}"},
     )
+
+
+@router.post(
+    "/v1/collections/{collection}/merges",
+    operation_id="postMerge",
+    summary="Lay one map frame onto another",
+    response_model=JobAnswer,
+    status_code=202,
+    responses={202: ACCEPTED, **problems(400, 404, 409, 413, 415, 422, 503, 507)},
+)
+def post_merge(
+    collection: CollectionId,
+    body: MergeInput,
+    service: ServiceDep,
+    caller: PrincipalDep,
+    idempotency_key: IdempotencyKeyDep,
+) -> Response:
+    """Matches the submaps of the map frame `from` with those of the map frame `to`. The pose that most matches agree on
+    joins the frames, if at least 4 of them have no submap in common, and half as many at most agree on another pose.
+    The other matches are named with reasons. With `apply`, all submaps of `from` get poses in `to`, in one transaction,
+    under one new revision of the collection. The merge is at `/v1/collections/{collection}/merges/{id}`.
+    """
+    with service.database.read() as tx:
+        check_frames(tx, collection, body)
+    response = queue.accept(
+        service.database,
+        collection,
+        caller,
+        queue.NewJob("merge", body.model_dump(mode="json", by_alias=True)),
+        idempotency_key,
+        service.settings.limits,
+    )
+    service.jobs.runner.wake()
+    return stored_response(response)
+
+
+@router.get(
+    "/v1/collections/{collection}/merges/{merge}",
+    operation_id="getMerge",
+    summary="Read a merge",
+    response_model=MergeAnswer,
+    responses={200: {"content": {JSON: {"example": MERGE_EXAMPLE}}}, **problems(404, 409, 410, 422, 503)},
+)
+def get_merge(
+    collection: CollectionId,
+    merge: Annotated[
+        str, Path(description="`id` of the merge: that of its job.", examples=[MERGE_EXAMPLE["id"]], max_length=64)
+    ],
+    service: ServiceDep,
+    caller: PrincipalDep,
+) -> Response:
+    """Returns how two map frames lie to each other, and what became of each match between them. A merge is kept as long
+    as its job.
+    """
+    place = (collection, merge)
+    return json_response(built_maps.merge_answer(service.database, service.jobs.folder, caller, place))
 
 
 @router.post(

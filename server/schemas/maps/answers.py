@@ -22,6 +22,10 @@ class MapSubmapPose(Answer):
 class MapEdge(Answer):
     """What became of one constraint."""
 
+    id: str | None = Field(
+        None,
+        description="Id of the constraint if the collection keeps it. Null for priors and odometry of the map.",
+    )
     kind: Literal["match", "odometry", "prior"] = Field(description="Where the constraint comes from.")
     from_: str | None = Field(
         alias="from", description="Id of the submap whose frame the constraint is in. Null for a prior."
@@ -158,6 +162,7 @@ MAP_EXAMPLE: dict[str, Any] = {
     ],
     "constraints": [
         {
+            "id": "12",
             "kind": "match",
             "from": "p7",
             "to": "q3",

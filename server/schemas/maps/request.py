@@ -38,10 +38,16 @@ class MapInput(ConstraintsInput):
     per_submap: Annotated[int, Field(ge=1, le=20, strict=True)] = Field(
         10, description="Most constraints from one submap that is looked up."
     )
+    changed_only: Annotated[bool, Field(strict=True)] = Field(
+        True,
+        description="Look up only submaps that are new, or whose landmarks changed, since an earlier job with the same "
+        "`gates`, `exclude` and `per_submap` looked them up. With false, all chosen submaps are looked up again.",
+    )
     odometry: Annotated[list[OdometryEdge], Field(max_length=100_000)] = Field(
         default_factory=list,
-        description="Relative poses that are believed within their covariances, unless several independent "
-        "matches contradict one of them, or they contradict each other.",
+        description="Relative poses for this map alone, besides the odometry that the collection keeps. They are "
+        "believed within their covariances, unless several independent matches contradict one of them, or they "
+        "contradict each other.",
     )
     use_map_poses: Annotated[bool, Field(strict=True)] = Field(
         False,

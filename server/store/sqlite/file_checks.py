@@ -58,6 +58,16 @@ _INVARIANTS: Final = (
         "SELECT c.id FROM segments g JOIN collections c ON c.key = g.collection_key WHERE g.revision > c.revision",
     ),
     (
+        "a constraint names landmarks of a later revision",
+        "SELECT c.id FROM constraints k JOIN collections c ON c.key = k.collection_key "
+        "WHERE max(k.from_revision, k.to_revision) > c.revision",
+    ),
+    (
+        "a submap is noted as searched under another collection",
+        "SELECT c.id FROM searched_submaps f JOIN submaps s ON s.key = f.submap_key "
+        "JOIN collections c ON c.key = s.collection_key WHERE f.collection_key <> s.collection_key",
+    ),
+    (
         "keys of submaps would be given out again",
         "SELECT '' WHERE coalesce((SELECT seq FROM sqlite_sequence WHERE name = 'submaps'), 0) "
         "< max(coalesce((SELECT max(key) FROM submaps), 0), coalesce((SELECT max(submap_key) FROM deletions), 0))",

@@ -70,15 +70,20 @@ _LATER = {("submaps", "map_width"), ("stands", "crs")}
 """Columns that are computed, or that no schema before 0012 had."""
 
 
+_NEW = ("alembic_version", "constraints", "searched_submaps")
+"""Tables that no schema before 0014 had."""
+
+
 def rows(path: Path) -> dict[str, list[dict[str, Any]]]:
-    """All rows of a database, by table, each with its columns by name but those of `_LATER`."""
+    """All rows of a database, by table, each with its columns by name; without those of `_LATER` and `_NEW`."""
     with closing(sqlite3.connect(path)) as connection:
         connection.row_factory = sqlite3.Row
-        tables = connection.execute("SELECT name FROM sqlite_master WHERE type = 'table' AND name <> 'alembic_version'")
+        tables = connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")
         return {
             name: [
                 {key: value for key, value in dict(row).items() if (name, key) not in _LATER}
                 for row in connection.execute(f"SELECT * FROM {name} ORDER BY 1, 2")  # noqa: S608
             ]
             for (name,) in tables.fetchall()
+            if name not in _NEW
         }

@@ -27,6 +27,13 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     database = Database(made)
     migrations_runner.upgrade(database)
     database.dispose()
+    with closing(sqlite3.connect(made)) as opened:
+        opened.execute(
+            "INSERT INTO constraints VALUES (1, 1, 'match', 'abc', 'rich', 'moved', 1, 2, 'job', "
+            "NULL, NULL, NULL, 5, '{}')"
+        )
+        opened.execute("INSERT INTO searched_submaps VALUES (1, 'abc', 1, 1)")
+        opened.commit()
     return made
 
 
@@ -78,6 +85,18 @@ def test_every_table_has_rows(path: Path) -> None:
         ("submaps SET attributes = x'5b'", "attributes_is_json"),
         ("submaps SET collection_key = 99 WHERE stand_key IS NULL", FOREIGN),
         ("submaps SET stand_key = 99", FOREIGN),
+        ("constraints SET kind = 'guess'", "known_kind"),
+        ("constraints SET source = 'nobody'", "known_source"),
+        ("constraints SET search = ''", "search_of_a_match"),
+        ("constraints SET kind = 'odometry'", "search_of_a_match"),
+        ("constraints SET to_id = from_id", "two_submaps"),
+        ("constraints SET from_revision = 0", "revisions_from_one"),
+        ("constraints SET refused = 'because', refused_by = 'map'", "known_refusal"),
+        ("constraints SET refused = 'unconfirmed'", "refused_by_a_map"),
+        ("constraints SET content = '[]'", "content_is_json"),
+        ("constraints SET collection_key = 99", FOREIGN),
+        ("searched_submaps SET content_revision = 0", "revision_from_one"),
+        ("searched_submaps SET submap_key = 99", FOREIGN),
         ("submaps SET collection_key = 2 WHERE stand_key IS NOT NULL", FOREIGN),
         ("stands SET radius = 0", "sizes_of_a_grid"),
         ("stands SET tree_count = -1", "sizes_of_a_grid"),

@@ -61,6 +61,22 @@ def revision_of(path: Path) -> str:
 # ------------------------------------------------------------------------------ what is kept
 
 
+def test_a_database_of_0013_gets_the_tables_of_constraints_in_place(tmp_path: Path) -> None:
+    path = older.make(tmp_path / "old.db", "0011", *MORE)
+    upgraded(path)
+    before = older.rows(path)
+    with closing(sqlite3.connect(path)) as connection:
+        connection.executescript(
+            "DROP TABLE constraints; DROP TABLE searched_submaps; UPDATE alembic_version SET version_num = '0013'"
+        )
+    there = beside(path)
+    upgraded_in_place = Database(path)
+    assert migrations_runner.upgrade(upgraded_in_place) is True
+    assert (list(inspect(upgraded_in_place)), migrations_runner.drift(upgraded_in_place)) == ([], [])
+    upgraded_in_place.dispose()
+    assert (older.rows(path), revision_of(path), beside(path)) == (before, expected_revision(), there)
+
+
 def test_every_row_is_kept_with_its_keys(tmp_path: Path) -> None:
     path = older.make(tmp_path / "old.db", "0011", *MORE)
     before, content = older.rows(path), path.read_bytes()

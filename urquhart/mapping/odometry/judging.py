@@ -205,8 +205,12 @@ class _Bench:
         errors = compose(inverse(ways.poses[one]), ways.poses[other])
         spread = compose_covariances(ways.covariances[one], errors, ways.covariances[other]) + SLACK
         agree = (squared_distances(errors, spread) <= self.gate).reshape(len(bad), len(bad))
-        sets = [self._independent(bad[agree[row]]) for row in np.argsort(-agree.sum(axis=1), kind="stable")[:3]]
-        return _Sides(good, max(sets, key=len))
+        # Secondary matches are off by a row of trees together, so they only join in with ways that have none.
+        secondary = (self.graph.secondary[np.maximum(ways.used[bad], 0)] & (ways.used[bad] != NOBODY)).any(axis=1)
+        count = np.where(secondary, 0, agree.sum(axis=1))
+        rows = [row for row in np.argsort(-count, kind="stable")[:3].tolist() if count[row]]
+        sets = [self._independent(bad[agree[row]]) for row in rows]
+        return _Sides(good, max(sets, key=len, default=[]))
 
     def _independent(self, ways: NDArray[np.int64]) -> list[int]:
         """Ways, the first ones of those given, that share neither a constraint nor a vertex."""

@@ -45,18 +45,17 @@ class Ways(NamedTuple):
 
 
 def find_ways(graph: CentredGraph, asked: NDArray[np.int64]) -> Ways:
-    """The ways beside the constraints `asked` (A,), by constraints that are not secondary.
+    """The ways beside the constraints `asked` (A,).
 
     From each end, a way leaves by one of the most precise constraints there (`NEIGHBOURS.most`).
     """
     steps = neighbourhoods(replace(graph, trusted=np.zeros(len(graph.first), np.bool_)))
-    usable = np.flatnonzero(~graph.secondary)
-    low, high = np.sort(np.column_stack([graph.first, graph.second])[usable], axis=1).T
+    low, high = np.sort(np.column_stack([graph.first, graph.second]), axis=1).T
     codes = low * graph.count + high
     order = np.argsort(codes, kind="stable")
     size = max(1, NEIGHBOURS.batch // (NEIGHBOURS.most + 1) ** 2)
     parts = [
-        _ways(graph, steps, asked[begin : begin + size], (codes[order], usable[order]))
+        _ways(graph, steps, asked[begin : begin + size], (codes[order], order))
         for begin in range(0, max(len(asked), 1), size)
     ]
     return Ways(*(np.concatenate(column) for column in zip(*parts, strict=True)))
@@ -84,8 +83,6 @@ def _ways(
     fresh = (k != m) & ((one == NOBODY) | (other != NOBODY))
     fresh &= (middle != edge) & (one != edge) & (other != edge) & (middle != one) & (middle != other)
     fresh &= ((one == NOBODY) | (k != graph.second[edge])) & ((other == NOBODY) | (m != graph.first[edge]))
-    for taken in (one, other):
-        fresh &= (taken == NOBODY) | ~graph.secondary[taken]
     edge, left, right, middle, one, other, k, m = (a[fresh] for a in (edge, left, right, middle, one, other, k, m))
     step, spread = graph.poses[middle].copy(), graph.covariances[middle].copy()
     flipped = graph.first[middle] != k

@@ -99,13 +99,31 @@ def observation(
     dbh_cm: Diameters | None,
     listed: Landmarks | None,
     submap_id: str | None,
+    keyframes: Iterable[Mapping[str, Any]] | None = None,
 ) -> dict[str, Any]:
-    """The landmarks of a query, or the id of a stored submap."""
+    """The landmarks of a query, or the id of a stored submap, or several views."""
+    if keyframes is not None:
+        if submap_id is not None or xy is not None or listed is not None:
+            raise ValueError("give either keyframes, or landmarks or submap_id, not both")
+        return {"keyframes": [_keyframe(**dict(view)) for view in keyframes]}
     if submap_id is None:
         return landmarks(xy, ids, dbh_cm, listed)
     if xy is not None or listed is not None or ids is not None or dbh_cm is not None:
         raise ValueError("give either landmarks or submap_id, not both")
     return {"submap_id": submap_id}
+
+
+_listed = landmarks
+
+
+def _keyframe(
+    pose: Mapping[str, float],
+    xy: Points | None = None,
+    ids: Iterable[str] | None = None,
+    dbh_cm: Diameters | None = None,
+    landmarks: Landmarks | None = None,
+) -> dict[str, Any]:
+    return {"pose": dict(pose), **_listed(xy, ids, dbh_cm, landmarks)}
 
 
 def query_body(

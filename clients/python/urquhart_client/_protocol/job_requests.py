@@ -8,13 +8,16 @@ import httpx
 
 from urquhart_client._protocol.exchange import Request, Upload, model, nothing, page, text
 from urquhart_client._protocol.requests import JSON, collection_path, once, parameters, segment, with_body
-from urquhart_client.job_models import Job, Snapshot
+from urquhart_client.job_models import Constraint, Job, Snapshot
 from urquhart_client.models import Page
 
 _NDJSON = "application/x-ndjson"
 
 ConstraintFormat = Literal["json", "g2o", "g2o_middle", "matrices"]
 """Formats of a job's constraints. `g2o_middle` has each vertex among the trees of its submap."""
+
+KeptFormat = Literal["json", "ndjson", "g2o", "g2o_middle", "matrices", "tum", "kitti"]
+"""Formats of the constraints that a collection keeps."""
 
 TreeFormat = Literal["csv", "geojson", "gpkg", "parquet"]
 """Formats of the trees of a map."""
@@ -46,6 +49,36 @@ def post_constraints(collection: str, body: Mapping[str, Any]) -> Request[Job]:
     return with_body("POST", f"{collection_path(collection)}/constraints", body, model(Job), once())
 
 
+def get_kept_constraints(
+    collection: str, chosen: Mapping[str, str | None], limit: int | None, cursor: str | None
+) -> Request[Page[Constraint]]:
+    """A page of the constraints that a collection keeps."""
+    asked = parameters(**chosen, limit=limit, cursor=cursor)
+    where = f"{collection_path(collection)}/constraints"
+    return Request("GET", where, page("constraints", Constraint), params=asked)
+
+
+def get_constraints_as(collection: str, wanted: KeptFormat, chosen: Mapping[str, str | None]) -> Request[str]:
+    """The constraints that a collection keeps, in a format."""
+    asked = parameters(**chosen, format=wanted)
+    return Request("GET", f"{collection_path(collection)}/constraints", text, params=asked)
+
+
+def post_odometry(collection: str, body: Mapping[str, Any]) -> Request[int]:
+    """Store relative poses."""
+
+    def parse(response: httpx.Response) -> int:
+        return int(response.json()["stored"])
+
+    return with_body("POST", f"{collection_path(collection)}/odometry", body, parse, once())
+
+
+def delete_constraint(collection: str, constraint: str) -> Request[None]:
+    """Delete a constraint."""
+    where = f"{collection_path(collection)}/constraints/{segment(constraint, 'constraint')}"
+    return Request("DELETE", where, nothing, headers=once())
+
+
 def post_map(collection: str, body: Mapping[str, Any]) -> Request[Job]:
     """Build a map."""
     return with_body("POST", f"{collection_path(collection)}/maps", body, model(Job), once())
@@ -58,6 +91,20 @@ def post_poses(collection: str, body: Mapping[str, Any]) -> Request[int]:
         return int(response.json()["map_version"])
 
     return with_body("POST", f"{collection_path(collection)}/poses", body, parse, once())
+
+
+def post_merge(collection: str, body: Mapping[str, Any]) -> Request[Job]:
+    """Lay a map frame onto another."""
+    return with_body("POST", f"{collection_path(collection)}/merges", body, model(Job), once())
+
+
+def get_merge(collection: str, merge: str) -> Request[dict[str, Any]]:
+    """A merge: how two frames lie to each other, and what became of each match."""
+
+    def parse(response: httpx.Response) -> dict[str, Any]:
+        return dict(response.json())
+
+    return Request("GET", f"{collection_path(collection)}/merges/{segment(merge, 'merge')}", parse)
 
 
 def get_map(collection: str, map_id: str) -> Request[dict[str, Any]]:

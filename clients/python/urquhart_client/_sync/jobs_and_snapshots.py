@@ -2,14 +2,14 @@
 
 import hashlib
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Literal
 
 from urquhart_client._protocol import job_requests
 from urquhart_client._sync.connection import Connection
 from urquhart_client.errors import UnexpectedAnswer
-from urquhart_client.job_models import Job, JobLine, Progress, Snapshot
+from urquhart_client.job_models import Constraint, Job, JobLine, Progress, Snapshot
 
 _WAIT = 20.0
 """Seconds that the service is asked to hold an answer back; less than it takes to time out."""
@@ -109,6 +109,43 @@ class JobCalls(Connection):
         """
         return self._send(job_requests.get_constraints(job_id, wanted))
 
+    def kept_constraints(
+        self,
+        collection: str,
+        *,
+        kind: Literal["match", "odometry"] | None = None,
+        state: Literal["active", "stale", "refused"] | None = None,
+        submap: str | None = None,
+        page_size: int | None = None,
+    ) -> Iterator[Constraint]:
+        """The constraints that the collection keeps. Pages are fetched as needed."""
+        chosen = {"kind": kind, "state": state, "submap": submap}
+        return self._pages(lambda cursor: job_requests.get_kept_constraints(collection, chosen, page_size, cursor))
+
+    def constraints_as(
+        self,
+        collection: str,
+        wanted: job_requests.KeptFormat,
+        *,
+        state: Literal["active", "stale", "refused"] | None = None,
+        frame_id: str | None = None,
+    ) -> str:
+        """All constraints that the collection keeps, in a format. g2o, TUM and KITTI start in the map `frame_id`."""
+        chosen = {"state": state, "frame_id": frame_id}
+        return self._send(job_requests.get_constraints_as(collection, wanted, chosen))
+
+    def post_odometry(self, collection: str, edges: Iterable[Mapping[str, Any]]) -> int:
+        """Store relative poses that a robot measured, all or none. Returns how many.
+
+        Each has `from`, `to`, `x` and `y` (metres), `yaw` (radians): the pose of `to` in the frame of `from`; and
+        `covariance`, 3 x 3, row by row, over (x, y, yaw).
+        """
+        return self._send(job_requests.post_odometry(collection, {"edges": [dict(edge) for edge in edges]}))
+
+    def delete_constraint(self, collection: str, constraint: str) -> None:
+        """Delete a constraint by its id."""
+        self._send(job_requests.delete_constraint(collection, constraint))
+
     def build_map(self, collection: str, body: Mapping[str, Any] | None = None) -> Job:
         """Make one map of submaps. Returns the job. `body`: which submaps, gates, odometry, `apply`; see the API."""
         return self._send(job_requests.post_map(collection, dict(body or {})))
@@ -125,6 +162,20 @@ class JobCalls(Connection):
     ) -> bytes:
         """The trees of one part of a map as a file; part 1 is the largest one."""
         return self._send(job_requests.get_map_trees(collection, map_id, wanted, part))
+
+    def merge_frames(self, collection: str, source: str, target: str, *, apply: bool = False) -> Job:
+        """Lay the map frame `source` onto the map frame `target` by their matches. Returns the job.
+
+        With `apply`, all submaps of `source` get poses in `target`, in one transaction.
+        """
+        return self._send(job_requests.post_merge(collection, {"from": source, "to": target, "apply": apply}))
+
+    def get_merge(self, collection: str, merge: str) -> dict[str, Any]:
+        """A merge that a job has computed: verdict, transform, and each match with why it was left out.
+
+        `merge` is the id of the job.
+        """
+        return self._send(job_requests.get_merge(collection, merge))
 
     def move_submaps(self, collection: str, poses: Mapping[str, Mapping[str, Any] | None]) -> int:
         """Write the map poses of many submaps by id, all or none; None removes one. Returns the new revision."""

@@ -23,6 +23,7 @@ class QueryCalls(Connection):
         dbh_cm: Diameters | None = None,
         landmarks: Landmarks | None = None,
         submap_id: str | None = None,
+        keyframes: Iterable[Mapping[str, Any]] | None = None,
         limit: int = 5,
         method: Method | None = None,
         effort: Effort | None = None,
@@ -48,6 +49,8 @@ class QueryCalls(Connection):
             dbh_cm: N stem diameters, centimetres, None or NaN where one is not known.
             landmarks: instead of `xy`, `ids` and `dbh_cm`.
             submap_id: instead of landmarks, a stored submap.
+            keyframes: instead of landmarks, several views in a row, each `{"xy": [...], "pose": {"x": ..., "y": ...,
+                "yaw": ...}}` with its pose by odometry, metres and radians. They get one verdict.
             limit: most candidates to answer.
             method: "robust" (the default of the service) or "paper".
             effort: "full" (the default of the service), or "fast": a `no_match` comes much sooner, and
@@ -71,7 +74,7 @@ class QueryCalls(Connection):
                 `deadline`); less than the client's own `timeout`, so that there is an answer.
         """
         body = bodies.query_body(
-            bodies.observation(xy, ids, dbh_cm, landmarks, submap_id),
+            bodies.observation(xy, ids, dbh_cm, landmarks, submap_id, keyframes),
             limit=limit,
             method=method,
             effort=effort,

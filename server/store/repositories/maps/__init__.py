@@ -1,0 +1,1 @@
+"""Rows of what maps are made from."""

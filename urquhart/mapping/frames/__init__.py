@@ -1,0 +1,4 @@
+"""How two map frames lie to each other.
+
+Imports `mapping` and below.
+"""
