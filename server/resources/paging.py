@@ -11,7 +11,9 @@ from server.config.settings import Limits
 from server.errors import InvalidField
 
 _Place = TypeVar("_Place", int, str)
-Listing = Literal["collections", "submaps", "sessions", "stands", "jobs", "snapshots", "items", "queries", "constraints"]
+Listing = Literal[
+    "collections", "submaps", "sessions", "stands", "jobs", "snapshots", "items", "queries", "constraints"
+]
 
 
 @dataclass(frozen=True, slots=True)
