@@ -62,7 +62,7 @@ def revision_of(path: Path) -> str:
 
 
 def test_a_database_of_0013_gets_the_tables_of_constraints_in_place(tmp_path: Path) -> None:
-    path = older.make(tmp_path / "old.db", "0011", *MORE)
+    path = older.make(tmp_path / "old.db", "0011")
     upgraded(path)
     before = older.rows(path)
     with closing(sqlite3.connect(path)) as connection:
