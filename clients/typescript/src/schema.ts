@@ -1,7 +1,7 @@
 /**
  * Types of the service's API. Generated from its OpenAPI document by `make client-types`: do not edit.
  *
- * openapi sha256 4ca70d31e11d995a0b67d6dd5edacc411b9a32fa218df733d635aa263230dec2
+ * openapi sha256 d202e5d77b9b14670495f117f77ff2e8332c5bbd2faa37fc00f85e5801b47e4f
  */
 
 export interface paths {
@@ -317,6 +317,26 @@ export interface paths {
          */
         post: operations["postConstraints"];
         delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/collections/{collection}/constraints/{constraint}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        post?: never;
+        /**
+         * Delete a constraint
+         * @description Deletes a constraint. A match is found again once one of its submaps is looked up again.
+         */
+        delete: operations["deleteConstraint"];
         options?: never;
         head?: never;
         patch?: never;
@@ -5950,6 +5970,41 @@ export interface operations {
                 content: {
                     "application/json": components["schemas"]["JobAnswer"];
                 };
+            };
+            /** @description A problem document. */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    deleteConstraint: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description A name of your choice for this request. A repetition with the same name is not carried out again: it gets the first answer. */
+                "idempotency-key"?: string | null;
+            };
+            path: {
+                /** @description Id of the collection: 1 to 128 letters, digits, '.', '_', '~', '-'. */
+                collection: string;
+                /** @description `id` of the constraint. */
+                constraint: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Success. */
+            204: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
             };
             /** @description A problem document. */
             default: {
