@@ -16,5 +16,6 @@ JOB_TYPES: Final[Mapping[str, JobFunction]] = {
     "reindex": run_reindex,
     "constraints": run_constraints,
     "map": run_build_map,
+    "merge": run_merge,
     "coregistration": run_coregister,
 }
