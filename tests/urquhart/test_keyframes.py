@@ -50,7 +50,7 @@ def test_three_views_decide_what_one_leaves_ambiguous() -> None:
             best = found.candidates[0]
             shift, turn = (places[best.key] @ best.transform).distance(start)
             assert shift < 1.0 and turn < 0.1
-    assert one["ambiguous"] >= 10 and three["matched"] >= 6
+    assert one["ambiguous"] >= 10 and three["matched"] > one["matched"] + 1
     # Another stand with the same rows is not taken for this one.
     assert "matched" not in {recognizer.locate(join_keyframes(views(trees(6), rng)[1]).xy).verdict for _ in range(12)}
 
