@@ -42,7 +42,6 @@ def read_text(path: Path, data: bytes, is_header: Callable[[list[str]], bool]) -
     text, encoding = decode(path, data)
     lines = [*io.StringIO(text, newline=None)]
     header = _find_header(path, lines, is_header)
-    check_width(path, len(header.names), header.line)
     rows = _Rows(path, lines, header)
     table = rows.table(path)
     if encoding:
@@ -72,6 +71,7 @@ def _find_header(path: Path, lines: list[str], is_header: Callable[[list[str]], 
             comments += 1
             continue
         separator, names = _split(stripped.removeprefix("//"), named)
+        check_width(path, len(names), number)  # before a million names are looked at
         found = _Header(number, names, separator, titles, comments)
         if is_header(names):
             return found
