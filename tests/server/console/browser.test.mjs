@@ -16,14 +16,14 @@ let browser;
 before(async () => {
   browser = await chromium.launch({
     executablePath: told.chromium,
-    args: ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"],
+    args: ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-gpu-compositing", "--no-sandbox"],
   });
 });
 after(() => browser?.close());
 
 /** Runs with a page of its own. Fails on an error in its console, a dialog, or a request to another host. */
 async function onPage(base, options, run) {
-  const context = await browser.newContext({ baseURL: base, viewport: { width: 1280, height: 800 }, ...options });
+  const context = await browser.newContext({ baseURL: base, viewport: { width: 1120, height: 700 }, ...options });
   const page = await context.newPage();
   const errors = [];
   page.on("pageerror", (error) => errors.push(String(error)));
