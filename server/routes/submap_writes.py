@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query, Response
+from fastapi import APIRouter, Path, Query, Response
 
 from server.errors import InvalidField
 from server.http.admission.request_admission import BudgetDep
@@ -22,10 +22,11 @@ from server.routes.dependencies import (
 )
 from server.routes.submaps import _SUBMAP
 from server.schemas import examples
+from server.schemas.common import Label
 from server.schemas.submaps import ArrivingSubmap, Submap, SubmapPatch, SubmapReceipt
 from server.security.principal import Principal, Scope
 from server.service_parts import Service
-from server.submaps import writes
+from server.submaps import sessions, writes
 from urquhart import Budget
 
 router = APIRouter(route_class=JsonRoute, tags=["submaps"])
@@ -174,3 +175,23 @@ def delete_submap(
     return stored_response(
         writes.delete(service.database, collection, submap, preconditions, idempotency_key=idempotency_key)
     )
+
+
+@router.delete(
+    "/v1/collections/{collection}/sessions/{session:path}",
+    operation_id="deleteSession",
+    summary="Delete a session",
+    status_code=204,
+    response_class=Response,
+    responses=problems(404, 422, 503, 507),
+)
+def delete_session(
+    collection: CollectionId,
+    session: Annotated[Label, Path(description="Name of the session.", examples=["monday"])],
+    service: ServiceDep,
+    idempotency_key: IdempotencyKeyDep,
+) -> Response:
+    """Deletes all submaps of a session, in one transaction. The next query no longer finds them. Constraints between
+    them and other submaps become stale.
+    """
+    return stored_response(sessions.delete_session(service.database, collection, session, idempotency_key))

@@ -29,6 +29,7 @@ SCOPES: Final[Mapping[str, Scope | None]] = {
     "listFeatures": Scope.READ,
     "getFeature": Scope.READ,
     "listSessions": Scope.READ,
+    "deleteSession": Scope.WRITE,
     "listStands": Scope.READ,
     "getStand": Scope.READ,
     "deleteStand": Scope.WRITE,

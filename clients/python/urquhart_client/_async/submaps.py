@@ -5,7 +5,7 @@ from datetime import datetime
 from typing import Any
 
 from urquhart_client._async.connection import AsyncConnection
-from urquhart_client._protocol import bodies, requests
+from urquhart_client._protocol import bodies, job_requests, requests
 from urquhart_client._protocol.bodies import UNSET, Diameters, Landmarks, Points, Pose, Unset
 from urquhart_client.models import SessionSummary, Submap, SubmapReceipt, Tessellation
 
@@ -143,6 +143,10 @@ class AsyncSubmapCalls(AsyncConnection):
     async def tessellation_svg(self, collection: str, submap_id: str) -> str:
         """The tessellation as a drawing."""
         return await self._send(requests.get_tessellation_svg(collection, submap_id))
+
+    async def delete_session(self, collection: str, session: str) -> None:
+        """Delete all submaps of a session, in one transaction."""
+        await self._send(job_requests.delete_session(collection, session))
 
     def sessions(self, collection: str, *, page_size: int | None = None) -> AsyncIterator[SessionSummary]:
         """The sessions of a collection by name. Pages are fetched as needed."""

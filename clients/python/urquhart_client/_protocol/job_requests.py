@@ -107,6 +107,12 @@ def get_merge(collection: str, merge: str) -> Request[dict[str, Any]]:
     return Request("GET", f"{collection_path(collection)}/merges/{segment(merge, 'merge')}", parse)
 
 
+def delete_session(collection: str, session: str) -> Request[None]:
+    """Delete all submaps of a session."""
+    where = f"{collection_path(collection)}/sessions/{segment(session, 'session')}"
+    return Request("DELETE", where, nothing, headers=once())
+
+
 def get_map(collection: str, map_id: str) -> Request[dict[str, Any]]:
     """A map: numbers, poses and constraints."""
 

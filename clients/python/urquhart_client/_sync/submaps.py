@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import datetime
 from typing import Any
 
-from urquhart_client._protocol import bodies, requests
+from urquhart_client._protocol import bodies, job_requests, requests
 from urquhart_client._protocol.bodies import UNSET, Diameters, Landmarks, Points, Pose, Unset
 from urquhart_client._sync.connection import Connection
 from urquhart_client.models import SessionSummary, Submap, SubmapReceipt, Tessellation
@@ -143,6 +143,10 @@ class SubmapCalls(Connection):
     def tessellation_svg(self, collection: str, submap_id: str) -> str:
         """The tessellation as a drawing."""
         return self._send(requests.get_tessellation_svg(collection, submap_id))
+
+    def delete_session(self, collection: str, session: str) -> None:
+        """Delete all submaps of a session, in one transaction."""
+        self._send(job_requests.delete_session(collection, session))
 
     def sessions(self, collection: str, *, page_size: int | None = None) -> Iterator[SessionSummary]:
         """The sessions of a collection by name. Pages are fetched as needed."""
