@@ -1,7 +1,7 @@
 /**
  * Types of the service's API. Generated from its OpenAPI document by `make client-types`: do not edit.
  *
- * openapi sha256 d202e5d77b9b14670495f117f77ff2e8332c5bbd2faa37fc00f85e5801b47e4f
+ * openapi sha256 39e89330fed622a88da7c69028ab9b144574fc5430f09b05f8b4371dd4b6d705
  */
 
 export interface paths {
@@ -758,6 +758,27 @@ export interface paths {
         put?: never;
         post?: never;
         delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/collections/{collection}/sessions/{session}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        post?: never;
+        /**
+         * Delete a session
+         * @description Deletes all submaps of a session, in one transaction. The next query no longer finds them. Constraints between
+         *     them and other submaps become stale.
+         */
+        delete: operations["deleteSession"];
         options?: never;
         head?: never;
         patch?: never;
@@ -6833,6 +6854,41 @@ export interface operations {
                 content: {
                     "application/json": components["schemas"]["SessionPage"];
                 };
+            };
+            /** @description A problem document. */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    deleteSession: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description A name of your choice for this request. A repetition with the same name is not carried out again: it gets the first answer. */
+                "idempotency-key"?: string | null;
+            };
+            path: {
+                /** @description Id of the collection: 1 to 128 letters, digits, '.', '_', '~', '-'. */
+                collection: string;
+                /** @description Name of the session. */
+                session: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Success. */
+            204: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
             };
             /** @description A problem document. */
             default: {
