@@ -35,6 +35,8 @@ FIXED: Final = {
     *("propose.hit_buffer._FIRST", "propose.hit_buffer._MANY", "propose.query.READ_TOGETHER"),
     # A bound of work: a pose that has not settled by then is refused.
     "prior.decision._MOVES",
+    # Follows from the two pairs that fix a rigid pose: two more confirm it.
+    "prior.decision._LEAST_PAIRS",
     # What callers may hand in, arithmetic, and the paper's own bounds.
     *("features.landmark_checks.MINIMUM", "features.landmark_checks.MAXIMUM"),
     *("features.landmark_checks.COORDINATE_LIMIT", "features.landmark_checks.RESOLUTION"),

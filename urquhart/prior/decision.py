@@ -44,6 +44,10 @@ class DecisionNumbers(NamedTuple):
 
 
 DECISION: Final = DecisionNumbers()
+_LEAST_PAIRS: Final = 4
+"""Pairs of trees without which no pose is accepted. Two fix a pose, so a third and a fourth confirm it. A gap beside a
+clump of trees was accepted with two: the clump's density counted for all of the footprint, and spoke for the pose.
+"""
 _MOVES: Final = 4
 """Most fine grids, each about the best pose of the one before, until the best pose is within the grid. One is enough
 within the window; a place 1.2 m outside of it takes two or three."""
@@ -177,6 +181,8 @@ def decide_within(query: Query, submap: Features, places: Mapping[int, SE2], mat
     verified = replace(found[key], evidence=match.evidence)
     if len(verified.residuals) < 2:
         return unsearched("no_proposal", query.trace.done())
+    if refused is None and len(verified.residuals) < _LEAST_PAIRS:
+        refused = "verification_failed"
     # On the scale of the other candidates, so that the same gates apply.
     odds = match.chance_logit / CALIBRATION.chance.slope + CALIBRATION.chance.even
     lead = match.near - max(match.apart, match.repeated)

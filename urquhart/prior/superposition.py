@@ -53,10 +53,6 @@ class SuperpositionNumbers(NamedTuple):
     """Visibility of the thinnest stems."""
     far: float = 4.0
     """Standard deviations beyond which a stem does not account for a tree."""
-    most_dense: float = 1.5
-    """Most trees that a footprint is expected to hold by chance, as a multiple of what the map about the window has on
-    its area. The density about the trees of a footprint that is almost empty may be that of a single clump: 160 trees
-    where 5 stand, which spoke for any pose in a gap of a clumped forest. In others it is rarely more than 1.25."""
 
 
 SUPERPOSITION: Final = SuperpositionNumbers()
@@ -182,7 +178,7 @@ def superpose(
         stems: the observation.
         trees: (T, 2), metres, the trees of the map.
         density: (T,), trees per square metre around each tree.
-        usual: trees per square metre of the map about the window.
+        usual: trees per square metre where none is near.
         ratios: (N, T), as `diameter_ratios` returns them, or (0, 0).
         poses: (P, 3), x, y, yaw of `map_T_query`, metres and radians, frame of `trees`, centred frame of the stems.
     """
@@ -222,7 +218,7 @@ def superpose(
                     share = (share * share) * (share * share)  # that of half the noise
             for k in range(len(noise)):
                 multiply_in(product, shares, k, share_inside(depth / noise[k]))
-        expected = stems.area * (min(typical / near, SUPERPOSITION.most_dense * usual) if near else usual)
+        expected = stems.area * (typical / near if near else usual)
         rescale(product, total)
         evidence[h] = log_mean_ratio(total, expected, stems.visible)
     return evidence

@@ -100,8 +100,7 @@ class WindowSearch:
 
     def _score(self, stems: Stems, poses: NDArray[np.float64]) -> NDArray[np.float64]:
         reach = float(np.hypot(*stems.hull.T).max()) + stems.margin + SUPERPOSITION.far * float(stems.noise[0])
-        # The mean over the area, of which a tree in a clump stands for less.
-        usual, scored = 1.0 / float((1.0 / self.density).mean()), [np.empty(0)]
+        usual, scored = float(self.density.mean()), [np.empty(0)]
         for portion in self.budget.portions(len(poses), _STEPS):
             some = poses[portion]
             low, high = some[:, :2].min(axis=0) - reach, some[:, :2].max(axis=0) + reach
