@@ -206,12 +206,14 @@ function Tip(props: { readonly overlay: Overlay; readonly tree: Tree; readonly v
 
 function Legend({ overlay }: { readonly overlay: Overlay }) {
   const { pairs } = overlay;
+  const unseen = overlay.queryInside.filter((inside, at) => !inside && !overlay.queryPaired[at]).length;
   return (
     <ul class="legend" aria-label="Legend">
       <li class="query">Query, {overlay.query.length / 2} trees</li>
       <li class="map">{overlay.submapId}, {overlay.submap.length / 2} trees</li>
       {pairs && <li class="pair">{pairs.length} pairs</li>}
       {pairs && <li class="query-miss">{missing(overlay.queryPaired, overlay.queryInside)} of the query alone</li>}
+      {pairs && unseen > 0 && <li class="query-beyond">{unseen} of the query beyond this map</li>}
       {pairs && <li class="map-miss">{missing(overlay.submapPaired, overlay.submapInside)} of the map alone</li>}
       {!pairs && <li>The answer lists no pairs of a rival.</li>}
     </ul>
