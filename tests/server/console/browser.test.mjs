@@ -274,6 +274,18 @@ test("a service that is gone is said to be, and the page goes on when it is back
     assert.ok(await page.getByRole("link", { name: /^plots/ }).isVisible());
     await context.setOffline(false);
     await page.getByText("What is shown is what it said last").waitFor({ state: "detached" });
+    // A page of many panels says so once, whether it was shown before or not.
+    await context.setOffline(true);
+    await page.getByRole("link", { name: "Operations" }).click();
+    await page.getByRole("heading", { name: "The service cannot be reached" }).waitFor();
+    assert.equal(await page.getByText("The service cannot be reached").count(), 1);
+    await context.setOffline(false);
+    await page.getByText("Verdicts since the start").waitFor();
+    await context.setOffline(true);
+    await page.getByText("What is shown is what it said last").waitFor();
+    await page.waitForRequest(/metrics/);
+    assert.equal(await page.getByText("The service cannot be reached").count(), 1);
+    await context.setOffline(false);
   });
 });
 
@@ -329,6 +341,51 @@ test("a file is understood, looked up, and stored", async () => {
   });
 });
 
+test("a file is stored as a stand, as one submap or as overlapping ones", async () => {
+  await onPage(told.open, {}, async (page) => {
+    await page.request.put("/v1/collections/sent", { data: {} });
+    const side = [...Array(12).keys()];
+    const plot = (step) => side.flatMap((x) => side.map((y) => `${12 * x + y},${step * x + (y % 3)},${step * y + ((x * y) % 2)}`));
+    for (const [name, step, stored] of [["small", 3, "one"], ["wide", 10, "discs"]]) {
+      await page.goto("/ui/try?collection=sent");
+      const buffer = Buffer.from(["tag,x,y", ...plot(step)].join("\n"));
+      await page.locator("input[type=file]").setInputFiles({ name: `${name}.csv`, mimeType: "text/csv", buffer });
+      await page.getByRole("button", { name: "Store in sent" }).waitFor();
+      assert.equal(await page.getByLabel("Stored as").inputValue(), stored);
+      if (stored === "discs") await page.getByLabel("Distance between submaps").fill("25");
+      await accessible(page);
+      await page.getByRole("button", { name: "Store in sent" }).click();
+      await page.getByRole("link", { name: name === "small" ? /^small/ : /^wide/ }).first().waitFor();
+    }
+    const { stands } = await (await page.request.get("/v1/collections/sent/stands")).json();
+    const [small, wide] = stands;
+    assert.equal(small.submaps, 1);
+    assert.deepEqual([wide.radius, wide.spacing], [30, 25]);
+    assert.ok(wide.submaps > 4);
+    assert.equal(await page.getByRole("link", { name: /^wide/ }).count(), wide.submaps);
+  });
+});
+
+test("a file that is refused names fields of the page, and all rows at fault", async () => {
+  await onPage(told.open, {}, async (page) => {
+    await page.goto("/ui/try?collection=plots");
+    page.expectsFailures = true;
+    const drop = (text) =>
+      page.locator("input[type=file]").setInputFiles({ name: "odd.csv", mimeType: "text/csv", buffer: Buffer.from(text) });
+    await drop("tag,lon,lat\n1,8.1,48.1\n2,8.1001,48.1\n3,8.1,48.1001\n");
+    await page.getByRole("alert").getByText("“Convert to the projected system”").waitFor();
+    assert.ok(!(await page.getByRole("alert").innerText()).includes("--"));
+    const rows = [...Array(40).keys()].map((at) => `${at},${at % 5 === 0 ? "bad" : at},${(at * at) % 7}`);
+    await drop(["tag,x,y", ...rows].join("\n"));
+    await page.getByRole("region", { name: "Table of rows at fault" }).waitFor();
+    assert.equal(await page.getByRole("cell", { name: "not a number" }).count(), 8);
+    await accessible(page);
+    await page.getByLabel("Leave out rows that cannot be used").check();
+    await page.getByRole("button", { name: "Read it again" }).click();
+    await page.getByText("32 rows read, 8 left out").or(page.getByText("40 rows read, 8 left out")).waitFor();
+  });
+});
+
 test("jobs show their progress and what they refused, and operations how the service does", async () => {
   await onPage(told.open, {}, async (page) => {
     await page.goto("/ui/jobs");
@@ -367,6 +424,20 @@ test("an operator sees keys, which cannot be used, and makes a snapshot; a reade
     await page.getByRole("button", { name: "Find 3 trees" }).click();
     await page.getByText("There is no submap to look in").waitFor();
     assert.equal(await page.getByRole("button", { name: /^Store in/ }).count(), 0);
+  });
+});
+
+test("a phone shows the whole of the navigation", async () => {
+  await onPage(told.closed, { viewport: { width: 375, height: 740 }, isMobile: true, hasTouch: true }, async (page) => {
+    await page.goto("/ui");
+    await page.getByLabel("API key").fill(told.reader);
+    await page.keyboard.press("Enter");
+    const rail = page.getByRole("banner");
+    await rail.getByRole("button", { name: "Sign out" }).waitFor();
+    for (const one of [...(await rail.getByRole("button").all()), ...(await rail.getByRole("link").all())]) {
+      const { x, width } = await one.boundingBox();
+      assert.ok(x >= 0 && x + width <= 375, `${await one.innerText()} ends at ${x + width}`);
+    }
   });
 });
 

@@ -4,7 +4,7 @@ import type { ComponentChildren } from "preact";
 import { useState } from "preact/hooks";
 import { ok, ProblemError, type Schemas } from "urquhart-client";
 
-import { Facts, Ready, Title } from "../parts/common";
+import { Facts, Ready, SaidAbove, Title } from "../parts/common";
 import { ago, bytes, count, duration, moment, plural, share } from "../parts/text";
 import { api, call, sentenceOf } from "../service/api";
 import { useLoaded } from "../service/load";
@@ -18,27 +18,36 @@ const SELDOM = 60;
 export function OperationsPage({ session }: { readonly session: Session }) {
   const seesAll = session.patterns?.includes("*") ?? false;
   const admin = may(session, "admin") && seesAll;
+  const now = useLoaded(readState, [], EVERY);
   return (
     <main class="page">
       <Title>Operations</Title>
       <header class="page-head">
         <h1>Operations</h1>
       </header>
-      <Now />
-      {seesAll && may(session, "read") ? (
-        <Numbers />
-      ) : (
-        <p class="note warn">Latencies and verdicts cover all collections, so they need a key with the scope read for all of them.</p>
-      )}
-      {admin ? (
-        <>
-          <Snapshots />
-          {session.needs_key && <Keys />}
-        </>
-      ) : (
-        <p class="note warn">Snapshots and keys need a key with the scope admin for all collections.</p>
-      )}
-      {may(session, "read") && <LimitsTable />}
+      <Ready of={now} what="the state">
+        {(state) => (
+          <>
+            <Now state={state} />
+            <SaidAbove.Provider value={true}>
+              {seesAll && may(session, "read") ? (
+                <Numbers />
+              ) : (
+                <p class="note warn">Latencies and verdicts cover all collections, so they need a key with the scope read for all of them.</p>
+              )}
+              {admin ? (
+                <>
+                  <Snapshots />
+                  {session.needs_key && <Keys />}
+                </>
+              ) : (
+                <p class="note warn">Snapshots and keys need a key with the scope admin for all collections.</p>
+              )}
+              {may(session, "read") && <LimitsTable />}
+            </SaidAbove.Provider>
+          </>
+        )}
+      </Ready>
     </main>
   );
 }
@@ -57,40 +66,33 @@ interface State {
   readonly trouble: string | null;
 }
 
-function Now() {
-  const loaded = useLoaded(
-    async (signal): Promise<State> => {
-      try {
-        return { ready: await ok(api.GET("/readyz", { signal })), trouble: null };
-      } catch (error) {
-        if (error instanceof ProblemError && error.status === 503) return { ready: null, trouble: sentenceOf(error) };
-        throw error;
-      }
-    },
-    [],
-    EVERY,
-  );
+async function readState(signal: AbortSignal): Promise<State> {
+  try {
+    return { ready: await ok(api.GET("/readyz", { signal })), trouble: null };
+  } catch (error) {
+    if (error instanceof ProblemError && error.status === 503) return { ready: null, trouble: sentenceOf(error) };
+    throw error;
+  }
+}
+
+function Now({ state: { ready, trouble } }: { readonly state: State }) {
   return (
     <Panel title="Now">
-      <Ready of={loaded} what="the state">
-        {({ ready, trouble }) =>
-          ready === null ? (
-            <p class="dot bad">Not ready: {trouble}</p>
-          ) : (
-            <>
-              <p class="dot good">Ready</p>
-              <Facts
-                rows={[
-                  ["In progress", `${ready.load.in_flight} of ${ready.load.capacity} places`],
-                  ["Waiting", count(ready.load.queued)],
-                  ...Object.entries(ready.checks).map(([name, state]) => [name, state] as const),
-                ]}
-              />
-              {ready.load.saturated && <p class="note warn">All places are taken: further requests wait for their turn.</p>}
-            </>
-          )
-        }
-      </Ready>
+      {ready === null ? (
+        <p class="dot bad">Not ready: {trouble}</p>
+      ) : (
+        <>
+          <p class="dot good">Ready</p>
+          <Facts
+            rows={[
+              ["In progress", `${ready.load.in_flight} of ${ready.load.capacity} places`],
+              ["Waiting", count(ready.load.queued)],
+              ...Object.entries(ready.checks).map(([name, state]) => [name, state] as const),
+            ]}
+          />
+          {ready.load.saturated && <p class="note warn">All places are taken: further requests wait for their turn.</p>}
+        </>
+      )}
     </Panel>
   );
 }

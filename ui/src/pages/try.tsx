@@ -1,7 +1,7 @@
 /** Try it: drop a file of trees, see what was understood, look it up, or store it. */
 
 import { useCallback, useMemo, useState } from "preact/hooks";
-import { ok, pages, type Schemas } from "urquhart-client";
+import { ok, pages, ProblemError, type Schemas } from "urquhart-client";
 
 import { Canvas } from "../draw/canvas";
 import { CanvasPainter } from "../draw/painter";
@@ -15,22 +15,10 @@ import { api, sentenceOf } from "../service/api";
 import { useLoaded } from "../service/load";
 import { VERDICTS } from "../match/why";
 import { may, type Session } from "../service/session";
+import { inFields, type Options, OptionsForm, RADIUS, Refused, SPACING } from "./try-options";
 
 type StemMap = Schemas["StemMapAnswer"];
 
-/** What can be said of a file whose columns were not understood. */
-const OPTIONS = [
-  ["x", "Column of x or easting"],
-  ["y", "Column of y or northing"],
-  ["id", "Column of tree ids"],
-  ["plot", "Column of plots"],
-  ["dbh", "Column of diameters"],
-  ["dbh_unit", "Unit of diameters", ["cm", "mm", "m", "in"]],
-  ["unit", "Unit of positions", ["m", "ft", "us-ft", "cm", "km"]],
-  ["crs", "Coordinate system, such as EPSG:25832"],
-  ["decimal", "Decimal mark", ["point", "comma"]],
-  ["layer", "Layer or sheet"],
-] as const;
 const ACCEPTED = ".csv,.txt,.tsv,.xlsx,.gpkg,.fgb,.geojson,.json,.kml,.gpx,.las,.laz,.parquet";
 
 interface Dropped {
@@ -41,7 +29,7 @@ interface Dropped {
 export function TryPage({ session }: { readonly session: Session }) {
   const { query } = useAddress();
   const [file, setFile] = useState<Dropped | null>(null);
-  const [options, setOptions] = useState<Readonly<Record<string, string>>>({});
+  const [options, setOptions] = useState<Options>({});
   const collections = useLoaded(async (signal) => {
     const all: string[] = [];
     const read = (cursor?: string) =>
@@ -116,8 +104,8 @@ function Drop({ onFile, file }: { readonly onFile: (file: Dropped) => void; read
 
 interface ReadingProps {
   readonly file: Dropped;
-  readonly options: Readonly<Record<string, string>>;
-  readonly onOptions: (options: Readonly<Record<string, string>>) => void;
+  readonly options: Options;
+  readonly onOptions: (options: Options) => void;
   readonly collections: readonly string[];
   readonly collection: string;
   readonly session: Session;
@@ -140,42 +128,15 @@ function Reading(props: ReadingProps) {
   );
   return (
     <>
-      <Ready of={read} what="the file">
-        {(map) => <Understood {...props} map={map} />}
-      </Ready>
+      {read.error instanceof ProblemError ? (
+        <Refused error={read.error} />
+      ) : (
+        <Ready of={read} what="the file">
+          {(map) => <Understood {...props} map={map} />}
+        </Ready>
+      )}
       <OptionsForm options={options} onOptions={onOptions} open={read.error !== undefined} />
     </>
-  );
-}
-
-function OptionsForm(props: Pick<ReadingProps, "options" | "onOptions"> & { readonly open: boolean }) {
-  const send = (event: SubmitEvent) => {
-    event.preventDefault();
-    const given = [...new FormData(event.currentTarget as HTMLFormElement)].map(([name, value]) => [name, String(value).trim()]);
-    props.onOptions(Object.fromEntries(given.filter(([, value]) => value !== "")) as Record<string, string>);
-  };
-  return (
-    <details class="panel" open={props.open}>
-      <summary>Read it differently</summary>
-      <form class="options" onSubmit={send}>
-        {OPTIONS.map(([name, label, values]) => (
-          <label key={name}>
-            {label}
-            {values ? (
-              <select name={name} defaultValue={props.options[name] ?? ""}>
-                <option value="">as it looks</option>
-                {values.map((value) => (
-                  <option key={value}>{value}</option>
-                ))}
-              </select>
-            ) : (
-              <input name={name} defaultValue={props.options[name] ?? ""} autoComplete="off" />
-            )}
-          </label>
-        ))}
-        <button type="submit">Read it again</button>
-      </form>
-    </details>
   );
 }
 
@@ -192,7 +153,7 @@ function Understood(props: ReadingProps & { readonly map: StemMap }) {
     try {
       await work();
     } catch (error) {
-      setRefusal(sentenceOf(error));
+      setRefusal(inFields(sentenceOf(error)));
     }
     setBusy("");
   };
@@ -205,14 +166,17 @@ function Understood(props: ReadingProps & { readonly map: StemMap }) {
       if (found.id != null) go(at("collections", collection, "queries", found.id));
       else setAnswer(found);
     });
-  const store = () =>
-    attempt("store", async () => {
+  const [cut, setCut] = useState(() => cuttingOf(map));
+  const store = (event: Event) => {
+    event.preventDefault();
+    return attempt("store", async () => {
       const { file, options } = props;
+      const cutting = cut.one ? { one_submap: true } : { radius: Number(cut.radius), spacing: Number(cut.spacing) };
       await ok(
         api.PUT("/v1/collections/{collection}/stands/{stand}", {
           params: {
             path: { collection, stand: map.name },
-            query: { file: file.name, ...options },
+            query: { file: file.name, ...options, ...cutting },
             header: { "if-none-match": "*" },
           },
           body: file.data as unknown as string,
@@ -222,6 +186,7 @@ function Understood(props: ReadingProps & { readonly map: StemMap }) {
       );
       go(at("collections", collection));
     });
+  };
   return (
     <section class="understood">
       <div class="panel">
@@ -260,19 +225,73 @@ function Understood(props: ReadingProps & { readonly map: StemMap }) {
           </p>
         )}
         <p class="actions">
-          {stores && (
-            <button type="button" onClick={store} disabled={busy !== ""} title="Cuts the whole file into overlapping submaps">
-              {busy === "store" ? "Storing …" : `Store in ${collection}`}
-            </button>
-          )}
           <button type="button" class="primary" onClick={lookUp} disabled={busy !== "" || trees.length === 0}>
             {busy === "look" ? "Looking …" : `Find ${plural(trees.length, "tree")}`}
           </button>
         </p>
+        {stores && (
+          <form class="store" onSubmit={store}>
+            <CuttingFields cut={cut} onCut={setCut} plots={map.plots.length} />
+            <p class="actions">
+              <button type="submit" disabled={busy !== ""} title={`Stores the whole file as the stand ${map.name}`}>
+                {busy === "store" ? "Storing …" : `Store in ${collection}`}
+              </button>
+            </p>
+          </form>
+        )}
         {answer && <Told answer={answer} />}
       </div>
       <Preview trees={trees} />
     </section>
+  );
+}
+
+/** What a stand is cut into: one submap for each plot, or overlapping discs, in metres. */
+interface Cutting {
+  readonly one: boolean;
+  readonly radius: string;
+  readonly spacing: string;
+}
+
+const USUAL = { radius: 30, spacing: 20 };
+
+/** One submap if each plot is so small that one disc covers it. */
+function cuttingOf(map: StemMap): Cutting {
+  const small = map.plots.every(({ landmarks }) => {
+    const box = boxAround(landmarks.flatMap(({ x, y }) => [x, y]));
+    return box === null || Math.hypot(box.east - box.west, box.north - box.south) <= 2 * USUAL.radius;
+  });
+  return { one: small, radius: String(USUAL.radius), spacing: String(USUAL.spacing) };
+}
+
+function CuttingFields(props: { readonly cut: Cutting; readonly onCut: (cut: Cutting) => void; readonly plots: number }) {
+  const { cut, onCut } = props;
+  const metres = (label: string, name: "radius" | "spacing") => (
+    <label>
+      {label}
+      <input
+        type="number"
+        min="1"
+        max="1000000"
+        step="any"
+        required
+        value={cut[name]}
+        onInput={(event) => onCut({ ...cut, [name]: event.currentTarget.value })}
+      />
+    </label>
+  );
+  return (
+    <div class="options">
+      <label>
+        Stored as
+        <select value={cut.one ? "one" : "discs"} onChange={(event) => onCut({ ...cut, one: event.currentTarget.value === "one" })}>
+          <option value="one">{props.plots > 1 ? "one submap for each plot" : "one submap"}</option>
+          <option value="discs">overlapping submaps</option>
+        </select>
+      </label>
+      {!cut.one && metres(RADIUS, "radius")}
+      {!cut.one && metres(SPACING, "spacing")}
+    </div>
   );
 }
 

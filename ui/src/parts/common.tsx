@@ -1,7 +1,7 @@
 /** Small parts that pages share: messages, numbers, tabs, copying. */
 
-import type { ComponentChildren } from "preact";
-import { useEffect, useRef, useState } from "preact/hooks";
+import { type ComponentChildren, createContext } from "preact";
+import { useContext, useEffect, useRef, useState } from "preact/hooks";
 
 import { sentenceOf } from "../service/api";
 import type { Loaded } from "../service/load";
@@ -27,6 +27,9 @@ export function Message(props: {
   );
 }
 
+/** Whether the page says in one place that the service cannot be reached, so that its parts need not. */
+export const SaidAbove = createContext(false);
+
 /** The contents once they are loaded, and before that what is in the way. */
 export function Ready<T>(props: {
   readonly of: Loaded<T>;
@@ -34,9 +37,11 @@ export function Ready<T>(props: {
   readonly children: (data: T) => ComponentChildren;
 }) {
   const { data, error, away, reload } = props.of;
+  const saidAbove = useContext(SaidAbove);
+  if (away && data === undefined && saidAbove) return <Loading what={props.what} />;
   return (
     <>
-      {data !== undefined && away && <Away />}
+      {data !== undefined && away && !saidAbove && <Away />}
       {data !== undefined && props.children(data)}
       {data !== undefined && error !== undefined && !away && (
         <p class="note bad" role="alert">
