@@ -57,7 +57,8 @@ def check_landmarks(xy: ArrayLike) -> NDArray[np.float64]:
         )
     if len(landmarks) < MINIMUM:
         raise LandmarkError(
-            "too_few", f"{len(landmarks)} landmarks given, at least {MINIMUM} are needed: merge observations first"
+            "too_few",
+            f"{len(landmarks)} landmarks given, at least {MINIMUM} are needed: send several views in one frame",
         )
     if len(landmarks) > MAXIMUM:
         raise LandmarkError(
