@@ -5,6 +5,7 @@ import os
 import re
 import shutil
 import subprocess
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -108,14 +109,16 @@ def services(tmp_path: Path) -> Iterator[dict[str, Any]]:
 def test_the_console_in_a_browser(services: dict[str, Any], tmp_path: Path) -> None:
     told = tmp_path / "told.json"
     told.write_text(json.dumps(services))
-    ran = subprocess.run(
-        ["node", "--test", "--test-reporter=tap", str(Path(__file__).parent / "browser.test.mjs")],
-        cwd=ROOT,
-        env=os.environ | {"CONSOLE_TOLD": str(told), "TMPDIR": str(tmp_path)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    # The path of a socket has at most 107 bytes, which those of pytest's folders leave no room for.
+    with tempfile.TemporaryDirectory(prefix="ui-", dir="/tmp") as short:
+        ran = subprocess.run(
+            ["node", "--test", "--test-reporter=tap", str(Path(__file__).parent / "browser.test.mjs")],
+            cwd=ROOT,
+            env=os.environ | {"CONSOLE_TOLD": str(told), "TMPDIR": short},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
     assert ran.returncode == 0, ran.stdout[-6000:] + ran.stderr[-2000:]
     assert "# skipped 0" in ran.stdout
     assert int(re.findall(r"^# pass (\d+)$", ran.stdout, flags=re.MULTILINE)[0]) >= 14

@@ -16,6 +16,12 @@ from server.store.schema_version import expected_revision
 from tests.server.factories import TestClient, forest, points, put_submap
 
 OPERATIONS = {
+    "deleteSession": "delete /v1/collections/{collection}/sessions/{session}",
+    "listConstraints": "get /v1/collections/{collection}/constraints",
+    "deleteConstraint": "delete /v1/collections/{collection}/constraints/{constraint}",
+    "postOdometry": "post /v1/collections/{collection}/odometry",
+    "postMerge": "post /v1/collections/{collection}/merges",
+    "getMerge": "get /v1/collections/{collection}/merges/{merge}",
     "getLandingPage": "get /",
     "getProblem": "get /problems/{slug}",
     "getLiveness": "get /livez",

@@ -251,6 +251,12 @@ BODIES: dict[str, Any] = {
     "postReindex": {},
     "postConstraints": {},
     "postMap": {},
+    "postMerge": {"from": "robot2", "to": "robot1"},
+    "postOdometry": {
+        "edges": [
+            {"from": "p", "to": "q", "x": 1.0, "y": 0.0, "yaw": 0.0, "covariance": [0.01, 0, 0, 0, 0.01, 0, 0, 0, 1e-4]}
+        ]
+    },
     "postPoses": {"poses": [{"id": "p", "map_pose": None}]},
     "queryBatch": {"queries": [{"xy": points(forest(1))}]},
     "query": {"xy": points(forest(1))},
@@ -280,6 +286,16 @@ OWN_RULES = {
     "listFeatureCollections",
 }
 """Operations without a collection in their path: each has a test of its own."""
+PARTS = {
+    "submap": "p",
+    "stand": "s",
+    "session": "s",
+    "query": "1",
+    "rank": "1",
+    "map": "1",
+    "merge": "1",
+    "constraint": "1",
+}
 GIS = {"table": "landmarks", "kind": "landmarks", "feature": "p:0"}
 
 
@@ -294,7 +310,7 @@ def test_what_is_anothers_is_not_there(guarded: httpx.Client, app: FastAPI) -> N
         if "{collection}" not in path:
             assert operation in OWN_RULES, f"{operation} names no collection: say in a test of its own what it shows"
             continue
-        url = path.format(collection="plots", submap="p", stand="s", query="1", rank="1", map="1", **GIS)
+        url = path.format(collection="plots", **PARTS, **GIS)
         body = {"json": BODIES[operation]} if method in {"PUT", "PATCH", "POST"} else {}
         there = guarded.request(method, url, headers=foreign, **body)
         not_there = guarded.request(method, url.replace("plots", "nothing"), headers=foreign, **body)

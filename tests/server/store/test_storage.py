@@ -27,7 +27,7 @@ from server.submaps import reader, writes
 from tests.server.factories import forest, observed, points
 
 OF_ALL = ("api_keys", "collections", "jobs", "responses")
-OF_ONE = ("submaps", "map_frames", "segments", "stands", "queries")
+OF_ONE = ("submaps", "constraints", "map_frames", "segments", "stands", "queries")
 NO_WRITER = {"all_segments", "sessions", "features", "candidates"}
 
 
