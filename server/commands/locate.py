@@ -87,7 +87,7 @@ def locate(
         context = QueryContext(store, LiveIndexes(store, Metrics()), Metrics(), settings.limits)
         asked = replace(PlaceQuery.of(query, settings.limits), hints=True)
         look = look_up(context, collection, asked, to_draw=bool(svg or explain_svg))
-        placed = _placed(context, collection, (file, observation), look)
+        look, placed = _placed(context, collection, (file, observation, look), asked)
         written = list(_write(look, placed, observation.name, _Files(svg, explain_svg, pairs)))
     finally:
         store.dispose()
@@ -99,16 +99,44 @@ def locate(
         if explain:
             print_explanation(console, look.answer)
     typer.echo(f"{file.name}: {seen.understood}{_left_out(seen, observation)}", err=as_json)
-    for line in written:
+    for line in [*([placed.sentence] if as_json and placed is not None else []), *written]:
         typer.echo(line, err=as_json)
 
 
+def _in_gon(
+    context: QueryContext, collection: str, seen: tuple[StemMap, LookupResult], asked: PlaceQuery
+) -> tuple[StemMap, LookupResult] | None:
+    """The trees with azimuths in gon, and the answer for these; None if the unit of azimuths is known."""
+    observation, look = seen
+    trees = observation.in_gon()
+    if trees is None:
+        return None
+    assert asked.landmarks is not None  # the file's
+    query = replace(asked, landmarks=replace(asked.landmarks, xy=trees.xy), explain=False, hints=False)
+    if look.answer.verdict == "matched":
+        query = replace(query, effort="fast")  # only what is surely found can be better than a match
+    return trees, look_up(context, collection, query)
+
+
 def _placed(
-    context: QueryContext, collection: str, observed: tuple[Path, StemMap], look: LookupResult
-) -> PlotResult | None:
-    """The trees against all trees of the map, or the places that fit; None if nothing was found."""
-    found = look.answer.verdict != "no_match"
-    return place_observation(context, collection, *observed, look) if found else None
+    context: QueryContext,
+    collection: str,
+    seen: tuple[Path, StemMap, LookupResult],
+    asked: PlaceQuery,
+) -> tuple[LookupResult, PlotResult | None]:
+    """The answer, and the trees against all trees of the map, or the places that fit; None if nothing was found.
+
+    The answer is not matched if azimuths that name no unit fit better in gon.
+    """
+    file, observation, look = seen
+    gon = _in_gon(context, collection, (observation, look), asked)
+    if look.answer.verdict == "no_match" and (gon is None or gon[1].answer.verdict == "no_match"):
+        return look, None
+    placed = place_observation(context, collection, file, (observation, look), gon)
+    if placed.reason == "angle_unit":
+        told = {**look.members, "verdict": placed.outcome, "reason": placed.reason}
+        return replace(look, members=told), placed
+    return look, None if placed.outcome == "no_match" else placed
 
 
 def _write(look: LookupResult, placed: PlotResult | None, name: str, files: "_Files") -> Iterator[str]:

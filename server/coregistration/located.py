@@ -17,22 +17,33 @@ from urquhart.pose_covariance import PoseUncertainty
 
 
 def place_observation(
-    context: QueryContext, collection_id: str, path: Path, trees: StemMap, look: LookupResult
+    context: QueryContext,
+    collection_id: str,
+    path: Path,
+    seen: tuple[StemMap, LookupResult],
+    in_gon: tuple[StemMap, LookupResult] | None = None,
 ) -> PlotResult:
     """The result of an observation that was looked up in its own coordinates: as that of a plot of a season.
 
     Args:
         path: the file that the trees are from.
-        trees: as they were looked up.
-        look: the answer, and its candidates.
+        seen: the trees as they were looked up, and the answer with its candidates.
+        in_gon: the same in gon, if azimuths name no unit. If that fits better, the result is not matched.
 
     Raises:
         NotFound: the collection is gone.
         DomainError: the database cannot be read.
     """
+    trees, look = seen
     plot = plot_of(path, trees)
     placer = PlotPlacer(context, collection_id, SearchChoices())
-    return placer.answered(plot, _about(look, np.array(plot.centre)))
+    centre = np.array(plot.centre)
+    there = _about(look, centre)
+    result = placer.answered(plot, there)
+    if in_gon is None:
+        return result
+    other = replace(plot, trees=in_gon[0])
+    return placer.better_in_gon(plot, (result, there), (other, _about(in_gon[1], centre)))
 
 
 def _about(look: LookupResult, centre: NDArray[np.float64]) -> LookupResult:

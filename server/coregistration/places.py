@@ -4,10 +4,10 @@ import math
 from collections.abc import Callable
 from typing import Final
 
-import numpy as np
-
 from server.collections.frame_systems import FrameSystem
+from server.coregistration.plot_poses import turn_cw
 from server.coregistration.results import PossiblePlace
+from server.coregistration.season import SeasonPlot
 from server.queries.lookup import LookupResult
 from server.schemas.poses import Transform
 from server.store.records import CollectionRecord
@@ -24,11 +24,13 @@ def distinct_places(
     tx: ReadTransaction,
     collection: CollectionRecord,
     look: LookupResult,
+    plot: SeasonPlot,
     system_of: Callable[[str], FrameSystem],
 ) -> list[PossiblePlace]:
     """The places of the first candidate and of its rivals, the best first.
 
-    The query's frame has its origin at the plot's centre. `system_of` says what system a map is in.
+    `plot` is what was looked up: the query's frame has its origin at its centre. `system_of` says what system a map is
+    in.
     """
     answer = look.answer
     fits: list[tuple[str, Transform, int]] = []
@@ -48,7 +50,8 @@ def distinct_places(
             system = system_of(frame_id)
             pose = SE2(row.place.map_x, row.place.map_y, row.place.map_yaw) @ pose
         e, n = float(pose.x + system.origin[0]), float(pose.y + system.origin[1])
-        place = PossiblePlace(frame_id, submap_id, e, n, -float(np.degrees(pose.yaw)), trees, system.name)
+        turn = turn_cw(plot, pose.yaw, system)
+        place = PossiblePlace(frame_id, submap_id, e, n, turn, trees, system.name)
         if not any(is_same_place(place, other) for other in found):
             found.append(place)
     return found

@@ -1,8 +1,9 @@
 """One plot looked up in a collection and, if it is matched, fitted to all trees of the map around it."""
 
+import math
 import time
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,13 @@ from server.coregistration.places import distinct_places
 from server.coregistration.plot_poses import PlotFrame, listed, map_trees_of, plot_pose, plot_trees, pose_of, sigmas_of
 from server.coregistration.results import PlotResult, PlotTree
 from server.coregistration.season import SeasonPlot
-from server.coregistration.sentences import ambiguous_sentence, matched_sentence, unmatched_sentence
+from server.coregistration.sentences import (
+    ambiguous_sentence,
+    gon_sentence,
+    matched_sentence,
+    skipped_sentence,
+    unmatched_sentence,
+)
 from server.errors import InvalidLandmarks
 from server.index.row_decoding import config_of
 from server.queries.lookup import LookupResult, QueryContext, look_up
@@ -54,7 +61,7 @@ class PlotPlacer:
         with context.database.read() as tx:
             collection = get_collection(tx, collection_id)
         # A collection that changed may hold plots elsewhere, so its revision is part of every key.
-        self._common = f"4 {collection_id} {collection.key} {collection.revision} {choices!r}"
+        self._common = f"5 {collection_id} {collection.key} {collection.revision} {choices!r}"
         self._systems: dict[str, FrameSystem] = {}
 
     def key(self, plot: SeasonPlot) -> str:
@@ -64,7 +71,8 @@ class PlotPlacer:
         names = "\n".join(
             (self._common, str(plot.path), plot.name, str(trees.crs), repr((plot.centre, plot.is_local)), *trees.ids)
         )
-        return digest(names.encode(), pack_positions(trees.xy), dbh)
+        azimuths = None if trees.assumed_azimuths is None else trees.assumed_azimuths.tobytes()
+        return digest(f"{trees.skipped} {names}".encode(), pack_positions(trees.xy), dbh, azimuths)
 
     def place(self, plot: SeasonPlot) -> PlotResult:
         """Look the plot up, and fit it to the map if it is matched. A plot that cannot be looked up is `failed`.
@@ -80,11 +88,14 @@ class PlotPlacer:
             what = f"the plot has {len(plot.trees)} trees, more than the {limit} that a query may have: cut it"
             return replace(result, outcome="failed", reason="too_many_trees", sentence=what)
         try:
-            near = self._near(plot)
-            look = near if near is not None and near.answer.verdict == "matched" else self._everywhere(plot)
-            if near is not None and near.answer.verdict == "ambiguous" and look.answer.verdict != "matched":
-                look = near
-            result = self._answered(plot, replace(result, searched="near" if look is near else "everywhere"), look)
+            look, searched = self._looked_up(plot, self._choices.effort)
+            result = self._answered(plot, replace(result, searched=searched), look)
+            in_gon = plot.trees.in_gon()
+            if in_gon is not None:
+                # Only what is surely found can be better than a match, and `fast` finds that in a part of the time.
+                effort = "fast" if look.answer.verdict == "matched" else self._choices.effort
+                other = replace(plot, trees=in_gon)
+                result = self.better_in_gon(plot, (result, look), (other, self._looked_up(other, effort)[0]))
         except InvalidLandmarks as error:
             result = replace(result, outcome="failed", reason="invalid_trees", sentence=str(error))
         return replace(result, seconds=round(time.perf_counter() - began, 3))
@@ -92,6 +103,28 @@ class PlotPlacer:
     def answered(self, plot: SeasonPlot, look: LookupResult) -> PlotResult:
         """The result of a plot that was looked up in a frame with its origin at the plot's centre."""
         return self._answered(plot, self._unplaced(plot), look)
+
+    def better_in_gon(
+        self, plot: SeasonPlot, degrees: tuple[PlotResult, LookupResult], gon: tuple[SeasonPlot, LookupResult]
+    ) -> PlotResult:
+        """The result of a plot whose azimuths were taken for degrees; if they fit better in gon, one that says so.
+
+        Azimuths below 360 may be either. What was made in gon and is read in degrees has part of its trees in place,
+        so it may be matched with a confidence of 0.999, turned by up to 36 degrees.
+
+        Args:
+            plot: as it was looked up in degrees; `degrees` is the result of that, and the answer.
+            gon: the same plot in gon, and its answer.
+        """
+        (result, look), (in_gon, there) = degrees, gon
+        if there.answer.verdict == "no_match" or _log_odds(there) <= _log_odds(look):
+            return result
+        count = _found(self._answered(in_gon, self._unplaced(in_gon), there), there)
+        sentence = gon_sentence(len(plot.trees), count, _found(result, look))
+        if result.outcome == "no_match":
+            return replace(result, reason="angle_unit", sentence=f"not found: {sentence}")
+        bare = replace(self._unplaced(plot), searched=result.searched)
+        return replace(bare, outcome="ambiguous", reason="angle_unit", sentence=sentence)
 
     def _unplaced(self, plot: SeasonPlot) -> PlotResult:
         """The result of a plot as far as it is known without a search."""
@@ -114,7 +147,7 @@ class PlotPlacer:
                     trees.ids, trees.xy.tolist(), listed(trees.dbh_cm, len(trees)), strict=True
                 )
             ],
-            notes=[unused] if unused else [],
+            notes=[*([unused] if unused else []), *([skipped_sentence(trees.skipped)] if trees.skipped else [])],
         )
 
     def _nominal(self, plot: SeasonPlot) -> tuple[NominalPosition | None, str]:
@@ -126,10 +159,17 @@ class PlotPlacer:
             system = self._system(tx, get_collection(tx, self._collection_id), nominal.frame_id)
         return nominal.position(plot, system), nominal.unused(plot, system)
 
-    def _everywhere(self, plot: SeasonPlot) -> LookupResult:
-        return look_up(self._context, self._collection_id, self._query(plot), budget=self._budget)
+    def _looked_up(self, plot: SeasonPlot, effort: Effort) -> tuple[LookupResult, Literal["near", "everywhere"]]:
+        """The answer for a plot, and where it was searched."""
+        near = self._near(plot, effort)
+        if near is not None and near.answer.verdict == "matched":
+            return near, "near"
+        look = look_up(self._context, self._collection_id, self._query(plot, effort), budget=self._budget)
+        if near is not None and near.answer.verdict == "ambiguous" and look.answer.verdict != "matched":
+            return near, "near"
+        return look, "everywhere"
 
-    def _near(self, plot: SeasonPlot) -> LookupResult | None:
+    def _near(self, plot: SeasonPlot, effort: Effort) -> LookupResult | None:
         """The answer where the plot ought to be; None if nothing says where, or the map does not reach there."""
         nominal = self._choices.nominal
         if nominal is None:
@@ -139,19 +179,17 @@ class PlotPlacer:
         prior = nominal.prior(plot, system)
         if prior is None:
             return None
-        query = replace(self._query(plot), prior=prior)
+        query = replace(self._query(plot, effort), prior=prior)
         return look_up(self._context, self._collection_id, query, budget=self._budget)
 
-    def _query(self, plot: SeasonPlot) -> PlaceQuery:
+    def _query(self, plot: SeasonPlot, effort: Effort) -> PlaceQuery:
         """The query of a plot. Its frame has its origin at the plot's centre, which poses are then about."""
         trees, chosen = plot.trees, self._choices
         diameters = None if trees.dbh_cm is None else trees.dbh_cm / 100.0
         if diameters is not None and np.isnan(diameters).all():
             diameters = None
         landmarks = QueryLandmarks(trees.xy - np.array(plot.centre), diameters, list(trees.ids))
-        return PlaceQuery(
-            landmarks, effort=chosen.effort, min_confidence=chosen.min_confidence, seed=chosen.seed, pairs=False
-        )
+        return PlaceQuery(landmarks, effort=effort, min_confidence=chosen.min_confidence, seed=chosen.seed, pairs=False)
 
     def _answered(self, plot: SeasonPlot, result: PlotResult, look: LookupResult) -> PlotResult:
         """The result of a plot whose query was answered."""
@@ -162,7 +200,7 @@ class PlotPlacer:
         with self._context.database.read() as tx:
             collection = get_collection(tx, self._collection_id)
             if answer.verdict == "ambiguous":
-                places = distinct_places(tx, collection, look, lambda frame: self._system(tx, collection, frame))
+                places = distinct_places(tx, collection, look, plot, lambda frame: self._system(tx, collection, frame))
                 return replace(result, places=places, sentence=ambiguous_sentence(answer, places))
             return self._fitted(plot, result, look, tx, collection)
 
@@ -220,6 +258,18 @@ class PlotPlacer:
         if frame_id not in self._systems:
             self._systems[frame_id] = frame_systems(tx, collection, [frame_id])[frame_id]
         return self._systems[frame_id]
+
+
+def _log_odds(look: LookupResult) -> float:
+    """The evidence for the best candidate of an answer."""
+    return look.answer.candidates[0].log_odds if look.answer.candidates else -math.inf
+
+
+def _found(result: PlotResult, look: LookupResult) -> int:
+    """Trees of a plot that are in the map, in the best place that was found."""
+    if result.pose is not None:
+        return result.inliers
+    return look.answer.candidates[0].inlier_count if look.answer.verdict != "no_match" else 0
 
 
 def _nearest_trees(there: MapTrees, middle: NDArray[np.float64]) -> MapTrees:

@@ -77,11 +77,21 @@ def plot_pose(plot: SeasonPlot, map_T_plot: SE2, sigmas: NDArray[np.float64] | N
         nominal_e, nominal_n = e - shift_e, n - shift_n
     elif (own := frame.system.point_of(plot.trees.crs, plot.centre)) is not None:
         shift_e, shift_n = e - own[0][0], n - own[0][1]
-    turn = -math.degrees(map_T_plot.yaw)
+    turn = turn_cw(plot, map_T_plot.yaw, frame.system)
     return PlotPose(
         *(frame.frame_id, crs, e, n, shift_e, shift_n, turn, nominal_e, nominal_n),
         *(sigma_e, sigma_n, sigma_turn, matrix),
     )
+
+
+def turn_cw(plot: SeasonPlot, yaw: float, system: FrameSystem) -> float:
+    """Degrees clockwise that a plot is turned by in the map, after its coordinates are converted to the map's system.
+
+    `yaw`, radians, counter-clockwise, is the rotation from the plot's own axes. Grids have norths of their own: at the
+    edge of a UTM zone they differ by 3 degrees from those of the next.
+    """
+    own = None if plot.is_local else system.point_of(plot.trees.crs, plot.centre)
+    return -math.degrees(math.remainder(yaw - (0.0 if own is None else own[1]), 2.0 * math.pi))
 
 
 def plot_trees(plot: SeasonPlot, fit: MapFit, there: MapTrees, system: FrameSystem) -> list[PlotTree]:

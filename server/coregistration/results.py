@@ -21,7 +21,8 @@ class PlotPose:
         e, n: the plot's centre in the map.
         shift_e, shift_n: that, less where the plot ought to be, or the centre in its own coordinates, converted to the
             map's system; None if they cannot be.
-        turn_cw: rotation from the plot's axes to the map's, clockwise.
+        turn_cw: rotation from the plot's axes to the map's, clockwise, after the plot's coordinates are converted to
+            the map's system, as for the shift.
         nominal_e, nominal_n: where that centre ought to be by what is known of the plot; None if nothing is.
         sigma_e, sigma_n, sigma_turn: one standard deviation of centre and rotation; None if not known.
         matrix: (4, 4), row by row: homogeneous coordinates of the plot to those of the map; heights stay.

@@ -1,5 +1,6 @@
 """A season's plots, read from files that each hold one plot or many. A plot that cannot be read keeps no other back."""
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
@@ -171,7 +172,12 @@ def plot_of(path: Path, trees: StemMap) -> SeasonPlot:
 def _plots_at_fault(rows: TreeRows) -> dict[str, str]:
     """By the names of plots, why they cannot be used; rows of no plot go by the file's name."""
     if rows.options.skip_bad:
-        return {}
+        there = set(rows.plots or (rows.path.stem,) * len(rows))
+        return {
+            name: f"{rows.path}: none of the {count} rows of the plot {name!r} can be read"
+            for name, count in _skipped(rows).items()
+            if name not in there
+        }
     by_plot: dict[str, list[BadRow]] = {}
     for row in rows.bad_rows:
         by_plot.setdefault(rows.plot_of_line.get(row.line) or rows.path.stem, []).append(row)
@@ -180,15 +186,26 @@ def _plots_at_fault(rows: TreeRows) -> dict[str, str]:
     return {name: str(refusal(rows.path, found)) for name, found in by_plot.items()}
 
 
+def _skipped(rows: TreeRows) -> dict[str, int]:
+    """By the names of plots, how many of their rows are left out; rows of no plot count only in a file that is one."""
+    if not rows.options.skip_bad:
+        return {}
+    lines = {row.line for row in rows.bad_rows}
+    if rows.plots is None:
+        return {rows.path.stem: len(lines)}
+    return Counter(plot for line in lines if (plot := rows.plot_of_line.get(line)))
+
+
 def _plots_of(rows: TreeRows, leave_out: set[str]) -> list[SeasonPlot]:
     """The plots of a file, in their order, without some."""
-    whole = stem_map_of(rows)
+    whole, skipped = stem_map_of(rows), _skipped(rows)
     of_tree = np.asarray(rows.plots if rows.plots is not None else [rows.path.stem] * len(rows), dtype=object)
     plots: list[SeasonPlot] = []
     for name in dict.fromkeys(of_tree.tolist()):
         if name in leave_out:
             continue
         one = replace(whole.chosen(np.flatnonzero(of_tree == name)), name=name, plots=None)
+        one = replace(one, skipped=skipped.get(name, 0))
         if rows.ids_have_plots:
             one = replace(one, ids=tuple(tree.removeprefix(f"{name}-") for tree in one.ids))
         trees = without_twins(one)

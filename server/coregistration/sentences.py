@@ -50,6 +50,21 @@ def ambiguous_sentence(answer: QueryAnswer, places: list[PossiblePlace]) -> str:
     )
 
 
+def gon_sentence(trees: int, in_gon: int, in_degrees: int) -> str:
+    """That azimuths, whose unit nobody named, fit better in gon: by numbers of trees that are in the map."""
+    return (
+        f"the azimuths, which name no unit, fit better in gon ({in_gon} of {trees} trees instead of {in_degrees}): say "
+        "--angle gon, or --angle deg to keep degrees"
+    )
+
+
+def skipped_sentence(rows: int) -> str:
+    """That rows of a plot were left out, so that its trees there are missing."""
+    which = "1 row of this plot could not be read and is" if rows == 1 else (
+        f"{rows} rows of this plot could not be read and are")  # fmt: skip
+    return f"{which} left out, so trees there seem to be only in the map"
+
+
 def unmatched_sentence(answer: QueryAnswer) -> str:
     """Why a plot was not found."""
     why = REASONS.get(answer.reason, answer.reason)

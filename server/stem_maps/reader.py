@@ -42,6 +42,8 @@ class StemMap:
         plots: the name of each tree's plot, if each plot is to be a submap of its own; else None.
         own_frames: whether each plot has a frame of its own, because their coordinates overlap.
         centres: (N, 2) float64, metres, frame of `xy`: where each tree was measured from, or None.
+        assumed_azimuths: (N,) float64, degrees clockwise from north: azimuths that `xy` were computed from, if they
+            were taken for degrees because nobody named their unit; else None.
         crs: the coordinate reference system of `xy`, as a code or a name; None if it is not known.
         source_hash: digest of the file's bytes; empty for a map that came from no file.
         understood: one line: what was read as what, what is not used, and what was passed over.
@@ -58,6 +60,7 @@ class StemMap:
     plots: tuple[str, ...] | None = None
     own_frames: bool = False
     centres: NDArray[np.float64] | None = None
+    assumed_azimuths: NDArray[np.float64] | None = None
     crs: str | None = None
     source_hash: str = ""
     understood: str = ""
@@ -79,7 +82,18 @@ class StemMap:
             species=None if self.species is None else tuple(self.species[tree] for tree in rows),
             plots=None if self.plots is None else tuple(self.plots[tree] for tree in rows),
             centres=None if self.centres is None else self.centres[rows],
+            assumed_azimuths=None if self.assumed_azimuths is None else self.assumed_azimuths[rows],
         )
+
+    def in_gon(self) -> "StemMap | None":
+        """The map with its azimuths read in gon; None if they are known to be degrees, or positions are not polar."""
+        if self.assumed_azimuths is None or self.centres is None or not len(self):
+            return None
+        # 1 gon is 0.9 degrees, so each tree turns back, counter-clockwise, by a tenth of its azimuth.
+        turn, (x, y) = np.radians(0.1 * self.assumed_azimuths), (self.xy - self.centres).T
+        c, s = np.cos(turn), np.sin(turn)
+        turned = np.column_stack([c * x - s * y, s * x + c * y])
+        return replace(self, xy=self.centres + turned, assumed_azimuths=None)
 
 
 def read_stem_map(path: Path, options: ReadOptions = DEFAULTS, *, allow_empty: bool = False) -> StemMap:
@@ -163,6 +177,7 @@ def stem_map_of(rows: TreeRows) -> StemMap:
         plots=tuple(rows.plots) if rows.plots is not None and rows.by_plot else None,
         own_frames=rows.own_frames,
         centres=rows.centres,
+        assumed_azimuths=rows.assumed_azimuths,
         crs=rows.crs,
         source_hash=file_digest(rows.path),
         understood=rows.told(),

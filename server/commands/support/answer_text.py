@@ -4,6 +4,7 @@ from rich.console import Console
 from rich.table import Table
 
 from server.commands.support.pose_text import pose_lines
+from server.coregistration.outputs.diameters import diameter_unit
 from server.coregistration.results import PlotResult
 from server.schemas.queries import QueryAnswer
 from urquhart.report.explanation import sentence as reason_sentence
@@ -11,7 +12,7 @@ from urquhart.verify.distortion import WARNINGS
 
 
 def print_answer(console: Console, answer: QueryAnswer, placed: PlotResult | None) -> None:
-    """Print an answer; `placed`: the same, against all trees of the map there, unless it is `no_match`."""
+    """Print an answer; `placed`: the same, against all trees of the map there, unless nothing can be said of that."""
     console.print(f"[bold]{answer.verdict}[/bold] ({answer.reason}), {answer.landmark_count} trees", highlight=False)
     for line in answer_lines(answer, placed):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
@@ -28,6 +29,7 @@ def answer_lines(answer: QueryAnswer, placed: PlotResult | None) -> list[str]:
     if answer.verdict == "matched" and best is not None:
         lines += pose_lines(best)
         lines += _found_lines(answer, placed)
+        lines += [] if placed is None else diameter_unit(placed)
     warned = best.warnings if answer.verdict == "matched" and best is not None else []
     lines += [f"warning: {WARNINGS[word]} ({word})" for word in (*answer.warnings, *warned)]
     if answer.verdict == "no_match" and answer.search is not None:
@@ -35,7 +37,7 @@ def answer_lines(answer: QueryAnswer, placed: PlotResult | None) -> list[str]:
         effort = "" if answer.search.stopped_by == "window" else f"effort {answer.effort}: "
         lines.append(f"{effort}{answer.search.sentence}" if began else reason_sentence(answer.reason))
     lines += [f"hint: {hint.sentence}" for hint in answer.hints]
-    if answer.verdict == "ambiguous" and placed is not None:
+    if answer.verdict != "matched" and placed is not None:
         lines.append(placed.sentence)
         lines += [
             f"possible place: {e:.3f} E, {n:.3f} N in {one.frame_id} ({one.submap_id}), turn {one.turn_cw:.2f} "

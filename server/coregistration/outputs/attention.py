@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from server.coregistration.outputs.diameters import diameter_unit
 from server.coregistration.results import PlotResult
 from urquhart.verify.distortion import WARNINGS
 
@@ -63,7 +64,7 @@ def _reasons(results: Sequence[PlotResult]) -> list[list[str]]:
             names = _named([results[other].name for other in overlaid[at]])
             why.append(f"is placed where {names} is, too: only one of them can be there")
         why += [WARNINGS[word] for word in result.warnings]
-        why += [*result.notes, *_elsewhere(result)]
+        why += [*result.notes, *_elsewhere(result), *diameter_unit(result)]
         if unusual[at]:
             why.append(unusual[at])
         if result.outcome == "matched" and result.share is not None and result.share < _LOW_SHARE:

@@ -44,6 +44,8 @@ class Positions:
         told: the columns and units, in words.
         centres_xy: (N, 2) float64, metres, after `compute`: the centre that each row was measured from; None unless
             positions are polar.
+        assumed_azimuths: (N,) float64, degrees, after `compute`: azimuths that were taken for degrees because nobody
+            named their unit; else None.
         crs: the system of the result, by code or name; None if it is not known.
     """
 
@@ -58,6 +60,7 @@ class Positions:
     told: str = ""
     crs: str | None = None
     centres_xy: NDArray[np.float64] | None = None
+    assumed_azimuths: NDArray[np.float64] | None = None
     factor: float = field(default=1.0, repr=False)
 
     @property
@@ -166,6 +169,7 @@ class Positions:
         """
         path, names = self.table.path, self.columns.names
         unit = check_angles(path, numbers["azimuth"], self.columns.units.get("azimuth"), names["azimuth"])
+        self.assumed_azimuths = None if "azimuth" in self.columns.units else numbers["azimuth"]
         length = self.columns.units.get("distance") or self.options.unit or "m"
         distance = numbers["distance"] * METRES[length]
         bad_rows += [BadRow(line, names["distance"], "is negative") for line in self.table.lines[distance < 0].tolist()]

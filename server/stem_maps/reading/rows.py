@@ -49,7 +49,7 @@ def read_rows(table: FileTable, columns: Columns, options: ReadOptions, centres:
 
     xy = positions.compute({key: number(key) for key in read}, bad_rows)
     trees = TreeRows(table.path, columns, options, table.lines, [], xy, positions, bad_rows=bad_rows, notes=notes)
-    trees.centres = positions.centres_xy
+    trees.centres, trees.assumed_azimuths = positions.centres_xy, positions.assumed_azimuths
     trees.notes += [style.told()] if style.told() else []
     _check_coordinates(trees, table)
     if "dbh" in rest:

@@ -37,6 +37,7 @@ class TreeRows:
         notes: what else is told.
         bad_rows: rows that cannot be used.
         centres: (N, 2) float64, metres, the centre that each tree was measured from; None if there is none.
+        assumed_azimuths: (N,) float64, degrees, azimuths that were taken for degrees because nobody named their unit.
         plot_of_line: the plots of `bad_rows`, as far as they are known, by line.
         ids_have_plots: whether the plot's name was put before each id, because ids repeat between plots.
         neighbours: a tree for the search of neighbours, built once and kept; see `plausibility.neighbour_tree`.
@@ -62,6 +63,7 @@ class TreeRows:
     notes: list[str] = field(default_factory=list)
     bad_rows: list[BadRow] = field(default_factory=list)
     centres: NDArray[np.float64] | None = None
+    assumed_azimuths: NDArray[np.float64] | None = None
     plot_of_line: dict[int, str] = field(default_factory=dict)
     ids_have_plots: bool = False
     neighbours: cKDTree | None = field(default=None, repr=False)
@@ -141,6 +143,7 @@ def _choose(trees: TreeRows, rows: list[int], thickest: list[int]) -> None:
     trees.ids = [trees.ids[row] for row in rows]
     trees.xy = trees.xy[stems]
     trees.centres = None if trees.centres is None else trees.centres[stems]
+    trees.assumed_azimuths = None if trees.assumed_azimuths is None else trees.assumed_azimuths[stems]
     trees.dbh_cm = None if trees.dbh_cm is None else trees.dbh_cm[stems]
     trees.height_m = None if trees.height_m is None else trees.height_m[stems]
     trees.species = None if trees.species is None else [trees.species[row] for row in rows]

@@ -96,6 +96,7 @@ def test_plots_of_another_system_are_converted_too(place: Urquhart, tmp_path: Pa
             assert np.hypot(float(row["x"]) - own[0], float(row["y"]) - own[1]) < 10.0
             shift = (MOVED.inverse().x, MOVED.inverse().y)
             assert (float(row["dE"]), float(row["dN"])) == pytest.approx(shift, abs=0.6)
+            assert float(row["turn_cw_deg"]) == pytest.approx(np.degrees(MOVED.yaw), abs=0.3)  # grids differ by 4 deg
     said = place(path)  # as if they were in the map's system
     assert said.out.count("look at P") == 3
     assert "km from its own coordinates: check them, and the system" in said.out
