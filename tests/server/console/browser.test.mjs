@@ -397,8 +397,33 @@ test("jobs show their progress and what they refused, and operations how the ser
     await accessible(page);
     await page.getByRole("link", { name: "Operations" }).click();
     await page.getByText("Verdicts since the start").waitFor();
+    await page.getByRole("button", { name: /^Show all/ }).click();
     await page.getByRole("cell", { name: "POST /v1/collections/{collection}/queries" }).first().waitFor();
     await accessible(page);
+  });
+});
+
+test("a coregistration shows its files, the report first, and warns of plots that were not read", async () => {
+  await onPage(told.open, { acceptDownloads: true }, async (page) => {
+    const rows = told.seen.map(([x, y], at) => `P1,${at},${x},${y}`);
+    const data = Buffer.from(["plot,tag,x,y", ...rows, "P2,1,bad,3"].join("\n"));
+    const headers = { "Content-Type": "application/octet-stream" };
+    const begun = await page.request.post("/v1/collections/plots/coregistrations?file=season.csv", { data, headers });
+    assert.equal(begun.status(), 202, await begun.text());
+    const { id } = await begun.json();
+    await page.goto(`/ui/jobs/${id}`);
+    await page.getByRole("heading", { name: "Files" }).waitFor();
+    const report = page.getByRole("main").getByRole("listitem").first().getByRole("link");
+    await report.waitFor();
+    assert.equal(await report.innerText(), "report.html");
+    const [download] = await Promise.all([page.waitForEvent("download"), report.click()]);
+    assert.match(readFileSync(await download.path(), "utf8"), /<html/);
+    await page.getByRole("cell", { name: "P2", exact: true }).waitFor();
+    assert.equal(await page.locator(".warns").innerText(), "1");
+    await accessible(page);
+    await page.goto("/ui/jobs");
+    await page.getByRole("link", { name: "coregistration" }).waitFor();
+    assert.equal(await page.locator("td .warns").filter({ hasText: "1" }).count(), 2);
   });
 });
 

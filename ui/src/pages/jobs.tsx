@@ -9,11 +9,13 @@ import { ago, count, duration, moment } from "../parts/text";
 import { api, sentenceOf } from "../service/api";
 import { useLoaded } from "../service/load";
 import type { Session } from "../service/session";
+import { Files, NotUsed, Unused, unused } from "./job-files";
 
 type Job = Schemas["JobAnswer"];
 
 const UNDER_WAY = new Set(["accepted", "running"]);
 const STATES = ["accepted", "running", "successful", "failed", "dismissed"] as const;
+const AMISS = new Set(["refused", "not_read", "failed"]);
 const SOON = 1.5;
 const LATER = 10;
 const PAGE = 50;
@@ -61,7 +63,7 @@ export function JobsPage() {
                       <th scope="col">Collection</th>
                       <th scope="col">State</th>
                       <th scope="col">Progress</th>
-                      <th scope="col" class="number">Refused</th>
+                      <th scope="col" class="number">Refused or not read</th>
                       <th scope="col" class="number">Begun</th>
                     </tr>
                   </thead>
@@ -80,7 +82,9 @@ export function JobsPage() {
                         <td>
                           <Progress job={job} />
                         </td>
-                        <td class="number">{count(job.counts.refused ?? 0)}</td>
+                        <td class="number">
+                          <Unused value={unused(job)} />
+                        </td>
                         <td class="number" title={moment(job.created)}>
                           {ago(job.created)}
                         </td>
@@ -181,7 +185,7 @@ function JobDetails({ job, session, onChange }: { readonly job: Job; readonly se
         <Progress job={job} />
         <Facts
           rows={[
-            ...Object.entries(job.counts).map(([name, value]) => [name.replaceAll("_", " "), count(value)] as const),
+            ...Object.entries(job.counts).map(([name, value]) => [name.replaceAll("_", " "), AMISS.has(name) ? <Unused value={value} /> : count(value)] as const),
             ["Accepted", moment(job.created)],
             ...(job.started ? ([["Started", moment(job.started)]] as const) : []),
             ...(job.finished ? ([["Ended", moment(job.finished)]] as const) : []),
@@ -189,6 +193,12 @@ function JobDetails({ job, session, onChange }: { readonly job: Job; readonly se
           ]}
         />
       </section>
+      {job.links.files != null && job.state === "successful" && (
+        <>
+          <Files job={job} />
+          {unused(job) > 0 && <NotUsed job={job} />}
+        </>
+      )}
       {(job.counts.refused ?? 0) > 0 && <Refused job={job} />}
     </>
   );
