@@ -99,7 +99,7 @@ def locate(
         if explain:
             print_explanation(console, look.answer)
     typer.echo(f"{file.name}: {seen.understood}{_left_out(seen, observation)}", err=as_json)
-    for line in [*([placed.sentence] if as_json and placed is not None else []), *written]:
+    for line in [*([placed.sentence] if as_json and placed and placed.reason == "angle_unit" else []), *written]:
         typer.echo(line, err=as_json)
 
 
