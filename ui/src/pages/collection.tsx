@@ -3,7 +3,7 @@
 import { useState } from "preact/hooks";
 import { ok, type Schemas } from "urquhart-client";
 
-import { Dialog, Facts, Message, Ready, Title } from "../parts/common";
+import { Dialog, Facts, Message, Pager, Ready, Title } from "../parts/common";
 import { at, go, Link, setQuery, useAddress } from "../parts/router";
 import { ago, count, moment, plural } from "../parts/text";
 import { api, sentenceOf } from "../service/api";
@@ -130,18 +130,7 @@ function Submaps({ collection, revision }: { readonly collection: string; readon
                   </tbody>
                 </table>
               </div>
-              <p class="actions">
-                {cursor && (
-                  <button type="button" class="quiet" onClick={() => setQuery({ cursor: null })}>
-                    First page
-                  </button>
-                )}
-                {page.next && (
-                  <button type="button" class="quiet" onClick={() => setQuery({ cursor: page.next ?? null })}>
-                    Next page
-                  </button>
-                )}
-              </p>
+              <Pager cursor={cursor} next={page.next} first="First page" more="Next page" />
             </>
           )
         }

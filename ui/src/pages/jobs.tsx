@@ -3,7 +3,7 @@
 import { useState } from "preact/hooks";
 import { ok, type Schemas } from "urquhart-client";
 
-import { Facts, Message, Ready, Title } from "../parts/common";
+import { Facts, Message, Pager, Ready, Title } from "../parts/common";
 import { at, Link, setQuery, useAddress } from "../parts/router";
 import { ago, count, duration, moment } from "../parts/text";
 import { api, sentenceOf } from "../service/api";
@@ -93,18 +93,7 @@ export function JobsPage() {
                   </tbody>
                 </table>
               </div>
-              <p class="actions">
-                {cursor && (
-                  <button type="button" class="quiet" onClick={() => setQuery({ cursor: null })}>
-                    Newest jobs
-                  </button>
-                )}
-                {page.next && (
-                  <button type="button" class="quiet" onClick={() => setQuery({ cursor: page.next ?? null })}>
-                    Older jobs
-                  </button>
-                )}
-              </p>
+              <Pager cursor={cursor} next={page.next} first="Newest jobs" more="Older jobs" />
             </>
           )
         }

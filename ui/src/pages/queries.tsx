@@ -2,7 +2,7 @@
 
 import { ok } from "urquhart-client";
 
-import { Message, Ready, Title } from "../parts/common";
+import { Message, Pager, Ready, Title } from "../parts/common";
 import { at, Link, setQuery, useAddress } from "../parts/router";
 import { ago, count, duration, moment, percent } from "../parts/text";
 import { api } from "../service/api";
@@ -99,18 +99,7 @@ export function QueriesPage({ collection }: { readonly collection: string }) {
                   </tbody>
                 </table>
               </div>
-              <p class="actions">
-                {cursor && (
-                  <button type="button" class="quiet" onClick={() => setQuery({ cursor: null })}>
-                    Newest queries
-                  </button>
-                )}
-                {page.next && (
-                  <button type="button" class="quiet" onClick={() => setQuery({ cursor: page.next ?? null })}>
-                    Older queries
-                  </button>
-                )}
-              </p>
+              <Pager cursor={cursor} next={page.next} first="Newest queries" more="Older queries" />
             </>
           )
         }

@@ -5,6 +5,7 @@ import { useContext, useEffect, useRef, useState } from "preact/hooks";
 
 import { sentenceOf } from "../service/api";
 import type { Loaded } from "../service/load";
+import { setQuery } from "./router";
 
 export function Title({ children }: { readonly children: string }) {
   useEffect(() => {
@@ -91,6 +92,30 @@ export function Facts({ rows }: { readonly rows: readonly (readonly [string, Com
         </div>
       ))}
     </dl>
+  );
+}
+
+/** The buttons below a page of a list, whose cursor is in the address. */
+export function Pager(props: {
+  readonly cursor: string | null;
+  readonly next: string | null | undefined;
+  readonly first: string;
+  readonly more: string;
+}) {
+  const { cursor, next, first, more } = props;
+  return (
+    <p class="actions">
+      {cursor && (
+        <button type="button" class="quiet" onClick={() => setQuery({ cursor: null })}>
+          {first}
+        </button>
+      )}
+      {next && (
+        <button type="button" class="quiet" onClick={() => setQuery({ cursor: next })}>
+          {more}
+        </button>
+      )}
+    </p>
   );
 }
 
