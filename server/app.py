@@ -25,7 +25,7 @@ from server.http.admission.revocation import watch_keys
 from server.http.body_limit import BodyLimit
 from server.http.browser_protection import KnownHosts, SafeAnswers
 from server.http.compression import DeflateAnswers, InflateRequests
-from server.http.documentation.openapi_document import openapi_document
+from server.http.documentation.openapi_document import EncodedDocument, openapi_document
 from server.http.request_logging import RequestLogging
 from server.index.live_indexes import LiveIndexes
 from server.index.maintenance import Maintenance
@@ -129,6 +129,7 @@ def create_app(settings: Settings, exchange: MetricsExchange | None = None, *, c
         openapi_tags=_TAGS,
         lifespan=_lifespan,
         redirect_slashes=False,
+        openapi_url=None,  # the framework would make and encode the document in the event loop
         docs_url=None,
         redoc_url=None,
     )
@@ -144,6 +145,7 @@ def create_app(settings: Settings, exchange: MetricsExchange | None = None, *, c
     problems.install(app)
     _add_middleware(app, service)
     app.openapi = lambda: openapi_document(app)  # type: ignore[method-assign]
+    app.state.openapi = EncodedDocument(app)
     return app
 
 

@@ -123,7 +123,9 @@ def examine(url: str, *, rounds: int, each: int, seed: int) -> SeenCase:
 
 def schema_of(url: str) -> Any:
     """What the server at `url` says of itself, to draw from."""
-    schema = schemathesis.openapi.from_dict(httpx.get(f"{url}/openapi.json").raise_for_status().json())
+    schema = schemathesis.openapi.from_dict(
+        httpx.get(f"{url}/openapi.json", timeout=_TIMEOUT).raise_for_status().json()
+    )
     schema.config.update(base_url=url)
     return schema
 

@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Path, Response
+from fastapi import APIRouter, Path, Request, Response
 from fastapi.openapi.docs import get_swagger_ui_html
 
 from server.collections import crud
@@ -10,6 +10,7 @@ from server.errors import NotFound
 from server.http.authorization import GuardedRoute
 from server.http.browser_protection import page_policy
 from server.http.documentation import html_pages
+from server.http.documentation.openapi_document import EncodedDocument
 from server.http.negotiation import HTML, JSON, choose
 from server.http.responses import json_response, problems
 from server.problem_types import PROBLEM_TYPES
@@ -18,6 +19,8 @@ from server.routes.dependencies import Accept, ServiceDep, VisitorDep
 
 router = APIRouter(route_class=GuardedRoute, tags=["pages"])
 
+OPENAPI = "/openapi.json"
+"""Where the OpenAPI document is."""
 ASSETS = "/docs/assets"
 """Where scripts and styles of the documentation are served."""
 
@@ -49,11 +52,18 @@ def landing_page(service: ServiceDep, visitor: VisitorDep, accept: Accept = None
     return json_response(html_pages.landing_json(page, service.settings.docs_url or "/docs"), headers=headers)
 
 
+@router.get(OPENAPI, include_in_schema=False)
+def openapi_json(request: Request) -> Response:
+    """The OpenAPI document."""
+    encoded: EncodedDocument = request.app.state.openapi
+    return json_response(encoded.read())
+
+
 @router.get("/docs", include_in_schema=False)
 def api_docs() -> Response:
     """The interactive documentation: every route, with examples that can be sent from the page."""
     page = get_swagger_ui_html(
-        openapi_url="/openapi.json",
+        openapi_url=OPENAPI,
         title="Urquhart API",
         swagger_js_url=f"{ASSETS}/swagger-ui-bundle.js",
         swagger_css_url=f"{ASSETS}/swagger-ui.css",

@@ -1,7 +1,9 @@
 """The OpenAPI document: as the framework makes it of the routes, plus types, problems and scopes it does not know."""
 
+import threading
 from typing import Any
 
+import orjson
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 
@@ -13,6 +15,22 @@ from server.schemas.files.coregistrations import PlotRow
 from server.schemas.jobs import LineResult
 from server.schemas.submaps import NamedSubmap
 from server.security.operation_scopes import SCOPES
+
+
+class EncodedDocument:
+    """The document as bytes of JSON, made at the first request for it and kept."""
+
+    def __init__(self, app: FastAPI) -> None:
+        self._app = app
+        self._lock = threading.Lock()
+        self._made: bytes | None = None
+
+    def read(self) -> bytes:
+        """The document. The first call takes 0.6 s, so this is for threads and not for the event loop."""
+        with self._lock:
+            if self._made is None:
+                self._made = orjson.dumps(openapi_document(self._app))
+            return self._made
 
 
 def openapi_document(app: FastAPI) -> dict[str, Any]:

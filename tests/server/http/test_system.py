@@ -3,13 +3,16 @@
 import re
 import threading
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import httpx
 import pytest
+from fastapi import FastAPI
 
 from server.app import create_app
 from server.errors import StorageDamaged
+from server.http.documentation import openapi_document
 from server.problem_types import PROBLEM_TYPES, TABLE
 from server.service_parts import Service
 from server.store.schema_version import expected_revision
@@ -229,6 +232,25 @@ def test_openapi_is_stable_and_has_examples(client: httpx.Client) -> None:
         for status, response in operation["responses"].items():
             check_response(name, status, response)
         assert "500" in operation["responses"], name
+
+
+def test_the_event_loop_is_free_while_the_openapi_document_is_made(
+    app: FastAPI, client: httpx.Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked, alive = threading.Event(), threading.Event()
+
+    def slowly(app: FastAPI) -> dict[str, Any]:
+        asked.set()
+        assert alive.wait(60.0)
+        return {"openapi": "3.1.0"}
+
+    monkeypatch.setattr(openapi_document, "openapi_document", slowly)
+    with ThreadPoolExecutor(1) as other:
+        made = other.submit(client.get, "/openapi.json")
+        assert asked.wait(60.0)
+        assert client.get("/livez").status_code == 200
+        alive.set()
+        assert made.result().json() == {"openapi": "3.1.0"}
 
 
 def check_response(name: str, status: str, response: dict[str, Any]) -> None:
