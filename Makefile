@@ -18,7 +18,7 @@ UV_COMPILE = $(UV) pip compile --quiet --universal --python-version 3.11 --gener
 PYTEST = PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest --numprocesses auto --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help demo serve test test-unit coverage kernels lint bench bench-check bench-library bench-paper bench-robust bench-levels bench-maps bench-scale bench-reliability ui client-types lock clean
+.PHONY: help demo serve test test-unit coverage kernels lint bench bench-check bench-library bench-paper bench-robust bench-levels bench-maps bench-scale bench-reliability docs ui client-types lock clean
 .DELETE_ON_ERROR:
 
 help: ## print the commands
@@ -76,6 +76,11 @@ bench-scale: $(VENV)/dev.stamp ## measure up to 100,000 submaps; ARGS="--max-n 1
 bench-reliability: $(VENV)/dev.stamp ## test the service under load, attacks and crashes: docs/reliability.md
 	@$(BIN)/python -m benchmarks.reliability $(ARGS)
 
+docs: $(VENV)/docs.stamp ## make the pages of the documentation in build/docs/site, to be read in a browser
+	@$(BIN)/python website/pages.py
+	@$(BIN)/zensical build --strict --clean
+	@echo "open build/docs/site/index.html; with its search: python3 -m http.server --directory build/docs/site"
+
 ui: node_modules/.package-lock.json ## build the console into server/console/assets (needs node)
 	@npm run --silent --workspace ui check
 	@npm run --silent --workspace ui build
@@ -92,6 +97,7 @@ lock: ## resolve the lock files again (needs uv)
 		$(addprefix --no-emit-package ,pytest iniconfig pluggy)
 	@$(UV_COMPILE) --group build --constraint requirements.lock --output-file requirements-build.lock
 	@$(UV_COMPILE) pyproject.toml --extra dev --group build --constraint requirements.lock --output-file requirements-dev.lock
+	@$(UV_COMPILE) --group docs --constraint requirements-dev.lock --output-file requirements-docs.lock
 
 clean: ## remove everything that the other commands created
 	@rm -rf $(VENV) build dist demo-output benchmark-output .coverage htmlcov .mypy_cache .pytest_cache .ruff_cache .hypothesis
@@ -107,6 +113,11 @@ $(VENV)/runtime.stamp: requirements.lock requirements-build.lock pyproject.toml 
 	@echo "installing the service and $$(grep -c == requirements.lock) pinned packages into $(VENV) (about 20 s, once)"
 	@$(PIP_INSTALL) --no-deps --require-hashes --requirement requirements.lock --requirement requirements-build.lock
 	@$(EDITABLE)
+	@touch $@
+
+$(VENV)/docs.stamp: requirements-docs.lock | $(BIN)/pip
+	@echo "installing what makes the pages of the documentation into $(VENV) (about 10 s, once)"
+	@$(PIP_INSTALL) --no-deps --require-hashes --requirement requirements-docs.lock
 	@touch $@
 
 $(VENV)/dev.stamp: requirements-dev.lock pyproject.toml clients/python/pyproject.toml | $(BIN)/pip

@@ -17,7 +17,7 @@ import yaml
 from server.commands.loading import COMMANDS
 
 ROOT = Path(__file__).parents[1]
-LOCKS = ("requirements.lock", "requirements-build.lock", "requirements-dev.lock")
+LOCKS = ("requirements.lock", "requirements-build.lock", "requirements-dev.lock", "requirements-docs.lock")
 PROJECT: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text())
 CLIENT: dict[str, Any] = tomllib.loads((ROOT / "clients" / "python" / "pyproject.toml").read_text())
 PAGES = (
@@ -45,6 +45,7 @@ VERBS = {
     "bench-maps",
     "bench-scale",
     "bench-reliability",
+    "docs",
     "ui",
     "client-types",
     "lock",
@@ -159,15 +160,18 @@ def test_every_locked_package_has_hashes(name: str) -> None:
 
 
 def test_the_locks_hold_what_the_project_names_and_agree() -> None:
-    runtime, build, dev = (locked(name) for name in LOCKS)
+    runtime, build, dev, docs = (locked(name) for name in LOCKS)
     assert required(PROJECT["project"]["dependencies"]) <= set(runtime)
     assert required(CLIENT["project"]["dependencies"]) <= set(runtime)
     assert required(PROJECT["dependency-groups"]["build"]) <= set(build)
     assert required(PROJECT["build-system"]["requires"]) <= set(build)
     assert required(CLIENT["build-system"]["requires"]) <= set(build)
     assert required(PROJECT["project"]["optional-dependencies"]["dev"]) <= set(dev)
+    assert required(PROJECT["dependency-groups"]["docs"]) <= set(docs)
     for lock in (runtime, build):
         assert all(dev[package] == versions for package, versions in lock.items())
+    # They are installed into one environment.
+    assert all(dev.get(package, versions) == versions for package, versions in docs.items())
 
 
 # ---------------------------------------------------------------- packages

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-FOLDERS = ("server", "urquhart", "clients", "tests", "benchmarks", "examples", "docs")
+FOLDERS = ("server", "urquhart", "clients", "tests", "benchmarks", "examples", "docs", "website")
 PAGES = ("CONTRIBUTING.md", "Makefile")
 
 INSTEAD = {
