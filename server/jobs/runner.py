@@ -43,7 +43,7 @@ class Runner:
         self._stopping, self._news = threading.Event(), threading.Event()
         self._cleaned_up = -_CLEAN_UP_SECONDS
         self._thread: threading.Thread | None = None
-        self._pause = context.precedence.pauses()
+        self._pace = context.precedence.pace()
         self._budget = Budget()
         self._turns = 0
         self._served: dict[Queue | str, int] = {}
@@ -53,7 +53,7 @@ class Runner:
         if self._context.database.read_only:
             return
         self._stopping.clear()
-        self._budget = Budget(give_way=self._pause)
+        self._budget = Budget(give_way=self._pace)
         self._thread = threading.Thread(target=self._run, name="jobs", daemon=True)
         self._thread.start()
 
@@ -79,7 +79,7 @@ class Runner:
     def _run(self) -> None:
         pin_threads()
         run_in_background()
-        give_way_by(self._pause)
+        give_way_by(self._pace)
         pause = _LOOK
         while not self._stopping.is_set():
             try:

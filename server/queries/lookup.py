@@ -14,6 +14,7 @@ from server.errors import NotFound
 from server.index.live_indexes import LiveIndexes
 from server.observability.metrics import Metrics
 from server.observability.request_notes import note_query
+from server.platform.precedence import turn
 from server.platform.thread_limits import pin_threads
 from server.queries.answers import (
     SearchOutcome,
@@ -149,8 +150,9 @@ def answer_as_json(
 def _look_up_in_time(
     context: QueryContext, collection_id: str, query: PlaceQuery, budget: Budget | None
 ) -> LookupResult:
-    budget = None if budget is None else share_of(budget, query, context.limits)
-    return look_up(context, collection_id, query, budget=budget)
+    with turn():
+        budget = None if budget is None else share_of(budget, query, context.limits)
+        return look_up(context, collection_id, query, budget=budget)
 
 
 def shown(answer: QueryAnswer, query: PlaceQuery, pairs: int | None = None) -> QueryAnswer:

@@ -8,6 +8,7 @@ from typing import Final
 
 from server.errors import InvalidField
 from server.index.row_decoding import config_of, features_of
+from server.platform.precedence import turn
 from server.queries.lookup import PendingSubmap, QueryContext, look_up, share_of, shown
 from server.queries.query import PlaceQuery
 from server.schemas.queries import QueryAnswer
@@ -39,24 +40,27 @@ class LoopClosingQuery:
     def ask(self, observation: Description) -> QueryAnswer:
         """Search what is stored now. Raises as `look_up`, with pointers below `/query`."""
         try:
-            look = look_up(
-                self._context,
-                self._collection_id,
-                self._query,
-                pending=PendingSubmap(self._own_id, observation),
-                budget=share_of(self._budget, self._query, self._context.limits),
-            )
+            with turn():
+                look = look_up(
+                    self._context,
+                    self._collection_id,
+                    self._query,
+                    pending=PendingSubmap(self._own_id, observation),
+                    budget=share_of(self._budget, self._query, self._context.limits),
+                )
         except InvalidField as error:
             raise error.below("/query") from error
         self._observation, self._answer = observation, shown(look.answer, self._query)
         return self._answer
 
-    def confirm(self, tx: ReadTransaction, collection: CollectionRecord, own_key: int | None, turn: int) -> QueryAnswer:
+    def confirm(
+        self, tx: ReadTransaction, collection: CollectionRecord, own_key: int | None, attempt: int
+    ) -> QueryAnswer:
         """The last answer, if nothing that was committed since could change it. Raises SearchOutdated."""
         answer = self._answer
         assert answer is not None, "ask comes before confirm"
         new = self._unseen(tx, collection, answer.revision, own_key)
-        if new and (turn < _AT_LEISURE or len(new) > _FEW or self._may_find(tx, collection, new)):
+        if new and (attempt < _AT_LEISURE or len(new) > _FEW or self._may_find(tx, collection, new)):
             raise SearchOutdated
         return answer.model_copy(update={"revision": collection.revision})
 

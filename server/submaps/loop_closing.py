@@ -18,8 +18,10 @@ class LoopClosing(Protocol):
     def ask(self, observation: Description) -> QueryAnswer:
         """Search for the submap's landmarks, which are described already."""
 
-    def confirm(self, tx: ReadTransaction, collection: CollectionRecord, own_key: int | None, turn: int) -> QueryAnswer:
-        """The answer, in the transaction that stores the submap, after `turn` + 1 searches.
+    def confirm(
+        self, tx: ReadTransaction, collection: CollectionRecord, own_key: int | None, attempt: int
+    ) -> QueryAnswer:
+        """The answer, in the transaction that stores the submap, after `attempt` + 1 searches.
 
         `own_key`: key of what is stored under the submap's id. Raises SearchOutdated.
         """

@@ -14,6 +14,7 @@ from server.collections.crud import get_collection
 from server.config.settings import Limits
 from server.errors import Conflict, InvalidLandmarks, NotFound, Overloaded
 from server.index.row_decoding import config_of, features_of
+from server.platform.precedence import turn
 from server.platform.thread_limits import pin_threads
 from server.resources.idempotency import NO_CONTENT, IdempotencyKey, StoredResponse, find_response, store_response
 from server.resources.preconditions import ANYTHING, Preconditions
@@ -28,7 +29,7 @@ from server.submaps.preparation import Prepared, Trees, check_properties, patche
 from server.submaps.write_answers import Outcome, Receipt, receipt_answer, refusal_answer, submap_answer
 from urquhart import OBSTACLES, Description, Features
 
-_TURNS: Final = 8
+_ATTEMPTS: Final = 8
 """Searches after which a submap with a query is refused, because others store submaps faster than one search takes."""
 
 
@@ -92,7 +93,8 @@ def put(
     if known is not None and same and terms.idempotency_key is None:
         found = None
         if terms.loop_closing is not None:
-            found = terms.loop_closing.ask(Description(prepared.describe(config_of(collection))))
+            with turn():
+                found = terms.loop_closing.ask(Description(prepared.describe(config_of(collection))))
         receipt = Receipt("unchanged", known.etag, known.revision, known.counts)
         return Stored("unchanged", receipt_answer(collection_id, submap_id, receipt, found))
     return _store(database, collection, prepared, known, terms)
@@ -111,7 +113,8 @@ def _store(
     observation = found = None
     if loop_closing is not None or not prepared.has_features(known):
         try:
-            observation = Description(prepared.describe(config))
+            with turn():
+                observation = Description(prepared.describe(config))
         except InvalidLandmarks as error:
             if loop_closing is None or error.code not in OBSTACLES:
                 raise
@@ -119,11 +122,11 @@ def _store(
             return Stored(
                 None, refusal_answer(collection, prepared.id if terms.is_named else None, known, error, found)
             )
-    for turn in range(_TURNS):
+    for attempt in range(_ATTEMPTS):
         if loop_closing is not None and observation is not None:
             loop_closing.ask(observation)
         try:
-            return _write(database, collection, prepared, terms, turn)
+            return _write(database, collection, prepared, terms, attempt)
         except SearchOutdated:
             continue
     raise Overloaded(
@@ -133,7 +136,9 @@ def _store(
     )
 
 
-def _write(database: Storage, collection: CollectionRecord, prepared: Prepared, terms: WriteTerms, turn: int) -> Stored:
+def _write(
+    database: Storage, collection: CollectionRecord, prepared: Prepared, terms: WriteTerms, attempt: int
+) -> Stored:
     """One transaction with the submap and its answer. Raises SearchOutdated."""
     config, submap_id = config_of(collection), prepared.id
     operation = _operation(collection, submap_id, terms)
@@ -148,7 +153,7 @@ def _write(database: Storage, collection: CollectionRecord, prepared: Prepared, 
         found = (
             None
             if terms.loop_closing is None
-            else terms.loop_closing.confirm(tx, now, known.key if known else None, turn)
+            else terms.loop_closing.confirm(tx, now, known.key if known else None, attempt)
         )
         before = frozenset[str]() if known is None else submaps.members(known.key)
         record = prepared.record(known, config)
@@ -179,7 +184,8 @@ def patch(
         collection = get_collection(tx, collection_id)
     config = config_of(collection)
     if trees is not None:
-        trees.describe(config)
+        with turn():
+            trees.describe(config)
     with database.write(shares=True) as tx:
         now = same_collection(tx, collection_id, collection.key)
         operation = f"patchSubmap {now.key} {submap_id}"

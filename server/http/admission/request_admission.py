@@ -232,9 +232,9 @@ class Admission:
             ) from None
 
     async def _arrived(self) -> None:
-        pause = self._shared.precedence.pauses(self)
-        give_way_by(pause)
-        self.budget = Budget(give_way=pause)
+        pace = self._shared.precedence.pace(self)
+        give_way_by(pace)
+        self.budget = Budget(give_way=pace)
         self._watch = asyncio.create_task(self._watch_caller())
         if not self._takes_place:
             return
