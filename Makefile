@@ -18,7 +18,7 @@ UV_COMPILE = $(UV) pip compile --quiet --universal --python-version 3.11 --gener
 PYTEST = PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest --numprocesses auto --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help demo serve test test-unit coverage kernels lint bench bench-check bench-library bench-paper bench-robust bench-levels bench-maps bench-scale bench-reliability docs ui client-types lock clean
+.PHONY: help demo serve test test-unit coverage kernels lint bench bench-check bench-library bench-paper bench-robust bench-levels bench-maps bench-scale bench-reliability docs screenshots ui client-types lock clean
 .DELETE_ON_ERROR:
 
 help: ## print the commands
@@ -80,6 +80,9 @@ docs: $(VENV)/docs.stamp ## make the pages of the documentation in build/docs/si
 	@$(BIN)/python website/pages.py
 	@$(BIN)/zensical build --strict --clean
 	@echo "open build/docs/site/index.html; with its search: python3 -m http.server --directory build/docs/site"
+
+screenshots: $(VENV)/dev.stamp node_modules/.package-lock.json ## take the pictures of the console for the documentation again (needs node and Chromium)
+	@$(BIN)/python website/screenshots.py
 
 ui: node_modules/.package-lock.json ## build the console into server/console/assets (needs node)
 	@npm run --silent --workspace ui check

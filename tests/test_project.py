@@ -46,6 +46,7 @@ VERBS = {
     "bench-scale",
     "bench-reliability",
     "docs",
+    "screenshots",
     "ui",
     "client-types",
     "lock",

@@ -64,7 +64,7 @@ function GateBar({ gate }: { readonly gate: Gate }) {
         {gate.passed ? "✓" : "✗"} {gate.name}
       </span>
       <span class="gate-value">
-        <b>{gate.shown}</b> of {gate.shownNeeded}
+        <b>{gate.shown}</b>, {gate.shownNeeded} needed
       </span>
       <span class="gate-bar" aria-hidden="true">
         <i style={{ width: share(gate.value) }} />

@@ -5,7 +5,7 @@ import { ok, ProblemError, type Schemas } from "urquhart-client";
 
 import { Message, Ready, Title } from "../parts/common";
 import { at, Link, setQuery, useAddress } from "../parts/router";
-import { ago, count, duration } from "../parts/text";
+import { ago, count, degrees, duration } from "../parts/text";
 import { api, sentenceOf } from "../service/api";
 import { useLoaded } from "../service/load";
 import { layOver, type Overlay } from "./overlay";
@@ -64,6 +64,7 @@ function Match({ answer, explanation }: Stored) {
             <span class="name">{place(answer)}</span>
           </h1>
           <p class="lead">{summary(answer, explanation)}</p>
+          <Where answer={answer} />
         </div>
         <p class="meta">
           {count(answer.landmark_count)} trees asked · revision {count(answer.revision)} ·{" "}
@@ -95,11 +96,36 @@ function place({ verdict, candidates, collection }: Schemas["QueryAnswer"]): str
   return verdict === "ambiguous" ? `perhaps ${best}` : best;
 }
 
+/** Where that is in the map: what a forester asked for. Nothing unless the answer is sure. */
+function Where({ answer }: { readonly answer: Schemas["QueryAnswer"] }) {
+  const best = answer.candidates[0];
+  if (answer.verdict !== "matched" || best?.map_pose == null) return null;
+  const { frame_id, x, y, yaw } = best.map_pose;
+  const address = `${at("collections", answer.collection, "map")}?${new URLSearchParams({ frame: frame_id, submap: best.submap_id })}`;
+  return (
+    <p class="where">
+      The point (0, 0) of the query lies at x {x.toFixed(2)} m, y {y.toFixed(2)} m in {frame_id}, turned by {degrees(yaw)}.{" "}
+      <Link to={address}>See it on the map</Link>
+    </p>
+  );
+}
+
+const SAME_METRES = 1;
+const SAME_RADIANS = 0.05;
+
+/** Whether a candidate says what the best one says, in another submap: where submaps overlap, most do. */
+function samePlace(one: Schemas["CandidateAnswer"], best: Schemas["CandidateAnswer"]): boolean {
+  const [here, there] = [one.map_pose, best.map_pose];
+  if (!here || !there || here.frame_id !== there.frame_id) return false;
+  const turn = Math.abs(Math.atan2(Math.sin(here.yaw - there.yaw), Math.cos(here.yaw - there.yaw)));
+  return Math.hypot(here.x - there.x, here.y - there.y) <= SAME_METRES && turn <= SAME_RADIANS;
+}
+
 function Tabs({ answer, choice }: { readonly answer: Schemas["QueryAnswer"]; readonly choice: Choice }) {
   const tabs = [
     ...answer.candidates.map((one) => ({
       choice: { kind: "candidate", number: one.rank } as Choice,
-      name: one.rank === 1 ? "Best" : `Candidate ${one.rank}`,
+      name: one.rank === 1 ? "Best" : samePlace(one, answer.candidates[0]!) ? "Same place" : `Candidate ${one.rank}`,
       detail: `${one.submap_id} · ${one.inlier_count} pairs`,
     })),
     ...answer.rivals.map((one, index) => ({

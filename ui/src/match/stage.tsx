@@ -94,7 +94,7 @@ export function Stage({ overlay, answer, explanation }: StageProps) {
         {overlay.pairs && mode === "overlay" && (
           <label class="switch">
             <input type="checkbox" checked={stretched} onChange={() => setQuery({ residuals: stretched ? "0" : null })} />
-            Residuals ×{STRETCH}
+            Distances ×{STRETCH}
           </label>
         )}
         <span class="space" />
@@ -209,12 +209,12 @@ function Legend({ overlay }: { readonly overlay: Overlay }) {
   const unseen = overlay.queryInside.filter((inside, at) => !inside && !overlay.queryPaired[at]).length;
   return (
     <ul class="legend" aria-label="Legend">
-      <li class="query">Query, {overlay.query.length / 2} trees</li>
-      <li class="map">{overlay.submapId}, {overlay.submap.length / 2} trees</li>
-      {pairs && <li class="pair">{pairs.length} pairs</li>}
-      {pairs && <li class="query-miss">{missing(overlay.queryPaired, overlay.queryInside)} of the query alone</li>}
-      {pairs && unseen > 0 && <li class="query-beyond">{unseen} of the query beyond this map</li>}
-      {pairs && <li class="map-miss">{missing(overlay.submapPaired, overlay.submapInside)} of the map alone</li>}
+      <li class="query">{overlay.query.length / 2} trees seen</li>
+      <li class="map">{overlay.submap.length / 2} trees of {overlay.submapId}</li>
+      {pairs && <li class="pair">{pairs.length} of them are the same</li>}
+      {pairs && <li class="query-miss">{missing(overlay.queryPaired, overlay.queryInside)} seen, not in the map</li>}
+      {pairs && unseen > 0 && <li class="query-beyond">{unseen} seen beyond its edge</li>}
+      {pairs && <li class="map-miss">{missing(overlay.submapPaired, overlay.submapInside)} in the map, not seen</li>}
       {!pairs && <li>The answer lists no pairs of a rival.</li>}
     </ul>
   );
