@@ -33,6 +33,7 @@ from server.jobs.folder import JobFolder
 from server.jobs.runner import Runner
 from server.jobs.running_job import JobContext
 from server.jobs.types.job_types import JOB_TYPES
+from server.maps.session_poses import SessionPoses
 from server.observability import kernel_progress, logs
 from server.observability.metrics import Metrics
 from server.observability.metrics_exchange import MetricsExchange
@@ -56,7 +57,7 @@ from server.routes import (
 from server.routes.console import console_keys, console_sessions
 from server.routes.console import pages as console_pages
 from server.routes.gis import coregistrations, exports, features, landmark_columns
-from server.routes.maps import constraint_routes, map_routes
+from server.routes.maps import constraint_routes, map_routes, session_routes
 from server.security.authenticator import Authenticator, check_exposure
 from server.security.rate_limit import RateLimiter
 from server.service_parts import JobRuntime, Service
@@ -82,6 +83,7 @@ _ROUTERS = (
     jobs.router,
     map_routes.router,
     constraint_routes.router,
+    session_routes.router,
     coregistrations.router,
     imports.router,
     snapshots.router,
@@ -181,6 +183,7 @@ def _build_service(settings: Settings, exchange: MetricsExchange | None, *, crea
         AttemptsInProgress(),
         waits,
         UploadReader(),
+        SessionPoses(database),
     )
 
 
@@ -249,6 +252,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         await anyio.to_thread.run_sync(service.maintenance.stop)
         await anyio.to_thread.run_sync(service.jobs.runner.stop)
         await anyio.to_thread.run_sync(service.uploads.close)
+        await anyio.to_thread.run_sync(service.session_poses.close)
         await anyio.to_thread.run_sync(warm_up.join, _WARMING)
         app.state.threads.stop()
         await anyio.to_thread.run_sync(service.database.dispose)

@@ -186,6 +186,10 @@ class StillRunning(Busy):
     """A request with the same Idempotency-Key is still in progress. A repetition gets its answer when it is done."""
 
 
+class PosesPending(Busy):
+    """The poses of a session are being searched for, which takes longer than a query may."""
+
+
 class TooManyRequests(Busy):
     """This caller asks more often than `limits.requests_per_second` allows."""
 

@@ -169,6 +169,13 @@ TABLE: Mapping[type[errors.DomainError], ProblemType] = {
         "Overloaded",
         "The service is working on as many requests as it can. Nothing was done. Try again after Retry-After seconds.",
     ),
+    errors.PosesPending: ProblemType(
+        503,
+        "poses-pending",
+        "Poses pending",
+        "All constraints of this session are being searched, for the first time since the service started or since its "
+        "submaps changed. The search goes on; ask again after Retry-After seconds.",
+    ),
     errors.TooManyRequests: ProblemType(
         429,
         "too-many-requests",

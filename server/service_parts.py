@@ -13,6 +13,7 @@ from server.index.maintenance import Maintenance
 from server.jobs import queue
 from server.jobs.folder import JobFolder
 from server.jobs.runner import Runner
+from server.maps.session_poses import SessionPoses
 from server.observability.metrics import Metrics
 from server.observability.metrics_exchange import MetricsExchange
 from server.platform.precedence import Precedence
@@ -52,6 +53,7 @@ class Service:
     repetitions: AttemptsInProgress
     waits: JobWaits
     uploads: UploadReader
+    session_poses: SessionPoses
 
     def hand_back(self) -> None:
         """Let jobs and the maintenance of the index end soon; what they did not finish is resumed at the next start."""

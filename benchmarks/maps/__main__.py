@@ -1,4 +1,4 @@
-"""`make bench-maps`: drift, false loops, lying odometry, robots that meet, plantations, Table II of the paper."""
+"""`make bench-maps`: drift, false loops, lying odometry, drives that go on, robots that meet, plantations, Table II."""
 
 import os
 from pathlib import Path
@@ -9,7 +9,7 @@ from rich.console import Console
 
 from benchmarks import record
 from benchmarks.experiments import Experiment, choose, measure, progress_on
-from benchmarks.maps import graphs, odometry, robots, sequences, stands, tracks
+from benchmarks.maps import graphs, odometry, online, robots, sequences, stands, tracks
 from benchmarks.maps.charts import drive
 from benchmarks.maps.report import report
 from benchmarks.markdown import FOLDER
@@ -19,6 +19,7 @@ from benchmarks.pool import Pool
 EXPERIMENTS: Final[dict[str, Experiment]] = {
     "maps_graphs": graphs.run,
     "maps_odometry": odometry.run,
+    "maps_online": online.run,
     "maps_robots": robots.run,
     "maps_sequences": sequences.run,
     "maps_stands": stands.run,

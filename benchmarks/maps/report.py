@@ -42,6 +42,10 @@ need GTSAM: `pip install 'urquhart[maps]'` (Linux and macOS).
   largest set of matches that agree gives the pose, if 4 of them have no submap in common, and it is twice as large as
   any other set. All
   other matches are named with reasons.
+- **A robot asks where it is while it drives.** `GET .../sessions/{session}/poses` has the pose of each submap of a
+  session now, with its covariance, and what became of each constraint. New odometry and matches are taken in at once.
+  What only a search of all constraints can judge is `pending` until that has run in the background; `settled` says
+  whether anything is. Nothing is stored: a restart, or another process, gives the same poses from the same rows.
 - **Trees.** Two trees of one submap never become one. The position has a covariance, diameter and height are medians,
   and `missed` counts the submaps that have other trees all around this one.
 - **Do not use applied poses as priors.** They follow from the same matches and would count twice."""
@@ -54,6 +58,8 @@ def report(results: dict[str, Figures]) -> str:
         parts.append(_graphs(results["maps_graphs"]))
     if "maps_odometry" in results:
         parts.append(_odometry(results["maps_odometry"]))
+    if "maps_online" in results:
+        parts.append(_online(results["maps_online"]))
     if "maps_robots" in results:
         parts.append(_robots(results["maps_robots"]))
     if "maps_sequences" in results:
@@ -123,6 +129,37 @@ def _odometry(figures: Figures) -> str:
             of which nothing tells which side is wrong; such a map is not applied."""
         ),
         table([*head, "right matches refused", "error, m"], rows, words=2),
+    )
+
+
+def _online(figures: Figures) -> str:
+    rows = [
+        [
+            f"{row['submaps']}",
+            f"{100 * row['drift']:.0f} %",
+            f"{100 * row['share']:.0f} %" + (" in groups" if row["grouped"] else ""),
+            f"{row['drives']}",
+            f"{row['false_used']:.0f} of {row['false']:.0f}",
+            f"{row['right_unused']:.0f} of {row['loops'] - row['false']:.0f}",
+            f"{row['searches'] / row['drives']:.1f}",
+            f"{1000 * row['median']:.0f}, {1000 * row['p95']:.0f}, {1000 * row['worst']:.0f}",
+            number(row["apart"], 3),
+            number(row["error"]),
+        ]
+        for row in figures["rows"]
+    ]
+    first, second = (row for k, row in enumerate(figures["rows"]) if k in (0, len(figures["rows"]) - 1))
+    head = ["submaps", "drift", "false loops", "drives", "false used", "right unused", "searches"]
+    return page(
+        "## Poses of a drive that goes on",
+        prose(
+            f"""The same drives, of which the last {first["coming"]} submaps ({second["coming"]} of
+            {second["submaps"]}) come one by one, each with its odometry and its matches, as in
+            `GET .../sessions/{{session}}/poses`. *Searches* of all constraints ran when they were due, which the
+            service does in the background. Then the milliseconds to take in a submap: median, 95 %, and the longest.
+            *Apart*: the largest distance of a submap from where a search of all constraints has it, in metres."""
+        ),
+        table([*head, "ms", "apart, m", "error, m"], rows, words=0),
     )
 
 

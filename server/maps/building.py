@@ -1,7 +1,7 @@
 """One map from submaps and the constraints between them: optimised poses, and one entry for each tree."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -114,20 +114,24 @@ def _odometry(body: MapInput, numbers: dict[str, int]) -> list[tuple[GraphEdge, 
 
 
 def _kept(kept: Sequence[StoredConstraint], numbers: dict[str, int]) -> list[tuple[GraphEdge, PoseConstraint]]:
-    made = []
-    for one in kept:
-        if not one.stale and one.from_id in numbers and one.to_id in numbers:
-            pose, is_odometry = pose_of(one.content), one.kind == "odometry"
-            constraint = PoseConstraint(
-                numbers[one.from_id],
-                numbers[one.to_id],
-                pose,
-                uncertainty_of(one.content, pose),
-                trusted=is_odometry,
-                secondary=not is_odometry and not is_best(one.content),
-            )
-            made.append((GraphEdge(one.kind, one.from_id, one.to_id, one.key), constraint))
-    return made
+    return [
+        (GraphEdge(one.kind, one.from_id, one.to_id, one.key), constraint_of(one, numbers))
+        for one in kept
+        if not one.stale and one.from_id in numbers and one.to_id in numbers
+    ]
+
+
+def constraint_of(one: StoredConstraint, numbers: Mapping[str, int]) -> PoseConstraint:
+    """A stored constraint between the numbers of its submaps."""
+    pose, is_odometry = pose_of(one.content), one.kind == "odometry"
+    return PoseConstraint(
+        numbers[one.from_id],
+        numbers[one.to_id],
+        pose,
+        uncertainty_of(one.content, pose),
+        trusted=is_odometry,
+        secondary=not is_odometry and not is_best(one.content),
+    )
 
 
 def _prior_frame(chosen: Sequence[ChosenSubmap]) -> str:

@@ -46,6 +46,7 @@ SCOPES: Final[Mapping[str, Scope | None]] = {
     "listConstraints": Scope.READ,
     "postOdometry": Scope.WRITE,
     "deleteConstraint": Scope.WRITE,
+    "getSessionPoses": Scope.READ,
     "postMap": Scope.WRITE,
     "postMerge": Scope.WRITE,
     "getMerge": Scope.READ,

@@ -7,7 +7,7 @@ A record does not change when its row does; read it again for that. `submap_reco
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,6 +166,14 @@ class QueryRecord:
     landmarks: bytes
     landmark_ids: bytes | None
     answer: bytes
+
+
+class SessionMember(NamedTuple):
+    """A submap of a session: its key, its id, and the revision of the collection when its landmarks were stored."""
+
+    key: int
+    id: str
+    content_revision: int
 
 
 @dataclass(frozen=True, slots=True)

@@ -43,7 +43,7 @@ FIXED: Final = {
     *("pose_covariance._LEAST_SPREAD", "config._REACH"),
     *("decide.confidence.QUARTERS", "evaluation.scores.TRANSLATION"),
     *("prior.prior.LEAST_NOISE", "prior.prior.MOST_NOISE", "hints.FOOT", "mapping.landmark_map.PAPER_DISTANCE"),
-    *("mapping.landmark_map._SPREAD", "mapping.start_poses._LEAST", "mapping.graph_solver._FIXED"),
+    *("mapping.landmark_map._SPREAD", "mapping.start_poses._LEAST", "mapping.graph_solver.FIXED"),
     *("mapping.graph_solver._LOOSE", "mapping.agreement.NOBODY", "mapping.pose_graph.MAP"),
 }
 """Numbers that are no tuning, by module: they may stand alone."""

@@ -107,6 +107,31 @@ def find_agreements(graph: CentredGraph, gate: float) -> Agreements:
     return Agreements(*(np.concatenate(column) for column in zip(*found, strict=True)))
 
 
+def cycles_through(graph: CentredGraph, asked: NDArray[np.int64], gate: float) -> Agreements:
+    """The short cycles through the constraints `asked` (A,), which may be false, as `other`. What lies farther away is
+    not looked at, so this takes no longer in a large graph.
+
+    `gate`: largest squared Mahalanobis distance of a cycle that closes.
+    """
+    ends = np.unique([graph.first[asked], graph.second[asked]])
+    near, beside = np.zeros(graph.count, np.bool_), np.zeros(graph.count, np.bool_)
+    near[ends] = beside[ends] = True
+    for _ in range(NEIGHBOURS.steps):
+        step = graph.trusted & (near[graph.first] | near[graph.second])
+        near[graph.first[step]] = near[graph.second[step]] = True
+    touching = beside[graph.first] | beside[graph.second]
+    near[graph.first[touching]] = near[graph.second[touching]] = True
+    some = np.flatnonzero(touching | (near[graph.first] & near[graph.second]))
+    local = graph.only(some)
+    loops = np.flatnonzero(~local.trusted)
+    ends = np.sort(np.column_stack([local.first, local.second])[loops], axis=1)
+    codes = ends[:, 0] * graph.count + ends[:, 1]
+    order = np.argsort(codes, kind="stable")
+    sought = (codes[order], loops[order])
+    cycles = _cycles(local, neighbourhoods(local), np.searchsorted(some, asked), sought, gate)
+    return cycles._replace(one=some[cycles.one], other=some[cycles.other])
+
+
 def neighbourhoods(graph: CentredGraph) -> NeighbourSteps:
     """The neighbours of each vertex, itself included."""
     edges = np.arange(len(graph.first))

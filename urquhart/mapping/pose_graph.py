@@ -5,7 +5,7 @@ it. About an origin far away (UTM coordinates), double precision no longer resol
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Final
 
 import numpy as np
@@ -83,6 +83,15 @@ class PoseConstraints:
             np.array([one.secondary for one in constraints], np.bool_),
         )
 
+    def since(self, number: int) -> "PoseConstraints":
+        """The constraints from a number on."""
+        return PoseConstraints(*(getattr(self, column.name)[number:] for column in fields(self)))
+
+    def with_more(self, more: "PoseConstraints") -> "PoseConstraints":
+        """These constraints, then others."""
+        columns = [(getattr(self, column.name), getattr(more, column.name)) for column in fields(self)]
+        return PoseConstraints(*(np.concatenate(pair) for pair in columns))
+
     def check(self, count: int) -> None:
         """Refuse what cannot be optimised as the graph of `count` submaps. Raises PoseGraphError."""
         for ends, least in ((self.first, MAP), (self.second, 0)):
@@ -137,8 +146,8 @@ class CentredGraph:
         """Which constraints (E,) are priors."""
         return np.asarray(self.first == self.map_vertex)
 
-    def only(self, which: NDArray[np.bool_]) -> "CentredGraph":
-        """The same vertices with some of the constraints (E,)."""
+    def only(self, which: NDArray[np.bool_] | NDArray[np.int64]) -> "CentredGraph":
+        """The same vertices with some of the constraints: a mask (E,), or their numbers in order."""
         return replace(
             self,
             first=self.first[which],
@@ -152,6 +161,13 @@ class CentredGraph:
 
 def centred(count: int, given: PoseConstraints) -> CentredGraph:
     """The constraints of `count` submaps between the centres of what they were fitted to."""
+    return centred_about(centres_of(count, given), given)
+
+
+def centres_of(count: int, given: PoseConstraints) -> NDArray[np.float64]:
+    """For each of `count` submaps the mean of the points that its constraints were fitted to, in its frame; 0 for the
+    map frame, which comes last (count + 1, 2).
+    """
     first = np.where(given.first == MAP, count, given.first)
     there = moved(given.poses, given.about)
     at = np.concatenate([given.second, first[first < count]])
@@ -160,6 +176,14 @@ def centred(count: int, given: PoseConstraints) -> CentredGraph:
     sums = [np.bincount(at, points[:, k], minlength=count + 1) for k in range(2)]
     centres = np.column_stack(sums) / seen[:, None]
     centres[count] = 0.0
+    return centres
+
+
+def centred_about(centres: NDArray[np.float64], given: PoseConstraints) -> CentredGraph:
+    """Constraints between given centres (count + 1, 2) of submaps and of the map frame."""
+    count = len(centres) - 1
+    first = np.where(given.first == MAP, count, given.first)
+    there = moved(given.poses, given.about)
     offset = moved(given.poses, centres[given.second])
     poses = np.column_stack([offset - centres[first], given.poses[:, 2]])
     back = rotations(-given.poses[:, 2])

@@ -1,7 +1,7 @@
 /**
  * Types of the service's API. Generated from its OpenAPI document by `make client-types`: do not edit.
  *
- * openapi sha256 39e89330fed622a88da7c69028ab9b144574fc5430f09b05f8b4371dd4b6d705
+ * openapi sha256 4011e3b5c1413dac911b2f2a620556210ef1107bcd79f3c37c37370d3ce05259
  */
 
 export interface paths {
@@ -779,6 +779,33 @@ export interface paths {
          *     them and other submaps become stale.
          */
         delete: operations["deleteSession"];
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/v1/collections/{collection}/sessions/{session}/poses": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Read the poses of a session now
+         * @description Returns where each submap of a session is, by all matches and odometry that the collection keeps of it now. The
+         *     frame is that of the session's first submap; parts that nothing connects have frames of their own.
+         *
+         *     Odometry and matches that came since the last answer are taken in at once, in about 50 ms for 1,000 submaps. What
+         *     only a search of all constraints can judge is `pending` until that has run in the background; false loops are kept
+         *     out as they are from maps. The first answer after the service started, or after a submap was deleted or replaced,
+         *     needs such a search; if it takes longer than `query_seconds`, this is 503 with `Retry-After`, and the search goes
+         *     on. No stored pose is changed.
+         */
+        get: operations["getSessionPoses"];
+        put?: never;
+        post?: never;
+        delete?: never;
         options?: never;
         head?: never;
         patch?: never;
@@ -4273,6 +4300,39 @@ export interface components {
             stopped_by: "decided" | "beats_chance" | "evidence_bound" | "effort" | "exhausted" | "window" | "deadline" | "not_started";
         };
         /**
+         * SessionConstraint
+         * @description A constraint of the session, and whether the poses use it.
+         */
+        SessionConstraint: {
+            /**
+             * From
+             * @description Id of the submap whose frame the constraint is in.
+             */
+            from: string;
+            /**
+             * Id
+             * @description Id of the constraint.
+             */
+            id: string;
+            /**
+             * Kind
+             * @description A match that a search found, or posted odometry.
+             * @enum {string}
+             */
+            kind: "match" | "odometry";
+            /**
+             * Standing
+             * @description `used` by the poses; `pending` until the next search of all constraints; or left out as in a map: `contradicted` by others, `unconfirmed` by any, `undecided` odometry that contradicts other odometry.
+             * @enum {string}
+             */
+            standing: "used" | "pending" | "contradicted" | "unconfirmed" | "undecided";
+            /**
+             * To
+             * @description Id of the other submap.
+             */
+            to: string;
+        };
+        /**
          * SessionPage
          * @description A page of sessions.
          */
@@ -4287,6 +4347,112 @@ export interface components {
              * @description The sessions of the page.
              */
             sessions: components["schemas"]["SessionSummary"][];
+        };
+        /**
+         * SessionPart
+         * @description Submaps of a session that constraints connect.
+         */
+        SessionPart: {
+            /**
+             * Frame Of
+             * @description Id of the submap whose frame its poses are in: the one that it began with.
+             */
+            frame_of: string;
+            /**
+             * Part
+             * @description Number of the part, from 1; 1 is the largest one.
+             */
+            part: number;
+            /**
+             * Submaps
+             * @description Number of its submaps.
+             */
+            submaps: number;
+        };
+        /**
+         * SessionPose
+         * @description A pose in the frame of its part.
+         */
+        SessionPose: {
+            /**
+             * Covariance
+             * @description Covariance of the position of the submap's origin, along the axes of the frame, and of the yaw: 3x3, row-major over (x, y, yaw), in square metres, metre radians and square radians. All 0 for the submap whose frame it is.
+             */
+            covariance: number[];
+            /**
+             * X
+             * @description Metres.
+             */
+            x: number;
+            /**
+             * Y
+             * @description Metres.
+             */
+            y: number;
+            /**
+             * Yaw
+             * @description Radians, counter-clockwise, from -pi to pi.
+             */
+            yaw: number;
+        };
+        /**
+         * SessionPosesAnswer
+         * @description The poses of a session now.
+         */
+        SessionPosesAnswer: {
+            /**
+             * Constraints
+             * @description The constraints between submaps of the session, in the order they were stored. Stale ones, and matches of searches with other gates, are left out.
+             */
+            constraints: components["schemas"]["SessionConstraint"][];
+            /**
+             * Parts
+             * @description Parts that no constraint connects, the largest first.
+             */
+            parts: components["schemas"]["SessionPart"][];
+            /**
+             * Poses
+             * @description The submaps, in the order they were stored.
+             */
+            poses: components["schemas"]["SessionSubmap"][];
+            /**
+             * Revision
+             * @description Revision of the collection that the answer is of.
+             */
+            revision: number;
+            /**
+             * Session
+             * @description The session.
+             */
+            session: string;
+            /**
+             * Settled
+             * @description Whether all constraints are judged. If false, a search of all of them runs or will run in the background; until it ends, the poses use what could be judged without it.
+             */
+            settled: boolean;
+        };
+        /**
+         * SessionSubmap
+         * @description A submap of the session and its pose now.
+         */
+        SessionSubmap: {
+            /**
+             * Content Revision
+             * @description Revision of the collection when its landmarks were stored.
+             */
+            content_revision: number;
+            /**
+             * Id
+             * @description Id of the submap.
+             */
+            id: string;
+            /**
+             * Part
+             * @description Number of the part that it belongs to.
+             */
+            part: number;
+            /** @description `part_T_submap`: its pose in the frame of the part. */
+            pose: components["schemas"]["SessionPose"];
         };
         /**
          * SessionSummary
@@ -6885,6 +7051,50 @@ export interface operations {
         responses: {
             /** @description Success. */
             204: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+            /** @description A problem document. */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+        };
+    };
+    getSessionPoses: {
+        parameters: {
+            query?: never;
+            header?: {
+                /** @description Entity tag of the copy that you have; 304 if it is current. */
+                "if-none-match"?: string | null;
+            };
+            path: {
+                /** @description Id of the collection: 1 to 128 letters, digits, '.', '_', '~', '-'. */
+                collection: string;
+                /** @description Name of the session. */
+                session: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Success. */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["SessionPosesAnswer"];
+                };
+            };
+            /** @description Not modified. */
+            304: {
                 headers: {
                     [name: string]: unknown;
                 };

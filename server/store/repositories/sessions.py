@@ -5,7 +5,7 @@ from collections.abc import Collection
 from sqlalchemy import Connection, func, select
 
 from server.store.expressions import beside_key
-from server.store.records import SessionRecord
+from server.store.records import SessionMember, SessionRecord
 from server.store.tables import SubmapRow
 
 
@@ -27,6 +27,18 @@ class Sessions:
             .limit(limit)
         )
         return [SessionRecord(row[0] or "", *row[1:]) for row in self._connection.execute(query)]
+
+    def members(self, session: str) -> list[SessionMember]:
+        """The submaps of a session, in the order they were stored."""
+        query = select(SubmapRow.key, SubmapRow.id, SubmapRow.content_revision)
+        mine = (SubmapRow.collection_key == self._collection_key, SubmapRow.session == session)
+        rows = self._connection.execute(query.where(*mine).order_by(SubmapRow.key))
+        return [SessionMember(*row) for row in rows]
+
+    def last_key(self) -> int:
+        """The largest key of the collection's submaps, 0 if it has none. Later submaps get larger ones."""
+        query = select(func.max(SubmapRow.key)).where(SubmapRow.collection_key == self._collection_key)
+        return int(self._connection.scalar(query) or 0)
 
     def names(self, keys: Collection[int]) -> dict[int, str | None]:
         """The sessions of a few submaps, by key."""

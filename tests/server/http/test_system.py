@@ -23,6 +23,7 @@ OPERATIONS = {
     "listConstraints": "get /v1/collections/{collection}/constraints",
     "deleteConstraint": "delete /v1/collections/{collection}/constraints/{constraint}",
     "postOdometry": "post /v1/collections/{collection}/odometry",
+    "getSessionPoses": "get /v1/collections/{collection}/sessions/{session}/poses",
     "postMerge": "post /v1/collections/{collection}/merges",
     "getMerge": "get /v1/collections/{collection}/merges/{merge}",
     "getLandingPage": "get /",

@@ -148,6 +148,14 @@ class AsyncSubmapCalls(AsyncConnection):
         """Delete all submaps of a session, in one transaction."""
         await self._send(job_requests.delete_session(collection, session))
 
+    async def session_poses(self, collection: str, session: str) -> dict[str, Any]:
+        """Where each submap of a session is now, by all matches and odometry that the collection keeps of it.
+
+        `poses` has a pose with its covariance for each submap, in the frame of its part; `constraints` what became of
+        each constraint. While `settled` is false, a search of all constraints runs in the background.
+        """
+        return await self._send(job_requests.get_session_poses(collection, session))
+
     def sessions(self, collection: str, *, page_size: int | None = None) -> AsyncIterator[SessionSummary]:
         """The sessions of a collection by name. Pages are fetched as needed."""
         return self._pages(lambda cursor: requests.get_sessions(collection, page_size, cursor))

@@ -107,6 +107,16 @@ def get_merge(collection: str, merge: str) -> Request[dict[str, Any]]:
     return Request("GET", f"{collection_path(collection)}/merges/{segment(merge, 'merge')}", parse)
 
 
+def get_session_poses(collection: str, session: str) -> Request[dict[str, Any]]:
+    """Where each submap of a session is now."""
+
+    def parse(response: httpx.Response) -> dict[str, Any]:
+        return dict(response.json())
+
+    where = f"{collection_path(collection)}/sessions/{segment(session, 'session')}/poses"
+    return Request("GET", where, parse)
+
+
 def delete_session(collection: str, session: str) -> Request[None]:
     """Delete all submaps of a session."""
     where = f"{collection_path(collection)}/sessions/{segment(session, 'session')}"

@@ -62,9 +62,11 @@ class ConstraintFilter:
     Attributes:
         submap: id of a submap that they join.
         search: of which search; matches of others are left out, odometry is not.
+        session: both submaps are of this session.
     """
 
     kind: ConstraintKind | None = None
     state: ConstraintState | None = None
     submap: str | None = None
     search: str | None = None
+    session: str | None = None

@@ -5,7 +5,7 @@ from dataclasses import fields
 from datetime import UTC, datetime
 from typing import Any
 
-from sqlalchemy import ColumnElement, Connection, Select, and_, delete, exists, insert, or_, select, update
+from sqlalchemy import ColumnElement, Connection, Select, and_, delete, exists, func, insert, or_, select, update
 from sqlalchemy.orm import InstrumentedAttribute
 
 from server.store.columns import values_of
@@ -32,6 +32,14 @@ class ConstraintReader:
         """The constraint of that key, or None."""
         row = self._connection.execute(self._select().where(ConstraintRow.key == key)).mappings().one_or_none()
         return None if row is None else StoredConstraint(**row)
+
+    def extent(self, after_key: int = 0) -> tuple[int, int]:
+        """The number of constraints after a key, and the largest key, 0 if there is none. As keys are never used again,
+        both stay the same as long as no constraint is stored or deleted.
+        """
+        query = select(func.count(), func.max(ConstraintRow.key)).where(ConstraintRow.key > after_key)
+        count, last = self._connection.execute(query.where(ConstraintRow.collection_key == self._collection_key)).one()
+        return int(count), int(last or 0)
 
     def searched(self, search: str) -> dict[int, int]:
         """For each submap that a search looked up, by key, the revision of the landmarks that it had then."""
@@ -66,6 +74,10 @@ class ConstraintReader:
             made.append(or_(ConstraintRow.from_id == chosen.submap, ConstraintRow.to_id == chosen.submap))
         if chosen.search is not None:
             made.append(ConstraintRow.search.in_(["", chosen.search]))
+        if chosen.session is not None:
+            mine = (SubmapRow.collection_key == self._collection_key, SubmapRow.session == chosen.session)
+            members = select(SubmapRow.id).where(*mine).scalar_subquery()
+            made += [ConstraintRow.from_id.in_(members), ConstraintRow.to_id.in_(members)]
         if chosen.state is not None:
             stale = self._is_stale()
             refused = and_(~stale, ConstraintRow.refused.is_not(None))
