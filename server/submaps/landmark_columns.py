@@ -93,6 +93,7 @@ def landmark_columns(
         "every": thinned.step,
         "submaps": [row.id for row, _ in rows],
         "sessions": sessions,
+        "stamps": [None if row.stamp is None else round(row.stamp.timestamp(), 3) for row, _ in rows],
         "session_of": [-1 if row.session is None else number[row.session] for row, _ in rows],
     }
     return _packed(head, boxes - np.tile(corner, 2), [part - corner for part in thinned.parts])

@@ -39,6 +39,29 @@ def test_the_smallest_round_trip(client: Client) -> None:
     assert {stage.name for stage in result.stages}
 
 
+def test_stored_queries_are_listed_and_trees_of_a_map_frame_are_columns(client: Client) -> None:
+    client.put_collection("plots")
+    stamp = datetime(2026, 5, 4, 9, 30, tzinfo=UTC)
+    place = MapPose(frame_id="map", x=400_000.0, y=50.0, yaw=0.0)
+    client.put_submap("plots", "p7", xy=TREES, map_pose=place, session="mon", stamp=stamp)
+    client.put_submap("plots", "p8", xy=np.random.default_rng(9).uniform(300.0, 400.0, (40, 2)), map_pose=place)
+    kept = client.query("plots", SEEN.xy, store=True)
+    missed = client.query("plots", SEEN.xy[:3], store=True)
+    assert [one.id for one in client.queries("plots", page_size=1)] == [missed.id, kept.id]
+    (found,) = client.queries("plots", verdict="matched")
+    assert kept.best is not None
+    assert (found.id, found.submap_id, found.inlier_count) == (kept.id, "p7", kept.best.inlier_count)
+    columns = client.landmark_columns("plots", "map")
+    assert (columns.submaps, columns.sessions, columns.stamps) == (("p7", "p8"), ("mon", None), (stamp, None))
+    assert (columns.landmarks, columns.every, list(columns.counts)) == (130, 1, [90, 40])
+    xy = np.asarray(columns.xy).reshape(-1, 2) + columns.origin
+    np.testing.assert_allclose(xy[:90], TREES + (400_000.0, 50.0), atol=1e-3)
+    assert client.landmark_columns("plots", "map", bbox=(399_900, 0, 400_100, 100), limit=45).submaps == ("p7",)
+    assert len(client.landmark_columns("plots", "map", limit=45).xy) <= 90
+    with pytest.raises(ProblemError, match="limit"):
+        client.landmark_columns("plots", "map", limit=0)
+
+
 def test_queries_can_be_kept_and_drawn(client: Client) -> None:
     client.put_collection("plots")
     ids = [f"t{i}" for i in range(len(TREES))]

@@ -6,6 +6,7 @@ with Client("http://127.0.0.1:8420") as client:
 """
 
 from urquhart_client._protocol.bodies import UNSET
+from urquhart_client._protocol.listings import LandmarkColumns, StoredQuery
 from urquhart_client._protocol.retry import Retry
 from urquhart_client.client import AsyncClient, Client
 from urquhart_client.coregistrations import JobFile, PlotRow, SeasonOptions
@@ -55,6 +56,7 @@ __all__ = [
     "JobFile",
     "JobLine",
     "Landmark",
+    "LandmarkColumns",
     "Limits",
     "MapPose",
     "Page",
@@ -71,6 +73,7 @@ __all__ = [
     "Stage",
     "Stand",
     "StandReceipt",
+    "StoredQuery",
     "Submap",
     "SubmapReceipt",
     "SurveyPose",

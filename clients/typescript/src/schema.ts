@@ -1,7 +1,7 @@
 /**
  * Types of the service's API. Generated from its OpenAPI document by `make client-types`: do not edit.
  *
- * openapi sha256 4011e3b5c1413dac911b2f2a620556210ef1107bcd79f3c37c37370d3ce05259
+ * openapi sha256 345ef33273944c81630434b2a3920b71eec1c2e4f61b741f2641aef54733f100
  */
 
 export interface paths {
@@ -430,7 +430,8 @@ export interface paths {
          *
          *     Little-endian: the 8 bytes `URQCOL1\n`; uint32, the length of the head; the head: JSON, padded with spaces to a
          *     multiple of 4, with `origin` [x, y], `landmarks` (trees in all), `every` (1, or every how-many-th tree is here), ids
-         *     of the `submaps`, names of the `sessions`, and in `session_of` the position of each submap's session, -1 for none.
+         *     of the `submaps`, their `stamps` (seconds since 1970 UTC, or null), names of the `sessions`, and in `session_of` the
+         *     position of each submap's session, -1 for none.
          *     Then float32 (S, 4), the box of each submap; uint32 (S), how many positions it has here; float32 (N, 2), the
          *     positions, submap after submap. Metres, relative to `origin`.
          */

@@ -15,6 +15,8 @@ from server.submaps.reader import submap_filter
 
 router = APIRouter(route_class=JsonRoute, tags=["exports"])
 COLUMNS: Final = "application/vnd.urquhart.landmark-columns"
+_LAYOUT: Final = 2
+"""Raised whenever the head gets another member, so that nobody keeps columns without it."""
 _BINARY: Final[dict[str, Any]] = {"schema": {"type": "string", "format": "binary"}, "example": "URQCOL1"}
 
 
@@ -56,13 +58,14 @@ def get_landmarks(
 
     Little-endian: the 8 bytes `URQCOL1\\n`; uint32, the length of the head; the head: JSON, padded with spaces to a
     multiple of 4, with `origin` [x, y], `landmarks` (trees in all), `every` (1, or every how-many-th tree is here), ids
-    of the `submaps`, names of the `sessions`, and in `session_of` the position of each submap's session, -1 for none.
+    of the `submaps`, their `stamps` (seconds since 1970 UTC, or null), names of the `sessions`, and in `session_of` the
+    position of each submap's session, -1 for none.
     Then float32 (S, 4), the box of each submap; uint32 (S), how many positions it has here; float32 (N, 2), the
     positions, submap after submap. Metres, relative to `origin`.
     """
     chosen = submap_filter(session=session, bbox=bbox, frame_id=frame_id, datetime_range=None)
     _, version = crud.read(service.database, collection)
-    asked = "\n".join(str(one) for one in (version, frame_id, session, bbox, limit))
+    asked = "\n".join(str(one) for one in (_LAYOUT, version, frame_id, session, bbox, limit))
     etag = hashlib.sha256(asked.encode()).hexdigest()[:32]
     # A browser keeps them, and asks each time whether they are current.
     headers = etag_header(etag) | {"Cache-Control": "private, no-cache"}

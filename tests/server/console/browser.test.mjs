@@ -386,6 +386,41 @@ test("a file that is refused names fields of the page, and all rows at fault", a
   });
 });
 
+test("a map shows constraints apart by their state, those of a submap, and what was observed until a moment", async () => {
+  await onPage(told.open, {}, async (page) => {
+    await page.goto("/ui/collections/drive/map");
+    const legend = page.getByRole("list", { name: "Legend" });
+    await legend.getByText("1 constraint used by maps").waitFor();
+    await legend.getByText("1 constraint stale").waitFor();
+    const green = () =>
+      page.evaluate(() => {
+        const canvas = document.querySelector("canvas:not(.under)");
+        const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+        let found = 0;
+        for (let at = 0; at < data.length; at += 4) {
+          if (data[at + 3] > 150 && data[at + 1] > 130 && data[at] < 90 && data[at + 2] < 130) found++;
+        }
+        return found;
+      });
+    await until(green, 40, "pixels of the line");
+    const slider = page.getByRole("slider", { name: /Observed until/ });
+    await slider.focus();
+    await page.keyboard.press("Home");
+    await page.getByRole("status").filter({ hasText: "2026" }).waitFor();
+    await page.waitForFunction(() => new URLSearchParams(location.search).has("until"));
+    await until(async () => 40 - Math.min(await green(), 40), 40, "pixels of the line are gone");
+    await page.keyboard.press("End");
+    await until(green, 40, "pixels of the line");
+    await page.getByLabel("Find a submap").fill("d2");
+    await page.keyboard.press("Enter");
+    await page.getByRole("heading", { name: "2 constraints" }).waitFor();
+    await page.getByRole("cell", { name: "stale" }).waitFor();
+    await accessible(page);
+    await page.getByLabel("Constraints").uncheck();
+    await legend.getByText("1 constraint used by maps").waitFor({ state: "detached" });
+  });
+});
+
 test("jobs show their progress and what they refused, and operations how the service does", async () => {
   await onPage(told.open, {}, async (page) => {
     await page.goto("/ui/jobs");

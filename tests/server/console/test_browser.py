@@ -58,6 +58,21 @@ def fill(client: httpx.Client) -> dict[str, Any]:
     seen, _ = observed(forest(1), 5)
     matched = ask(client, "plots", xy=seen[:45], ids=[f"{HOSTILE}q{at}" for at in range(45)])
     no_match = ask(client, "plots", xy=points(forest(9)))
+    client.put("/v1/collections/drive", json={}).raise_for_status()
+    for at in (1, 2, 3):
+        body = {
+            "xy": points(forest(at)),
+            "stamp": f"2026-05-04T09:0{at}:00Z",
+            "map_pose": {"frame_id": "map", "x": 90.0 * at, "y": 0.0, "yaw": 0.0},
+        }
+        client.put(f"/v1/collections/drive/submaps/d{at}", json=body).raise_for_status()
+    covariance = [0.01, 0, 0, 0, 0.01, 0, 0, 0, 1e-4]
+    edges = [
+        {"from": f"d{at}", "to": f"d{at + 1}", "x": 90.0, "y": 0.0, "yaw": 0.0, "covariance": covariance}
+        for at in (1, 2)
+    ]
+    client.post("/v1/collections/drive/odometry", json={"edges": edges}).raise_for_status()
+    client.patch("/v1/collections/drive/submaps/d3", json={"xy": points(forest(4))}).raise_for_status()
     rows = np.random.default_rng(3).normal(0.0, 0.03, (144, 2)) + [
         (3.0 * x, 3.0 * y) for x in range(12) for y in range(12)
     ]

@@ -58,6 +58,7 @@ def test_every_tree_is_where_it_is_in_the_map(client: httpx.Client, poses: dict[
     assert columns.head["submaps"] == list(poses)
     assert (columns.head["landmarks"], columns.head["every"]) == (180, 1)
     assert [columns.head["sessions"], columns.head["session_of"]] == [["drive"], [0, 0, -1]]
+    assert len(columns.head["stamps"]) == 3
     expected = np.concatenate([pose.apply(forest(seed)) for seed, pose in enumerate(poses.values(), start=1)])
     # Millimetres, although float32 has half a metre between neighbours at a northing of five million.
     assert np.abs(columns.xy - expected).max() < 1e-3

@@ -12,6 +12,8 @@ export interface Columns {
   readonly submaps: readonly string[];
   readonly sessions: readonly string[];
   readonly sessionOf: readonly number[];
+  /** When each submap was observed, in seconds since 1970; NaN if nobody said. */
+  readonly stamps: Float64Array;
   /** [west, south, east, north] of each submap. */
   readonly boxes: Float32Array;
   /** Where the positions of each submap begin; one more than there are submaps. */
@@ -51,6 +53,7 @@ export function columnsOf(data: ArrayBuffer): Columns {
     every: number;
     submaps: string[];
     sessions: string[];
+    stamps: (number | null)[];
     session_of: number[];
   };
   const count = head.submaps.length;
@@ -66,6 +69,7 @@ export function columnsOf(data: ArrayBuffer): Columns {
     submaps: head.submaps,
     sessions: head.sessions,
     sessionOf: head.session_of,
+    stamps: Float64Array.from(head.stamps, (one) => one ?? NaN),
     boxes: new Float32Array(data, at, 4 * count),
     starts,
     xy: new Float32Array(data, at + 20 * count),

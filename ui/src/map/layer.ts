@@ -4,7 +4,11 @@ import type { Size, View } from "../draw/view";
 
 const POINT_SHADER = `#version 300 es
 in vec2 place; in uint colour; uniform vec4 view; uniform float size; uniform vec3 palette[9]; out vec3 shade;
-void main() { gl_Position = vec4((place - view.xy) * view.zw, 0.0, 1.0); gl_PointSize = size; shade = palette[colour]; }`;
+void main() {
+  gl_Position = colour > 8u ? vec4(2.0, 2.0, 2.0, 1.0) : vec4((place - view.xy) * view.zw, 0.0, 1.0);
+  gl_PointSize = size;
+  shade = palette[min(colour, 8u)];
+}`;
 const POINT_PAINT = `#version 300 es
 precision highp float; in vec3 shade; uniform float size; uniform float alpha; out vec4 paint;
 void main() {
@@ -15,6 +19,9 @@ void main() {
 const LINE_PAINT = `#version 300 es
 precision highp float; in vec3 shade; uniform float alpha; out vec4 paint;
 void main() { paint = vec4(shade, 1.0) * alpha; }`;
+
+/** The number of a colour that is not drawn. */
+export const HIDDEN = 255;
 
 /** Points or lines: x, y and the number of a colour for each vertex. */
 export interface Vertices {
@@ -39,6 +46,12 @@ export class Layer {
 
   setPoints(vertices: Vertices): void {
     this.points.fill(vertices);
+  }
+
+  /** Other colours for the same points and lines. */
+  recolour(points: Uint8Array, lines: Uint8Array): void {
+    this.points.recolour(points);
+    this.lines.recolour(lines);
   }
 
   /** Pairs of vertices, each of which is a line. */
@@ -96,6 +109,11 @@ class Batch {
     this.count = xy.length / 2;
     gl.bindBuffer(gl.ARRAY_BUFFER, this.buffers[0]);
     gl.bufferData(gl.ARRAY_BUFFER, xy, gl.STATIC_DRAW);
+    this.recolour(colour);
+  }
+
+  recolour(colour: Uint8Array) {
+    const { gl } = this;
     gl.bindBuffer(gl.ARRAY_BUFFER, this.buffers[1]);
     gl.bufferData(gl.ARRAY_BUFFER, colour, gl.STATIC_DRAW);
   }

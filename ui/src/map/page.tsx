@@ -9,6 +9,8 @@ import { ago, count, degrees, moment, plural } from "../parts/text";
 import { api, sentenceOf } from "../service/api";
 import { useLoaded } from "../service/load";
 import { type Columns, readColumns } from "./columns";
+import { readConstraints, readMoves } from "./constraints";
+import { ConstraintsOf, OverTools } from "./over";
 import { MapStage } from "./stage";
 
 export function MapPage({ collection }: { readonly collection: string }) {
@@ -64,6 +66,15 @@ function Map(props: { readonly one: Schemas["Collection"]; readonly frames: read
   const [last, setLast] = useState<Columns | null>(null);
   const columns = loaded.data ?? (last?.frame === frame ? last : null);
   if (loaded.data !== undefined && loaded.data !== last) setLast(loaded.data);
+  const shown = query.get("constraints") !== "0";
+  const read = useLoaded(async (signal) => (shown ? readConstraints(one.id, signal) : null), [one.id, one.revision, shown]);
+  const map = query.get("map");
+  const ready = map !== null && columns !== null;
+  const moved = useLoaded(
+    async (signal) => (ready ? readMoves(one.id, map, columns, signal) : null),
+    [one.id, frame, map, ready],
+  );
+  const over = { constraints: read.data ?? null, moves: moved.data ?? null };
   return (
     <>
       <header class="page-head">
@@ -83,10 +94,19 @@ function Map(props: { readonly one: Schemas["Collection"]; readonly frames: read
         </Ready>
       ) : (
         <div class="match-body">
-          <MapStage key={`${frame}/${session}`} columns={columns} part={part} onPart={setPart} />
+          <MapStage key={`${frame}/${session}`} columns={columns} over={over} part={part} onPart={setPart} />
           <aside class="details" aria-label="Details">
             <Overview columns={columns} session={session} />
+            {[read.error, moved.error].map(
+              (error) =>
+                error !== undefined && (
+                  <p class="note bad" role="alert">
+                    {sentenceOf(error)}
+                  </p>
+                ),
+            )}
             {query.get("submap") && <Chosen collection={one.id} submap={query.get("submap")!} />}
+            {query.get("submap") && <ConstraintsOf submap={query.get("submap")!} constraints={over.constraints} />}
           </aside>
         </div>
       )}
@@ -105,6 +125,7 @@ interface ToolsProps {
 const SOMEWHERE_ELSE = { x: null, y: null, scale: null, submap: null };
 
 function MapTools({ columns, frames, frame, session, collection }: ToolsProps) {
+  const { query } = useAddress();
   const [refusal, setRefusal] = useState("");
   const find = async (event: SubmitEvent) => {
     event.preventDefault();
@@ -122,6 +143,7 @@ function MapTools({ columns, frames, frame, session, collection }: ToolsProps) {
   };
   return (
     <div class="map-tools">
+      <OverTools collection={collection} shown={query.get("constraints") !== "0"} map={query.get("map")} />
       {frames.length > 1 && (
         <label>
           Map frame{" "}

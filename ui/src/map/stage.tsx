@@ -12,10 +12,13 @@ import { setQuery, useAddress } from "../parts/router";
 import { plural } from "../parts/text";
 import type { Columns } from "./columns";
 import { Layer } from "./layer";
-import { boxOf, colourOf, inkOf, linesOf, outlines, pointsOf, sideOf, submapAt } from "./submaps";
+import { drawLines, drawMoves, linesBetween } from "./constraints";
+import { momentsOf, type Over, OverLegend, TimeSlider } from "./over";
+import { boxOf, colourOf, type Hidden, inkOf, linesOf, outlineColours, outlines, sideOf, submapAt, treeColours } from "./submaps";
 
 interface StageProps {
   readonly columns: Columns;
+  readonly over: Over;
   readonly part: string | null;
   readonly onPart: (part: string | null) => void;
 }
@@ -25,7 +28,7 @@ const WIDER = 0.5;
 const LABELS = 60;
 const LEAST_SIDE = 14;
 
-export function MapStage({ columns, part, onPart }: StageProps) {
+export function MapStage({ columns, over, part, onPart }: StageProps) {
   const palette = usePalette();
   const { query } = useAddress();
   const under = useRef<HTMLCanvasElement>(null);
@@ -33,6 +36,10 @@ export function MapStage({ columns, part, onPart }: StageProps) {
   const [broken, setBroken] = useState(false);
   const [size, setSize] = useState<Size | null>(null);
   const [moved, setMoved] = useState<View | null>(() => viewOf(query, columns));
+  const [until, setUntil] = useState<number | null>(() => (query.get("until") ? Number(query.get("until")) : null));
+  const hidden = useCallback<Hidden>((submap) => until !== null && columns.stamps[submap]! > until, [columns, until]);
+  const moments = useMemo(() => momentsOf(columns), [columns]);
+  const lines = useMemo(() => linesBetween(columns, over.constraints?.rows ?? [], hidden), [columns, over.constraints, hidden]);
   const shapes = useMemo(() => outlines(columns), [columns]);
   const chosen = columns.submaps.indexOf(query.get("submap") ?? "");
   const whole = useRef<Box | null>(null);
@@ -50,9 +57,12 @@ export function MapStage({ columns, part, onPart }: StageProps) {
     return () => layer.current?.dispose();
   }, []);
   useEffect(() => {
-    layer.current?.setPoints(pointsOf(columns));
-    layer.current?.setLines(linesOf(columns, shapes));
+    layer.current?.setPoints({ xy: columns.xy, colour: treeColours(columns, hidden) });
+    layer.current?.setLines({ xy: linesOf(shapes), colour: outlineColours(columns, shapes, hidden) });
   }, [columns, shapes]);
+  useEffect(() => {
+    layer.current?.recolour(treeColours(columns, hidden), outlineColours(columns, shapes, hidden));
+  }, [until]);
 
   const fitted = useMemo(() => size && whole.current && fit(whole.current, size, 24), [size, columns]);
   const view = moved ?? fitted;
@@ -79,10 +89,12 @@ export function MapStage({ columns, part, onPart }: StageProps) {
         painter.line(toPixels(shapes[chosen]!), { fill: palette.select, opacity: 0.14 }, true);
         painter.line(toPixels(shapes[chosen]!), { stroke: palette.select, width: 2.5 }, true);
       }
-      drawLabels(painter, columns, view, pixels, palette.ink);
+      drawLines(context, lines, view, pixels, palette);
+      if (over.moves) drawMoves(context, over.moves, view, pixels, palette);
+      drawLabels(painter, columns, hidden, view, pixels, palette.ink);
       drawScale(painter, view, pixels, palette);
     },
-    [view?.x, view?.y, view?.scale, columns, shapes, chosen, colours],
+    [view?.x, view?.y, view?.scale, columns, shapes, chosen, colours, lines, over.moves],
   );
 
   useSettled(moved, (settled) => {
@@ -91,7 +103,7 @@ export function MapStage({ columns, part, onPart }: StageProps) {
   });
 
   const place = (point: { x: number; y: number }) =>
-    view && size ? submapAt(columns, shapes, toMetresX(view, size, point.x), toMetresY(view, size, point.y)) : null;
+    view && size ? submapAt(columns, shapes, hidden, toMetresX(view, size, point.x), toMetresY(view, size, point.y)) : null;
   const pick = (point: { x: number; y: number }) => {
     const submap = place(point);
     const here = view && addressOf(view, columns);
@@ -126,6 +138,7 @@ export function MapStage({ columns, part, onPart }: StageProps) {
           <button type="button" aria-label="Show everything" title="Show everything" onClick={all}>⤢</button>
         </div>
       </Canvas>
+      <TimeSlider moments={moments} until={until} onUntil={setUntil} />
       <ul class="legend" aria-label="Legend">
         {columns.sessions.slice(0, 12).map((session, index) => (
           <li key={session} class={`session c${colourOf(index)}`}>
@@ -134,6 +147,7 @@ export function MapStage({ columns, part, onPart }: StageProps) {
         ))}
         {columns.sessions.length > 12 && <li>and {columns.sessions.length - 12} more</li>}
         {columns.sessionOf.includes(-1) && <li class="session c0">without a session</li>}
+        <OverLegend {...over} />
       </ul>
     </section>
   );
@@ -178,12 +192,12 @@ function nextPart(view: View, size: Size, columns: Columns, part: string | null,
   return [left, bottom, right, top].join(",");
 }
 
-function drawLabels(painter: CanvasPainter, columns: Columns, view: View, size: Size, ink: string): void {
+function drawLabels(painter: CanvasPainter, columns: Columns, hidden: Hidden, view: View, size: Size, ink: string): void {
   const shown: number[] = [];
   for (let submap = 0; submap < columns.submaps.length && shown.length <= LABELS; submap++) {
     const [west, south, east, north] = columns.boxes.subarray(4 * submap, 4 * submap + 4);
     const [x, y] = [toPixelX(view, size, (west! + east!) / 2), toPixelY(view, size, (south! + north!) / 2)];
-    if (x > 0 && y > 0 && x < size.width && y < size.height) shown.push(submap);
+    if (!hidden(submap) && x > 0 && y > 0 && x < size.width && y < size.height) shown.push(submap);
   }
   if (shown.length > LABELS) return;
   const placed: [number, number, number][] = [];

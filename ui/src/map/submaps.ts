@@ -2,7 +2,7 @@
 
 import { type Box, hull, inHull } from "../draw/view";
 import type { Columns } from "./columns";
-import type { Vertices } from "./layer";
+import { HIDDEN } from "./layer";
 
 /** Colour 0 is for submaps without a session; sessions take the others in turn. */
 export const COLOURS = 8;
@@ -24,38 +24,53 @@ export function outlines(columns: Columns): readonly number[][] {
   return columns.submaps.map((_, submap) => outline(columns, submap));
 }
 
-export function pointsOf(columns: Columns): Vertices {
+/** Which submaps are not shown. */
+export type Hidden = (submap: number) => boolean;
+
+/** The colour of every tree. */
+export function treeColours(columns: Columns, hidden: Hidden): Uint8Array {
   const colour = new Uint8Array(columns.xy.length / 2);
   columns.submaps.forEach((_, submap) => {
-    colour.fill(colourOf(columns.sessionOf[submap]!), columns.starts[submap], columns.starts[submap + 1]);
+    const own = hidden(submap) ? HIDDEN : colourOf(columns.sessionOf[submap]!);
+    colour.fill(own, columns.starts[submap], columns.starts[submap + 1]);
   });
-  return { xy: columns.xy, colour };
+  return colour;
 }
 
-export function linesOf(columns: Columns, shapes: readonly number[][]): Vertices {
-  const count = shapes.reduce((sum, shape) => sum + shape.length, 0);
-  const xy = new Float32Array(2 * count);
-  const colour = new Uint8Array(count);
+/** The colour of every vertex of the outlines. */
+export function outlineColours(columns: Columns, shapes: readonly number[][], hidden: Hidden): Uint8Array {
+  const colour = new Uint8Array(shapes.reduce((sum, shape) => sum + shape.length, 0));
   let at = 0;
   shapes.forEach((shape, submap) => {
+    colour.fill(hidden(submap) ? HIDDEN : colourOf(columns.sessionOf[submap]!), at, at + shape.length);
+    at += shape.length;
+  });
+  return colour;
+}
+
+/** The outlines as pairs of vertices. */
+export function linesOf(shapes: readonly number[][]): Float32Array {
+  const count = shapes.reduce((sum, shape) => sum + shape.length, 0);
+  const xy = new Float32Array(2 * count);
+  let at = 0;
+  shapes.forEach((shape) => {
     for (let corner = 0; corner < shape.length; corner += 2) {
       const next = (corner + 2) % shape.length;
       xy.set([shape[corner]!, shape[corner + 1]!, shape[next]!, shape[next + 1]!], 2 * at);
-      colour.fill(colourOf(columns.sessionOf[submap]!), at, at + 2);
       at += 2;
     }
   });
-  return { xy, colour };
+  return xy;
 }
 
 /** The submap under a place: of those that cover it, the one whose middle is nearest; null if none does. */
-export function submapAt(columns: Columns, shapes: readonly number[][], x: number, y: number): number | null {
+export function submapAt(columns: Columns, shapes: readonly number[][], hidden: Hidden, x: number, y: number): number | null {
   let best: number | null = null;
   let least = Infinity;
   const { boxes } = columns;
   for (let submap = 0; submap < shapes.length; submap++) {
     const [west, south, east, north] = boxes.subarray(4 * submap, 4 * submap + 4);
-    if (x < west! || x > east! || y < south! || y > north! || !inHull(shapes[submap]!, x, y)) continue;
+    if (hidden(submap) || x < west! || x > east! || y < south! || y > north! || !inHull(shapes[submap]!, x, y)) continue;
     const away = Math.hypot(x - (west! + east!) / 2, y - (south! + north!) / 2);
     if (away < least) [best, least] = [submap, away];
   }

@@ -64,7 +64,7 @@ function GateBar({ gate }: { readonly gate: Gate }) {
         {gate.passed ? "✓" : "✗"} {gate.name}
       </span>
       <span class="gate-value">
-        <b>{gate.shown}</b>, {gate.shownNeeded} needed
+        <b>{gate.shown}</b>, needs {gate.shownNeeded}
       </span>
       <span class="gate-bar" aria-hidden="true">
         <i style={{ width: share(gate.value) }} />

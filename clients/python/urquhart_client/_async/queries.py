@@ -1,12 +1,13 @@
 """Calls for queries."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import AsyncIterator, Iterable, Mapping
 from datetime import datetime
 from typing import Any
 
 from urquhart_client._async.connection import AsyncConnection
-from urquhart_client._protocol import bodies, requests
+from urquhart_client._protocol import bodies, listings, requests
 from urquhart_client._protocol.bodies import Diameters, Landmarks, Points
+from urquhart_client._protocol.listings import StoredQuery
 from urquhart_client.errors import ProblemError
 from urquhart_client.models import Effort, Explanation, Method, PairFormat, QueryResult
 
@@ -108,6 +109,16 @@ class AsyncQueryCalls(AsyncConnection):
     async def get_query(self, collection: str, query_id: str) -> QueryResult:
         """The result of a stored query."""
         return await self._send(requests.get_query(collection, query_id))
+
+    def queries(
+        self, collection: str, *, verdict: str | None = None, page_size: int | None = None
+    ) -> AsyncIterator[StoredQuery]:
+        """The queries that were sent with `store` and are still kept, newest first. Pages are fetched as needed.
+
+        Args:
+            verdict: only those with this verdict: `matched`, `ambiguous` or `no_match`.
+        """
+        return self._pages(lambda cursor: listings.get_queries(collection, verdict, page_size, cursor))
 
     async def match_svg(self, collection: str, query_id: str, rank: int = 1) -> str:
         """A candidate of a stored query as a drawing: both sets of landmarks, overlaid, and the inlier pairs."""

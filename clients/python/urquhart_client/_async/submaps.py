@@ -5,8 +5,9 @@ from datetime import datetime
 from typing import Any
 
 from urquhart_client._async.connection import AsyncConnection
-from urquhart_client._protocol import bodies, job_requests, requests
+from urquhart_client._protocol import bodies, job_requests, listings, requests
 from urquhart_client._protocol.bodies import UNSET, Diameters, Landmarks, Points, Pose, Unset
+from urquhart_client._protocol.listings import LandmarkColumns
 from urquhart_client.models import SessionSummary, Submap, SubmapReceipt, Tessellation
 
 
@@ -96,6 +97,27 @@ class AsyncSubmapCalls(AsyncConnection):
             interval: an instant or an interval `from/to` in RFC 3339, either end `..` for open.
         """
         return self._pages(lambda cursor: requests.get_submaps(collection, bbox, interval, session, page_size, cursor))
+
+    async def landmark_columns(
+        self,
+        collection: str,
+        frame_id: str,
+        *,
+        session: str | None = None,
+        bbox: Sequence[float] | None = None,
+        limit: int | None = None,
+    ) -> LandmarkColumns:
+        """The trees of all submaps that have a place in a map frame, as columns: fast to read, and to be drawn.
+
+        Args:
+            frame_id: the map frame.
+            bbox: (x minimum, y minimum, x maximum, y maximum), metres, map frame: only submaps that overlap it.
+            limit: most positions, at most 1,000,000 (default 200,000). If there are more, every second, fourth, ...
+                is sent.
+        """
+        box = None if bbox is None else ",".join(repr(float(one)) for one in bbox)
+        asked = {"frame_id": frame_id, "session": session, "bbox": box, "limit": limit}
+        return await self._send(listings.get_landmarks(collection, asked))
 
     async def get_submap(self, collection: str, submap_id: str) -> Submap:
         """One submap with its landmarks."""

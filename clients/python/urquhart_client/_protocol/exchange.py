@@ -142,7 +142,7 @@ def answer(request: Request[T], response: httpx.Response, *, lost: bool = False)
         return request.parse(response)
     document = _json(response) if "json" in response.headers.get("content-type", "") else None
     if not isinstance(document, dict):
-        raise _unexpected(response, f"{response.status_code} without a problem document")
+        raise unexpected(response, f"{response.status_code} without a problem document")
     raise ProblemError(response.status_code, document, retry_after(response))
 
 
@@ -150,14 +150,14 @@ def _json(response: httpx.Response) -> Any:
     try:
         return json.loads(response.content)
     except ValueError as error:
-        raise _unexpected(response, f"{response.status_code} with a body that is not JSON") from error
+        raise unexpected(response, f"{response.status_code} with a body that is not JSON") from error
 
 
 def document(response: httpx.Response) -> dict[str, Any]:
     """The body, a JSON object."""
     members = _json(response)
     if not isinstance(members, dict):
-        raise _unexpected(response, "a JSON object was expected")
+        raise unexpected(response, "a JSON object was expected")
     return members
 
 
@@ -180,7 +180,7 @@ def model(kind: type[M]) -> Callable[[httpx.Response], M]:
         except ValidationError as error:
             first = error.errors()[0]
             place = ".".join(str(part) for part in first["loc"])
-            raise _unexpected(response, f"not a {kind.__name__}: {place} {first['msg']}") from error
+            raise unexpected(response, f"not a {kind.__name__}: {place} {first['msg']}") from error
 
     return parse
 
@@ -193,7 +193,7 @@ def page(name: str, item: type[M]) -> Callable[[httpx.Response], Page[M]]:
         try:
             return Page(items=tuple(item.model_validate(one) for one in members[name]), next=members.get("next"))
         except (KeyError, TypeError, ValidationError) as error:
-            raise _unexpected(response, f"not a page of {name}") from error
+            raise unexpected(response, f"not a page of {name}") from error
 
     return parse
 
@@ -207,5 +207,6 @@ def retry_after(response: httpx.Response) -> float | None:
     return seconds if math.isfinite(seconds) and seconds >= 0 else None
 
 
-def _unexpected(response: httpx.Response, what: str) -> UnexpectedAnswer:
+def unexpected(response: httpx.Response, what: str) -> UnexpectedAnswer:
+    """The error for a response that is not one of the service. `what` says why."""
     return UnexpectedAnswer(f"unexpected answer from {response.url}: {what}", response.status_code, response.text[:500])
