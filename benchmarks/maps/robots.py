@@ -63,13 +63,26 @@ def run_job(job: RobotJob) -> dict[str, float]:
             placed.poses[submap] = joined.pose @ pose
         frames[-to] += frames.pop(-other)
     errors = _errors(made, placed, frames, robot)
+    right = len(frames) == 1 and max(errors) < WRONG
     return {
         "frames": float(len(frames)),
-        "right": float(len(frames) == 1 and max(errors) < WRONG),
+        "right": float(right),
+        "mapped": float(not right and max(_in_one_map(made, robot)) < WRONG),
         "wrong": float(sum(error >= WRONG for error in errors)),
         "error": float(np.mean(errors)),
         "false": float(made.false.sum()),
     }
+
+
+def _in_one_map(made: SimulatedDrive, robot: NDArray[np.int64]) -> list[float]:
+    """The errors of robots whose submaps become one map; no odometry leads from one robot to another."""
+    given, size = made.constraints, len(robot)
+    own = ~given.trusted | (robot[given.first] == robot[given.second])
+    found = optimise(size, replace(given, **{name: getattr(given, name)[own] for name in given.__slots__}))
+    frames: Frames = {part: np.flatnonzero(found.part == part).tolist() for part in range(len(found.in_map))}
+    poses = PlacedSubmaps([found.pose(k) for k in range(size)], [])
+    errors = _errors(made, poses, frames, robot)
+    return errors if len(frames) == 1 else [np.inf]
 
 
 def _own_maps(made: SimulatedDrive, robot: NDArray[np.int64], robots: int) -> PlacedSubmaps:
@@ -157,7 +170,9 @@ def run(pool: Pool, *, quick: bool, seed: int) -> dict[str, Any]:
             if (job.robots, job.drive.false, job.drive.grouped) == (robots, share, grouped)
         ]
         row: dict[str, Any] = {"robots": robots, "submaps": submaps, "share": share, "grouped": grouped}
-        row |= {"drives": len(some)} | {name: sum(one[name] for one in some) for name in ("right", "wrong", "false")}
+        row |= {"drives": len(some)} | {
+            name: sum(one[name] for one in some) for name in ("right", "mapped", "wrong", "false")
+        }
         row |= {
             "apart": sum(one["frames"] > 1 for one in some),
             "error": float(np.mean([one["error"] for one in some])),

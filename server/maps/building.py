@@ -1,7 +1,7 @@
 """One map from submaps and the constraints between them: optimised poses, and one entry for each tree."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -17,13 +17,14 @@ from server.schemas.maps.request import MapInput
 from server.schemas.poses import MapPose
 from server.store.repositories.maps.constraint_records import StoredConstraint
 from urquhart import SE2
-from urquhart.mapping.consistency import MAPPING
+from urquhart.mapping.consistency import MAPPING, MappingNumbers
 from urquhart.mapping.graph_solver import MissingOptimiser, optimiser
 from urquhart.mapping.landmark_map import LandmarkMap, build_landmark_map
 from urquhart.mapping.optimisation import OptimisedPoses, optimise
 from urquhart.mapping.pose_graph import MAP, PoseConstraint, PoseConstraints
 from urquhart.pose_covariance import PoseUncertainty
 
+Solve = Callable[[int, PoseConstraints, MappingNumbers], OptimisedPoses]
 EdgeKind = Literal["match", "odometry", "prior"]
 _EXACT: Final = np.diag([1e-6, 1e-6, 1e-10])
 """Square metres and radians, added to the covariance of a prior: nobody knows a pose better than to a millimetre."""
@@ -78,10 +79,13 @@ def check_optimiser() -> None:
         raise OptimiserMissing(str(error)) from error
 
 
-def build(chosen: Sequence[ChosenSubmap], kept: Sequence[StoredConstraint], body: MapInput) -> BuiltMap:
+def build(
+    chosen: Sequence[ChosenSubmap], kept: Sequence[StoredConstraint], body: MapInput, solve: Solve = optimise
+) -> BuiltMap:
     """Build a map of submaps from constraints. Those that are stale, or lead to other submaps, are left out.
 
-    Raises InvalidField (odometry or priors that cannot be used) and OptimiserMissing.
+    `solve`: `optimise`, or what calls it elsewhere. Raises InvalidField (odometry or priors that cannot be used),
+    OptimiserMissing, and what `solve` raises.
     """
     check_optimiser()
     numbers = numbers_of(chosen, body)
@@ -96,7 +100,7 @@ def build(chosen: Sequence[ChosenSubmap], kept: Sequence[StoredConstraint], body
             edges.append(edge)
             constraints.append(constraint)
     wanted = MAPPING._replace(agreeing=body.agreeing)
-    poses = optimise(len(chosen), PoseConstraints.of(constraints), wanted)
+    poses = solve(len(chosen), PoseConstraints.of(constraints), wanted)
     trees = build_landmark_map([one.mapped for one in chosen], poses, body.association)
     part_numbers, frames = _frames(poses, body.map_frame_id, prior_frame)
     return BuiltMap(chosen, edges, poses, trees, part_numbers, frames, prior_frame)

@@ -31,8 +31,9 @@ class Outcome:
 class IsolatedProcess:
     """A process that does one task at a time. If a task ends it or takes too long, a new one replaces it."""
 
-    def __init__(self, warm_up: Callable[[], object]) -> None:
-        self._warm_up = warm_up
+    def __init__(self, warm_up: Callable[[], object], memory: int | None = _MEMORY) -> None:
+        """Nothing is started yet. `memory`: bytes that the process may allocate; None for any number."""
+        self._warm_up, self._memory = warm_up, memory
         self._process: SpawnProcess | None = None
         self._connection: Connection | None = None
 
@@ -66,7 +67,7 @@ class IsolatedProcess:
 
     def _started(self) -> Connection:
         if self._connection is None:
-            self._process, self._connection = start_worker("worker-apart", self._warm_up, memory=_MEMORY)
+            self._process, self._connection = start_worker("worker-apart", self._warm_up, memory=self._memory)
             try:
                 ready = _receive(self._connection, _TO_START)
             except (EOFError, OSError) as error:
@@ -78,7 +79,8 @@ class IsolatedProcess:
 
     def _ended(self) -> str:
         """How the process ended. Cleans up after it."""
-        assert self._process is not None
+        if self._process is None:
+            return "it was closed"
         self._process.join()
         code = self._process.exitcode or 0
         self.close()

@@ -9,6 +9,7 @@ import pytest
 
 from server.errors import StorageBusy
 from server.jobs.types import build_map
+from server.maps import whole_searches
 from server.maps.applying import apply_map
 from server.maps.selection import choose
 from tests.server.factories import forest, observed
@@ -244,3 +245,13 @@ def test_poses_are_written_all_or_none(client: httpx.Client) -> None:
     assert {name: one["x"] for name, one in map_poses(client).items()} == {"a": 1.0, "b": 3.0}
     removed = client.post(f"{URL}/poses", json={"poses": [{"id": "a", "map_pose": None}]}).json()
     assert removed == {"map_version": before + 2, "changed": 1} and map_poses(client)["a"] is None
+
+
+def test_a_map_of_many_submaps_is_optimised_in_another_process(
+    client: httpx.Client, truth: dict[str, SE2], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """GTSAM keeps Python's lock: in this process, no request would be answered meanwhile."""
+    here = built(client, {})
+    monkeypatch.setattr(whole_searches, "_SMALL", 0)
+    apart = built(client, {})
+    assert apart["poses"] == here["poses"] and apart["constraints"] == here["constraints"]

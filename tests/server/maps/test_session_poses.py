@@ -4,10 +4,12 @@ from typing import Any
 
 import httpx
 import numpy as np
+import orjson
 import pytest
 
 from server.constraints.extraction import search_of
-from server.maps import session_poses
+from server.errors import PosesPending
+from server.maps import session_poses, whole_searches
 from server.maps.session_poses import SessionPoses
 from server.schemas.maps.request import MapInput
 from server.service_parts import Service
@@ -156,3 +158,29 @@ def test_only_the_sessions_asked_for_last_are_kept(
         answer = client.get(URL.replace("mon", session)).json()
         assert answer["poses"][0]["pose"] == {"x": 0.0, "y": 0.0, "yaw": 0.0, "covariance": [0.0] * 9}
     assert len(service.session_poses._kept) == 2
+
+
+def test_a_search_that_takes_longer_than_a_query_may_goes_on(
+    client: httpx.Client, service: Service, graph: TrueGraph, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Larger sessions are searched in a process of their own, and the next request finds what it found."""
+    store(client, service, graph, 0, 12)
+    expected = client.get(URL).json()
+    monkeypatch.setattr(whole_searches, "_SMALL", 0)
+    other = SessionPoses(service.database)
+    try:
+        with pytest.raises(PosesPending, match="the search goes on"):
+            other.answer("plots", "mon", 0.0)
+        assert orjson.loads(other.answer("plots", "mon", 600.0)) == expected
+        # What is searched again meanwhile does not keep anybody waiting.
+        kept = next(iter(other._kept.values()))
+        assert kept.poses is not None
+        kept.poses._due, kept.not_before = True, 0.0
+        assert not orjson.loads(other.answer("plots", "mon", 0.5))["settled"]
+        assert kept.search is not None
+        kept.search.result(600.0)
+        assert orjson.loads(other.answer("plots", "mon", 0.5)) == expected
+        kept.poses._due, kept.not_before = True, 0.0
+        other.answer("plots", "mon", 0.5)
+    finally:
+        other.close()  # while a search runs
