@@ -174,6 +174,8 @@ test("stored queries are listed, by verdict, and lead to their pages", async () 
     await page.goto("/ui/collections/plots");
     await page.getByRole("link", { name: "Queries" }).click();
     await page.getByRole("link", { name: `Query ${matched.id}` }).waitFor();
+    await page.getByText("How sure the answers were").click();
+    await page.getByText("1 matched").waitFor();
     await accessible(page);
     await page.getByLabel("Verdict").selectOption("matched");
     await page.getByRole("link", { name: `Query ${missed.id}` }).waitFor({ state: "detached" });
@@ -434,6 +436,9 @@ test("jobs show their progress and what they refused, and operations how the ser
     await page.getByText("Verdicts since the start").waitFor();
     await page.getByRole("button", { name: /^Show all/ }).click();
     await page.getByRole("cell", { name: "POST /v1/collections/{collection}/queries" }).first().waitFor();
+    for (const title of ["Requests", "Verdicts a second", "Mean time of a query"]) {
+      await page.getByRole("img", { name: new RegExp(`^${title}.* now: `) }).waitFor();
+    }
     await accessible(page);
   });
 });

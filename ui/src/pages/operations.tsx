@@ -11,6 +11,7 @@ import { useLoaded } from "../service/load";
 import { readMetrics, type Sample, valueOf } from "../service/metrics";
 import { may, type Session } from "../service/session";
 import { IndexState } from "./collections";
+import { QueryCharts, QueueChart } from "./load-charts";
 
 const EVERY = 5;
 const SELDOM = 60;
@@ -90,6 +91,7 @@ function Now({ state: { ready, trouble } }: { readonly state: State }) {
               ...Object.entries(ready.checks).map(([name, state]) => [name, state] as const),
             ]}
           />
+          <QueueChart load={ready.load} />
           {ready.load.saturated && <p class="note warn">All places are taken: further requests wait for their turn.</p>}
         </>
       )}
@@ -105,6 +107,7 @@ function Numbers() {
         <>
           <Panel title="Verdicts since the start">
             <Verdicts samples={samples} />
+            <QueryCharts samples={samples} />
           </Panel>
           <Panel title="How long requests take">
             <Latencies samples={samples} />

@@ -8,6 +8,7 @@ import { ago, count, duration, moment, percent } from "../parts/text";
 import { api } from "../service/api";
 import { useLoaded } from "../service/load";
 import { VERDICTS } from "../match/why";
+import { Sureness } from "./sureness";
 
 type Verdict = keyof typeof VERDICTS;
 
@@ -61,6 +62,7 @@ export function QueriesPage({ collection }: { readonly collection: string }) {
             </Message>
           ) : (
             <>
+              <Sureness collection={collection} />
               <div class="scroll" tabIndex={0} role="region" aria-label="Table of queries">
                 <table>
                   <thead>
