@@ -23,10 +23,11 @@ from server.schemas.collections import (
     Extent,
     MapFrame,
     SpatialExtent,
+    StandCounts,
 )
 from server.schemas.common import Counts
 from server.security.principal import Principal
-from server.store.records import DEFAULT_FRAME, CollectionRecord
+from server.store.records import DEFAULT_FRAME, CollectionRecord, StandTotals
 from server.store.storage import ReadTransaction, Storage, WriteTransaction
 from urquhart import Config, ConfigError
 
@@ -108,9 +109,10 @@ def page(database: Storage, limits: Limits, caller: Principal, limit: int | None
     size = page_size(limit, limits)
     with database.read() as tx:
         rows = tx.collections.page(caller.patterns, after_key=read_cursor("collections", cursor), limit=size + 1)
+        totals = tx.collections.stand_totals(rows[:size])
     more = len(rows) > size
     return CollectionPage(
-        collections=[CollectionSummary(**_summary(row)) for row in rows[:size]],
+        collections=[CollectionSummary(**_summary(row, totals[row.key])) for row in rows[:size]],
         next=write_cursor("collections", rows[size - 1].key) if more else None,
     )
 
@@ -219,7 +221,7 @@ def _other_config(collection_id: str) -> Conflict:
     )
 
 
-def _summary(row: CollectionRecord) -> dict[str, Any]:
+def _summary(row: CollectionRecord, totals: StandTotals) -> dict[str, Any]:
     return {
         "id": row.id,
         "title": row.title,
@@ -228,6 +230,8 @@ def _summary(row: CollectionRecord) -> dict[str, Any]:
         "fingerprint": row.fingerprint,
         "revision": row.revision,
         "counts": Counts(submaps=row.submap_count, landmarks=row.landmark_count, polygons=row.polygon_count),
+        "stands": StandCounts(stands=totals.stands, trees=totals.trees),
+        "systems": totals.systems,
         "created": row.created,
         "updated": row.updated,
         "links": CollectionLinks(
@@ -244,7 +248,7 @@ def _full(tx: ReadTransaction, row: CollectionRecord) -> Collection:
     ]
     return Collection(
         # Reported with the defaults of parameters that the stored configuration does not have.
-        **_summary(row),
+        **_summary(row, collections.stand_totals([row])[row.key]),
         config=Config().to_dict() | row.config,
         frames={
             frame_id: MapFrame(crs=reference.crs, origin=reference.origin)

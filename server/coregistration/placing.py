@@ -39,6 +39,11 @@ _MOST_TREES: Final = 20_000
 """Trees that the method takes at once; of more around a plot, those nearest to its centre are used."""
 
 
+_UNHINTED: Final = 5
+"""Plots one after the other that were not found, and are not with changed coordinates either, after which none is
+searched so any more: what is wrong with coordinates is wrong with most plots, and each search takes up to 10 s."""
+
+
 @dataclass(frozen=True, slots=True)
 class SearchChoices:
     """How plots are looked up; the members are those of a query."""
@@ -63,6 +68,7 @@ class PlotPlacer:
         # A collection that changed may hold plots elsewhere, so its revision is part of every key.
         self._common = f"5 {collection_id} {collection.key} {collection.revision} {choices!r}"
         self._systems: dict[str, FrameSystem] = {}
+        self._unhinted = 0
 
     def key(self, plot: SeasonPlot) -> str:
         """Digest of everything that the plot's result depends on."""
@@ -88,7 +94,7 @@ class PlotPlacer:
             what = f"the plot has {len(plot.trees)} trees, more than the {limit} that a query may have: cut it"
             return replace(result, outcome="failed", reason="too_many_trees", sentence=what)
         try:
-            look, searched = self._looked_up(plot, self._choices.effort)
+            look, searched = self._looked_up(plot, self._choices.effort, hints=True)
             result = self._answered(plot, replace(result, searched=searched), look)
             in_gon = plot.trees.in_gon()
             if in_gon is not None:
@@ -159,12 +165,17 @@ class PlotPlacer:
             system = self._system(tx, get_collection(tx, self._collection_id), nominal.frame_id)
         return nominal.position(plot, system), nominal.unused(plot, system)
 
-    def _looked_up(self, plot: SeasonPlot, effort: Effort) -> tuple[LookupResult, Literal["near", "everywhere"]]:
-        """The answer for a plot, and where it was searched."""
+    def _looked_up(
+        self, plot: SeasonPlot, effort: Effort, *, hints: bool = False
+    ) -> tuple[LookupResult, Literal["near", "everywhere"]]:
+        """The answer for a plot, and where it was searched. With `hints`, it may say what would make the plot match."""
         near = self._near(plot, effort)
         if near is not None and near.answer.verdict == "matched":
             return near, "near"
-        look = look_up(self._context, self._collection_id, self._query(plot, effort), budget=self._budget)
+        query = replace(self._query(plot, effort), hints=hints and self._unhinted < _UNHINTED)
+        look = look_up(self._context, self._collection_id, query, budget=self._budget)
+        if query.hints and look.answer.verdict == "no_match":
+            self._unhinted = 0 if look.answer.hints else self._unhinted + 1
         if near is not None and near.answer.verdict == "ambiguous" and look.answer.verdict != "matched":
             return near, "near"
         return look, "everywhere"

@@ -1,6 +1,6 @@
 """A season's plots, read from files that each hold one plot or many. A plot that cannot be read keeps no other back."""
 
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
@@ -81,21 +81,29 @@ class PlotFiles:
     passed_over: tuple[str, ...]
 
 
-def plot_files(paths: Iterable[Path]) -> PlotFiles:
+def plot_files(paths: Iterable[Path], *, with_folders: bool = False) -> PlotFiles:
     """The files of a season: those named, and of a folder those whose suffixes a format has, by name.
+
+    `with_folders` also reads the folders in a folder.
 
     Raises:
         StemMapError: a folder has no such file.
     """
     files: list[Path] = []
     told: list[str] = []
-    for path in paths:
+    waiting = deque(paths)
+    while waiting:
+        path = waiting.popleft()
         if not path.is_dir():
             files.append(path)
             continue
         inside = sorted(one for one in path.iterdir() if not one.name.startswith("."))
         trees = [one for one in inside if one.suffix.lower() in SUFFIXES and one.is_file()]
-        folders = [one.name for one in inside if one.is_dir()]
+        below = [one for one in inside if one.is_dir()]
+        waiting.extendleft(reversed(below) if with_folders else ())
+        folders = [] if with_folders else [one.name for one in below]
+        if not trees and with_folders and below:
+            continue
         if not trees and folders:
             raise StemMapError(path, f"the folder has no file of trees, only folders: name them, such as {folders[0]}")
         if not trees:
@@ -225,14 +233,19 @@ def _centre(trees: StemMap) -> tuple[tuple[float, float], bool]:
 
 
 def _named_apart(plots: list[SeasonPlot]) -> list[SeasonPlot]:
-    """The plots, with the file's name before those names that several files have."""
+    """The plots, with the name of the file before those names that several files have; or with that of the folder, if
+    the files have one name."""
     files: dict[str, set[Path]] = {}
     for plot in plots:
         files.setdefault(plot.name, set()).add(plot.path)
     taken: set[str] = set()
     apart: list[SeasonPlot] = []
     for plot in plots:
-        plain = f"{plot.path.stem}-{plot.name}" if len(files[plot.name]) > 1 else plot.name
+        several = files[plot.name]
+        stems, folders = {path.stem for path in several}, {path.parent.name for path in several}
+        is_by_folder = len(stems) == 1 and len(folders) == len(several) and "" not in folders
+        first = plot.path.parent.name if is_by_folder else plot.path.stem
+        plain = f"{first}-{plot.name}" if len(several) > 1 else plot.name
         name, number = plain, 2
         while name in taken:
             name, number = f"{plain} ({number})", number + 1

@@ -66,8 +66,8 @@ def skipped_sentence(rows: int) -> str:
 
 
 def unmatched_sentence(answer: QueryAnswer) -> str:
-    """Why a plot was not found."""
+    """Why a plot was not found, and what would make it match, if that is known."""
     why = REASONS.get(answer.reason, answer.reason)
-    if answer.search is not None and answer.search.stopped_by != "not_started":
-        return f"not found: {why}; {answer.search.sentence}"
-    return f"not found: {why}"
+    began = answer.search is not None and answer.search.stopped_by != "not_started"
+    searched = f"; {answer.search.sentence}" if answer.search is not None and began else ""
+    return f"not found: {why}{searched}{''.join(f'; hint: {hint.sentence}' for hint in answer.hints)}"

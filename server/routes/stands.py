@@ -24,7 +24,7 @@ from server.schemas.landmarks import FileName, StemMapAnswer
 from server.stem_maps import stored_stands
 from server.stem_maps.moved_stands import move_stand
 from server.stem_maps.reading.options import ReadOptions
-from server.stem_maps.sent_stands import Cutting, StandTerms, named, put_stand, stem_map_json
+from server.stem_maps.sent_stands import Cutting, StandTerms, cutting_of, named, put_stand, stem_map_json
 from server.stem_maps.uploads import UploadedFile
 
 router = APIRouter(route_class=JsonRoute, tags=["stands"])
@@ -136,6 +136,7 @@ _FILE: dict[str, Any] = {
 _ANSWER = {
     "name": "plot",
     "understood": "read tree_id from 'tag', x_m from 'x', y_m from 'y'",
+    "assumed": [],
     "rows": {"read": 1, "skipped": 0, "further_stems": 0, "merged": 0},
     "crs": None,
     "own_frames": False,
@@ -217,10 +218,10 @@ def store_stem_map(
     """Reads a file, cuts it into overlapping submaps, and stores them as the stand of this name, in one transaction.
 
     `understood` and `rows` say how the file was read, and what was left out. Everything that the stand had before is
-    replaced. Queries find the stand as it was or as it is, and nothing between.
+    replaced. Queries find the stand as it was or as it is, and nothing between. A stand that exists is cut as it was,
+    if neither `radius` and `spacing` nor `one_submap` is given.
     """
-    cutting = Cutting(radius, spacing, one_submap)
-    cutting.check()
+    cutting = cutting_of(service.database, collection, stand, Cutting(radius, spacing, one_submap))
     stem_map = named(service.uploads.read(UploadedFile(file, body, options)), stand)
     terms = StandTerms(preconditions, idempotency_key)
     return stored_response(put_stand(service.database, service.limits, collection, stem_map, cutting, terms))

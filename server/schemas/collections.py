@@ -6,7 +6,7 @@ from typing import Annotated, Any
 from pydantic import ConfigDict, Field, PlainSerializer
 
 from server.schemas.common import NEXT, Answer, Body, Counts, DefaultedBody, Free, Label, Metres, Point, write_stamp
-from server.schemas.landmarks import FileRows
+from server.schemas.landmarks import ASSUMED, Assumed, FileRows
 from server.schemas.poses import Yaw
 
 _Written = Annotated[datetime, PlainSerializer(write_stamp, return_type=str, when_used="json")]
@@ -104,6 +104,16 @@ class CollectionLinks(Answer):
     queries: str = Field(description="Path to POST queries to.")
 
 
+class StandCounts(Answer):
+    """The stands of a collection together."""
+
+    stands: int = Field(description="Number of stands.")
+    trees: int = Field(
+        description="Number of trees in the files of the stands, each once. Submaps of a stand overlap, so `landmarks` "
+        "counts many of them several times."
+    )
+
+
 class CollectionSummary(Answer):
     """A collection, as in a list."""
 
@@ -116,6 +126,10 @@ class CollectionSummary(Answer):
     fingerprint: str = Field(description="Hash of the parameters that features are computed with.")
     revision: int = Field(description="Counter of the writes to the collection.")
     counts: Counts = Field(description="How much the collection contains.")
+    stands: StandCounts = Field(description="How much the stands contain, which were stored from files.")
+    systems: list[str] = Field(
+        description="Coordinate reference systems of the map frames and of the stands, each once, as codes or names."
+    )
     created: _Written = Field(description="When the collection was created.")
     updated: _Written = Field(description="When the collection was last written to.")
     links: CollectionLinks = Field(description="Paths of the collection and its parts.")
@@ -144,6 +158,8 @@ COLLECTION_EXAMPLE: dict[str, Any] = {
     "fingerprint": "5e2f0c9a41d7",
     "revision": 12,
     "counts": {"submaps": 12, "landmarks": 1034, "polygons": 251},
+    "stands": {"stands": 1, "trees": 584},
+    "systems": ["EPSG:32633"],
     "created": "2026-05-04T09:30:00Z",
     "updated": "2026-05-04T11:02:13Z",
     "links": {
@@ -218,6 +234,7 @@ class StandReceipt(Stand):
     understood: str = Field(
         description="What was read as what, such as units, what is not used, and what is in no submap and why."
     )
+    assumed: list[Assumed] = Field(default_factory=list, description=ASSUMED)
     rows: FileRows = Field(description="How many rows of the file were read, and how many were left out and why.")
 
 
@@ -248,5 +265,6 @@ STAND_EXAMPLE: dict[str, Any] = {
 STAND_RECEIPT_EXAMPLE: dict[str, Any] = STAND_EXAMPLE | {
     "understood": "read tree_id from 'tag', x_m from 'x', y_m from 'y'; 2 grid points skipped (fewer than 10 trees); "
     "3 trees merged with a thicker neighbour within 1 cm",
+    "assumed": [],
     "rows": {"read": 584, "skipped": 0, "further_stems": 0, "merged": 3},
 }

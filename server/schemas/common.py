@@ -213,7 +213,7 @@ class Counts(Answer):
     """How much a collection contains."""
 
     submaps: int = Field(description="Number of submaps.")
-    landmarks: int = Field(description="Number of landmarks in all submaps.")
+    landmarks: int = Field(description="Number of landmarks in all submaps. A tree counts in each of them.")
     polygons: int = Field(description="Number of interior Urquhart polygons in all submaps.")
 
 

@@ -199,6 +199,14 @@ class StemMapOptions(Body):
     skip_bad: bool = Field(False, description="Whether to leave out rows that cannot be used, and count them.")
 
 
+Assumed = Literal["unit", "angle", "dbh_unit", "height_unit"]
+ASSUMED: Final = (
+    "Units that nobody named, by the parameters that name them. Feet were taken for international feet (`unit`), "
+    "azimuths for degrees (`angle`), diameters for centimetres (`dbh_unit`), heights for metres (`height_unit`). "
+    "Repeat the request with the parameter to be sure: azimuths in gon that are read as degrees misplace trees."
+)
+
+
 class FileRows(Answer):
     """The rows of a file of trees: how many were read, and how many of them gave no tree."""
 
@@ -220,6 +228,7 @@ class StemMapAnswer(Answer):
 
     name: str = Field(description="Name of the file, without its suffix.")
     understood: str = Field(description="What was read as what, what is not used, and what was passed over.")
+    assumed: list[Assumed] = Field(default_factory=list, description=ASSUMED)
     rows: FileRows = Field(description="How many rows were read, and how many were left out and why.")
     crs: str | None = Field(description="Coordinate reference system of the positions. Null if it is not known.")
     own_frames: bool = Field(description="Whether each plot has coordinates of its own, because they overlap.")

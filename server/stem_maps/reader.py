@@ -47,6 +47,7 @@ class StemMap:
         crs: the coordinate reference system of `xy`, as a code or a name; None if it is not known.
         source_hash: digest of the file's bytes; empty for a map that came from no file.
         understood: one line: what was read as what, what is not used, and what was passed over.
+        assumed: the options that would say what was assumed because nobody named it, such as `angle`.
         further_stems: rows of the file left out because a thicker stem of the same tree is there.
         skipped: rows of the file left out because they cannot be used.
     """
@@ -64,6 +65,7 @@ class StemMap:
     crs: str | None = None
     source_hash: str = ""
     understood: str = ""
+    assumed: tuple[str, ...] = ()
     further_stems: int = 0
     skipped: int = 0
 
@@ -181,6 +183,7 @@ def stem_map_of(rows: TreeRows) -> StemMap:
         crs=rows.crs,
         source_hash=file_digest(rows.path),
         understood=rows.told(),
+        assumed=rows.assumed,
         further_stems=rows.further_stems,
         skipped=rows.skipped,
     )

@@ -18,7 +18,7 @@ from server.schemas.landmarks import FileRows
 from server.stem_maps.reader import StemMap
 from server.stem_maps.replacement import replace_stand
 from server.stem_maps.stands import StandError, cut_stand, describe_stand, whole_stand
-from server.stem_maps.stored_stands import find
+from server.stem_maps.stored_stands import find, stored_whole
 from server.stem_maps.tiling import Cut, CuttingError, left_out, merged_phrase, without_twins
 from server.store.records import CollectionRecord
 from server.store.storage import ReadTransaction, Storage, WriteTransaction
@@ -68,6 +68,21 @@ class Cutting:
                 f"{stem_map.name}: a spacing of {spacing:g} m makes up to {wide * tall:.0f} submaps, more than the "
                 f"{MOST_SUBMAPS} that one request may store: make it larger, or use `urquhart index` on the host"
             )
+
+
+def cutting_of(database: Storage, collection_id: str, name: str, asked: Cutting) -> Cutting:
+    """How to cut the file of a stand: as is asked, or, if nothing is, as the stand of that name is cut now.
+
+    Raises NotFound (the collection), and InvalidField unless that says one way to cut.
+    """
+    if asked == Cutting():
+        with database.read() as tx:
+            collection = get_collection(tx, collection_id)
+            there, is_whole = find(tx, collection, name), stored_whole(tx, collection, name)
+        if there is not None:
+            asked = Cutting(one_submap=True) if is_whole else Cutting(there.radius, there.spacing)
+    asked.check()
+    return asked
 
 
 class StandTerms(NamedTuple):
@@ -141,6 +156,7 @@ def _stored(stand: Stand, stem_map: StemMap, cut: Cut) -> StandReceipt:
     return StandReceipt(
         **dict(stand),
         understood="; ".join([stem_map.understood, *left_out(cut)]),
+        assumed=list(stem_map.assumed),
         rows=_rows(stem_map, cut.merged),
     )
 
@@ -163,6 +179,7 @@ def stem_map_json(stem_map: StemMap) -> bytes:
     answer = {
         "name": stem_map.name,
         "understood": f"{stem_map.understood}; {merged_phrase(merged)}" if merged else stem_map.understood,
+        "assumed": stem_map.assumed,
         "rows": _rows(stem_map, merged).model_dump(),
         "crs": stem_map.crs,
         "own_frames": stem_map.own_frames,

@@ -1,5 +1,7 @@
 """The stands of a collection: listed, read, deleted."""
 
+import re
+
 from server.collections.crud import get_collection
 from server.config.settings import Limits
 from server.errors import NotFound
@@ -43,6 +45,19 @@ def find(tx: ReadTransaction, collection: CollectionRecord, name: str) -> Stand 
     """A stand as it is stored now; None if there is none of this name."""
     row = tx.stands(collection.key).counted(name)
     return None if row is None else _answers(tx, collection, [row])[0]
+
+
+def stored_whole(tx: ReadTransaction, collection: CollectionRecord, name: str) -> bool:
+    """Whether a stand was stored with its file, or each of its plots, as one submap, and not cut into circles.
+
+    Then its radius is its spacing, which may also be chosen for circles; but those are called by column and row.
+    """
+    stands = tx.stands(collection.key)
+    row = stands.get(name)
+    if row is None or row.radius != row.spacing:
+        return False
+    circle = re.compile(re.escape(name) + r"-[0-9]+-[0-9]+")
+    return not any(circle.fullmatch(one) for one in stands.members(row.key))
 
 
 def remove(database: Storage, collection_id: str, name: str) -> int:

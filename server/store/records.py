@@ -150,6 +150,16 @@ class CountedStand(StoredStand):
 
 
 @dataclass(frozen=True, slots=True)
+class StandTotals:
+    """The stands of a collection together: their number, the trees of their files, and the coordinate reference systems
+    of these and of the collection's map frames, by code or name."""
+
+    stands: int
+    trees: int
+    systems: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class QueryRecord:
     """A stored query.
 

@@ -1,6 +1,7 @@
 """Seasons of plots, the files of jobs, and exports through the client."""
 
 import asyncio
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ XY = np.random.default_rng(5).uniform(0.0, 90.0, (300, 2)).round(3)
 
 
 def write(path: Path, xy: NDArray[np.float64], header: str = "tag,x,y") -> Path:
-    path.parent.mkdir(exist_ok=True)
+    path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text("\n".join([header, *(f"{n},{x:.3f},{y:.3f}" for n, (x, y) in enumerate(xy.tolist()))]) + "\n")
     return path
 
@@ -100,9 +101,11 @@ def test_files_are_packed_together(tmp_path: Path) -> None:
     with one_upload([folder, tmp_path / "p.shp"], folder / "gnss.csv") as packed:
         assert packed.read_bytes() == first  # so that an attempt with the same key is the same request
     assert {name for name in (b"north.csv", b"south.csv", b"gnss.csv", b"p.shp", b"p.dbf", b"p.prj") if name in first}
+    with one_upload([folder, write(tmp_path / "2025" / "north.csv", XY)], None) as packed:
+        assert {"2026/north.csv", "2026/south.csv", "2025/north.csv"} <= set(zipfile.ZipFile(packed).namelist())
     with (
-        pytest.raises(ValueError, match="two files have the name"),
-        one_upload([folder, write(tmp_path / "2025" / "north.csv", XY)], None),
+        pytest.raises(ValueError, match=r"two files have the name 2026/north\.csv"),
+        one_upload([folder, write(tmp_path / "old" / "2026" / "north.csv", XY)], None),
     ):
         pass
     with pytest.raises(ValueError, match="no file"), one_upload([], None):

@@ -33,6 +33,7 @@ REASONS: Final[Mapping[str, str]] = {
     "too_few_landmarks": "fewer than three trees fix no pose",
     "collinear_landmarks": "trees on one line fix no pose",
     "deadline": "the time ran out before the search was complete",
+    "angle_unit": "the azimuths name no unit, and fit better in gon than in degrees",
 }
 """A sentence for each reason of a verdict or a refusal."""
 STOPS: Final[Mapping[StoppedBy, str]] = {
@@ -40,7 +41,7 @@ STOPS: Final[Mapping[StoppedBy, str]] = {
     "beats_chance": "chance is ruled out for the first candidate; searching on would only add weaker poses",
     "evidence_bound": "a stored place would have shown more evidence by now, if the query is as good as promised",
     "effort": "the effort fast ends here, which says nothing about so few trees; search with the effort full",
-    "exhausted": "no step of this method is left to try",
+    "exhausted": "everything that this method can try was tried",
     "window": "every pose of the prior's window was tried, and none outside of it",
     "deadline": "the time ran out before all was searched; with a prior, give a heading or a smaller sigma",
     "not_started": "there was nothing to search for, or nothing to search in",
@@ -50,7 +51,7 @@ SKIPS: Final[Mapping[Skipped, str]] = {
     "quad_hits": "the limit on quad hits was reached before all quads of the query were looked for",
     "common_quads": "quads of the query that are too common in the collection were passed over",
     "exhaustive": "the collection is too large to try every rotation and shift in it",
-    "exhaustive_rest": "every shift was tried only in the submaps and rotations that looked most promising",
+    "exhaustive_rest": "only the most similar submaps and headings were searched shift by shift, and the others not",
 }
 """A sentence for each value of `SearchEnd.skipped`."""
 UNREFUSED: Final = "enough evidence; only a rival could refuse it"
@@ -67,12 +68,7 @@ _SHOWN: Final = 8
 _NAME: Final = 18
 """Characters of a name that fit into the left column."""
 _COUNTS: Final = 70
-_COLOURS: Final = {
-    "polygons": "#2f6b4f",
-    "quads": "#3f6fb0",
-    "exhaustive": "#8a5aa8",
-    "paper": "#8b6b3d",
-}
+_COLOURS: Final = {"polygons": "#2f6b4f", "quads": "#3f6fb0", "exhaustive": "#8a5aa8", "paper": "#8b6b3d"}
 _OTHER: Final = "#5b6b62"
 _STYLE: Final = """
 .section{font-size:15px;font-weight:600}.rule{stroke:#d5ded8;stroke-width:1}

@@ -191,7 +191,8 @@ class Extent(Model):
 class Collection(Model):
     """Submaps that share a configuration. A listing leaves `frames`, `config` and `extent` out (None).
 
-    `crs` and `origin` are those of the map frame "map"; `frames` has them for every other map frame.
+    `crs` and `origin` are those of the map frame "map"; `frames` has them for every other map frame, and `systems` the
+    names of all. A tree counts in `counts` for each submap that it is in, and in `stands` once.
     """
 
     id: str
@@ -201,6 +202,8 @@ class Collection(Model):
     fingerprint: str
     revision: int
     counts: dict[str, int] = Field(default_factory=dict)
+    stands: dict[str, int] = Field(default_factory=dict)
+    systems: tuple[str, ...] = ()
     created: datetime | None = None
     updated: datetime | None = None
     frames: dict[str, dict[str, Any]] | None = None

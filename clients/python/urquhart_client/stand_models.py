@@ -38,10 +38,12 @@ class StandReceipt(Stand):
     """A stand that was stored from a file.
 
     `understood` says in one line what was read as what, what was not used, and what is in no submap and why; `rows`
-    counts the rows of the file.
+    counts the rows of the file. `assumed` lists the options that name a unit which the file does not name, such as
+    `angle` where azimuths were taken for degrees.
     """
 
     shown = ("name", "trees", "submaps", "understood", "rows", "updated")
 
     understood: str
     rows: FileRows
+    assumed: tuple[str, ...] = ()

@@ -84,8 +84,9 @@ class FileTrees(Model):
     """What a file of trees holds.
 
     `understood` says in one line what was read as what, what was not used, and what was left out; `rows` counts the
-    rows. `crs` is the coordinate reference system
-    of the positions, None if it is not known. `own_frames` says whether each plot has coordinates of its own.
+    rows. `assumed` lists the options that name a unit which the file does not name, such as `angle` where azimuths were
+    taken for degrees. `crs` is the coordinate reference system of the positions, None if it is not known. `own_frames`
+    says whether each plot has coordinates of its own.
     """
 
     shown = ("name", "understood", "rows")
@@ -93,6 +94,7 @@ class FileTrees(Model):
     name: str
     understood: str
     rows: FileRows
+    assumed: tuple[str, ...] = ()
     crs: str | None = None
     own_frames: bool
     plots: list[FilePlot]

@@ -1,7 +1,7 @@
 /**
  * Types of the service's API. Generated from its OpenAPI document by `make client-types`: do not edit.
  *
- * openapi sha256 345ef33273944c81630434b2a3920b71eec1c2e4f61b741f2641aef54733f100
+ * openapi sha256 cc27b802cc20d5743f51c9d08af54e286c9d0dc13ffc8a98126a7480ce4bf43c
  */
 
 export interface paths {
@@ -851,7 +851,8 @@ export interface paths {
          * @description Reads a file, cuts it into overlapping submaps, and stores them as the stand of this name, in one transaction.
          *
          *     `understood` and `rows` say how the file was read, and what was left out. Everything that the stand had before is
-         *     replaced. Queries find the stand as it was or as it is, and nothing between.
+         *     replaced. Queries find the stand as it was or as it is, and nothing between. A stand that exists is cut as it was,
+         *     if neither `radius` and `spacing` nor `one_submap` is given.
          */
         put: operations["putStand"];
         post?: never;
@@ -1513,6 +1514,13 @@ export interface components {
              * @description Counter of the writes to the collection.
              */
             revision: number;
+            /** @description How much the stands contain, which were stored from files. */
+            stands: components["schemas"]["StandCounts"];
+            /**
+             * Systems
+             * @description Coordinate reference systems of the map frames and of the stands, each once, as codes or names.
+             */
+            systems: string[];
             /**
              * Title
              * @description Title of the collection, for people.
@@ -1669,6 +1677,13 @@ export interface components {
              * @description Counter of the writes to the collection.
              */
             revision: number;
+            /** @description How much the stands contain, which were stored from files. */
+            stands: components["schemas"]["StandCounts"];
+            /**
+             * Systems
+             * @description Coordinate reference systems of the map frames and of the stands, each once, as codes or names.
+             */
+            systems: string[];
             /**
              * Title
              * @description Title of the collection, for people.
@@ -1919,7 +1934,7 @@ export interface components {
         Counts: {
             /**
              * Landmarks
-             * @description Number of landmarks in all submaps.
+             * @description Number of landmarks in all submaps. A tree counts in each of them.
              */
             landmarks: number;
             /**
@@ -1992,7 +2007,7 @@ export interface components {
             query_id: string;
             /**
              * Reason
-             * @description Why this verdict, as a stable word. `verified`: chance and every rival pose are ruled out; `below_gate`: too little to rule out chance or trees in rows; `rival_too_close`: another pose cannot be ruled out; `outside_prior`: the place seems to lie outside of the prior; `contradicting_maps`: submaps that fit have contradicting map poses; `verification_failed`: more trees speak against the pose than for it; `no_proposal`: no submap has anything like these trees; `empty_collection`: there is no submap to look in; `all_filtered_out`: all submaps are excluded, or none is near; `too_few_landmarks`: fewer than three trees fix no pose; `collinear_landmarks`: trees on one line fix no pose; `deadline`: the time ran out before the search was complete.
+             * @description Why this verdict, as a stable word. `verified`: chance and every rival pose are ruled out; `below_gate`: too little to rule out chance or trees in rows; `rival_too_close`: another pose cannot be ruled out; `outside_prior`: the place seems to lie outside of the prior; `contradicting_maps`: submaps that fit have contradicting map poses; `verification_failed`: more trees speak against the pose than for it; `no_proposal`: no submap has anything like these trees; `empty_collection`: there is no submap to look in; `all_filtered_out`: all submaps are excluded, or none is near; `too_few_landmarks`: fewer than three trees fix no pose; `collinear_landmarks`: trees on one line fix no pose; `deadline`: the time ran out before the search was complete; `angle_unit`: the azimuths name no unit, and fit better in gon than in degrees.
              */
             reason: string;
             /**
@@ -3959,7 +3974,7 @@ export interface components {
             method: "robust" | "paper";
             /**
              * Reason
-             * @description Why this verdict, as a stable word. `verified`: chance and every rival pose are ruled out; `below_gate`: too little to rule out chance or trees in rows; `rival_too_close`: another pose cannot be ruled out; `outside_prior`: the place seems to lie outside of the prior; `contradicting_maps`: submaps that fit have contradicting map poses; `verification_failed`: more trees speak against the pose than for it; `no_proposal`: no submap has anything like these trees; `empty_collection`: there is no submap to look in; `all_filtered_out`: all submaps are excluded, or none is near; `too_few_landmarks`: fewer than three trees fix no pose; `collinear_landmarks`: trees on one line fix no pose; `deadline`: the time ran out before the search was complete.
+             * @description Why this verdict, as a stable word. `verified`: chance and every rival pose are ruled out; `below_gate`: too little to rule out chance or trees in rows; `rival_too_close`: another pose cannot be ruled out; `outside_prior`: the place seems to lie outside of the prior; `contradicting_maps`: submaps that fit have contradicting map poses; `verification_failed`: more trees speak against the pose than for it; `no_proposal`: no submap has anything like these trees; `empty_collection`: there is no submap to look in; `all_filtered_out`: all submaps are excluded, or none is near; `too_few_landmarks`: fewer than three trees fix no pose; `collinear_landmarks`: trees on one line fix no pose; `deadline`: the time ran out before the search was complete; `angle_unit`: the azimuths name no unit, and fit better in gon than in degrees.
              */
             reason: string;
             /**
@@ -4290,12 +4305,12 @@ export interface components {
             sentence: string;
             /**
              * Skipped
-             * @description Limits that left something out, as stable words. Empty if none did. `quad_hits`: the limit on quad hits was reached before all quads of the query were looked for; `common_quads`: quads of the query that are too common in the collection were passed over; `exhaustive`: the collection is too large to try every rotation and shift in it; `exhaustive_rest`: every shift was tried only in the submaps and rotations that looked most promising.
+             * @description Limits that left something out, as stable words. Empty if none did. `quad_hits`: the limit on quad hits was reached before all quads of the query were looked for; `common_quads`: quads of the query that are too common in the collection were passed over; `exhaustive`: the collection is too large to try every rotation and shift in it; `exhaustive_rest`: only the most similar submaps and headings were searched shift by shift, and the others not.
              */
             skipped: ("quad_hits" | "common_quads" | "exhaustive" | "exhaustive_rest")[];
             /**
              * Stopped By
-             * @description Why the search ended, as a stable word. `decided`: the first candidate is so sure that searching on could not change the answer; `beats_chance`: chance is ruled out for the first candidate; searching on would only add weaker poses; `evidence_bound`: a stored place would have shown more evidence by now, if the query is as good as promised; `effort`: the effort fast ends here, which says nothing about so few trees; search with the effort full; `exhausted`: no step of this method is left to try; `window`: every pose of the prior's window was tried, and none outside of it; `deadline`: the time ran out before all was searched; with a prior, give a heading or a smaller sigma; `not_started`: there was nothing to search for, or nothing to search in.
+             * @description Why the search ended, as a stable word. `decided`: the first candidate is so sure that searching on could not change the answer; `beats_chance`: chance is ruled out for the first candidate; searching on would only add weaker poses; `evidence_bound`: a stored place would have shown more evidence by now, if the query is as good as promised; `effort`: the effort fast ends here, which says nothing about so few trees; search with the effort full; `exhausted`: everything that this method can try was tried; `window`: every pose of the prior's window was tried, and none outside of it; `deadline`: the time ran out before all was searched; with a prior, give a heading or a smaller sigma; `not_started`: there was nothing to search for, or nothing to search in.
              * @enum {string}
              */
             stopped_by: "decided" | "beats_chance" | "evidence_bound" | "effort" | "exhausted" | "window" | "deadline" | "not_started";
@@ -4693,6 +4708,22 @@ export interface components {
             updated: string;
         };
         /**
+         * StandCounts
+         * @description The stands of a collection together.
+         */
+        StandCounts: {
+            /**
+             * Stands
+             * @description Number of stands.
+             */
+            stands: number;
+            /**
+             * Trees
+             * @description Number of trees in the files of the stands, each once. Submaps of a stand overlap, so `landmarks` counts many of them several times.
+             */
+            trees: number;
+        };
+        /**
          * StandLinks
          * @description Paths of a stand and its collection.
          */
@@ -4750,6 +4781,11 @@ export interface components {
          * @description A stand that was stored from a file, and how the file was understood.
          */
         StandReceipt: {
+            /**
+             * Assumed
+             * @description Units that nobody named, by the parameters that name them. Feet were taken for international feet (`unit`), azimuths for degrees (`angle`), diameters for centimetres (`dbh_unit`), heights for metres (`height_unit`). Repeat the request with the parameter to be sure: azimuths in gon that are read as degrees misplace trees.
+             */
+            assumed?: ("unit" | "angle" | "dbh_unit" | "height_unit")[];
             /**
              * Created
              * @description When a stand of this name was first stored.
@@ -4835,6 +4871,11 @@ export interface components {
          * @description What a file of trees holds, and how it was understood.
          */
         StemMapAnswer: {
+            /**
+             * Assumed
+             * @description Units that nobody named, by the parameters that name them. Feet were taken for international feet (`unit`), azimuths for degrees (`angle`), diameters for centimetres (`dbh_unit`), heights for metres (`height_unit`). Repeat the request with the parameter to be sure: azimuths in gon that are read as degrees misplace trees.
+             */
+            assumed?: ("unit" | "angle" | "dbh_unit" | "height_unit")[];
             /**
              * Crs
              * @description Coordinate reference system of the positions. Null if it is not known.

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from server.collections.crud import place_frame
+from server.collections.crud import get_collection, place_frame
 from server.commands.support.console import wide_console
 from server.commands.support.database import settings_with, upgraded_database
 from server.commands.support.failure import CommandError
@@ -97,7 +97,7 @@ def replace(
         ),
     ] = None,
     one_submap: Annotated[
-        bool, typer.Option("--one-submap", help="Make the file, or each of its plots, one submap.")
+        bool, typer.Option("--one-submap", help="Make the file, or each of its plots, one submap. (default: as before)")
     ] = False,
     database: DatabaseOption = None,
     columns: ReadOptions,
@@ -113,10 +113,13 @@ def replace(
             stem_map = named(read_stem_map(file, columns), name)
         typer.echo(f"{file.name}: {stem_map.understood}")
         sizes = (radius or before.radius, spacing or before.spacing)
+        with store.read() as tx:
+            was_whole = stored_stands.stored_whole(tx, get_collection(tx, collection), name)
         if one_submap and (radius, spacing) != (None, None):
             raise CommandError("--one-submap makes the file one submap: leave out --radius and --spacing")
         try:
-            cut = whole_stand(stem_map, limits) if one_submap else cut_stand(stem_map, *sizes, limits)
+            is_whole = one_submap or (was_whole and (radius, spacing) == (None, None))
+            cut = whole_stand(stem_map, limits) if is_whole else cut_stand(stem_map, *sizes, limits)
             done = store_stand(store, collection, stem_map, cut, LineOptions(limits=limits))
         except (CuttingError, StandError) as error:
             raise CommandError(f"{file}: {error}") from error

@@ -6,6 +6,7 @@ from rich.table import Table
 from server.commands.support.pose_text import pose_lines
 from server.coregistration.outputs.diameters import diameter_unit
 from server.coregistration.results import PlotResult
+from server.coregistration.sentences import pose_text
 from server.schemas.queries import QueryAnswer
 from urquhart.report.explanation import sentence as reason_sentence
 from urquhart.verify.distortion import WARNINGS
@@ -28,6 +29,7 @@ def answer_lines(answer: QueryAnswer, placed: PlotResult | None) -> list[str]:
     best = answer.candidates[0] if answer.candidates else None
     if answer.verdict == "matched" and best is not None:
         lines += pose_lines(best)
+        lines += _converted_lines(placed)
         lines += _found_lines(answer, placed)
         lines += [] if placed is None else diameter_unit(placed)
     warned = best.warnings if answer.verdict == "matched" and best is not None else []
@@ -46,6 +48,19 @@ def answer_lines(answer: QueryAnswer, placed: PlotResult | None) -> list[str]:
             for e, n in (one.in_system,)
         ]
     return lines
+
+
+def _converted_lines(placed: PlotResult | None) -> list[str]:
+    """Shift and turn after a conversion between two systems, whose axes differ; nothing if the file is in the map's."""
+    if placed is None or placed.pose is None or None in (placed.system, placed.pose.crs):
+        return []
+    if placed.system == placed.pose.crs or placed.is_local:
+        return []
+    told = pose_text(placed.pose, is_local=False)
+    return [
+        f"converted from {placed.system} to {placed.pose.crs}: {told}. The shift and turn above are from the file's "
+        "own coordinates, so they contain the difference of the two systems"
+    ]
 
 
 def _found_lines(answer: QueryAnswer, placed: PlotResult | None) -> list[str]:

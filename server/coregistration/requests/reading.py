@@ -35,7 +35,7 @@ class SeasonReader(AbstractContextManager["SeasonReader"]):
         self._process.close()
 
     def season(
-        self, options: ReadOptions, positions: str | None, advance: Callable[[], object] = lambda: None
+        self, options: ReadOptions, positions: Path | None, advance: Callable[[], object] = lambda: None
     ) -> Season:
         """All plots, and those that cannot be read; `positions` is no file of plots. Calls `advance` after each file.
 
@@ -44,12 +44,12 @@ class SeasonReader(AbstractContextManager["SeasonReader"]):
             WorkerLost: no process can be started.
         """
         try:
-            files = plot_files([self._folder])
+            files = plot_files([self._folder], with_folders=True)
         except StemMapError as error:
             raise InvalidFile(self._told(str(error))) from error
         parts = []
         for path in files.paths:
-            if path.name != positions:
+            if path != positions:
                 parts.append(self._file(path, options))
                 advance()
         season = season_of(parts)
@@ -76,11 +76,13 @@ class SeasonReader(AbstractContextManager["SeasonReader"]):
             raise outcome.error
         if outcome.lost is not None:
             why = f"{path.name}: was not read: {outcome.lost}. It is damaged, or too large to be sent"
-            return FilePlots((), (UnreadPlot(path.stem, Path(path.name), why),), ())
+            return FilePlots((), (UnreadPlot(path.stem, path.relative_to(self._folder), why),), ())
         found: FilePlots = outcome.result
         return FilePlots(
-            tuple(replace(one, path=Path(one.path.name)) for one in found.plots),
-            tuple(replace(one, path=Path(one.path.name), why=self._told(one.why)) for one in found.unread),
+            tuple(replace(one, path=one.path.relative_to(self._folder)) for one in found.plots),
+            tuple(
+                replace(one, path=one.path.relative_to(self._folder), why=self._told(one.why)) for one in found.unread
+            ),
             found.told,
         )
 

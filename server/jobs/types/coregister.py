@@ -74,7 +74,7 @@ def run_coregister(job: RunningJob, context: JobContext) -> None:
     with disk_errors(context.folder.path):
         unpack(context.folder.input(job.id), asked.file, unpacked, context.settings.limits.import_bytes)
     season, plan = _read(job, context, asked, unpacked)
-    job.total, job.done = len(season.plots), 0
+    job.total, job.done = len(season.plots) + len(season.unread), len(season.unread)
     with disk_errors(context.folder.path):
         with Journal(files) as journal:
             results = coregister(season, plan.placer, journal, lambda result, known: _advance(job))
@@ -91,7 +91,8 @@ def _read(
 ) -> tuple[Season, SeasonPlan]:
     """The plots, and what places them. Raises InvalidFile, NotFound and WorkerLost."""
     queries = QueryContext(context.database, context.indexes, context.metrics, context.settings.limits)
-    positions = None if asked.positions is None else (unpacked / asked.positions, asked.options)
+    where = None if asked.positions is None else _sent(unpacked, asked.positions)
+    positions = None if where is None else (where, asked.options)
     with SeasonReader(unpacked) as reader:
         try:
             plan = plan_season(
@@ -104,10 +105,18 @@ def _read(
             )
         except StemMapError as error:
             raise InvalidFile(str(error).replace(f"{unpacked}/", "")) from error
-        season = reader.season(asked.options, asked.positions, lambda: _stay_alive(job))
+        season = reader.season(asked.options, where, lambda: _stay_alive(job))
     if asked.positions is not None and plan.positions is not None:
         season = season.with_told(plan.positions.told_of(asked.positions, {plot.name for plot in season.plots}))
     return season, plan
+
+
+def _sent(unpacked: Path, name: str) -> Path:
+    """The one file of that name, whatever folder of the archive it is in. Raises InvalidFile."""
+    found = [path for path in unpacked.rglob("*") if path.name == name and path.is_file()]
+    if len(found) > 1:
+        raise InvalidFile(f"The archive has {len(found)} files {name!r}. Give the file of positions another name.")
+    return found[0] if found else unpacked / name
 
 
 def _advance(job: RunningJob) -> None:

@@ -9,8 +9,10 @@ import anyio.to_thread
 from fastapi import APIRouter, Path, Request, Response
 from starlette.responses import StreamingResponse
 
+from server.coregistration.requests import archive
 from server.coregistration.requests.archive import ARCHIVE
 from server.coregistration.requests.search import SeasonSearch, map_frame_of
+from server.coregistration.season import SUFFIXES
 from server.errors import InvalidField
 from server.http.authorization import GuardedRoute
 from server.http.negotiation import JSON
@@ -102,6 +104,7 @@ async def post_coregistration(
     parameters = CoregistrationParameters(file=file, positions=asked.positions, options=options, search=search)
     form = UploadForm(inflater, has_lines=False)
     async with receive_upload(folder, job_id, request.stream(), limits, form) as arrived:
+        await anyio.to_thread.run_sync(archive.check, folder.input(job_id), file, limits.import_bytes)
         key = idempotency_key_of(service, caller, idempotency_key, request.url.query.encode() + arrived.digest.encode())
         job = queue.NewJob(
             "coregistration", parameters.model_dump(mode="json"), id=job_id, collection_key=collection_key
@@ -126,6 +129,13 @@ def _check(search: SeasonSearch, file: str, positions: str | None) -> None:
     if file.lower().endswith(".shp"):
         raise InvalidField(
             "is one of the files of a Shapefile: pack them all into a zip archive", code="archive", parameter="file"
+        )
+    known = sorted(SUFFIXES - {".shp"})
+    if not file.lower().endswith((*known, ARCHIVE)):
+        raise InvalidField(
+            f"ends in no suffix of a format of trees, which are {', '.join(known)}, and {ARCHIVE} for several files",
+            code="format",
+            parameter="file",
         )
 
 

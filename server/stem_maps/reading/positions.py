@@ -16,6 +16,7 @@ from server.stem_maps.reading.systems import (
     agreed_system,
     check_system,
     describe_system,
+    is_close,
     is_metric,
     metres_per_unit,
     projected,
@@ -24,6 +25,8 @@ from server.stem_maps.reading.systems import (
 
 _POLAR: Final = ("angle", "declination", "slope", "slope_unit", "centre_x", "centre_y")
 """Options that mean nothing without azimuth and distance."""
+_TOLD_FEET: Final = 0.01
+"""Metres: so much or more between two kinds of feet is told."""
 _DISTINCT: Final = 0.98
 """Share of rows, from which different positions are those of trees, a few of which have several stems."""
 _REPEATED: Final = 0.5
@@ -47,6 +50,7 @@ class Positions:
         assumed_azimuths: (N,) float64, degrees, after `compute`: azimuths that were taken for degrees because nobody
             named their unit; else None.
         crs: the system of the result, by code or name; None if it is not known.
+        assumed_feet: whether, after `compute`, feet were taken for international ones, and that may matter.
     """
 
     table: FileTable
@@ -59,6 +63,7 @@ class Positions:
     unit_named: bool = False
     told: str = ""
     crs: str | None = None
+    assumed_feet: bool = False
     centres_xy: NDArray[np.float64] | None = None
     assumed_azimuths: NDArray[np.float64] | None = None
     factor: float = field(default=1.0, repr=False)
@@ -104,6 +109,7 @@ class Positions:
             xy = centre + offset
         self.told += "" if self.factor == 1.0 else f", converted from {self.unit} to metres"
         if system is None:
+            self._tell_feet(xy)
             return xy
         if self.centres_xy is None:
             return self._on_earth(xy, system)
@@ -117,7 +123,9 @@ class Positions:
         self.unit_named = unit is not None or (system is not None and system.is_projected)
         if system is not None and not system.is_geographic:
             own = metres_per_unit(system)
-            if unit is not None and abs(METRES[unit] - own) > 1e-6 * own:
+            if self._is_any_foot(unit) and is_close(METRES["us-ft"], own):
+                unit = "us-ft"
+            if unit is not None and not is_close(METRES[unit], own):
                 raise StemMapError(
                     self.table.path,
                     f"{describe_system(system)} has a unit of {own:g} m, but positions are said to be in {unit}: drop "
@@ -127,6 +135,22 @@ class Positions:
             self.unit = unit or ("m" if is_metric(system) else system.axis_info[0].unit_name)
         elif unit is not None:
             self.factor, self.unit = METRES[unit], unit
+
+    def _is_any_foot(self, unit: str | None) -> bool:
+        """Whether a unit is the `ft` of a header, which people also write for US survey feet."""
+        return unit == "ft" and self.options.unit is None
+
+    def _tell_feet(self, xy: NDArray[np.float64]) -> None:
+        """Tell by how much positions (N, 2), metres, of no known system would be off in US survey feet."""
+        if not self._is_any_foot(self.unit):
+            return
+        far = float(np.abs(xy[np.isfinite(xy)]).max(initial=0.0)) * (METRES["us-ft"] / METRES["ft"] - 1.0)
+        if far >= _TOLD_FEET:
+            self.assumed_feet = True
+            self.told += (
+                f", taken for international feet: if they are US survey feet, they are off by {far:.2f} m, so say "
+                "--unit us-ft, or ft to keep them"
+            )
 
     def _take_system_of_centres(self, own: CRS | None) -> None:
         """Positions are in the system of their centres, which were converted when read. Raises StemMapError."""

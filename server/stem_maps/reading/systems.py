@@ -57,6 +57,11 @@ def metres_per_unit(crs: CRS) -> float:
     return float(crs.axis_info[0].unit_conversion_factor) if crs.axis_info else 1.0
 
 
+def is_close(metres: float, other: float) -> bool:
+    """Whether two lengths of a unit in metres are those of one unit: two kinds of feet differ by 2 in a million."""
+    return abs(metres - other) <= 1e-6 * other
+
+
 def is_metric(crs: CRS) -> bool:
     """Whether a system's unit is the metre."""
     return abs(metres_per_unit(crs) - 1.0) < _METRE

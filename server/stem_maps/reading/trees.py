@@ -79,6 +79,17 @@ class TreeRows:
         """The system of `xy`; None if it is not known."""
         return self.positions.crs
 
+    @property
+    def assumed(self) -> tuple[str, ...]:
+        """The options that say what was assumed, because nobody named it: units of angles, feet, diameters, heights."""
+        units = self.columns.units
+        return (
+            *(("unit",) if self.positions.assumed_feet else ()),
+            *(("angle",) if self.assumed_azimuths is not None else ()),
+            *(("dbh_unit",) if self.dbh_cm is not None and "dbh" not in units else ()),
+            *(("height_unit",) if self.height_m is not None and "height" not in units else ()),
+        )
+
     def told(self) -> str:
         """What was understood, in one line."""
         names, units = self.columns.names, self.columns.units

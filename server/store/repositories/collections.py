@@ -9,10 +9,10 @@ import orjson
 from sqlalchemy import Connection, Table, bindparam, delete, func, insert, literal_column, select, update
 
 from server.store.columns import columns_of
-from server.store.expressions import DirectStatement, matches
+from server.store.expressions import DirectStatement, batches, matches
 from server.store.instants import read_instant, write_instant
-from server.store.records import CollectionRecord, CollectionSize, FrameExtent
-from server.store.tables import CollectionRow, SubmapRow
+from server.store.records import CollectionRecord, CollectionSize, FrameExtent, StandTotals
+from server.store.tables import CollectionRow, MapFrameRow, StandRow, SubmapRow
 
 # Every request begins with it: put together once.
 _COLUMNS = columns_of(CollectionRecord, CollectionRow)
@@ -93,6 +93,21 @@ class CollectionReader:
         """Id, revision and number of submaps of all collections, oldest first."""
         query = select(CollectionRow.id, CollectionRow.revision, CollectionRow.submap_count)
         return [(row[0], row[1], row[2]) for row in self._connection.execute(query.order_by(CollectionRow.key))]
+
+    def stand_totals(self, collections: Sequence[CollectionRecord]) -> dict[int, StandTotals]:
+        """What the stands of each of some collections are together, by the collections' keys."""
+        stands = {one.key: (0, 0) for one in collections}
+        systems = {one.key: set() if one.crs is None else {one.crs} for one in collections}
+        for some in batches(sorted(stands)):
+            key, frame = StandRow.collection_key, MapFrameRow.collection_key
+            counted = select(key, StandRow.crs, func.count(), func.sum(StandRow.tree_count)).where(key.in_(some))
+            for of, crs, count, trees in self._connection.execute(counted.group_by(key, StandRow.crs)):
+                stands[of] = (stands[of][0] + count, stands[of][1] + trees)
+                systems[of] |= set() if crs is None else {crs}
+            named = select(frame, MapFrameRow.crs).where(frame.in_(some)).distinct()
+            for of, crs in self._connection.execute(named):
+                systems[of].add(crs)
+        return {of: StandTotals(*stands[of], tuple(sorted(systems[of]))) for of in stands}
 
     def extents(self, key: int) -> list[FrameExtent]:
         """What the collection's submaps cover, a map frame each, from the footprint index alone."""

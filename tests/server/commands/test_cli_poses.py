@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pyproj import Transformer
 
 from tests.server.commands.cli_helpers import Urquhart, write_observation
 from tests.server.factories import forest
@@ -49,3 +50,19 @@ def test_a_pose_is_a_shift_and_a_turn_amid_the_trees(
     assert where is not None, found.out
     np.testing.assert_allclose([float(where["x"]), float(where["y"])], middle / unit, atol=0.002)
     assert f"shift there: {shift}; turn 1.490 deg clockwise (one sigma 0.0" in found.out
+
+
+def test_shift_and_turn_between_two_systems_are_told_after_the_conversion(urquhart: Urquhart, tmp_path: Path) -> None:
+    """Zones 32 and 33 have norths that differ by 4.5 degrees here, which is no turn of the plot."""
+    trees = forest(1) + (650_000.0, 5_411_000.0)
+    seen = np.column_stack(Transformer.from_crs(25832, 25833, always_xy=True).transform(*(trees + (1.5, -0.5)).T))
+    for name, xy in (("als", trees), ("plot", seen)):
+        write_observation(tmp_path / f"{name}.csv", xy)
+    stored = urquhart("index", "als.csv", "--collection", "c", "--one-submap", "--crs", "EPSG:25832")
+    assert stored.code == 0, stored.err
+    said = urquhart("locate", "plot.csv", "--collection", "c", "--crs", "EPSG:25833").out
+    (told,) = (line for line in said.splitlines() if line.startswith("converted from EPSG:25833 to EPSG:25832: "))
+    assert "shift -1.50 m east, +0.50 m north, turn 0.00 deg" in told
+    assert "turn 4.4" in said or "turn 4.5" in said
+    same = urquhart("locate", "als.csv", "--collection", "c", "--crs", "EPSG:25832").out
+    assert "converted" not in same

@@ -210,3 +210,6 @@ def test_a_stand_is_replaced_under_its_name(urquhart: Urquhart, two_stands: Path
     refused(urquhart("stands", "replace", "c", "west", "corrected.csv"), "'west'")
     again = urquhart("stands", "replace", "c", "north", "corrected.csv", "--one-submap")
     assert "north: 1 submaps" in again.out
+    # A stand that is one submap stays one.
+    kept = urquhart("stands", "replace", "c", "north", "corrected.csv")
+    assert "north: 1 submaps" in kept.out, kept.out

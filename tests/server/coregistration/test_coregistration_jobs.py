@@ -95,7 +95,7 @@ def test_both_doors_give_the_same(
     path = season_csv(tmp_path / "season.csv")
     sent = served.post(URL, params={"file": "season.csv", "effort": "fast"}, content=path.read_bytes())
     job = finished(served, sent)
-    assert (job["state"], job["total"], job["done"]) == ("successful", 4, 4), job
+    assert (job["state"], job["total"], job["done"]) == ("successful", 5, 5), job
     assert job["counts"] == {"matched": 3, "no_match": 1, "not_read": 1}
     there = files_of(served, job)
     monkeypatch.chdir(tmp_path)
@@ -145,13 +145,14 @@ BOMB = packed({"a.csv": b"x,y\n" + b"1,1\n" * 600_000})
 @pytest.mark.parametrize(
     ("params", "content", "words"),
     [
-        ({"file": "a.zip"}, b"PK no archive", "no zip archive"),
-        ({"file": "a.zip"}, packed({}), "has no file"),
-        ({"file": "a.zip"}, BOMB, "unpacks to 2400004 bytes"),
-        ({"file": "a.zip"}, packed({"a/p.csv": b"x", "b/p.csv": b"y"}), "two files 'p.csv'"),
+        ({"file": "a.zip"}, packed({"a/p.csv": b"x", "b/p.csv": b"y"}), "No plot can be read: a/p.csv"),
+        (
+            {"file": "a.zip", "positions": "g.csv", "at_sigma": "3"},
+            packed({"a/g.csv": b"x,y\n", "b/g.csv": b"x,y\n"}),
+            "2 files 'g.csv'",
+        ),
         ({"file": "a.zip"}, packed({"p.csv": b"x,y\n", "columns.toml": b'centres = "../../x.csv"'}), "another folder"),
         ({"file": "a.zip"}, packed({"p.csv": b"x,y\n", "columns.toml": b"z = 1"}), "'z' is not known"),
-        ({"file": "a.zip"}, packed({"notes.md": b"wet"}), "no file of trees"),
         ({"file": "a.csv"}, b"\0\0", "No plot can be read"),
         ({"file": "a.gpkg"}, b"SQLite format 3\0 cut", "No plot can be read"),
         ({"file": "a.zip", "positions": "g.csv", "at_sigma": "3"}, packed({"p.csv": b"x,y\n"}), "g.csv: no such file"),
@@ -184,6 +185,46 @@ def test_what_is_asked_wrongly_is_refused_at_once(served: TestClient, params: di
     answer = served.post(URL, params=params, content=b"x,y\n")
     assert answer.status_code == 422
     assert words in answer.text
+
+
+TWICE = {"a/p.csv": b"x,y\n", "b/p.csv": b"x,y\n"}
+
+
+@pytest.mark.parametrize(
+    ("file", "content", "words"),
+    [
+        ("a.zip", b"PK no archive", "no zip archive"),
+        ("a.zip", packed({}), "has no file"),
+        ("a.zip", BOMB, "unpacks to 2400004 bytes"),
+        ("a.zip", packed({"notes.md": b"wet"}), "no file of trees"),
+        ("a.zip", packed({"../p.csv": b"x,y\n"}), "cannot be used: '..'"),
+        ("a.zip", packed(TWICE | {"columns.toml": b"unit = 'ft'"}), "'a' has none"),
+        ("a.zip", packed(TWICE | {"c.csv/p.csv": b"x", "c.csv": b"x"}), "a file and a folder 'c.csv'"),
+        ("a.inventory", b"x,y\n", "ends in no suffix of a format of trees"),
+    ],
+)
+def test_a_file_that_cannot_be_a_season_is_refused_at_once(
+    served: TestClient, file: str, content: bytes, words: str
+) -> None:
+    before = served.get("/v1/jobs").json()
+    answer = served.post(URL, params={"file": file}, content=content)
+    assert (answer.status_code, words in answer.text) == (422, True), answer.text
+    assert served.get("/v1/jobs").json() == before
+    assert not [one for one in JobFolder(parts(served).database).path.iterdir() if one.suffix == ".input"]
+
+
+def test_files_of_one_name_stay_in_their_folders(served: TestClient) -> None:
+    """As `urquhart coregister north south` reads them. The second plot is mirrored, which its sentence says."""
+    (first, second), files = [seen_from(centre) for centre in list(CENTRES.values())[:2]], {}
+    for name, (ids, xy) in (("2026/north", first), ("2026/south", (second[0], second[1] * (1.0, -1.0)))):
+        rows = "".join(f"{tag},{x:.3f},{y:.3f}\n" for tag, (x, y) in zip(ids, xy.tolist(), strict=True))
+        files[f"{name}/plot.csv"] = f"tag,x,y\n{rows}".encode()
+    job = finished(served, served.post(URL, params={"file": "s.zip"}, content=packed(files)))
+    assert (job["state"], job["total"], job["done"]) == ("successful", 2, 2), job
+    placed = {row.plot: row for row in rows_of(served, job)}
+    assert {name: row.verdict for name, row in placed.items()} == {"north-plot": "matched", "south-plot": "no_match"}
+    assert placed["north-plot"].file == "2026/north/plot.csv"
+    assert "hint: the mirror image fits" in placed["south-plot"].sentence, placed["south-plot"].sentence
 
 
 def test_a_job_that_is_killed_goes_on(serve: Callable[..., Server], folder: Path, tmp_path: Path) -> None:

@@ -125,6 +125,33 @@ def test_a_stand_is_stored_replaced_and_found(service: Any, collection: Client) 
     assert list(discrepancies(service.database)) == []
 
 
+def test_a_stand_that_exists_is_cut_as_it_was(collection: Client) -> None:
+    bare: dict[str, Any] = {"file": "any.csv"}
+    cuts: dict[str, dict[str, Any]] = {"circles": {"radius": 20, "spacing": 14}, "whole": {"one_submap": True}}
+    for name, cut in cuts.items():
+        url = f"/v1/collections/c/stands/{name}"
+        assert collection.put(url, content=csv_of(stand_trees()), params=bare).status_code == 422
+        first = collection.put(url, content=csv_of(stand_trees()), params=bare | cut).json()
+        again = collection.put(url, content=csv_of(stand_trees(120)), params=bare)
+        assert (again.status_code, again.json()["trees"]) == (200, 120)
+        assert (again.json()["submaps"] == 1) is (name == "whole")
+        assert name == "whole" or again.json()["radius"] == first["radius"]
+        part = collection.put(url, content=csv_of(stand_trees()), params=bare | {"radius": 20})
+        assert (part.status_code, "spacing" in part.text) == (422, True)
+
+
+@pytest.mark.parametrize(("header", "assumed"), [("azimuth", ["angle"]), ("azimuth_gon", [])])
+def test_units_that_nobody_named_are_listed(collection: Client, header: str, assumed: list[str]) -> None:
+    """A caller who asks with these trees knows what to name: azimuths in gon would put them elsewhere."""
+    rng = np.random.default_rng(1)
+    rows = [f"{n},{rng.uniform(0, 360):.1f},{rng.uniform(1, 15):.2f},{rng.uniform(10, 40):.1f}" for n in range(30)]
+    data = "\n".join([f"tag,{header},distance_m,dbh", *rows]).encode()
+    answer = collection.post(READ, content=data, params={"file": "polar.csv"})
+    assert answer.json()["assumed"] == [*assumed, "dbh_unit"], answer.text
+    stored = collection.put(STAND, content=data, params={"file": "polar.csv", "one_submap": True, "dbh_unit": "cm"})
+    assert stored.json()["assumed"] == assumed, stored.text
+
+
 def test_what_cannot_be_stored_changes_nothing(collection: Client) -> None:
     refused: list[tuple[dict[str, Any], str]] = [
         ({"file": "a.csv", "radius": 20}, "spacing"),

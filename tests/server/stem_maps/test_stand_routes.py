@@ -39,6 +39,9 @@ def test_they_are_listed_in_pages_as_they_were_stored(stands: Client) -> None:
     assert stands.get(STANDS, params={"limit": 2}).headers["Link"].endswith('rel="next"')
     counts = [one["submaps"] for one in stands.get(STANDS).json()["stands"]]
     assert sum(counts) == stands.get("/v1/collections/c").json()["counts"]["submaps"]
+    collection = stands.get("/v1/collections/c").json()
+    assert collection["stands"] == {"stands": 3, "trees": 300}
+    assert collection["counts"]["landmarks"] > 300  # circles overlap
     cursor = stands.get("/v1/collections/c/submaps", params={"limit": 1}).json()["next"]
     assert stands.get(STANDS, params={"cursor": cursor}).status_code == 422
 
@@ -51,6 +54,8 @@ def test_a_stand_says_where_its_frame_is_and_its_tag_follows_what_it_says(stands
     assert stands.get(f"{STANDS}/a", headers={"If-None-Match": tag}).status_code == 304
     frames = {"a": {"crs": "EPSG:32633", "origin": [415200.0, 5821500.0]}}
     stands.patch("/v1/collections/c", json={"frames": frames}).raise_for_status()
+    listed = {one["id"]: one for one in stands.get("/v1/collections").json()["collections"]}
+    assert listed["c"]["systems"] == ["EPSG:32633"]
     moved = stands.get(f"{STANDS}/a", headers={"If-None-Match": tag})
     assert (moved.json()["crs"], moved.json()["origin"]) == ("EPSG:32633", [415200.0, 5821500.0])
     taken = stands.get("/v1/collections/c/submaps", params={"frame_id": "a"}).json()["submaps"][0]["id"]

@@ -167,3 +167,36 @@ def test_trees_have_the_system_of_the_centres_that_they_were_measured_from(tmp_p
     assert converted.crs == "EPSG:25832"
     assert np.allclose(converted.xy[0], [447900.8, 5411102.5], atol=200.0)
     assert np.hypot(*(converted.xy[3] - converted.xy[0])) == pytest.approx(np.hypot(4.0, 7.0), abs=1e-6)
+
+
+def feet_of(path: Path, name: str, corner: float) -> Path:
+    """Positions in columns whose header names a unit, `corner` units east of the origin."""
+    return written(path, f"x_{name},y_{name}", OFFSETS[:, 0] / 0.3048 + corner, OFFSETS[:, 1] / 0.3048 + 0.35 * corner)
+
+
+def test_feet_of_a_header_are_those_of_the_system(tmp_path: Path) -> None:
+    path = feet_of(tmp_path / "f.csv", "ft", 2_000_000.0)
+    known = read_stem_map(path, ReadOptions(crs="EPSG:2264"))
+    named = read_stem_map(path, ReadOptions(unit=None, crs=None))
+    # 2 in a million: 1.2 m here.
+    np.testing.assert_allclose((known.xy - named.xy).mean(axis=0), [1.219, 0.427], atol=0.001)
+    assert (known.assumed, "US survey feet" in known.understood) == ((), False)
+    with pytest.raises(StemMapError, match="positions are said to be in ft"):
+        read_stem_map(path, ReadOptions(unit="ft", crs="EPSG:2264"))
+
+
+@pytest.mark.parametrize(
+    ("name", "corner", "unit", "assumed"),
+    [
+        ("ft", 2_000_000.0, None, ("unit",)),
+        ("ft", 2_000_000.0, "ft", ()),
+        ("ft", 0.0, None, ()),
+        ("us_ft", 2_000_000.0, None, ()),
+    ],
+)
+def test_feet_that_may_be_of_two_kinds_are_told_where_it_matters(
+    tmp_path: Path, name: str, corner: float, unit: Any, assumed: tuple[str, ...]
+) -> None:
+    read = read_stem_map(feet_of(tmp_path / "f.csv", name, corner), ReadOptions(unit=unit))
+    assert read.assumed == assumed
+    assert ("US survey feet, they are off by 1.22 m, so say --unit us-ft" in read.understood) is bool(assumed)

@@ -18,9 +18,10 @@ def one_upload(paths: Sequence[Path], positions: Path | None) -> Iterator[Path]:
     """The file to send, which exists within the block.
 
     A folder stands for the files in it. The parts of a Shapefile, and a `columns.toml` beside the files, are sent, too.
+    If two files have one name, all have the names of their folders before theirs.
 
     Raises:
-        ValueError: there is no file, or two of them have one name.
+        ValueError: there is no file, or two of them have one name in folders of one name.
         OSError: a file cannot be read.
     """
     files = _files(paths, positions)
@@ -30,8 +31,8 @@ def one_upload(paths: Sequence[Path], positions: Path | None) -> Iterator[Path]:
     with TemporaryDirectory(prefix="urquhart-") as folder:
         packed = Path(folder) / "season.zip"
         with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
-            for path in files:
-                about = zipfile.ZipInfo(path.name, _LONG_AGO)
+            for name, path in _names(files).items():
+                about = zipfile.ZipInfo(name, _LONG_AGO)
                 about.compress_type = zipfile.ZIP_DEFLATED
                 with path.open("rb") as source, archive.open(about, "w", force_zip64=True) as target:
                     shutil.copyfileobj(source, target)
@@ -51,12 +52,21 @@ def _files(paths: Sequence[Path], positions: Path | None) -> list[Path]:
     if not found:
         raise ValueError("there is no file of plots to send")
     found |= dict.fromkeys(one for path in list(found) if (one := path.with_name(_OPTIONS)).is_file())
-    names: dict[str, Path] = {}
-    for path in found:
-        other = names.setdefault(path.name, path)
-        if other != path:
-            raise ValueError(f"two files have the name {path.name}: {other} and {path}; rename one, or send them apart")
     return list(found)
+
+
+def _names(files: Sequence[Path]) -> dict[str, Path]:
+    """The files by their names in the archive. Raises ValueError."""
+    plain = {path.name: path for path in files}
+    if len(plain) == len(files):
+        return plain
+    names: dict[str, Path] = {}
+    for path in files:
+        name = f"{path.resolve().parent.name}/{path.name}"
+        other = names.setdefault(name, path)
+        if other != path:
+            raise ValueError(f"two files have the name {name}: {other} and {path}; rename one, or send them apart")
+    return names
 
 
 def _with_parts(path: Path) -> list[Path]:

@@ -102,7 +102,7 @@ class ServiceCalls(Connection):
         name: str,
         path: Path,
         *,
-        cut: FileCutting,
+        cut: FileCutting | None = None,
         if_match: str | None = None,
         **options: Unpack[FileOptions],
     ) -> StandReceipt:
@@ -111,14 +111,15 @@ class ServiceCalls(Connection):
         Args:
             path: the file, as for `read_stem_map`.
             cut: `{"radius": 30, "spacing": 20}`: submaps are circles of that radius, that far apart, in metres; or
-                `{"one_submap": True}`: each file, or each of its plots, is one submap.
+                `{"one_submap": True}`: each file, or each of its plots, is one submap. A stand that exists is cut as it
+                was if this is left out.
             if_match: the `etag` that must be stored, or `*` for any; otherwise the service refuses (412).
             options: what is known of the file beforehand.
 
         Raises:
             ProblemError: as `read_stem_map`; nothing is stored.
         """
-        return self._send(stand_requests.put_stand(collection, name, path, if_match, {**cut, **options}))
+        return self._send(stand_requests.put_stand(collection, name, path, if_match, {**(cut or {}), **options}))
 
     def move_stand(
         self,
