@@ -14,9 +14,9 @@ from urquhart.mapping.optimisation import OptimisedPoses, optimise
 from urquhart.mapping.pose_arrays import compose, inverse, wrapped
 from urquhart.mapping.pose_graph import PoseConstraints
 
-SIZES: Final = ((120, 90, 10), (1000, 120, 1))
+SIZES: Final = ((120, 60, 3), (1000, 60, 1))
 """Submaps of a drive, those of them that come one by one, and drives."""
-DRIFTS: Final = (0.01, 0.03)
+DRIFTS: Final = (0.03,)
 FALSE: Final = ((0.0, False), (0.3, False), (0.3, True))
 
 

@@ -156,7 +156,8 @@ def _online(figures: Figures) -> str:
             f"""The same drives, of which the last {first["coming"]} submaps ({second["coming"]} of
             {second["submaps"]}) come one by one, each with its odometry and its matches, as in
             `GET .../sessions/{{session}}/poses`. *Searches* of all constraints ran when they were due, which the
-            service does in the background. Then the milliseconds to take in a submap: median, 95 %, and the longest.
+            service does in the background. Then the milliseconds to take in a submap: median, 95 %, and the longest;
+            other programs shared the core while these were measured.
             *Apart*: the largest distance of a submap from where a search of all constraints has it, in metres."""
         ),
         table([*head, "ms", "apart, m", "error, m"], rows, words=0),
