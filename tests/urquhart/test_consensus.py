@@ -405,13 +405,17 @@ def test_what_another_search_left_in_the_buffer_is_not_found() -> None:
         assert buffer is not other
 
 
-def test_hits_of_neighbouring_slots_follow_each_other_in_their_order() -> None:
+@pytest.mark.parametrize("slots", [7, 300_000])
+def test_hits_of_neighbouring_slots_follow_each_other_in_their_order(slots: int) -> None:
     rng = np.random.default_rng(4)
-    hits = np.zeros(5000, HIT)
-    hits["slot"] = rng.integers(0, 300_000, 5000)
-    order = order_by_slots(1000, 5000, hits, 300_000)
-    assert sorted(order) == list(range(1000, 5000))
-    blocks = hits["slot"][order] // AGREEMENT.block
+    count = 5 * AGREEMENT.together
+    hits = np.zeros(count, HIT)
+    hits["slot"] = rng.integers(0, slots, count)
+    order = order_by_slots(1000, count, hits, slots)
+    assert sorted(order) == list(range(1000, count))
+    size = max(slots * AGREEMENT.together // count, 1)
+    blocks = hits["slot"][order] // size
     assert np.all(np.diff(blocks) >= 0)
+    assert np.unique(blocks).size >= 5
     for block in np.unique(blocks):
         assert np.all(np.diff(order[blocks == block]) > 0)

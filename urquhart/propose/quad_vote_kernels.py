@@ -20,8 +20,8 @@ class AgreementNumbers(NamedTuple):
     """Metres: largest difference between the distances of two quads in the query and in the submap."""
     bend: float = 0.22
     """Largest offset of the second quad from its place relative to the first, as a share of their distance."""
-    block: int = 16_384
-    """Slots whose votes and hits fit into the processor's cache."""
+    together: int = 16_384
+    """Hits that fit into the processor's cache with the votes of their slots."""
     ahead: int = 64
     """Hits that are prefetched from memory together."""
     walk: int = 48
@@ -70,17 +70,19 @@ def tally(before: int, count: int, hits: NDArray[Any], quads: int) -> NDArray[np
 
 @kernel
 def order_by_slots(before: int, count: int, hits: NDArray[Any], slots: int) -> NDArray[np.int32]:
-    """The hits `before` to `count`, sorted by blocks of `AGREEMENT.block` neighbouring slots; stable within a block.
+    """The hits `before` to `count`, sorted by blocks of neighbouring slots; stable within a block.
 
-    In this order, the earlier hits of a slot are still in the cache when a hit is compared with them.
+    A block has about `AGREEMENT.together` hits, so the earlier hits of a slot are still in the cache when a hit is
+    compared with them.
     """
-    begins = np.zeros((slots - 1) // AGREEMENT.block + 2, np.int64)
+    size = max(slots * AGREEMENT.together // max(count, 1), 1)
+    begins = np.zeros((slots - 1) // size + 2, np.int64)
     for h in range(before, count):
-        begins[hits[h].slot // AGREEMENT.block + 1] += 1
+        begins[hits[h].slot // size + 1] += 1
     begins[:] = np.cumsum(begins)
     order = np.empty(count - before, np.int32)
     for h in range(before, count):
-        block = hits[h].slot // AGREEMENT.block
+        block = hits[h].slot // size
         order[begins[block]] = h
         begins[block] += 1
     return order
