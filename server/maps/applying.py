@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from server.collections.crud import get_collection
+from server.collections.georeference import check_place
 from server.errors import Conflict
 from server.index.row_decoding import config_of
 from server.maps.building import BuiltMap, map_pose_of
@@ -14,7 +15,7 @@ from server.store.records import CollectionRecord
 from server.store.storage import ReadTransaction, WriteTransaction
 from server.store.submap_records import SubmapContent, SubmapFilter
 from server.submaps.preparation import patched
-from server.submaps.writes import check_place, store
+from server.submaps.writes import store
 
 _NAMED = 5
 """Ids that an error names."""
@@ -64,10 +65,11 @@ def write_poses(tx: WriteTransaction, collection: CollectionRecord, moves: Mappi
             f"{len(changed)} submaps were deleted or got other landmarks since the map was begun, such as "
             f"{_list(changed)}. No pose was written: build the map again."
         )
+    references = tx.map_frames(collection).some({new.map_pose.frame_id for new in moves.values() if new.map_pose})
     pairs = []
     for name, new in moves.items():
         record = patched(rows[name], SubmapPatch(map_pose=new.map_pose), None, config)
-        check_place(tx, collection, record.place)
+        check_place(record.place, references.get(record.place.map_frame_id) if record.place else None)
         pairs.append((identities[name], record))
     store(tx, collection, pairs)
     written = tx.collections.get(collection.id)

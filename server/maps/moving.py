@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from server.collections.crud import get_collection
+from server.collections.georeference import check_place
 from server.errors import InvalidField, PreconditionFailed
 from server.index.row_decoding import config_of
 from server.resources.idempotency import IdempotencyKey, StoredResponse, find_response, store_response
@@ -13,7 +14,7 @@ from server.schemas.submaps import SubmapPatch
 from server.store.storage import Storage
 from server.store.submap_records import SubmapContent
 from server.submaps.preparation import patched
-from server.submaps.writes import check_place, store
+from server.submaps.writes import store
 
 
 def move_submaps(
@@ -33,6 +34,7 @@ def move_submaps(
         submaps, config = tx.submaps(collection.key), config_of(collection)
         identities = submaps.identities([move.id for move in moves])
         rows = {row.id: row for row in submaps.some([one.key for one in identities.values()], SubmapContent)}
+        references = tx.map_frames(collection).some({move.map_pose.frame_id for move in moves if move.map_pose})
         pairs, known = [], set[str]()
         for number, move in enumerate(moves):
             row = rows.get(move.id)
@@ -48,7 +50,7 @@ def move_submaps(
                 )
             record = patched(row, SubmapPatch(map_pose=move.map_pose), None, config)
             try:
-                check_place(tx, collection, record.place)
+                check_place(record.place, references.get(record.place.map_frame_id) if record.place else None)
             except InvalidField as error:
                 raise error.below(f"/poses/{number}") from error
             pairs.append((identities[move.id], record))
