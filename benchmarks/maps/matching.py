@@ -45,6 +45,7 @@ def match_all(submaps: Sequence[KnownSubmap]) -> MatchedSubmaps:
     best: dict[tuple[int, int], tuple[tuple[int, int], PoseConstraint]] = {}
     for number, one in enumerate(features):
         found = recognizer.recognize(one, exclude=[number], limit=PER_SUBMAP)
+        found = recognizer.compare_each(one, found)
         for rank, candidate in enumerate(found.candidates if found.verdict == "matched" else ()):
             if candidate.refused is not None:
                 continue

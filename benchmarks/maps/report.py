@@ -26,6 +26,12 @@ need GTSAM: `pip install 'urquhart[maps]'` (Linux and macOS).
 - **False loops are left out.** Matches that close short cycles confirm each other and form groups. Groups are added
   one after the other, the largest first, as long as they agree with what is there. Each constraint that is left out is
   named with the reason: `contradicted` by others, or `unconfirmed` by any.
+- **Plantations without odometry.** In rows of trees, most submaps fit most others many rows off. So each match counts
+  only if it clearly leads every other pose in the same submap, and takes about 40 ms to compare there. In 25 simulated
+  drives through rows 3 m apart with 0.3 m of jitter, of 35 submaps each, none of the 1,968 matches left was false, and
+  no map was folded (before, 3,266 of 5,278 were false, and 12 maps folded). The largest part had 33 of the 35 submaps
+  on average: others are frames of their own. With 0.15 m of jitter hardly any submap matches, and nearly each stays a
+  frame of its own. Post odometry, or priors, to place such submaps.
 - **Constraints are kept.** Matches and posted odometry (`POST .../odometry`) stay in the collection, each with its
   state. The next map looks up only submaps that are new or have other landmarks. `GET .../constraints?format=g2o` (or
   TUM, KITTI, matrices, JSON) and `urquhart map constraints` write them for other programs.

@@ -27,6 +27,8 @@ _SHIFT: Final = 1.0
 """Metres, and"""
 _TURN: Final = math.radians(5.0)
 """radians. Two results for a pair that differ by more contradict each other."""
+_SEARCH: Final = "compare_each"
+"""What these searches do. Under another name, submaps are looked up again, and what was found before is not used."""
 
 Found = dict[str, Any]
 """A constraint as JSON, as it is stored: all of `server.schemas.constraints.Constraint` except `stale`."""
@@ -54,7 +56,7 @@ def check_ids(database: Storage, collection_id: str, body: ConstraintsInput) -> 
 def search_of(body: ConstraintsInput) -> str:
     """A name for searches that find the same constraints: 16 hexadecimal digits."""
     told = orjson.dumps(
-        [body.gates.model_dump(mode="json"), body.exclude.model_dump(mode="json"), body.per_submap],
+        [body.gates.model_dump(mode="json"), body.exclude.model_dump(mode="json"), body.per_submap, _SEARCH],
         option=orjson.OPT_SORT_KEYS,
     )
     return hashlib.sha256(told).hexdigest()[:16]
@@ -69,7 +71,8 @@ def question(row: SubmapMetadata, body: ConstraintsInput, most: int) -> PlaceQue
     exclude = Exclusion()
     if possible:
         exclude = Exclusion((), row.session if wanted.same_session else None, wanted.within_seconds)
-    return PlaceQuery(None, submap_id=row.id, limit=min(body.per_submap, most), exclude=exclude, pairs=False)
+    limit = min(body.per_submap, most)
+    return PlaceQuery(None, submap_id=row.id, limit=limit, exclude=exclude, pairs=False, compare_each=True)
 
 
 def from_look(row: SubmapMetadata, look: LookupResult, body: ConstraintsInput) -> list[Found]:

@@ -117,6 +117,7 @@ class PlaceQuery:
         per_session: whether to search for the best candidate of each session.
         store: whether to store the answer.
         seconds: within which the caller needs the answer.
+        compare_each: whether further candidates are compared with the rivals in their own submaps, too.
     """
 
     landmarks: QueryLandmarks | None
@@ -139,6 +140,7 @@ class PlaceQuery:
     store: bool = False
     seconds: float | None = None
     columns: bool = False
+    compare_each: bool = False
 
     @classmethod
     def of(cls, body: QueryInput, limits: Limits) -> "PlaceQuery":

@@ -101,6 +101,10 @@ class SubmapSearch:
             rng=None if self.query.seed is None else np.random.default_rng(self.query.seed),
             budget=self.budget,
         )
+        if self.query.compare_each:
+            found = self.view.recognizer.compare_each(
+                self.observation, found, min_confidence=self.query.min_confidence, budget=self.budget
+            )
         accepted = [one.key for one in found.candidates if one.refused is None]
         places = {}
         if len(accepted) > 1:

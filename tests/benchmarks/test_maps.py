@@ -24,8 +24,9 @@ def test_false_loops_that_agree_with_each_other_do_not_fold_a_drive() -> None:
 
 
 def test_a_map_of_a_plantation_is_not_folded() -> None:
-    found = stands.run_job(stands.StandJob("rows 3 x 3 m, jitter 0.3 m", 0))
-    assert found["false"] > 0 and found["false_kept"] == 0
+    """Of its 195 matches 116 were false, 3 were kept and folded the map, before each was compared with its rivals."""
+    found = stands.run_job(stands.StandJob("rows 3 x 3 m, jitter 0.3 m", 2))
+    assert found["matches"] > 70 and found["false"] == found["false_kept"] == 0
     assert found["largest"] > 30 and found["error"] < 0.3
     assert found["doubled"] + found["lost"] + found["mixed"] < 0.01 * found["trees"]
 

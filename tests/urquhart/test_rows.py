@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.urquhart import forests
-from urquhart import SE2, Config, Recognition, Recognizer, describe
+from urquhart import SE2, Budget, Config, Recognition, Recognizer, describe
 from urquhart.evaluation.simulation import Sensor, observe, plantation
 
 SIDE = 90.0
@@ -105,3 +105,50 @@ def test_a_lower_gate_reports_more_but_finds_the_same() -> None:
             assert (found.verdict == "matched") == matched
             verdicts.add((least, found.verdict))
     assert {(0.51, "matched"), (0.9, "ambiguous")} <= verdicts
+
+
+def test_other_candidates_are_compared_with_the_rivals_in_their_own_submaps() -> None:
+    """Where the best candidate has no rival, others in rows of trees are at wrong places, and look certain."""
+    rng = np.random.default_rng(7)
+    trees = plantation(SIDE, SIDE, rng, jitter=0.3, survival=0.9)
+    poses = CENTRES[::2]
+    recognizer = stored(trees, poses, 20.0, rng)
+    before, after, accepted = 0, 0, 0
+    for key in range(0, len(poses), 3):
+        features = recognizer.features(key)
+        found = recognizer.recognize(features, exclude=[key], limit=8)
+        compared = recognizer.compare_each(features, found)
+        assert [one.key for one in compared.candidates] == [one.key for one in found.candidates]
+        assert compared.candidates[:1] == found.candidates[:1]
+        before += wrong_places(found, poses, poses[key])
+        after += wrong_places(compared, poses, poses[key])
+        accepted += sum(one.refused is None for one in compared.candidates[1:])
+    assert before >= 10
+    assert after == 0 < accepted
+
+
+def test_what_does_not_match_is_not_compared() -> None:
+    rng = np.random.default_rng(5)
+    recognizer = stored(plantation(SIDE, SIDE, rng, jitter=0.0, survival=1.0), CENTRES[:4], 20.0, rng)
+    found = recognizer.recognize(recognizer.features(0), exclude=[0])
+    assert found.verdict != "matched"
+    assert recognizer.compare_each(recognizer.features(0), found) is found
+
+
+def test_after_the_deadline_candidates_are_compared_or_refused() -> None:
+    rng = np.random.default_rng(7)
+    recognizer = stored(plantation(SIDE, SIDE, rng), CENTRES, 20.0, rng)
+    features = recognizer.features(0)
+    found = recognizer.recognize(features, exclude=[0])
+    assert found.verdict == "matched" and found.candidates[1].refused is None
+    whole = recognizer.compare_each(features, found)
+    late = recognizer.compare_each(features, found, budget=Budget(0.0))
+    assert late.candidates[0].refused is None
+    for one, timely in zip(late.candidates[1:], whole.candidates[1:], strict=True):
+        assert one.refused in (timely.refused, "deadline")
+
+
+def wrong_places(found: Recognition, poses: Sequence[SE2], truth: SE2) -> int:
+    """How many of the accepted candidates are at wrong places, other than the first."""
+    accepted = [one for one in found.candidates[1:] if one.refused is None]
+    return sum((poses[one.key] @ one.transform).distance(truth)[0] > 1.0 for one in accepted)
