@@ -349,6 +349,7 @@ test("a file is stored as a stand, as one submap or as overlapping ones", async 
     const side = [...Array(12).keys()];
     const plot = (step) => side.flatMap((x) => side.map((y) => `${12 * x + y},${step * x + (y % 3)},${step * y + ((x * y) % 2)}`));
     for (const [name, step, stored] of [["small", 3, "one"], ["wide", 10, "discs"]]) {
+      page.expectsFailures = false;
       await page.goto("/ui/try?collection=sent");
       const buffer = Buffer.from(["tag,x,y", ...plot(step)].join("\n"));
       await page.locator("input[type=file]").setInputFiles({ name: `${name}.csv`, mimeType: "text/csv", buffer });
@@ -357,14 +358,83 @@ test("a file is stored as a stand, as one submap or as overlapping ones", async 
       if (stored === "discs") await page.getByLabel("Distance between submaps").fill("25");
       await accessible(page);
       await page.getByRole("button", { name: "Store in sent" }).click();
-      await page.getByRole("link", { name: name === "small" ? /^small/ : /^wide/ }).first().waitFor();
+      const receipt = page.getByRole("status").filter({ hasText: `Stored as the stand ${name} in sent: 144 trees in ` });
+      await receipt.waitFor();
+      await accessible(page);
+      page.expectsFailures = true;
+      await page.getByRole("button", { name: "Store in sent" }).click();
+      await page.getByText(`sent has a stand ${name} already: enter another name`).waitFor();
     }
+    await page.goto("/ui/collections/sent");
+    await page.getByRole("link", { name: /^wide/ }).first().waitFor();
     const { stands } = await (await page.request.get("/v1/collections/sent/stands")).json();
     const [small, wide] = stands;
     assert.equal(small.submaps, 1);
     assert.deepEqual([wide.radius, wide.spacing], [30, 25]);
     assert.ok(wide.submaps > 4);
     assert.equal(await page.getByRole("link", { name: /^wide/ }).count(), wide.submaps);
+  });
+});
+
+test("a forester makes a collection without losing the file, stores it by a name of her own, and sees it on the map", async () => {
+  await onPage(told.open, {}, async (page) => {
+    await page.goto("/ui/try");
+    const rows = told.p2.map(([x, y], at) => `T${at},${x},${y}`);
+    const buffer = Buffer.from(["Tree No,X,Y", ...rows].join("\n"));
+    await page.locator("input[type=file]").setInputFiles({ name: "north.csv", mimeType: "text/csv", buffer });
+    await page.getByRole("button", { name: "New collection …" }).click();
+    await page.getByPlaceholder("plots-2026").fill("district");
+    await page.getByRole("button", { name: "Make it" }).click();
+    await page.getByLabel("Name of the stand").fill("north-2026");
+    await page.getByLabel("Stored as").selectOption("discs");
+    await page.getByRole("button", { name: "Store in district" }).click();
+    await page.getByText(`Stored as the stand north-2026 in district: ${rows.length} trees`).waitFor();
+    await page.getByRole("link", { name: "See it on the map" }).click();
+    await page.getByRole("heading", { name: "Map frame north-2026" }).waitFor();
+    assert.equal((await page.request.delete("/v1/collections/district")).status(), 204);
+  });
+});
+
+test("where a query was is marked on the map, with a way back", async () => {
+  await onPage(told.open, {}, async (page) => {
+    await page.goto(matchPage(matched));
+    await page.getByText("method robust, effort full").waitFor();
+    await page.getByRole("link", { name: "See it on the map" }).click();
+    await page.getByText("point (0, 0) of query").waitFor();
+    await page.waitForURL(/scale=/);
+    const { searchParams } = new URL(page.url());
+    const [x, y, scale] = ["x", "y", "scale"].map((name) => Number(searchParams.get(name)));
+    const { x: markX, y: markY } = matched.candidates[0].map_pose;
+    const marked = () => page.evaluate(
+      ([right, down]) => {
+        const canvas = document.querySelector("canvas:not(.under)");
+        const ratio = canvas.width / canvas.clientWidth;
+        const [left, top] = [canvas.width / 2 + right * ratio, canvas.height / 2 + down * ratio];
+        const [red, green, blue] = canvas.getContext("2d").getImageData(Math.round(left), Math.round(top), 1, 1).data;
+        return red > 180 && green < 140 && blue < 60 ? 1 : 0;
+      },
+      [(markX - x) * scale, (y - markY) * scale],
+    );
+    await until(marked, 1, "dot where the query was");
+    await accessible(page);
+    await page.getByRole("link", { name: `query ${matched.id}` }).click();
+    await page.getByRole("heading", { name: "Matched p1" }).waitFor();
+  });
+});
+
+test("a query that did not match says what would have to be different", async () => {
+  await onPage(told.open, {}, async (page) => {
+    const asked = { xy: told.p2, store: true, explain: true };
+    const ask = async (collection, more) =>
+      (await page.request.post(`/v1/collections/${collection}/queries`, { data: { ...asked, ...more } })).json();
+    await page.goto(matchPage(await ask("rows", { method: "paper" })));
+    await page.getByText("Ask again with robust, the default").waitFor();
+    assert.equal(await page.getByText("most likely not in").count(), 0);
+    const missing = await ask("rows", {});
+    assert.equal(missing.verdict, "no_match");
+    await page.goto(matchPage(missing));
+    const each = missing.candidates[0]?.evidence ?? 0;
+    await page.getByText(each > 0 ? "more matching tree" : "most likely not in rows").first().waitFor();
   });
 });
 
@@ -431,11 +501,17 @@ test("jobs show their progress and what they refused, and operations how the ser
     await page.getByRole("link", { name: "import" }).click();
     await page.getByRole("heading", { name: "Lines that were refused" }).waitFor();
     await page.getByRole("cell", { name: /at least 3/ }).waitFor();
+    const [lines] = await Promise.all([page.waitForEvent("download"), page.getByRole("link", { name: "1 refused line as a file" }).click()]);
+    assert.match(readFileSync(await lines.path(), "utf8"), /"line":2/);
     await accessible(page);
     await page.getByRole("link", { name: "Operations" }).click();
     await page.getByText("Verdicts since the start").waitFor();
     await page.getByRole("button", { name: /^Show all/ }).click();
     await page.getByRole("cell", { name: "POST /v1/collections/{collection}/queries" }).first().waitFor();
+    await page.getByText("There is none, so the service asks for none").waitFor();
+    await page.getByText("Limits and versions").click();
+    const { limits } = await (await page.request.get("/v1/limits")).json();
+    await page.getByText(`${limits.body_bytes.toLocaleString("en")} (8.4 MB)`).first().waitFor();
     for (const title of ["Requests", "Verdicts a second", "Mean time of a query"]) {
       await page.getByRole("img", { name: new RegExp(`^${title}.* now: `) }).waitFor();
     }
@@ -476,6 +552,7 @@ test("an operator sees keys, which cannot be used, and makes a snapshot; a reade
     assert.ok(!(await page.content()).includes(told.admin.split("_")[2]));
     await page.getByRole("button", { name: "Make a snapshot" }).click();
     await page.getByText("2 collections").waitFor();
+    await page.getByText("urquhart snapshot restore NAME").waitFor();
   });
   await onPage(told.closed, {}, async (page) => {
     await page.goto("/ui/operations");
@@ -489,6 +566,28 @@ test("an operator sees keys, which cannot be used, and makes a snapshot; a reade
     await page.getByRole("button", { name: "Find 3 trees" }).click();
     await page.getByText("There is no submap to look in").waitFor();
     assert.equal(await page.getByRole("button", { name: /^Store in/ }).count(), 0);
+  });
+});
+
+test("a cancelled job says so in that word, and what stays", async () => {
+  await onPage(told.open, {}, async (page) => {
+    const begun = [];
+    // The first one keeps the others waiting.
+    for (let at = 0; at < 3; at++) {
+      const answer = await page.request.post("/v1/collections/plots/constraints", { data: {} });
+      begun.push(await answer.json());
+    }
+    const { id } = begun.at(-1);
+    await page.request.delete(`/v1/jobs/${id}`);
+    await page.goto(`/ui/jobs/${id}`);
+    await page.locator(".badge.dismissed, .badge.successful").waitFor();
+    const { state } = await (await page.request.get(`/v1/jobs/${id}`)).json();
+    if (state === "dismissed") {
+      assert.equal(await page.locator(".badge").innerText(), "cancelled");
+      await page.getByText("What it had stored until then stays").waitFor();
+    }
+    await page.goto("/ui/jobs?state=dismissed");
+    assert.equal(await page.getByLabel("State").inputValue(), "dismissed");
   });
 });
 

@@ -5,7 +5,7 @@ import { ok, type Schemas } from "urquhart-client";
 
 import { Facts, Message, Ready, Title } from "../parts/common";
 import { at, go, Link, setQuery, useAddress } from "../parts/router";
-import { ago, count, degrees, moment, plural } from "../parts/text";
+import { ago, count, degrees, moment, OVERLAP, plural } from "../parts/text";
 import { api, sentenceOf } from "../service/api";
 import { useLoaded } from "../service/load";
 import { type Columns, readColumns } from "./columns";
@@ -94,7 +94,7 @@ function Map(props: { readonly one: Schemas["Collection"]; readonly frames: read
         </Ready>
       ) : (
         <div class="match-body">
-          <MapStage key={`${frame}/${session}`} columns={columns} over={over} part={part} onPart={setPart} />
+          <MapStage key={`${frame}/${session}`} collection={one.id} columns={columns} over={over} part={part} onPart={setPart} />
           <aside class="details" aria-label="Details">
             <Overview columns={columns} session={session} />
             {[read.error, moved.error].map(
@@ -122,7 +122,7 @@ interface ToolsProps {
   readonly collection: string;
 }
 
-const SOMEWHERE_ELSE = { x: null, y: null, scale: null, submap: null };
+const SOMEWHERE_ELSE = { x: null, y: null, scale: null, submap: null, mark: null, query: null };
 
 function MapTools({ columns, frames, frame, session, collection }: ToolsProps) {
   const { query } = useAddress();
@@ -188,7 +188,7 @@ function Overview({ columns, session }: { readonly columns: Columns; readonly se
       <Facts
         rows={[
           ["Submaps", count(columns.submaps.length)],
-          ["Trees", count(columns.landmarks), "Trees that overlapping submaps share are counted in each."],
+          ["Trees in submaps", count(columns.landmarks), OVERLAP],
           ...(columns.sessions.length > 0 ? ([["Sessions", count(columns.sessions.length)]] as const) : []),
         ]}
       />

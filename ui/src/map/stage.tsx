@@ -8,7 +8,7 @@ import { usePalette } from "../draw/palette";
 import { type Box, fit, type Size, toMetresX, toMetresY, toPixelX, toPixelY, type View, zoom } from "../draw/view";
 import { drawScale } from "../match/draw-overlay";
 import { Message } from "../parts/common";
-import { setQuery, useAddress } from "../parts/router";
+import { at, Link, setQuery, useAddress } from "../parts/router";
 import { plural } from "../parts/text";
 import type { Columns } from "./columns";
 import { Layer } from "./layer";
@@ -17,6 +17,7 @@ import { momentsOf, type Over, OverLegend, TimeSlider } from "./over";
 import { boxOf, colourOf, type Hidden, inkOf, linesOf, outlineColours, outlines, sideOf, submapAt, treeColours } from "./submaps";
 
 interface StageProps {
+  readonly collection: string;
   readonly columns: Columns;
   readonly over: Over;
   readonly part: string | null;
@@ -28,7 +29,7 @@ const WIDER = 0.5;
 const LABELS = 60;
 const LEAST_SIDE = 14;
 
-export function MapStage({ columns, over, part, onPart }: StageProps) {
+export function MapStage({ collection, columns, over, part, onPart }: StageProps) {
   const palette = usePalette();
   const { query } = useAddress();
   const under = useRef<HTMLCanvasElement>(null);
@@ -42,6 +43,8 @@ export function MapStage({ columns, over, part, onPart }: StageProps) {
   const lines = useMemo(() => linesBetween(columns, over.constraints?.rows ?? [], hidden), [columns, over.constraints, hidden]);
   const shapes = useMemo(() => outlines(columns), [columns]);
   const chosen = columns.submaps.indexOf(query.get("submap") ?? "");
+  const mark = useMemo(() => markOf(query.get("mark"), columns), [query.get("mark"), columns]);
+  const marked = query.get("query");
   const whole = useRef<Box | null>(null);
   if (part === null) whole.current = boxOf(columns);
 
@@ -92,9 +95,10 @@ export function MapStage({ columns, over, part, onPart }: StageProps) {
       drawLines(context, lines, view, pixels, palette);
       if (over.moves) drawMoves(context, over.moves, view, pixels, palette);
       drawLabels(painter, columns, hidden, view, pixels, palette.ink);
+      if (mark) drawMark(painter, toPixels(mark), palette);
       drawScale(painter, view, pixels, palette);
     },
-    [view?.x, view?.y, view?.scale, columns, shapes, chosen, colours, lines, over.moves],
+    [view?.x, view?.y, view?.scale, columns, shapes, chosen, colours, lines, over.moves, mark],
   );
 
   useSettled(moved, (settled) => {
@@ -147,6 +151,11 @@ export function MapStage({ columns, over, part, onPart }: StageProps) {
         ))}
         {columns.sessions.length > 12 && <li>and {columns.sessions.length - 12} more</li>}
         {columns.sessionOf.includes(-1) && <li class="session c0">without a session</li>}
+        {mark && (
+          <li class="mark">
+            point (0, 0) of {marked ? <Link to={at("collections", collection, "queries", marked)}>query {marked}</Link> : "a query"}
+          </li>
+        )}
         <OverLegend {...over} />
       </ul>
     </section>
@@ -164,6 +173,19 @@ function viewOf(query: URLSearchParams, columns: Columns): View | null {
   const [x, y, scale] = ["x", "y", "scale"].map((name) => Number(query.get(name) ?? NaN));
   if (!columns || ![x, y, scale].every((value) => Number.isFinite(value)) || scale! <= 0) return null;
   return { x: x! - columns.origin[0], y: y! - columns.origin[1], scale: scale! };
+}
+
+/** The marked point of the address, such as "12.5,-3", which has coordinates of the map frame. */
+function markOf(text: string | null, { origin }: Columns): readonly [number, number] | null {
+  const [x, y] = (text ?? "").split(",").map((part) => (part.trim() === "" ? NaN : Number(part)));
+  return Number.isFinite(x) && Number.isFinite(y) ? [x! - origin[0], y! - origin[1]] : null;
+}
+
+/** A ring around a dot, larger than any tree. */
+function drawMark(painter: CanvasPainter, [x, y]: readonly number[], palette: { readonly paper: string; readonly query: string }): void {
+  painter.circle(x!, y!, 11, { stroke: palette.paper, width: 6 });
+  painter.circle(x!, y!, 11, { stroke: palette.query, width: 3 });
+  painter.circle(x!, y!, 4, { fill: palette.query });
 }
 
 const withRoom = (view: View): View => ({ ...view, scale: view.scale * 0.45 });

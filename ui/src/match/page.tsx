@@ -67,7 +67,8 @@ function Match({ answer, explanation }: Stored) {
           <Where answer={answer} />
         </div>
         <p class="meta">
-          {count(answer.landmark_count)} trees asked · revision {count(answer.revision)} ·{" "}
+          {count(answer.landmark_count)} trees asked · method {answer.method}
+          {answer.method === "robust" && `, effort ${answer.effort}`} · revision {count(answer.revision)} ·{" "}
           {duration(answer.stages.reduce((sum, { milliseconds }) => sum + milliseconds, 0))}
           {answer.stamp && ` · observed ${ago(answer.stamp)}`}
         </p>
@@ -80,7 +81,7 @@ function Match({ answer, explanation }: Stored) {
           </Message>
         ) : (
           <Ready of={overlay} what="the trees">
-            {(laid) => <Stage overlay={laid} answer={answer} explanation={explanation} />}
+            {(laid) => laid && <Stage overlay={laid} answer={answer} explanation={explanation} />}
           </Ready>
         )}
         <Details answer={answer} explanation={explanation} choice={choice} overlay={overlay.data ?? null} />
@@ -101,7 +102,8 @@ function Where({ answer }: { readonly answer: Schemas["QueryAnswer"] }) {
   const best = answer.candidates[0];
   if (answer.verdict !== "matched" || best?.map_pose == null) return null;
   const { frame_id, x, y, yaw } = best.map_pose;
-  const address = `${at("collections", answer.collection, "map")}?${new URLSearchParams({ frame: frame_id, submap: best.submap_id })}`;
+  const shown = { frame: frame_id, submap: best.submap_id, query: answer.id ?? "", mark: `${x.toFixed(3)},${y.toFixed(3)}` };
+  const address = `${at("collections", answer.collection, "map")}?${new URLSearchParams(shown)}`;
   return (
     <p class="where">
       The point (0, 0) of the query lies at x {x.toFixed(2)} m, y {y.toFixed(2)} m in {frame_id}, turned by {degrees(yaw)}.{" "}
@@ -184,7 +186,8 @@ function useOverlay(answer: Schemas["QueryAnswer"], choice: Choice | null) {
   const rank = choice?.kind === "candidate" ? choice.number : 1;
   const rival = choice?.kind === "rival" ? answer.rivals[choice.number - 1] : undefined;
   const inputs = useMemo(() => [collection, id, choice?.kind, choice?.number], [collection, id, choice?.kind, choice?.number]);
-  return useLoaded(async (signal): Promise<Overlay> => {
+  return useLoaded(async (signal): Promise<Overlay | null> => {
+    if (choice === null) return null; // nothing was proposed, so there is nothing to read
     const path = { collection, query: id ?? "", rank };
     const match = await ok(
       api.GET("/v1/collections/{collection}/queries/{query}/candidates/{rank}/match", { params: { path }, signal }),

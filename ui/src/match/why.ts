@@ -83,14 +83,27 @@ function leadNeeded(answer: Answer, explanation: Explanation): number | null {
   return lead + lead_per_landmark * overlap + lead_ratio * rival;
 }
 
+/** The ends of a search that looked for the place wherever it could be. */
+const SEARCHED: ReadonlySet<string> = new Set(["exhausted", "evidence_bound"]);
+
 /** What would have made the answer `matched`, or what makes it sure. */
 export function advice(answer: Answer, gate: readonly Gate[]): string[] {
   if (answer.verdict === "matched") return [];
   const said: string[] = [];
   const best = answer.candidates[0];
+  if (answer.method === "paper") {
+    said.push("It was asked with the method paper, which finds fewer places. Ask again with robust, the default.");
+  }
   const each = best && best.inlier_count > 0 ? best.evidence / best.inlier_count : 0;
+  const searched = answer.method === "robust" && SEARCHED.has(answer.search?.stopped_by ?? "");
+  if (answer.verdict === "no_match" && each <= 0 && searched) {
+    said.push(
+      `No pose explains these trees, so the place is most likely not in ${answer.collection}. If you know that it is, check ` +
+        "the unit of the positions (metres), their noise (at most 0.6 m), and that more than half of the trees were seen.",
+    );
+  }
   for (const { name, passed, value, needed } of gate) {
-    if (passed || name === "Confidence") continue;
+    if (passed || name === "Confidence" || (name === "Against chance" && each <= 0)) continue;
     const short = needed - value;
     const trees = each > 0 ? `, about ${plural(Math.ceil(short / each), "more matching tree")} at the present ${fixed(each)} a tree` : "";
     if (name === "Against chance") said.push(`${fixed(short)} more log odds are needed to rule out chance${trees}.`);
@@ -100,6 +113,9 @@ export function advice(answer: Answer, gate: readonly Gate[]): string[] {
   if (answer.reason === "rival_too_close") {
     said.push("A wider view helps most where trees stand in rows, or diameters on both sides.");
   }
-  if (answer.search && answer.verdict === "no_match") said.push(asSentence(answer.search.sentence));
+  // That all was tried is no advice; the panel says it of the search.
+  const { search } = answer;
+  const complete = search?.stopped_by === "exhausted" && (search.skipped ?? []).length === 0;
+  if (search && answer.verdict === "no_match" && !complete) said.push(asSentence(search.sentence));
   return said;
 }

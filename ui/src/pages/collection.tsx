@@ -5,7 +5,7 @@ import { ok, type Schemas } from "urquhart-client";
 
 import { Dialog, Facts, Message, Pager, Ready, Title } from "../parts/common";
 import { at, go, Link, setQuery, useAddress } from "../parts/router";
-import { ago, count, moment, plural } from "../parts/text";
+import { ago, count, moment, OVERLAP, plural } from "../parts/text";
 import { api, sentenceOf } from "../service/api";
 import { useLoaded } from "../service/load";
 import { may, type Session } from "../service/session";
@@ -68,7 +68,7 @@ function Overview({ one }: { readonly one: Schemas["Collection"] }) {
       <Facts
         rows={[
           ["Submaps", count(one.counts.submaps)],
-          ["Trees", count(one.counts.landmarks)],
+          ["Trees in submaps", count(one.counts.landmarks), OVERLAP],
           ["Polygons", count(one.counts.polygons)],
           ["Revision", count(one.revision), "Counter of the writes to the collection."],
           ["System", one.crs ?? "none", "Coordinate reference system of the map frame."],
@@ -105,8 +105,8 @@ function Submaps({ collection, revision }: { readonly collection: string; readon
           page.submaps.length === 0 ? (
             <Message title="No submaps yet">
               <p>
-                Store a stem map with <code>urquhart index FILE --collection {collection}</code>, or send submaps to the{" "}
-                <a href="/docs">API</a>.
+                <Link to={`/try?${new URLSearchParams({ collection })}`}>Drop a stem map</Link> to store it here, store it with{" "}
+                <code>urquhart index FILE --collection {collection}</code>, or send submaps to the <a href="/docs">API</a>.
               </p>
             </Message>
           ) : (

@@ -5,7 +5,7 @@ import { ok, pages, type Schemas } from "urquhart-client";
 
 import { Dialog, Message, Ready, Title } from "../parts/common";
 import { at, go, Link } from "../parts/router";
-import { ago, count, moment, plural } from "../parts/text";
+import { ago, count, moment, OVERLAP, plural } from "../parts/text";
 import { api, sentenceOf } from "../service/api";
 import { useLoaded } from "../service/load";
 import { readMetrics, type Sample, valueOf } from "../service/metrics";
@@ -43,8 +43,8 @@ export function CollectionsPage({ session }: { readonly session: Session }) {
           collections.length === 0 ? (
             <Message title="No collections yet">
               <p>
-                A collection holds submaps: the trees of one plot or of one stretch of a drive each. Make one, then store
-                a stem map with <code>urquhart index</code>, or submaps through the <a href="/docs">API</a>.
+                A collection holds submaps: the trees of one plot or of one stretch of a drive each. Make one, then drop
+                a stem map at <Link to="/try">Try it</Link>, or send submaps to the <a href="/docs">API</a>.
               </p>
               {!may(session, "admin") && <p>Your key may not make collections: that needs the scope admin.</p>}
             </Message>
@@ -94,7 +94,7 @@ function Card({ one, samples }: { readonly one: Summary; readonly samples: reado
           <dd>{count(one.counts.submaps)}</dd>
         </div>
         <div>
-          <dt>Trees</dt>
+          <dt title={OVERLAP}>Trees in submaps</dt>
           <dd>{count(one.counts.landmarks)}</dd>
         </div>
         <div>
@@ -118,7 +118,7 @@ export function IndexState({ collection, samples }: { readonly collection: strin
   return <span class="dot warn">{plural(lag, "revision")} behind; the next query catches up</span>;
 }
 
-function NewCollection({ onClose, onMade }: { readonly onClose: () => void; readonly onMade: (id: string) => void }) {
+export function NewCollection({ onClose, onMade }: { readonly onClose: () => void; readonly onMade: (id: string) => void }) {
   const [id, setId] = useState("");
   const [title, setTitle] = useState("");
   const [crs, setCrs] = useState("");

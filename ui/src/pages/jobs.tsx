@@ -5,7 +5,7 @@ import { ok, type Schemas } from "urquhart-client";
 
 import { Facts, Message, Pager, Ready, Title } from "../parts/common";
 import { at, Link, setQuery, useAddress } from "../parts/router";
-import { ago, count, duration, moment } from "../parts/text";
+import { ago, count, duration, moment, plural } from "../parts/text";
 import { api, sentenceOf } from "../service/api";
 import { useLoaded } from "../service/load";
 import type { Session } from "../service/session";
@@ -15,6 +15,14 @@ type Job = Schemas["JobAnswer"];
 
 const UNDER_WAY = new Set(["accepted", "running"]);
 const STATES = ["accepted", "running", "successful", "failed", "dismissed"] as const;
+/** The states in the words of this page: the API has those of OGC API - Processes. */
+const WORDS: Readonly<Record<Job["state"], string>> = {
+  accepted: "waiting",
+  running: "running",
+  successful: "successful",
+  failed: "failed",
+  dismissed: "cancelled",
+};
 const AMISS = new Set(["refused", "not_read", "failed"]);
 const SOON = 1.5;
 const LATER = 10;
@@ -42,7 +50,9 @@ export function JobsPage() {
           <select value={state ?? ""} onChange={(event) => setQuery({ state: event.currentTarget.value || null, cursor: null })}>
             <option value="">All</option>
             {STATES.map((one) => (
-              <option key={one}>{one}</option>
+              <option key={one} value={one}>
+                {WORDS[one]}
+              </option>
             ))}
           </select>
         </label>
@@ -50,7 +60,7 @@ export function JobsPage() {
       <Ready of={loaded} what="the jobs">
         {(page) =>
           page.jobs.length === 0 ? (
-            <Message title={state ? `No job is ${state}` : "No jobs yet"}>
+            <Message title={state ? `No job is ${WORDS[state]}` : "No jobs yet"}>
               <p>Imports, constraints, maps and new indexes run as jobs, and are listed here.</p>
             </Message>
           ) : (
@@ -64,7 +74,7 @@ export function JobsPage() {
                       <th scope="col">State</th>
                       <th scope="col">Progress</th>
                       <th scope="col" class="number">Refused or not read</th>
-                      <th scope="col" class="number">Begun</th>
+                      <th scope="col" class="number">Accepted</th>
                     </tr>
                   </thead>
                   <tbody>
@@ -77,7 +87,7 @@ export function JobsPage() {
                           <Link to={at("collections", job.collection)}>{job.collection}</Link>
                         </td>
                         <td>
-                          <span class={`badge ${job.state}`}>{job.state}</span>
+                          <State job={job} />
                         </td>
                         <td>
                           <Progress job={job} />
@@ -99,6 +109,14 @@ export function JobsPage() {
         }
       </Ready>
     </main>
+  );
+}
+
+function State({ job: { state } }: { readonly job: Job }) {
+  return (
+    <span class={`badge ${state}`} title={WORDS[state] === state ? undefined : `${state} in the API`}>
+      {WORDS[state]}
+    </span>
   );
 }
 
@@ -150,7 +168,7 @@ function JobDetails({ job, session, onChange }: { readonly job: Job; readonly se
             <span class="id">{job.id}</span>
           </nav>
           <h1>
-            {job.type} on {job.collection} <span class={`badge ${job.state}`}>{job.state}</span>
+            {job.type} on {job.collection} <State job={job} />
           </h1>
         </div>
         {UNDER_WAY.has(job.state) && !job.dismissed && (session.scopes?.length ?? 0) > 0 && (
@@ -165,6 +183,12 @@ function JobDetails({ job, session, onChange }: { readonly job: Job; readonly se
         </p>
       )}
       {job.dismissed && UNDER_WAY.has(job.state) && <p class="note warn">The job was cancelled and is stopping.</p>}
+      {job.state === "accepted" && !job.dismissed && (
+        <p class="note warn">The job waits for its turn.</p>
+      )}
+      {job.state === "dismissed" && (
+        <p class="note warn">The job was cancelled before its work was done. What it had stored until then stays.</p>
+      )}
       {problem && (
         <p class="note bad">
           {problem.title}: {problem.detail}
@@ -236,11 +260,13 @@ function Refused({ job }: { readonly job: Job }) {
                 </tbody>
               </table>
             </div>
-            {total > FIRST && (
-              <p>
-                These are the first {FIRST}. <a href={`/v1/jobs/${encodeURIComponent(job.id)}/errors`}>All {count(total)}</a>
-              </p>
-            )}
+            <p>
+              {total > FIRST && `These are the first ${FIRST} of ${count(total)}. `}
+              Correct these lines, and send them again.{" "}
+              <a href={`/v1/jobs/${encodeURIComponent(job.id)}/errors`} download={`refused-${job.id}.ndjson`}>
+                {plural(total, "refused line")} as a file
+              </a>
+            </p>
           </>
         )}
       </Ready>

@@ -1,20 +1,20 @@
 /** Operations: how the service does now: readiness, load, latencies, verdicts, index, keys, snapshots, limits. */
 
-import type { ComponentChildren } from "preact";
 import { useState } from "preact/hooks";
 import { ok, ProblemError, type Schemas } from "urquhart-client";
 
 import { Facts, Ready, SaidAbove, Title } from "../parts/common";
-import { ago, bytes, count, duration, moment, plural, share } from "../parts/text";
-import { api, call, sentenceOf } from "../service/api";
+import { at, Link } from "../parts/router";
+import { count, duration, share } from "../parts/text";
+import { api, sentenceOf } from "../service/api";
 import { useLoaded } from "../service/load";
 import { readMetrics, type Sample, valueOf } from "../service/metrics";
 import { may, type Session } from "../service/session";
 import { IndexState } from "./collections";
 import { QueryCharts, QueueChart } from "./load-charts";
+import { Keys, LimitsTable, Panel, Snapshots } from "./upkeep";
 
 const EVERY = 5;
-const SELDOM = 60;
 
 export function OperationsPage({ session }: { readonly session: Session }) {
   const seesAll = session.patterns?.includes("*") ?? false;
@@ -39,7 +39,7 @@ export function OperationsPage({ session }: { readonly session: Session }) {
               {admin ? (
                 <>
                   <Snapshots />
-                  {session.needs_key && <Keys />}
+                  <Keys />
                 </>
               ) : (
                 <p class="note warn">Snapshots and keys need a key with the scope admin for all collections.</p>
@@ -50,15 +50,6 @@ export function OperationsPage({ session }: { readonly session: Session }) {
         )}
       </Ready>
     </main>
-  );
-}
-
-function Panel({ title, children }: { readonly title: string; readonly children: ComponentChildren }) {
-  return (
-    <section class="panel">
-      <h2>{title}</h2>
-      {children}
-    </section>
   );
 }
 
@@ -106,6 +97,7 @@ function Numbers() {
       {(samples) => (
         <>
           <Panel title="Verdicts since the start">
+            <p class="meta">Of all queries of this process, with those of its jobs.</p>
             <Verdicts samples={samples} />
             <QueryCharts samples={samples} />
           </Panel>
@@ -226,141 +218,21 @@ function Indexes({ samples }: { readonly samples: readonly Sample[] }) {
   const held = samples.filter((one) => one.name === "urquhart_index_lag_revisions");
   if (held.length === 0) return <p class="meta">No index is open: each opens at the first query of its collection.</p>;
   return (
-    <ul class="plain">
-      {held.map(({ labels }) => (
-        <li key={labels.collection}>
-          <b class="id">{labels.collection}</b> <IndexState collection={labels.collection ?? ""} samples={samples} />
-        </li>
-      ))}
-    </ul>
-  );
-}
-
-function Snapshots() {
-  const loaded = useLoaded((signal) => ok(api.GET("/v1/snapshots", { signal })), [], SELDOM);
-  const [busy, setBusy] = useState(false);
-  const [refusal, setRefusal] = useState("");
-  const make = async () => {
-    setBusy(true);
-    setRefusal("");
-    try {
-      await ok(api.POST("/v1/snapshots", { body: {} }));
-      loaded.reload();
-    } catch (error) {
-      setRefusal(sentenceOf(error));
-    }
-    setBusy(false);
-  };
-  return (
-    <Panel title="Snapshots">
-      <p class="actions start">
-        <button type="button" onClick={make} disabled={busy}>
-          {busy ? "Copying …" : "Make a snapshot"}
-        </button>
-      </p>
-      {refusal && (
-        <p class="note bad" role="alert">
-          {refusal}
-        </p>
-      )}
-      <Ready of={loaded} what="the snapshots">
-        {({ snapshots }) =>
-          snapshots.length === 0 ? (
-            <p class="meta">There is none. A snapshot is a copy of the whole database, to be kept elsewhere.</p>
-          ) : (
-            <ul class="plain">
-              {snapshots.map((one) => (
-                <li key={one.name}>
-                  <a href={`/v1/snapshots/${encodeURIComponent(one.name)}`} class="id">
-                    {one.name}
-                  </a>{" "}
-                  {bytes(one.bytes)}, {plural(one.collections.length, "collection")}, <span title={moment(one.created)}>{ago(one.created)}</span>
-                </li>
-              ))}
-            </ul>
-          )
-        }
-      </Ready>
-    </Panel>
-  );
-}
-
-interface Key {
-  readonly id: string;
-  readonly name: string;
-  readonly state: string;
-  readonly scopes: readonly string[];
-  readonly patterns: readonly string[];
-  readonly created: string;
-  readonly expires: string | null;
-}
-
-function Keys() {
-  const loaded = useLoaded(
-    async (signal) => {
-      return ((await (await call("/ui/keys", { signal })).json()) as { keys: Key[] }).keys;
-    },
-    [],
-    SELDOM,
-  );
-  return (
-    <Panel title="Keys">
+    <>
+      <ul class="plain">
+        {held.map(({ labels }) => (
+          <li key={labels.collection}>
+            <Link to={at("collections", labels.collection ?? "")} class="id">
+              {labels.collection}
+            </Link>{" "}
+            <IndexState collection={labels.collection ?? ""} samples={samples} />
+          </li>
+        ))}
+      </ul>
       <p class="meta">
-        Keys are made and revoked on the host: <code>urquhart keys create</code>, <code>urquhart keys revoke</code>. Their
-        secrets are stored nowhere.
+        A query always sees every write that came before it: it catches up first. The index of a collection that is not
+        listed opens at its first query.
       </p>
-      <Ready of={loaded} what="the keys">
-        {(keys) => (
-          <div class="scroll" tabIndex={0} role="region" aria-label="Table of keys">
-            <table>
-              <thead>
-                <tr>
-                  <th scope="col">Name</th>
-                  <th scope="col">Id</th>
-                  <th scope="col">State</th>
-                  <th scope="col">Scopes</th>
-                  <th scope="col">Collections</th>
-                  <th scope="col" class="number">Expires</th>
-                </tr>
-              </thead>
-              <tbody>
-                {keys.map((key) => (
-                  <tr key={key.id}>
-                    <td>{key.name}</td>
-                    <td class="id">{key.id}</td>
-                    <td>
-                      <span class={`dot ${key.state === "usable" ? "good" : "bad"}`}>{key.state}</span>
-                    </td>
-                    <td>{key.scopes.join(", ")}</td>
-                    <td class="id">{key.patterns.join(", ")}</td>
-                    <td class="number">{key.expires === null ? "never" : moment(key.expires)}</td>
-                  </tr>
-                ))}
-              </tbody>
-            </table>
-          </div>
-        )}
-      </Ready>
-    </Panel>
-  );
-}
-
-function LimitsTable() {
-  const loaded = useLoaded((signal) => ok(api.GET("/v1/limits", { signal })), []);
-  return (
-    <details class="panel">
-      <summary>Limits and versions</summary>
-      <Ready of={loaded} what="the limits">
-        {({ limits, versions, retention }) => (
-          <Facts
-            rows={[
-              ...Object.entries(versions).map(([name, value]) => [`version: ${name}`, String(value)] as const),
-              ...Object.entries(limits).map(([name, value]) => [name.replaceAll("_", " "), count(value)] as const),
-              ...Object.entries(retention).map(([name, value]) => [`kept: ${name.replaceAll("_", " ")}`, count(value)] as const),
-            ]}
-          />
-        )}
-      </Ready>
-    </details>
+    </>
   );
 }

@@ -9,13 +9,15 @@ import { usePalette } from "../draw/palette";
 import { boxAround, fit, type Size, toPixelX, toPixelY, type View } from "../draw/view";
 import { drawGrid, drawScale } from "../match/draw-overlay";
 import { Message, Ready, Title } from "../parts/common";
-import { at, go, Link, setQuery, useAddress } from "../parts/router";
+import { at, go, setQuery, useAddress } from "../parts/router";
 import { asSentence, bytes, percent, plural } from "../parts/text";
 import { api, sentenceOf } from "../service/api";
 import { useLoaded } from "../service/load";
 import { VERDICTS } from "../match/why";
 import { may, type Session } from "../service/session";
-import { inFields, type Options, OptionsForm, RADIUS, Refused, SPACING } from "./try-options";
+import { NewCollection } from "./collections";
+import { inFields, type Options, OptionsForm, Refused } from "./try-options";
+import { Store } from "./try-store";
 
 type StemMap = Schemas["StemMapAnswer"];
 
@@ -30,6 +32,8 @@ export function TryPage({ session }: { readonly session: Session }) {
   const { query } = useAddress();
   const [file, setFile] = useState<Dropped | null>(null);
   const [options, setOptions] = useState<Options>({});
+  const [making, setMaking] = useState(false);
+  const [made, setMade] = useState<readonly string[]>([]);
   const collections = useLoaded(async (signal) => {
     const all: string[] = [];
     const read = (cursor?: string) =>
@@ -45,13 +49,11 @@ export function TryPage({ session }: { readonly session: Session }) {
       </header>
       <Drop onFile={(dropped) => (setFile(dropped), setOptions({}))} file={file} />
       <Ready of={collections} what="the collections">
-        {(known) =>
-          known.length === 0 ? (
-            <Message title="There is nothing to look in yet">
-              <p>
-                <Link to="/collections">Make a collection</Link> first, and store a stem map in it.
-              </p>
-            </Message>
+        {(listed) => {
+          // A collection that was made here is chosen at once, before the list is read again.
+          const known = [...new Set([...listed, ...made])].sort();
+          return known.length === 0 ? (
+            <NoCollection session={session} onNew={() => setMaking(true)} />
           ) : (
             file && (
               <Reading
@@ -62,12 +64,38 @@ export function TryPage({ session }: { readonly session: Session }) {
                 collections={known}
                 collection={known.find((name) => name === query.get("collection")) ?? known[0]!}
                 session={session}
+                onNew={() => setMaking(true)}
               />
             )
-          )
-        }
+          );
+        }}
       </Ready>
+      {making && (
+        <NewCollection
+          onClose={() => setMaking(false)}
+          onMade={(id) => {
+            setMaking(false);
+            setMade([...made, id]);
+            setQuery({ collection: id });
+          }}
+        />
+      )}
     </main>
+  );
+}
+
+function NoCollection({ session, onNew }: { readonly session: Session; readonly onNew: () => void }) {
+  return (
+    <Message title="There is no collection yet">
+      <p>A collection holds the forests that plots are looked up in. Make one, and store a stem map in it. A file that you dropped stays here.</p>
+      {may(session, "admin") ? (
+        <button type="button" class="primary" onClick={onNew}>
+          New collection …
+        </button>
+      ) : (
+        <p>Your key may not make collections: that needs the scope admin.</p>
+      )}
+    </Message>
   );
 }
 
@@ -109,6 +137,7 @@ interface ReadingProps {
   readonly collections: readonly string[];
   readonly collection: string;
   readonly session: Session;
+  readonly onNew: () => void;
 }
 
 function Reading(props: ReadingProps) {
@@ -141,7 +170,7 @@ function Reading(props: ReadingProps) {
 }
 
 function Understood(props: ReadingProps & { readonly map: StemMap }) {
-  const { map, collections, collection, session } = props;
+  const { map, collections, collection, session, file, options } = props;
   const [plot, setPlot] = useState(0);
   const [busy, setBusy] = useState("");
   const [refusal, setRefusal] = useState("");
@@ -166,27 +195,6 @@ function Understood(props: ReadingProps & { readonly map: StemMap }) {
       if (found.id != null) go(at("collections", collection, "queries", found.id));
       else setAnswer(found);
     });
-  const [cut, setCut] = useState(() => cuttingOf(map));
-  const store = (event: Event) => {
-    event.preventDefault();
-    return attempt("store", async () => {
-      const { file, options } = props;
-      const cutting = cut.one ? { one_submap: true } : { radius: Number(cut.radius), spacing: Number(cut.spacing) };
-      await ok(
-        api.PUT("/v1/collections/{collection}/stands/{stand}", {
-          params: {
-            path: { collection, stand: map.name },
-            query: { file: file.name, ...options, ...cutting },
-            header: { "if-none-match": "*" },
-          },
-          body: file.data as unknown as string,
-          bodySerializer: (sent: unknown) => sent as BodyInit,
-          headers: { "Content-Type": "application/octet-stream" },
-        }),
-      );
-      go(at("collections", collection));
-    });
-  };
   return (
     <section class="understood">
       <div class="panel">
@@ -211,14 +219,21 @@ function Understood(props: ReadingProps & { readonly map: StemMap }) {
             </select>
           </label>
         )}
-        <label>
-          Collection
-          <select value={collection} onChange={(event) => setQuery({ collection: event.currentTarget.value })}>
-            {collections.map((name) => (
-              <option key={name}>{name}</option>
-            ))}
-          </select>
-        </label>
+        <div class="beside">
+          <label>
+            Collection
+            <select value={collection} onChange={(event) => setQuery({ collection: event.currentTarget.value })}>
+              {collections.map((name) => (
+                <option key={name}>{name}</option>
+              ))}
+            </select>
+          </label>
+          {may(session, "admin") && (
+            <button type="button" class="quiet" onClick={props.onNew}>
+              New collection …
+            </button>
+          )}
+        </div>
         {refusal && (
           <p class="note bad" role="alert">
             {refusal}
@@ -229,69 +244,11 @@ function Understood(props: ReadingProps & { readonly map: StemMap }) {
             {busy === "look" ? "Looking …" : `Find ${plural(trees.length, "tree")}`}
           </button>
         </p>
-        {stores && (
-          <form class="store" onSubmit={store}>
-            <CuttingFields cut={cut} onCut={setCut} plots={map.plots.length} />
-            <p class="actions">
-              <button type="submit" disabled={busy !== ""} title={`Stores the whole file as the stand ${map.name}`}>
-                {busy === "store" ? "Storing …" : `Store in ${collection}`}
-              </button>
-            </p>
-          </form>
-        )}
+        {stores && <Store file={file} options={options} map={map} collection={collection} />}
         {answer && <Told answer={answer} />}
       </div>
       <Preview trees={trees} />
     </section>
-  );
-}
-
-/** What a stand is cut into: one submap for each plot, or overlapping discs, in metres. */
-interface Cutting {
-  readonly one: boolean;
-  readonly radius: string;
-  readonly spacing: string;
-}
-
-const USUAL = { radius: 30, spacing: 20 };
-
-/** One submap if each plot is so small that one disc covers it. */
-function cuttingOf(map: StemMap): Cutting {
-  const small = map.plots.every(({ landmarks }) => {
-    const box = boxAround(landmarks.flatMap(({ x, y }) => [x, y]));
-    return box === null || Math.hypot(box.east - box.west, box.north - box.south) <= 2 * USUAL.radius;
-  });
-  return { one: small, radius: String(USUAL.radius), spacing: String(USUAL.spacing) };
-}
-
-function CuttingFields(props: { readonly cut: Cutting; readonly onCut: (cut: Cutting) => void; readonly plots: number }) {
-  const { cut, onCut } = props;
-  const metres = (label: string, name: "radius" | "spacing") => (
-    <label>
-      {label}
-      <input
-        type="number"
-        min="1"
-        max="1000000"
-        step="any"
-        required
-        value={cut[name]}
-        onInput={(event) => onCut({ ...cut, [name]: event.currentTarget.value })}
-      />
-    </label>
-  );
-  return (
-    <div class="options">
-      <label>
-        Stored as
-        <select value={cut.one ? "one" : "discs"} onChange={(event) => onCut({ ...cut, one: event.currentTarget.value === "one" })}>
-          <option value="one">{props.plots > 1 ? "one submap for each plot" : "one submap"}</option>
-          <option value="discs">overlapping submaps</option>
-        </select>
-      </label>
-      {!cut.one && metres(RADIUS, "radius")}
-      {!cut.one && metres(SPACING, "spacing")}
-    </div>
   );
 }
 

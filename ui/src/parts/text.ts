@@ -70,8 +70,12 @@ export function bytes(value: number): string {
   return `${shown.toFixed(at === 0 || shown >= 100 ? 0 : 1)} ${units[at]}`;
 }
 
-/** The first letter large, a full stop at the end. */
+/** Why a collection has more trees than the file it came from. */
+export const OVERLAP = "A tree that overlapping submaps share is counted in each of them.";
+
+/** The first letter large, unless a file name begins the text; a full stop at the end. */
 export function asSentence(text: string): string {
   const trimmed = text.trim();
-  return trimmed && trimmed[0]!.toUpperCase() + trimmed.slice(1) + (/[.!?]$/.test(trimmed) ? "" : ".");
+  const named = /^\S+\.\w+:/.test(trimmed);
+  return trimmed && (named ? trimmed[0]! : trimmed[0]!.toUpperCase()) + trimmed.slice(1) + (/[.!?]$/.test(trimmed) ? "" : ".");
 }
