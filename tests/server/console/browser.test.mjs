@@ -569,7 +569,7 @@ test("an operator sees keys, which cannot be used, and makes a snapshot; a reade
   });
 });
 
-test("a cancelled job says so in that word, and what stays", async () => {
+test("a cancelled job says so in that word, and what stays; a failed one why, and which lines", async () => {
   await onPage(told.open, {}, async (page) => {
     const begun = [];
     // The first one keeps the others waiting.
@@ -586,6 +586,14 @@ test("a cancelled job says so in that word, and what stays", async () => {
       assert.equal(await page.locator(".badge").innerText(), "cancelled");
       await page.getByText("What it had stored until then stays").waitFor();
     }
+    const data = '{"id":"b1","xy":[[0,0],[3,0],[0,4]]}\n{"id":"b2","xy":[[0,0]]}\n';
+    const headers = { "Content-Type": "application/x-ndjson" };
+    const failed = await (await page.request.post("/v1/collections/rows/imports?mode=all", { data, headers })).json();
+    await page.goto(`/ui/jobs/${failed.id}`);
+    await page.locator(".badge.failed").waitFor();
+    await page.getByText("Nothing was stored: 1 line").waitFor();
+    await page.getByRole("link", { name: "1 refused line as a file" }).waitFor();
+    assert.equal(await page.getByText("Correct these lines, and send them again").count(), 0);
     await page.goto("/ui/jobs?state=dismissed");
     assert.equal(await page.getByLabel("State").inputValue(), "dismissed");
   });

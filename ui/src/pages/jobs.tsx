@@ -262,7 +262,7 @@ function Refused({ job }: { readonly job: Job }) {
             </div>
             <p>
               {total > FIRST && `These are the first ${FIRST} of ${count(total)}. `}
-              Correct these lines, and send them again.{" "}
+              {job.state !== "failed" && "Correct these lines, and send them again. "}
               <a href={`/v1/jobs/${encodeURIComponent(job.id)}/errors`} download={`refused-${job.id}.ndjson`}>
                 {plural(total, "refused line")} as a file
               </a>
