@@ -41,7 +41,9 @@ need GTSAM: `pip install 'urquhart[maps]'` (Linux and macOS).
   are even. Each contradiction is listed in `contradictions`, with both sides and how many standard deviations they are
   apart. If nothing tells which side is wrong (`undecided`), the poses are not applied.
 - **Nothing is guessed.** Parts that no constraint connects stay frames of their own, each in a map frame and a file of
-  its own. A single match joins two parts only if at least 99 % of the matches that can be checked are right.
+  its own. A single match joins two parts only if at least 99 % of the matches that can be checked are right,
+  and if no other single match contradicts it: then the one that is false is left out if all others agree without it,
+  and else the parts stay apart. A false match that nothing contradicts cannot be told from a right one.
 - **Applying is one transaction.** All poses are written under one new revision of the collection, or none: if a submap
   got other landmarks meanwhile, or if other submaps are in the map frame and would no longer fit.
 - **Frames are merged.** `POST .../merges {from, to}` and `urquhart map merge` lay one map frame onto another: the

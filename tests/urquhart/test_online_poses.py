@@ -80,7 +80,7 @@ def test_no_false_loop_is_used_and_hardly_a_right_one_is_left() -> None:
 
 
 def test_submaps_without_odometry_are_joined_by_matches_that_agree() -> None:
-    given, false, last = by_arrival(drive(np.random.default_rng(4), 45, false=0.1, odometry=False))
+    given, false, last = by_arrival(drive(np.random.default_rng(4), 45, false=0.05, odometry=False))
     now = driven(given, last, 30, 45).current()
     assert not (np.array(now.standings)[false & (last >= 30)] == "used").any()
     assert (now.part == 0).sum() >= 44 and (now.search_due or not now.part.any())

@@ -200,3 +200,37 @@ def test_measured_with_no_pairs() -> None:
     nothing = np.empty(0, np.bool_)
     graph = measured(np.random.default_rng(0), np.zeros((2, 3)), none, nothing, nothing)
     assert optimise(2, graph.constraints).part.tolist() == [0, 1]
+
+
+@pytest.mark.parametrize("size", [12, 30])
+@pytest.mark.parametrize("last", [True, False])
+def test_a_single_false_match_across_a_ring_is_found_whatever_the_order(size: int, last: bool) -> None:
+    """No short cycle checks any of them, but without the false one the ring closes."""
+    for seed in range(3):
+        graph = ring(size, seed)
+        found = optimise(size, graph.constraints if last else backwards(graph.constraints))
+        assert refused(found).sum() == 1 and not found.part.any()
+        assert found.refusals[-1 if last else 0] is not None
+
+
+def test_parts_stay_apart_if_nothing_tells_which_of_two_single_matches_is_false() -> None:
+    """A square of four matches, of which one is false: any of them may be."""
+    side = SE2(10.0, 0.0, np.pi / 2)
+    found = solved(4, *(constraint(i, i + 1, side) for i in range(3)), constraint(3, 0, SE2(16.0, 3.0, np.pi / 2)))
+    assert None not in found.refusals and len(found.in_map) == 4
+
+
+def ring(size: int, seed: int) -> TrueGraph:
+    """Submaps on a circle, each matched with the next one, and a false match across."""
+    angle = 2.0 * np.pi / size * np.arange(size)
+    first = np.arange(size + 1) % size
+    pairs = np.column_stack([first, np.where(np.arange(size + 1) < size, (first + 1) % size, size // 3)])
+    truth = np.column_stack([70.0 * np.cos(angle), 70.0 * np.sin(angle), wrapped(np.asarray(angle, np.float64))])
+    false = np.arange(size + 1) == size
+    graph = measured(np.random.default_rng(seed), truth, pairs, false & ~false, false)
+    graph.constraints.second[-1] = size // 3
+    return graph
+
+
+def backwards(given: PoseConstraints) -> PoseConstraints:
+    return PoseConstraints(*(getattr(given, name)[::-1] for name in PoseConstraints.__slots__))

@@ -18,7 +18,7 @@ from scipy.special import gammaincinv
 
 from urquhart.mapping.agreement import Agreements, find_agreements
 from urquhart.mapping.graph_solver import GraphSolver, residuals
-from urquhart.mapping.joining import Judge, join
+from urquhart.mapping.joining import Judge, contradicting, doubtful_joins, join
 from urquhart.mapping.pose_arrays import Poses, adjoints, compose, congruent, inverse, squared_distances
 from urquhart.mapping.pose_graph import CentredGraph
 from urquhart.mapping.start_poses import anchors, parts, start_poses
@@ -52,6 +52,8 @@ class MappingNumbers(NamedTuple):
     honest: float = 1.5
     """Covariances are taken as they are unless cycles are off by more than this many times their variance. Cycles have
     constraints in common: with 200 honest constraints, the median was 1.25 times too large."""
+    tried: int = 20_000
+    """Suspects times constraints up to which each suspect is left out in turn to find the false one."""
     narrowed: int = 2
     """Contradictions of odometry that are narrowed down to one edge: more cost time only."""
     beside: int = 3
@@ -184,6 +186,7 @@ def largest_consistent(
     if more.any():
         kept |= more
         solver, poses = _solve(graph, kept, poses)
+    kept, solver, poses = _without_doubtful(graph, SolvedGraph(solver, poses, kept), joined, ~false, gate, numbers)
     for _ in range(numbers.rounds):
         off = kept & ~graph.trusted & (squared_distances(residuals(graph, poses), graph.covariances) > gate)
         if not off.any():
@@ -245,6 +248,46 @@ def _confirmed(
     is_sharp = np.linalg.eigvalsh(known[:, :2, :2])[:, -1] <= judge.sharp**2
     found[asked] = (distances <= judge.gate) & (is_sharp | judge.alone)
     return found
+
+
+def _without_doubtful(
+    graph: CentredGraph,
+    solved: SolvedGraph,
+    joined: NDArray[np.bool_],
+    asked: NDArray[np.bool_],
+    gate: float,
+    numbers: MappingNumbers,
+) -> tuple[NDArray[np.bool_], GraphSolver, Poses]:
+    """The constraints that are kept (E,), without those that joined parts alone and are contradicted, and the optimum.
+
+    If all agrees without one of them, and without no other, that one is false: a match across a ring of single matches.
+    Otherwise nothing tells which is false, and the parts stay apart.
+
+    `joined`: (E,) bool, what joined parts; `asked`: (E,) bool, what may contradict it, secondary constraints excepted.
+    """
+    solver, poses, kept = solved
+    asked = asked & ~graph.secondary
+    against = contradicting(graph, solver, poses, asked & ~kept, gate)
+    doubtful = doubtful_joins(graph, kept, joined, against)
+    if not doubtful.any():
+        return kept, solver, poses
+    whole = kept | against
+    restored, explained = against, []
+    suspects = np.flatnonzero(doubtful | against)
+    for edge in suspects.tolist() if len(suspects) * whole.sum() <= numbers.tried else []:
+        others = whole.copy()
+        others[edge] = False
+        there = _solve(graph, others, start_poses(graph, others, others.astype(np.int64)))[1]
+        same = others & ~graph.trusted
+        if (squared_distances(residuals(graph, there)[same], graph.covariances[same]) <= gate).all():
+            explained.append(others)
+    kept = explained[0] if len(explained) == 1 else kept
+    solver, poses = _solve(graph, kept, start_poses(graph, kept, kept.astype(np.int64)))
+    against = contradicting(graph, solver, poses, asked & ~kept, gate)
+    # One or several constraints of the path may be false, and nothing tells which.
+    kept &= ~doubtful_joins(graph, kept, kept & (joined | restored), against)
+    solver, poses = _solve(graph, kept, poses)
+    return kept, solver, poses
 
 
 def _spread(column: NDArray[Any], rest: NDArray[np.bool_]) -> NDArray[Any]:

@@ -1,7 +1,8 @@
 """Parts of a pose graph joined by constraints that no short cycle confirms.
 
 Between two parts, all constraints must tell one relative pose. Most of them must agree on it, and at least two. A
-single constraint joins two parts only where the constraints that could be checked were right.
+single constraint joins two parts only where the constraints that could be checked were right, and where no constraint
+that was left out contradicts it: of two single constraints that contradict each other, either may be the false one.
 """
 
 from collections import defaultdict
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from urquhart.mapping.agreement import NEIGHBOURS
+from urquhart.mapping.graph_solver import GraphSolver, residuals
 from urquhart.mapping.pose_arrays import (
     Poses,
     compose,
@@ -27,6 +29,8 @@ class JoiningNumbers(NamedTuple):
 
     compared: int = 100
     """Constraints between two parts that are compared with each other, the most precise ones."""
+    far: float = 4.0
+    """Times the gate: a constraint that is farther off is false, or what it contradicts is."""
 
 
 JOINING: Final = JoiningNumbers()
@@ -82,6 +86,43 @@ def join(
             _move(graph, edges[0], part, poses)
         open_edges &= part[graph.first] != part[graph.second]
     return joined, poses
+
+
+def contradicting(
+    graph: CentredGraph, solver: GraphSolver, poses: Poses, left: NDArray[np.bool_], gate: float
+) -> NDArray[np.bool_]:
+    """Which constraints (E,) of those that are left are far from the poses (V, 3), however well these are known."""
+    part = parts(graph, solver.used_mask)
+    asked = np.flatnonzero(left & (part[graph.first] == part[graph.second]))
+    found = np.zeros(len(left), np.bool_)
+    if len(asked):
+        known = solver.relative_covariances(graph.first[asked], graph.second[asked])
+        distances = squared_distances(residuals(graph, poses)[asked], graph.covariances[asked] + known)
+        found[asked] = distances > JOINING.far * gate
+    return found
+
+
+def doubtful_joins(
+    graph: CentredGraph, kept: NDArray[np.bool_], joined: NDArray[np.bool_], against: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Which constraints (E,) joined parts alone, although a constraint that was left out contradicts them.
+
+    Args:
+        graph: the vertices and constraints.
+        kept: (E,) bool, the constraints in use.
+        joined: (E,) bool, those of them that joined parts.
+        against: (E,) bool, those that were left out, contradict the poses, and that nothing else speaks against.
+    """
+    doubtful = np.zeros(len(kept), np.bool_)
+    if not against.any():
+        return doubtful
+    first, second = graph.first[against], graph.second[against]
+    for edge in np.flatnonzero(joined).tolist():
+        others = kept.copy()
+        others[edge] = False
+        part = parts(graph, others)
+        doubtful[edge] = bool((part[first] != part[second]).any())
+    return doubtful
 
 
 def _agreed(graph: CentredGraph, edges: list[int], part: NDArray[np.int64], poses: Poses, gate: float) -> list[int]:
