@@ -94,7 +94,8 @@ def _others(figures: Figures) -> str:
 
 
 def _requirements(figures: Figures) -> str:
-    rows, missed = [], []
+    rows: list[list[str]] = []
+    missed: dict[str, list[str]] = {}
     for requirement in REQUIREMENTS:
         row = [requirement.name]
         for size in ASKED_OF:
@@ -108,7 +109,7 @@ def _requirements(figures: Figures) -> str:
             ]
             if met is False:
                 cause = CAUSES.get((requirement.name, size), "the cause is not known yet.")
-                missed.append(f"{requirement.name}, {short(size)}: {cause}")
+                missed.setdefault(cause, []).append(f"{requirement.name}, {short(size)}")
         rows.append(row)
     head = ["", *(entry for size in ASKED_OF for entry in (f"{short(size)}: before", "asked", "measured", "met"))]
     known = [size for size in ASKED_OF if parts_of(figures, size)]
@@ -122,7 +123,7 @@ def _requirements(figures: Figures) -> str:
         ),
         table(head, rows),
         prose("What is missed, and why:") if missed else "",
-        bullets(missed),
+        bullets([f"{'; '.join(names)}: {cause}" for cause, names in missed.items()]),
     )
 
 

@@ -33,7 +33,7 @@ REASONS: Final[Mapping[str, str]] = {
     "too_few_landmarks": "fewer than three trees fix no pose",
     "collinear_landmarks": "trees on one line fix no pose",
     "deadline": "the time ran out before the search was complete",
-    "angle_unit": "the azimuths name no unit, and fit better in gon than in degrees",
+    "angle_unit": "the azimuths fit in gon, not in degrees",
 }
 """A sentence for each reason of a verdict or a refusal."""
 STOPS: Final[Mapping[StoppedBy, str]] = {

@@ -1,7 +1,7 @@
 /**
  * Types of the service's API. Generated from its OpenAPI document by `make client-types`: do not edit.
  *
- * openapi sha256 cc27b802cc20d5743f51c9d08af54e286c9d0dc13ffc8a98126a7480ce4bf43c
+ * openapi sha256 c2ce3fc131e0abc2ca6e418020410ac5ca9e6fb74bd31685a7ae1069bbc964d5
  */
 
 export interface paths {
@@ -2007,7 +2007,7 @@ export interface components {
             query_id: string;
             /**
              * Reason
-             * @description Why this verdict, as a stable word. `verified`: chance and every rival pose are ruled out; `below_gate`: too little to rule out chance or trees in rows; `rival_too_close`: another pose cannot be ruled out; `outside_prior`: the place seems to lie outside of the prior; `contradicting_maps`: submaps that fit have contradicting map poses; `verification_failed`: more trees speak against the pose than for it; `no_proposal`: no submap has anything like these trees; `empty_collection`: there is no submap to look in; `all_filtered_out`: all submaps are excluded, or none is near; `too_few_landmarks`: fewer than three trees fix no pose; `collinear_landmarks`: trees on one line fix no pose; `deadline`: the time ran out before the search was complete; `angle_unit`: the azimuths name no unit, and fit better in gon than in degrees.
+             * @description Why this verdict, as a stable word. `verified`: chance and every rival pose are ruled out; `below_gate`: too little to rule out chance or trees in rows; `rival_too_close`: another pose cannot be ruled out; `outside_prior`: the place seems to lie outside of the prior; `contradicting_maps`: submaps that fit have contradicting map poses; `verification_failed`: more trees speak against the pose than for it; `no_proposal`: no submap has anything like these trees; `empty_collection`: there is no submap to look in; `all_filtered_out`: all submaps are excluded, or none is near; `too_few_landmarks`: fewer than three trees fix no pose; `collinear_landmarks`: trees on one line fix no pose; `deadline`: the time ran out before the search was complete; `angle_unit`: the azimuths fit in gon, not in degrees.
              */
             reason: string;
             /**
@@ -3974,7 +3974,7 @@ export interface components {
             method: "robust" | "paper";
             /**
              * Reason
-             * @description Why this verdict, as a stable word. `verified`: chance and every rival pose are ruled out; `below_gate`: too little to rule out chance or trees in rows; `rival_too_close`: another pose cannot be ruled out; `outside_prior`: the place seems to lie outside of the prior; `contradicting_maps`: submaps that fit have contradicting map poses; `verification_failed`: more trees speak against the pose than for it; `no_proposal`: no submap has anything like these trees; `empty_collection`: there is no submap to look in; `all_filtered_out`: all submaps are excluded, or none is near; `too_few_landmarks`: fewer than three trees fix no pose; `collinear_landmarks`: trees on one line fix no pose; `deadline`: the time ran out before the search was complete; `angle_unit`: the azimuths name no unit, and fit better in gon than in degrees.
+             * @description Why this verdict, as a stable word. `verified`: chance and every rival pose are ruled out; `below_gate`: too little to rule out chance or trees in rows; `rival_too_close`: another pose cannot be ruled out; `outside_prior`: the place seems to lie outside of the prior; `contradicting_maps`: submaps that fit have contradicting map poses; `verification_failed`: more trees speak against the pose than for it; `no_proposal`: no submap has anything like these trees; `empty_collection`: there is no submap to look in; `all_filtered_out`: all submaps are excluded, or none is near; `too_few_landmarks`: fewer than three trees fix no pose; `collinear_landmarks`: trees on one line fix no pose; `deadline`: the time ran out before the search was complete; `angle_unit`: the azimuths fit in gon, not in degrees.
              */
             reason: string;
             /**
@@ -4397,12 +4397,12 @@ export interface components {
             covariance: number[];
             /**
              * X
-             * @description Metres.
+             * @description Position of the submap's origin along the frame's x axis, in metres.
              */
             x: number;
             /**
              * Y
-             * @description Metres.
+             * @description The same along the frame's y axis, in metres.
              */
             y: number;
             /**

@@ -18,8 +18,8 @@ class SessionPart(Answer):
 class SessionPose(Answer):
     """A pose in the frame of its part."""
 
-    x: float = Field(description="Metres.")
-    y: float = Field(description="Metres.")
+    x: float = Field(description="Position of the submap's origin along the frame's x axis, in metres.")
+    y: float = Field(description="The same along the frame's y axis, in metres.")
     yaw: float = Field(description="Radians, counter-clockwise, from -pi to pi.")
     covariance: list[float] = Field(
         description="Covariance of the position of the submap's origin, along the axes of the frame, and of the yaw: "
