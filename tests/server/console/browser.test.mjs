@@ -385,6 +385,8 @@ test("a forester makes a collection without losing the file, stores it by a name
     await page.getByRole("button", { name: "New collection …" }).click();
     await page.getByPlaceholder("plots-2026").fill("district");
     await page.getByRole("button", { name: "Make it" }).click();
+    // The page behind the dialog takes no text until that is closed.
+    await page.getByRole("button", { name: "Store in district" }).waitFor();
     await page.getByLabel("Name of the stand").fill("north-2026");
     await page.getByLabel("Stored as").selectOption("discs");
     await page.getByRole("button", { name: "Store in district" }).click();
