@@ -17,7 +17,8 @@ end. They were measured by the same command on a machine of the same kind, with 
 _OLDER: Final = """the figures of this size are older than the two efforts of a query (see the commit above)."""
 _MEMORY: Final = """half of a query is memory that is read, for hits that are coincidences; describing the trees, a
 millisecond and a half, comes on top. In one run on one machine, the library's query takes 1.16 times as long as at
-95bf473, because the covariance of a pose knows of distortions now (see *What the service costs*)."""
+95bf473, because the covariance of a pose knows of distortions now (see *What the service costs*). The rest of the
+difference is not explained: the two columns are from different days, and `full`, which does more, took 8.6 ms here."""
 _CHANCE: Final = """before the evidence bound is reached, 200,000 hits have been read, of which all are coincidences.
 Reading a part of each cell by place, comparing eight words at once, and fewer quads with looser lengths were tried:
 they gain a tenth, or lose places. A key of five trees would have a thirtieth of these hits, and is not built."""
