@@ -11,7 +11,6 @@ import os
 import shutil
 import signal
 import sys
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -39,6 +38,7 @@ from server.store.sqlite.database import Database
 from server.store.sqlite.upgrade import migrations_runner
 from server.submaps import bulk_ingest
 from tests.server.forked import ForkedWorkers
+from tests.server.killed_process import KillPoints, in_a_process
 
 _JOB = "job"
 _POINTS = 12
@@ -49,9 +49,9 @@ def main(folder: Path, mode: str, lines: Path, each: int) -> None:
     """Kill at `each` (1 or 2) points of each kind."""
     folder.mkdir()
     base = folder / "base"
-    _in_a_process(partial(_prepare, base / "killed.db", mode, lines.read_bytes()))
+    in_a_process(partial(_prepare, base / "killed.db", mode, lines.read_bytes()))
     copy, passed = shutil.copytree(base, folder / "whole"), folder / "passed"
-    _in_a_process(partial(_work, copy / "killed.db", 0, passed))
+    in_a_process(partial(_work, copy / "killed.db", 0, passed))
     kinds = passed.read_text().splitlines()
     numbers = {
         kind: [number for number, one in enumerate(kinds, start=1) if one == kind] for kind in sorted(set(kinds))
@@ -59,27 +59,11 @@ def main(folder: Path, mode: str, lines: Path, each: int) -> None:
     for kind, found in numbers.items():
         for point in {found[-1], found[0]} if each == 2 else {found[-1]}:
             copy = shutil.copytree(base, folder / f"point-{point}")
-            assert _in_a_process(partial(_work, copy / "killed.db", point)) == -signal.SIGKILL
+            assert in_a_process(partial(_work, copy / "killed.db", point)) == -signal.SIGKILL
             # Who goes on is killed as well, now here, now there: a restart has its own points.
-            _in_a_process(partial(_work, copy / "killed.db", point * 7 % _POINTS + 1))
-            _in_a_process(partial(_work, copy / "killed.db", 0))
-            _in_a_process(partial(_tell, copy / "killed.db", kind))
-
-
-def _in_a_process(work: Callable[[], None]) -> int:
-    """Do it in a copy of this process; its exit code, negative for a signal."""
-    child = os.fork()
-    if child == 0:
-        code = 1
-        try:
-            work()
-            sys.stdout.flush()
-            code = 0
-        finally:
-            os._exit(code)
-    code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
-    assert code in (0, -signal.SIGKILL), code
-    return code
+            in_a_process(partial(_work, copy / "killed.db", point * 7 % _POINTS + 1))
+            in_a_process(partial(_work, copy / "killed.db", 0))
+            in_a_process(partial(_tell, copy / "killed.db", kind))
 
 
 def _prepare(path: Path, mode: str, content: bytes) -> None:
@@ -113,31 +97,19 @@ def _work(path: Path, point: int, passed: Path | None = None) -> None:
 
     `passed`: where to write the kind of each point.
     """
-    left = point
 
-    def reached(kind: str) -> None:
-        nonlocal left
-        left -= 1
+    def note(kind: str) -> None:
         if passed is not None:
             with passed.open("a") as kinds:
                 kinds.write(f"{kind}\n")
-        if left == 0:
-            os.kill(os.getpid(), signal.SIGKILL)
 
-    def around(function: Callable[..., Any]) -> Callable[..., Any]:
-        def called(*arguments: Any, **named: Any) -> Any:
-            reached(f"before {function.__name__}")
-            result = function(*arguments, **named)
-            reached(f"after {function.__name__}")
-            return result
-
-        return called
+    points = KillPoints(point, note)
 
     def write_half(results: BinaryIO, lines: list[bytes]) -> None:
         before = results.seek(0, os.SEEK_END)
         results.write(b'{"line": 7, "outco')
         results.flush()
-        reached("half a line")
+        points.reached("half a line")
         results.truncate(before)
         write(results, lines)
 
@@ -149,8 +121,8 @@ def _work(path: Path, point: int, passed: Path | None = None) -> None:
 
     bulk_ingest.describe_lines = describe_two  # type: ignore[assignment]
     worker_process._SPAWN = ForkedWorkers  # type: ignore[assignment,misc]
-    os.fsync, os.unlink = around(os.fsync), around(os.unlink)
-    DefaultDialect.do_commit = around(DefaultDialect.do_commit)  # type: ignore[method-assign]
+    os.fsync, os.unlink = points.around(os.fsync), points.around(os.unlink)
+    DefaultDialect.do_commit = points.around(DefaultDialect.do_commit)  # type: ignore[method-assign]
     runner = _runner(path)
     while runner.run_once():
         pass

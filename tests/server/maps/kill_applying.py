@@ -5,14 +5,10 @@ the revision, and the number of submaps that have their new pose.
 """
 
 import itertools
-import os
 import shutil
-import signal
 import sys
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import orjson
@@ -28,6 +24,7 @@ from server.store.sqlite.database import Database
 from server.store.sqlite.upgrade import migrations_runner
 from server.store.submap_records import SubmapMetadata
 from server.submaps import writes
+from tests.server.killed_process import KillPoints, in_a_process
 
 NAMES = [f"s{number}" for number in range(20)]
 
@@ -37,29 +34,13 @@ def main(folder: Path) -> None:
     folder.mkdir()
     base = folder / "base"
     base.mkdir()
-    _in_a_process(partial(_prepare, base / "killed.db"))
+    in_a_process(partial(_prepare, base / "killed.db"))
     for point in itertools.count(1):
         copy = shutil.copytree(base, folder / f"point-{point}")
-        killed = _in_a_process(partial(_apply, copy / "killed.db", point, copy / "point"))
-        _in_a_process(partial(_tell, copy / "killed.db", (copy / "point").read_text() if killed else "done"))
+        killed = in_a_process(partial(_apply, copy / "killed.db", point, copy / "point"))
+        in_a_process(partial(_tell, copy / "killed.db", (copy / "point").read_text() if killed else "done"))
         if not killed:
             return
-
-
-def _in_a_process(work: Callable[[], None]) -> bool:
-    """Do it in a copy of this process; whether that was killed."""
-    child = os.fork()
-    if child == 0:
-        code = 1
-        try:
-            work()
-            sys.stdout.flush()
-            code = 0
-        finally:
-            os._exit(code)
-    code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
-    assert code in (0, -signal.SIGKILL), code
-    return code != 0
 
 
 def _prepare(path: Path) -> None:
@@ -73,30 +54,13 @@ def _prepare(path: Path) -> None:
 
 
 def _apply(path: Path, point: int, note: Path) -> None:
-    left, database = point, Database(path)
-
-    def around(function: Callable[..., Any]) -> Callable[..., Any]:
-        def called(*arguments: Any, **named: Any) -> Any:
-            reached(f"before {function.__name__}")
-            result = function(*arguments, **named)
-            reached(f"after {function.__name__}")
-            return result
-
-        return called
-
-    def reached(kind: str) -> None:
-        nonlocal left
-        left -= 1
-        if left == 0:
-            note.write_text(kind)
-            os.kill(os.getpid(), signal.SIGKILL)
-
+    points, database = KillPoints(point, note.write_text), Database(path)
     with database.read() as tx:
         collection = get_collection(tx, "drives")
         keys = list(tx.submaps(collection.key).keys(NAMES).values())
         rows = tx.submaps(collection.key).some(keys, SubmapMetadata)
     for name in ("do_execute", "do_executemany", "do_commit"):
-        setattr(DefaultDialect, name, around(getattr(DefaultDialect, name)))
+        setattr(DefaultDialect, name, points.around(getattr(DefaultDialect, name)))
     moves = {
         row.id: NewPose(MapPose(frame_id="site", x=float(number), y=0.0, yaw=0.0), row.content_revision)
         for number, row in enumerate(rows)
