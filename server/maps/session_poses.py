@@ -81,12 +81,9 @@ class SessionPoses:
     def _kept_of(self, collection_id: str, session: str) -> _Kept:
         key = (collection_id, session)
         with self._lock:
-            kept = self._kept.get(key)
-        if kept is not None:
-            with self._lock:
-                if key in self._kept:
-                    self._kept.move_to_end(key)
-            return kept
+            if key in self._kept:
+                self._kept.move_to_end(key)
+                return self._kept[key]
         with self._database.read() as tx:
             _check_size(len(read_members(tx, collection_id, session)))  # what does not exist is not kept
         with self._lock:
